@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tanteo.active import Probe, Stop, around, discriminate, plan, probe_of
     from tanteo.answers import Answer, Furniture, Hypothesis, PosePrior, Priors
     from tanteo.calibration import calibrate
-    from tanteo.catalogue import Catalogue, build_catalogue, open_catalogue, read_parts
+    from tanteo.catalogue import open_catalogue, read_parts
     from tanteo.errors import InputError, TanteoError
     from tanteo.frames import UncertainFrame
     from tanteo.io import read_camera, read_image, read_prior, read_readings, read_rig
@@ -39,7 +39,7 @@ _HOMES = {
     "active": ("Probe", "Stop", "around", "discriminate", "plan", "probe_of"),
     "answers": ("Furniture", "Hypothesis", "PosePrior", "Priors", "Answer"),
     "calibration": ("calibrate",),
-    "catalogue": ("Catalogue", "build_catalogue", "open_catalogue", "read_parts"),
+    "catalogue": ("open_catalogue", "read_parts"),
     "errors": ("InputError", "TanteoError"),
     "frames": ("UncertainFrame",),
     "io": ("read_camera", "read_image", "read_prior", "read_readings", "read_rig"),
@@ -55,7 +55,6 @@ __all__ = [
     "Action",
     "Answer",
     "Camera",
-    "Catalogue",
     "Done",
     "Furniture",
     "Hypothesis",
@@ -72,7 +71,6 @@ __all__ = [
     "UncertainFrame",
     "__version__",
     "around",
-    "build_catalogue",
     "calibrate",
     "constraints",
     "discriminate",

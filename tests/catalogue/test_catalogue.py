@@ -170,7 +170,7 @@ def test_an_open_catalogue_stays_as_it_was_while_it_is_replaced(parts, built):
 def test_a_killed_writer_leaves_the_old_catalogue(parts, built, wait):
     for k in range(60):
         (parts / f"n{k:02d}.off").write_text(TETRAHEDRON.format(10 + k))
-    code = "import sys; print('go', flush=True); import tanteo; tanteo.build_catalogue(sys.argv[1], sys.argv[2], "
+    code = "import sys; print('go', flush=True); from tanteo.catalogue import build_catalogue; build_catalogue(sys.argv[1], sys.argv[2], "
     code += "unit='mm', workers=0)"
     other = subprocess.Popen([sys.executable, "-c", code, str(parts), str(built)], stdout=subprocess.PIPE)
     other.stdout.readline()
@@ -272,7 +272,7 @@ def test_a_catalogue_opens_in_milliseconds(built):
 
 
 def test_identify_takes_a_catalogue_as_parts(tmp_path):
-    tanteo.build_catalogue("examples/parts", tmp_path / "c", workers=0)
+    build_catalogue("examples/parts", tmp_path / "c", workers=0)
     readings = tanteo.read_readings("examples/readings/bracket_left.csv")
     answer = tanteo.identify(readings, tanteo.open_catalogue(tmp_path / "c"), sd=1e-4)
     other = tanteo.identify(readings, tanteo.read_parts("examples/parts"), sd=1e-4)

@@ -69,8 +69,9 @@ def build_catalogue(
         UnitError: as of :func:`tanteo.read_parts`.
 
     Example:
-        >>> built = tanteo.build_catalogue("parts/", "catalogue")
-        >>> built.parts, built.read, tanteo.build_catalogue("parts/", "catalogue").read
+        >>> from tanteo.catalogue import build_catalogue
+        >>> built = build_catalogue("parts/", "catalogue")
+        >>> built.parts, built.read, build_catalogue("parts/", "catalogue").read
         (12, 12, 0)
     """
     return _written(paths, Path(out), unit, workers, progress, adding=False)
@@ -97,8 +98,9 @@ def add_to_catalogue(
         InputError: there is no catalogue, or as :func:`build_catalogue`.
 
     Example:
-        >>> built = tanteo.build_catalogue("parts/block.step", "catalogue")
-        >>> tanteo.catalogue.add_to_catalogue("parts/wedge.step", "catalogue").parts
+        >>> from tanteo.catalogue import add_to_catalogue, build_catalogue
+        >>> built = build_catalogue("parts/block.step", "catalogue")
+        >>> add_to_catalogue("parts/wedge.step", "catalogue").parts
         2
     """
     open_catalogue(out)

@@ -32,7 +32,8 @@ class Catalogue(StoredParts):
         paths: files and folders that it was built of.
 
     Example:
-        >>> built = tanteo.build_catalogue(["parts/"], "catalogue")
+        >>> from tanteo.catalogue import build_catalogue
+        >>> built = build_catalogue(["parts/"], "catalogue")
         >>> catalogue = tanteo.open_catalogue("catalogue")
         >>> len(catalogue), catalogue["block"].name
         (12, 'block')
@@ -146,7 +147,8 @@ def open_catalogue(path: str | os.PathLike[str]) -> Catalogue:
         InputError: there is none, it is damaged, or of another version of tanteo.
 
     Example:
-        >>> built = tanteo.build_catalogue(["parts/block.step", "parts/wedge.step"], "two")
+        >>> from tanteo.catalogue import build_catalogue
+        >>> built = build_catalogue(["parts/block.step", "parts/wedge.step"], "two")
         >>> [part.name for part in tanteo.open_catalogue("two")]
         ['block', 'wedge']
     """

@@ -1,9 +1,9 @@
 """A catalogue on disk: segments that never change once they are written, and a manifest that names those that count.
 
-``catalogue.json`` is the manifest. A segment is ``<name>.parts``, the packed bytes of its parts one after the other, and
-``<name>.table``, arrays of all of its parts, which are mapped. What is written goes into new segments, then the manifest
-is replaced: whoever opens a catalogue sees the old one or the new one. A writer holds a lock of the system's, which ends
-with its process.
+``catalogue.json`` is the manifest. A segment is ``<name>.parts``, the packed bytes of its parts one after the other,
+and ``<name>.table``, arrays of all of its parts, which are mapped. What is written goes into new segments, then the
+manifest is replaced: whoever opens a catalogue sees the old one or the new one. A writer holds a lock of the system's,
+which ends with its process.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ _MOST, _CURVED, _LEAST = 10.5, 8.0, 2.0
 one sensed normal may be of a curved face."""
 
 LIMIT = 60.0
-"""Nats beyond which nothing is told apart."""
+"""Nats that a part costs at most: beyond, none is better than another."""
 
 _TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
 """Triples of planes that poses are made of, and where these lead to nothing; the least product of their normals."""

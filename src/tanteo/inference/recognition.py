@@ -163,7 +163,7 @@ def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, post
     """That so little was sensed that very many parts may explain it."""
     best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
     return (
-        f"{best} one of {len(chosen.others):,} parts that were not searched, as the readings hardly tell them apart "
+        f"{best} one of {len(chosen.others):,} parts that were not searched, as the readings hardly discriminate them "
         f"(up to P = {posterior.left_out:.2f}): sense more places, with normals or labels if the sensor gives them."
     )
 

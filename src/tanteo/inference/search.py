@@ -83,7 +83,7 @@ def race(
         rng: of all draws.
         hints: poses of each to begin with, if any are known.
         certain: whether these are all poses that labels and normals allow.
-        left_out: what is known of parts that are none of these.
+        left_out: what is known of parts that are not searched.
 
     Returns:
         The searches, and the log evidence of all parts that are none of them, at most.
