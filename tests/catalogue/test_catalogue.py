@@ -170,8 +170,8 @@ def test_an_open_catalogue_stays_as_it_was_while_it_is_replaced(parts, built):
 def test_a_killed_writer_leaves_the_old_catalogue(parts, built, wait):
     for k in range(60):
         (parts / f"n{k:02d}.off").write_text(TETRAHEDRON.format(10 + k))
-    code = "import sys; print('go', flush=True); from tanteo.catalogue import build_catalogue; build_catalogue(sys.argv[1], sys.argv[2], "
-    code += "unit='mm', workers=0)"
+    code = "import sys; print('go', flush=True); from tanteo.catalogue import build_catalogue; "
+    code += "build_catalogue(sys.argv[1], sys.argv[2], unit='mm', workers=0)"
     other = subprocess.Popen([sys.executable, "-c", code, str(parts), str(built)], stdout=subprocess.PIPE)
     other.stdout.readline()
     deadline = time.monotonic() + 20

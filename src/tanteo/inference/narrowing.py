@@ -1,8 +1,8 @@
 """Which of very many parts are worth a search: by sizes, by labelled planes and sensed normals, by a coarse look.
 
 Each stage says how many nats a part is behind at least, as far as it can tell, and costs less the more parts it sees.
-What is as good as the best, as far as a stage can say, is searched. What is left out counts: as much as it could explain at the
-most is evidence for an object that was not searched (decision 77).
+What is nearly as good as the best is searched. What is left out counts: as much as it could explain at the most is
+evidence for an object that was not searched (decision 77).
 """
 
 from __future__ import annotations
