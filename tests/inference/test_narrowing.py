@@ -72,7 +72,8 @@ def sensed(part, kind, rng):
     m, oriented = len(p), kind == "normals"
     return ContactPoints(
         ids=tuple(map(str, range(m))), points=p + SD * rng.normal(size=p.shape),
-        covs=np.tile(SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m), directions=np.zeros((m, 3)), normals=tilted if oriented else np.zeros((m, 3)),
+        covs=np.tile(SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m), directions=np.zeros((m, 3)),
+        normals=tilted if oriented else np.zeros((m, 3)),
         normal_sds=np.full(m, TILT if oriented else np.pi), reach=np.zeros(m), shared_jacobian=np.zeros((m, 3, 0)),
         sd=np.full(m, SD), labels=labels, kinds=("plane",) * m if labels else (),
         sides=n if labels else np.zeros((m, 3)),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from tanteo.answers import WholeObject
 from tanteo.catalogue import Catalogue, signature, tables_of
 from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.parts import StoredParts, as_parts
@@ -68,6 +69,16 @@ class Candidates:
     def diagonals(self) -> FloatArray:
         """Of the boxes ``(n,)`` [m]."""
         return np.asarray(np.linalg.norm(self._numbers[:, 11:14] - self._numbers[:, 8:11], axis=1))
+
+    def log_odds(self, whole: WholeObject | None) -> FloatArray:
+        """Log odds of each by what was measured of the whole object ``(n,)``; 0 without."""
+        if whole is None:
+            return np.zeros(len(self))
+        return whole.log_odds(self.volumes, self._numbers[:, 11:14] - self._numbers[:, 8:11])
+
+    def named(self, odds: FloatArray, rows: Iterable[int]) -> dict[str, float]:
+        """Numbers of some parts by their names."""
+        return {self.name(int(row)): float(odds[row]) for row in rows}
 
     def names_alike(self, row_like: Any, within: float) -> list[str]:
         """Names of the parts of the same area and volume as this one."""

@@ -65,8 +65,14 @@ class Narrowed:
     certain: bool = False
 
 
-def narrowed(problem: Problem, candidates: Candidates) -> Narrowed:
-    """The parts that are worth a search; all that are large enough where they are few."""
+def narrowed(problem: Problem, candidates: Candidates, odds: FloatArray | None = None) -> Narrowed:
+    """The parts that are worth a search; all that are large enough where they are few.
+
+    Args:
+        problem: the question.
+        candidates: all parts.
+        odds: log odds of each by what was measured of the whole object ``(n,)``.
+    """
     points = problem.points.take(problem.around.others)
     rows = np.flatnonzero(_large_enough(points, candidates))
     if len(rows) <= FEW or len(points) < 3:
@@ -75,6 +81,8 @@ def narrowed(problem: Problem, candidates: Candidates) -> Narrowed:
     if len(rows) <= FEW:
         return Narrowed(rows, behind=np.zeros(len(rows)))
     costs, hints, certain = _compared(problem, points, candidates, rows)
+    if odds is not None:
+        costs = costs - odds[rows]
     return _best(rows, costs, hints, certain=certain)
 
 

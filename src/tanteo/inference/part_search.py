@@ -63,6 +63,7 @@ class PartSearch:
         trusted: whether the region of its maximum was normal before the last measurement.
         hints: poses to begin with; None without.
         certain: whether these are all that labels and normals allow.
+        log_odds: of the part by what was measured of the whole object.
     """
 
     objective: Objective
@@ -75,6 +76,7 @@ class PartSearch:
     trusted: bool = False
     hints: Transforms | None = None
     certain: bool = False
+    log_odds: float = 0.0
 
     @property
     def log_evidence(self) -> float:
@@ -90,7 +92,7 @@ class PartSearch:
     def _constant(self) -> float:
         prepared = self.objective.prepared
         orbit = log_orbit(prepared, named=self.objective.named)
-        return self.objective.problem.log_pose_density(prepared) + orbit
+        return self.objective.problem.log_pose_density(prepared) + orbit + self.log_odds
 
     def restart(self, effort: Effort) -> None:
         """Propose from pairs of points, which know nothing of each other; settle, maximize, merge."""
@@ -196,7 +198,7 @@ def start_searches(
     out = []
     for part, rng in zip(parts, rngs, strict=True):
         objective = Objective(part, problem.compiled(part), problem, scales_for(problem, part), rows)
-        out.append(PartSearch(objective, pairs, rng, none, planes))
+        out.append(PartSearch(objective, pairs, rng, none, planes, log_odds=problem.log_odds(part.part)))
     return out
 
 

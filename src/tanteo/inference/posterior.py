@@ -183,7 +183,7 @@ def _log_variant(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> 
 def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Generator) -> Sampler:
     objective, peaks = search.objective, search.peaks
     constant = objective.problem.log_pose_density(objective.prepared) + prior
-    constant += log_orbit(objective.prepared, named=objective.named)
+    constant += log_orbit(objective.prepared, named=objective.named) + search.log_odds
     some = np.flatnonzero(peaks.evidence + constant > total - NEGLIGIBLE - 2)
     some = some if len(some) else np.zeros(1, dtype=np.int64)
     return Sampler(objective, peaks.take(some), rng, constant, search.along, trusted=search.trusted)

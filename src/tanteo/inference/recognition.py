@@ -85,7 +85,9 @@ def identify_points(
     problem = Problem(points, rays, priors)
     if message := _too_little(problem):
         return Answer("insufficient", message, (), 1.0, clock.laps(), seed)
-    chosen = narrowed(problem, candidates)
+    odds = candidates.log_odds(priors.whole)
+    chosen = narrowed(problem, candidates, odds)
+    problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
     posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
@@ -97,7 +99,7 @@ def identify_points(
     check = check_prior(
         posterior,
         hypotheses[0] if hypotheses else None,
-        lambda: _answer(alone, candidates, narrowed(alone, candidates), seed),
+        lambda: _answer(alone, candidates, narrowed(alone, candidates, odds), seed),
         significance,
     )
     if check.other is not None:  # where the prior has it, it fits another pose: it is told where it was felt
