@@ -37,6 +37,9 @@ LIMIT = 60.0
 _TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
 """Triples of planes that poses are made of, and where these lead to nothing; the least product of their normals."""
 
+_KNOWN = 0.01
+"""Tilt below which it hardly matters how well a normal is known [rad]."""
+
 _COMPARED = 16
 """Planes that are compared, those known best."""
 
@@ -68,7 +71,12 @@ class SensedPlanes:
 
     @property
     def doubtful(self) -> float:
-        """Nats of the best part from which it is doubtful that planes were sensed: those of a third of them."""
+        """Nats of the best part from which other triples are tried: more than those of one plane without a face."""
+        return 1.2 * float(self.rows[:, 9].max())
+
+    @property
+    def hopeless(self) -> float:
+        """Nats of the best part from which planes are not what was sensed: those of a third of them."""
         return float(self.rows[:, 9].sum()) / 3
 
 
@@ -120,7 +128,7 @@ def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> Indice
     sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
     lonely = alone & (np.sum(sines < _SDS * np.hypot(tilts[:, None], tilts) + _TILT, axis=1) < 2)
     sizes = np.abs(np.linalg.det(normals[triples]))
-    good = sizes * 0.5 ** lonely[triples].sum(axis=1)
+    good = sizes * 0.5 ** lonely[triples].sum(axis=1) / (_KNOWN + tilts[triples].max(axis=1))
     chosen = list[IntArray]()
     for shared in range(3):
         for k in np.argsort(-good, kind="stable"):
@@ -135,16 +143,21 @@ def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> Indice
 def on_planes(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> tuple[FloatArray, dict[int, Transforms]]:
     """Nats that the planes cost on each part at least ``(m,)``, and poses of those where it is little, by row."""
     costs, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
-    lacking = costs.copy()
-    for triples in (sensed.triples[: 3 * _TRIPLES], sensed.triples[3 * _TRIPLES :]):
-        own = replace(sensed, triples=triples)
-        some = lacking <= lacking.min(initial=LIMIT)  # those that lack least
-        lowest = _tried(own, candidates, rows, some, costs, hints)
-        _tried(own, candidates, rows, ~some & (lacking < lowest + BEHIND), costs, hints)
-        if costs.min(initial=LIMIT) < sensed.doubtful or len(sensed.triples) <= 3 * _TRIPLES:
-            break
-        costs = np.where(costs < sensed.doubtful, costs, lacking)
+    _by_triples(replace(sensed, triples=sensed.triples[: 3 * _TRIPLES]), candidates, rows, costs, hints)
+    if costs.min(initial=LIMIT) > sensed.doubtful and len(sensed.triples) > 3 * _TRIPLES:
+        costs = voted(sensed, candidates, rows)
+        _by_triples(replace(sensed, triples=sensed.triples[3 * _TRIPLES :]), candidates, rows, costs, hints)
     return costs, hints
+
+
+def _by_triples(
+    sensed: SensedPlanes, candidates: Candidates, rows: IntArray, costs: FloatArray, hints: dict[int, Transforms]
+) -> None:
+    """Poses are tried on those that lack least, then on all that are not far behind what these cost."""
+    lacking = costs.copy()
+    some = lacking <= lacking.min(initial=LIMIT)
+    lowest = _tried(sensed, candidates, rows, some, costs, hints)
+    _tried(sensed, candidates, rows, ~some & (lacking < lowest + BEHIND), costs, hints)
 
 
 def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> FloatArray:
@@ -185,6 +198,7 @@ def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
     share = np.asarray(table["numbers"])[:, 16]
     loose = np.where(share > 0, _LOOSE - np.log(np.maximum(share, 1e-300)), np.inf)
     costs, used = np.zeros(n), np.zeros((n, k), dtype=bool)
+    loose = np.where(np.diff(np.asarray(table["rounds_start"])) > 0, 0.0, loose)  # or it is of a cylinder
     most = [np.minimum(row[9], loose) if row[11] > 0 else np.full(n, row[9]) for row in sensed.rows]
     for i, j in combinations(range(k), 2):
         has = _having(sensed.rows[i], sensed.rows[j], table, n)
