@@ -7,11 +7,7 @@ from random_parts import write_off
 from tanteo import _core
 from tanteo.answers import sized
 from tanteo.catalogue import build_catalogue, open_catalogue
-from tanteo.inference import Problem, identify_points
-from tanteo.inference.candidates import Candidates, sizes_of
-from tanteo.inference.narrowing import narrowed
-from tanteo.inference.plane_votes import sensed_planes, votes
-from tanteo.inference.search import LeftOut
+from tanteo.inference import Problem, candidates, identify_points, narrowing, plane_votes, search
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 
@@ -80,16 +76,16 @@ def sensed(part, kind, rng):
     )  # fmt: skip
 
 
-def question(points, candidates):
-    return Problem(points, FreeRays.none(), sized(None, float(candidates.radii.max())))
+def question(points, every):
+    return Problem(points, FreeRays.none(), sized(None, float(every.radii.max())))
 
 
 @pytest.mark.parametrize("kind", ["labelled", "normals", "points"])
 def test_the_part_that_was_sensed_is_searched(catalogue, kind):
-    candidates = Candidates(catalogue)
+    every = candidates.Candidates(catalogue)
     for k in range(12):
         row = (7 * k) % len(catalogue)
-        chosen = narrowed(question(sensed(catalogue[row], kind, np.random.default_rng(k)), candidates), candidates)
+        chosen = narrowing.narrowed(question(sensed(catalogue[row], kind, np.random.default_rng(k)), every), every)
         assert row in chosen.rows, k
         if chosen.certain and kind == "labelled":
             assert len(chosen.rows) < len(catalogue) / 2
@@ -105,7 +101,7 @@ def test_a_catalogue_and_a_list_of_its_parts_are_answered_alike(catalogue):
 
 
 def test_a_labelled_outlier_does_not_leave_its_part_out(catalogue):
-    candidates = Candidates(catalogue)
+    every = candidates.Candidates(catalogue)
     points = sensed(catalogue[20], "labelled", np.random.default_rng(5))
     moved = points.points.copy()
     moved[:4] += 0.02
@@ -114,37 +110,37 @@ def test_a_labelled_outlier_does_not_leave_its_part_out(catalogue):
         for name in ContactPoints.__dataclass_fields__
         if ContactPoints.__dataclass_fields__[name].init
     })  # fmt: skip
-    assert 20 in narrowed(question(off, candidates), candidates).rows
+    assert 20 in narrowing.narrowed(question(off, every), every).rows
 
 
 def test_few_parts_are_all_searched(catalogue):
-    few = Candidates(list(catalogue[:10]))
-    chosen = narrowed(question(sensed(catalogue[3], "labelled", np.random.default_rng(2)), few), few)
+    few = candidates.Candidates(list(catalogue[:10]))
+    chosen = narrowing.narrowed(question(sensed(catalogue[3], "labelled", np.random.default_rng(2)), few), few)
     assert sorted(chosen.rows) == list(range(10))
     assert chosen.left_out == -np.inf
 
 
 def test_votes_of_the_own_faces_of_a_part_cost_nothing(catalogue):
-    candidates = Candidates(catalogue)
+    every = candidates.Candidates(catalogue)
     for k in range(8):
         points = sensed(catalogue[5 * k], "labelled", np.random.default_rng(k))
-        planes = sensed_planes(question(points, candidates), points)
-        ((_, table),) = candidates.tables
-        assert votes(planes, table)[5 * k] == 0
+        planes = plane_votes.sensed_planes(question(points, every), points)
+        ((_, table),) = every.tables
+        assert plane_votes.votes(planes, table)[5 * k] == 0
 
 
 def test_what_is_left_out_is_as_probable_as_it_may_be():
-    assert LeftOut().log_evidence(10.0, 5.0) == -np.inf
-    assert LeftOut(100, -3.0).log_evidence(10.0, 5.0) == 7.0
-    assert LeftOut(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
+    assert search.LeftOut().log_evidence(10.0, 5.0) == -np.inf
+    assert search.LeftOut(100, -3.0).log_evidence(10.0, 5.0) == 7.0
+    assert search.LeftOut(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
 
 
 def test_sizes_of_a_catalogue_are_those_of_its_parts(catalogue):
-    assert sizes_of(catalogue) == pytest.approx(tuple(part.diagonal for part in catalogue))
+    assert candidates.sizes_of(catalogue) == pytest.approx(tuple(part.diagonal for part in catalogue))
 
 
 def test_planes_at_their_own_pose_cost_next_to_nothing(catalogue):
-    ((_, table),) = Candidates(catalogue).tables
+    ((_, table),) = candidates.Candidates(catalogue).tables
     part, T = catalogue[0], SE3.exp(np.array([0.1, -0.2, 0.3, 0.5, 1.0, -0.7]))
     planes = part.planes
     rows = np.column_stack([
@@ -185,13 +181,13 @@ def on_planes(table, felt, triple, **changed):
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(catalogue, name, value, says):
-    ((_, table),) = Candidates(catalogue).tables
+    ((_, table),) = candidates.Candidates(catalogue).tables
     with pytest.raises(ValueError, match=says):
         on_planes(table, np.ones((3, 12)), (0, 1, 2), **{name: value})
 
 
 def test_points_near_a_pose_find_it_in_the_coarse_field(catalogue):
-    ((_, table),) = Candidates(catalogue).tables
+    ((_, table),) = candidates.Candidates(catalogue).tables
     part = catalogue[0]
     points = sensed(part, "points", np.random.default_rng(3))
     numbers, n = table["numbers"], len(points)
