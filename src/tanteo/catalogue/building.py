@@ -33,7 +33,7 @@ class Built:
 
     Attributes:
         parts: in it now.
-        read: files that were read.
+        read: files that were read anew.
         kept: parts that were there already, of files that have not changed.
         dropped: parts that are no longer in it.
         failures: files that could not be read.
@@ -129,7 +129,8 @@ def _written(
         kept = old.manifest["segments"] if old is not None else []
         output = _Output(folder)
         try:
-            failures += _read(plan, output, workers, progress)
+            lost = _read(plan, output, workers, progress)
+            failures += lost
             new = output.closed()
             count = plan.in_place + sum(segment["parts"] for segment in new)
             if not count:
@@ -142,7 +143,7 @@ def _written(
         finally:
             output.drop()
             sweep(folder, kept)
-    return Built(count, len(plan.todo), plan.kept, max(dropped, 0), tuple(failures))
+    return Built(count, len(plan.todo) - len(lost), plan.kept, max(dropped, 0), tuple(failures))
 
 
 class _Output:

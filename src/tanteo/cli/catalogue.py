@@ -11,7 +11,7 @@ from tanteo import text
 from tanteo.cli import arguments as args
 from tanteo.cli.arguments import MisuseError
 from tanteo.cli.printing import complain, emit, layout, progress, put_json, say
-from tanteo.errors import UnitError
+from tanteo.errors import PartError, UnitError
 
 if TYPE_CHECKING:
     from tanteo.catalogue import Built
@@ -46,6 +46,8 @@ def add(paths: _Paths, to: _To, units: args.Units = None, json: args.Json = Fals
             built = add_to_catalogue(paths, to, unit=units, progress=tick)
     except UnitError as error:
         raise MisuseError(f"{error} Here that is --units.") from None
+    if built.failures and not built.read:  # nothing was added
+        raise PartError(built.failures[0].reason)
     _say(built, to, time.perf_counter() - start, as_json=json)
 
 

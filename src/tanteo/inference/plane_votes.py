@@ -27,7 +27,7 @@ _WIDER = 0.6
 _SDS, _MADE, _TILT = 4.0, 1e-4, 0.004
 """Distances and angles agree within so many standard deviations and so much more [m, rad]."""
 
-_MOST, _CURVED, _LEAST = 10.5, 8.0, 2.0
+_MOST, _CURVED, _LEAST = 13.0, 8.0, 2.0
 """Nats that a labelled plane of no face costs: what it does by the outlier rate, but between the first and the last;
 one sensed normal may be of a curved face."""
 
