@@ -49,6 +49,9 @@ _LOOSE = 1.5
 _SHARE = 0.3
 """Share of all parts up to which the vote of a pair is worth taking."""
 
+_FAR = 16.0
+"""Nats behind the best at which poses of a part are given up."""
+
 _KEPT = 8
 """Poses of a part."""
 
@@ -76,8 +79,8 @@ class SensedPlanes:
 
     @property
     def hopeless(self) -> float:
-        """Nats of the best part from which planes are not what was sensed: those of a third of them."""
-        return float(self.rows[:, 9].sum()) / 3
+        """Nats of the best part from which planes are not what was sensed: more than those of two of them."""
+        return 2.2 * float(self.rows[:, 9].max())
 
 
 def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
@@ -178,18 +181,21 @@ def _tried(
     hints: dict[int, Transforms],
 ) -> float:
     """Poses are tried on some parts, whose nats and hints are set; the least of all nats."""
+    lowest = LIMIT
     for start, table in candidates.tables:
         here = np.flatnonzero(some & (rows >= start) & (rows < start + len(table["numbers"])))
         local = (rows[here] - start).astype(np.int32)
+        limit = min(LIMIT, lowest + _FAR)
         found, Ts = _core.on_planes(
             np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), np.asarray(table["rounds"]).ravel(),
             np.asarray(table["rounds_start"]), np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows,
-            sensed.triples, LIMIT, BEHIND + 1.0, _KEPT,
+            sensed.triples, limit, _FAR, _KEPT,
         )  # fmt: skip
         costs[here] = np.maximum(found[:, 0], costs[here])
-        for k in np.flatnonzero(found[:, 0] < LIMIT):
-            hints[int(rows[here[k]])] = Ts[k][found[k] < LIMIT]
-    return float(costs[some].min(initial=LIMIT))
+        lowest = min(lowest, float(found.min(initial=LIMIT)))
+        for k in np.flatnonzero(found[:, 0] < limit):
+            hints[int(rows[here[k]])] = Ts[k][found[k] < limit]
+    return lowest
 
 
 def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
