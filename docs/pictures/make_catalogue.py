@@ -7,11 +7,12 @@
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from make_cost import GREEN, HEIGHT, ORANGE, PAPER, RED, WIDTH, Axes, Drawing
-from make_pictures import BLUE
+from make_cost import ORANGE
+from make_pictures import BLUE, GREEN, GREY, HEIGHT, INK, PAPER, RED, WIDTH, Drawing
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parent / "catalogue.md"
@@ -34,18 +35,50 @@ def table(page: Path) -> dict[str, np.ndarray]:
     return {sensed: np.array(sorted(some)) for sensed, some in rows.items()}
 
 
+LEFT, RIGHT, TOP, BOTTOM = 110, 960, 40, 400
+PARTS, SECONDS = (2, 5), (-1, 2)
+"""Place of the panel on the page, and the powers of ten along its axes."""
+
+
+def place(parts: float, seconds: float) -> np.ndarray:
+    """A place on the page."""
+    x = (np.log10(parts) - PARTS[0]) / (PARTS[1] - PARTS[0])
+    y = (np.log10(seconds) - SECONDS[0]) / (SECONDS[1] - SECONDS[0])
+    return np.array([LEFT + (RIGHT - LEFT) * x, BOTTOM - (BOTTOM - TOP) * y])
+
+
+def frame(out: Drawing) -> None:
+    """Grid, numbers at the axes and their names."""
+    out.add("rect", width=WIDTH, height=HEIGHT, fill=PAPER)
+    for e in range(SECONDS[0], SECONDS[1] + 1):
+        a, b = place(10 ** PARTS[0], 10.0**e), place(10 ** PARTS[1], 10.0**e)
+        out.line(a, b, stroke="#e3e7ea", width=1)
+        out.text(a[0] - 8, a[1] + 5, f"{10.0**e:g} s", 15, GREY, text_anchor="end")
+    for e in range(PARTS[0], PARTS[1] + 1):
+        a, b = place(10**e, 10.0 ** SECONDS[0]), place(10**e, 10.0 ** SECONDS[1])
+        out.line(a, b, stroke="#e3e7ea", width=1)
+        out.text(a[0], a[1] + 22, f"{10**e:,}", 15, GREY, text_anchor="middle")
+    out.text((LEFT + RIGHT) / 2, BOTTOM + 48, "parts of the catalogue", 16, INK, text_anchor="middle")
+
+
 def make(path: Path) -> None:
     """Draw what the page says."""
-    rows, out = table(PAGE), Drawing()
-    out.add("rect", width=WIDTH, height=HEIGHT, fill=PAPER)
-    found = [(next(rows[s] for s in rows if s.startswith(begin)), colour, name) for begin, colour, name in CURVES]
-    every = np.concatenate([one for one, *_ in found])
-    axes = Axes(out, 0, every[:, 0], 1e3 * every[:, 1])
-    axes.frame("parts of the catalogue")
-    for row, (one, colour, name) in enumerate(found):
-        slope = np.polyfit(np.log(one[:, 0]), np.log(one[:, 1]), 1)[0]
-        axes.curve(one[:, 0], 1e3 * one[:, 1], colour, f"{name}: slope {slope:.2f}", min(row, 2))
-    out.write(path, "Time to recognise one of so many parts")
+    rows, out, names = table(PAGE), Drawing(), []
+    frame(out)
+    for begin, colour, name in CURVES:
+        known = next(rows[sensed] for sensed in rows if sensed.startswith(begin))
+        places = [place(*row) for row in known]
+        for a, b in pairwise(places):
+            out.line(a, b, stroke=colour, width=2.5)
+        for p in places:
+            out.add("circle", cx=f"{p[0]:.1f}", cy=f"{p[1]:.1f}", r=4, fill=colour)
+        slope = np.polyfit(np.log(known[:, 0]), np.log(known[:, 1]), 1)[0]
+        names.append((places[-1][1], f"{name}, slope {slope:.2f}", colour))
+    below = np.inf
+    for y, name, colour in sorted(names, reverse=True):  # each above the last
+        below = min(y, below - 20)
+        out.text(RIGHT + 12, below + 5, name, 16, colour)
+    out.write(path, "Seconds to recognise one of so many parts")
 
 
 if __name__ == "__main__":
