@@ -98,6 +98,14 @@ def test_adding_a_file_again_takes_its_old_parts_place(parts, built):
     assert open_catalogue(built)["b"].box[1, 0] == pytest.approx(0.055)
 
 
+def test_a_file_is_the_same_from_another_folder(parts, built, monkeypatch):
+    monkeypatch.chdir(parts)
+    (parts / "b.off").write_text(TETRAHEDRON.format(65))
+    assert add_to_catalogue("b.off", built, unit="mm", workers=0).parts == 3
+    assert build_catalogue(".", built, unit="mm", workers=0).read == 0
+    assert os.path.isabs(open_catalogue(built)["b"].source)
+
+
 def test_many_small_additions_are_folded_into_few_segments(built, tmp_path, monkeypatch):
     monkeypatch.setattr("tanteo.catalogue.plan.SEGMENTS", 3)
     for k in range(6):

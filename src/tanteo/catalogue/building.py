@@ -122,10 +122,11 @@ def _written(
         taken = old.names if adding and old is not None else ()
         known = by_source(old) if adding and old is not None else {}
         _, requests, failures = requested(paths, unit, () if adding else taken)
-        requests = named(requests, known, set(taken))
+        # the same file is meant wherever the next writer is started
+        requests = [replace(one, path=os.path.abspath(one.path)) for one in named(requests, known, set(taken))]
         keys = [cache_key(Path(one.path), one.unit) or NO_KEY for one in requests]
         plan = Plan(old, requests, keys, adding=adding)
-        said = [str(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
+        said = [os.path.abspath(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
         kept = old.manifest["segments"] if old is not None else []
         output = _Output(folder)
         try:
