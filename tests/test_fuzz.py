@@ -12,7 +12,7 @@ pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
 
 
 def test_spoiled_files_are_read_or_refused():
-    kinds = ["readings", "rig", "prior", "record", "camera", "marks", "image", "mesh", "cache"]
+    kinds = ["readings", "rig", "prior", "record", "camera", "marks", "image", "mesh", "cache", "catalogue"]
     table, slowest, bad = run(200, 5, kinds, workers=1)
     assert bad == []
     assert sum(row.total() for row in table.values()) == 200

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from tanteo.answers import STATED, Answer, Finding, Priors, check_question, with_elapsed
 from tanteo.errors import InputError
-from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, prepare_all, scale_of
+from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, scale_of
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
@@ -116,9 +116,7 @@ def identify(
         used = f"{len(readings):,} of the {given:,} readings were used, spread evenly over all of them."
         found = (*found, Finding("many", used))
     answer = with_elapsed(_said(answer, *(one.message for one in found), placed=placed), measure=elapsed)
-    frames = about_frames(
-        answer, scale_of(measured.points, [one.part for one in prepare_all("parts", parts)]), measured
-    )
+    frames = about_frames(answer, scale_of(measured.points, parts), measured)
 
     def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
         return identify(

@@ -14,7 +14,7 @@ import tanteo
 import tanteo.io
 from logs.test_formats import CASES
 from tanteo import inference
-from tanteo.catalogue import cache, read_parts
+from tanteo.catalogue import build_catalogue, cache, open_catalogue, read_parts
 from tanteo.cli import main
 from tanteo.errors import InputError, PartError
 
@@ -43,6 +43,23 @@ def read_entry(path):
     part = read_parts([source], unit="mm", workers=0)["source"]
     inference.prepare(part)
     assert abs(part.volume - 6e-6) < 1e-12, part.volume
+
+
+def read_catalogue(path):
+    """A catalogue of which one file is not as it was written: its parts are those that were, or it is refused."""
+    whole = path.parent / "seeds" / "catalogue"
+    folder = path.with_name(f"{path.name}-of")
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(whole, folder)
+    shutil.copy(path, folder / path.name)
+    try:
+        catalogue = open_catalogue(folder)
+        volumes = [round(part.volume, 12) for part in catalogue]
+        catalogue.check()
+        assert volumes == [6e-6], volumes
+        inference.prepare(catalogue[0])
+    finally:
+        shutil.rmtree(folder)
 
 
 def read_log(path):
@@ -79,7 +96,7 @@ READERS = {
     "log": read_log, "rig": tanteo.read_rig, "scene": tanteo.io.read_scene,
     "prior": tanteo.io.read_prior, "record": tanteo.io.read_record, "camera": tanteo.read_camera,
     "marks": tanteo.io.read_marks, "image": tanteo.read_image, "mesh": read_mesh, "step": read_aside,
-    "cache": read_entry,
+    "cache": read_entry, "catalogue": read_catalogue,
     "answer": answer,
 }  # fmt: skip
 """By kind of file."""
@@ -113,6 +130,8 @@ def seeds(folder: Path) -> dict[str, list[Path]]:
     names = "bracket_bare", "bracket_left", "too_few", "unknown_part"
     out["answer"] = [EXAMPLES / "readings" / f"{name}.csv" for name in names]
     out["cache"] = list(_entries(folder))
+    build_catalogue(folder / "box.stl", folder / "catalogue", unit="mm", workers=0)
+    out["catalogue"] = sorted(file for file in (folder / "catalogue").iterdir() if file.stat().st_size)
     return out
 
 

@@ -11,7 +11,7 @@ import pytest
 from bare_scenes import no_paths, touches_of
 from tanteo import _core
 from tanteo.answers import Priors, sized
-from tanteo.catalogue import cache, read_parts
+from tanteo.catalogue import SHAPE, cache, read_parts
 from tanteo.inference import PreparedPart, Problem, prepared
 from tanteo.lie import SE3
 
@@ -28,7 +28,7 @@ def flange():
 
 
 def entry_of(part):
-    return cache.cache_folder() / "parts" / part.derived["key"][:2] / f"{part.derived['key']}.{prepared._KIND}"
+    return cache.cache_folder() / "parts" / part.derived["key"][:2] / f"{part.derived['key']}.{SHAPE}"
 
 
 def opened(data):
@@ -93,12 +93,12 @@ def test_a_cache_that_cannot_be_written_does_no_harm(monkeypatch):
 def test_another_process_maps_what_this_one_made():
     right = PreparedPart(flange()).shape.bytes()
     code = (
-        "from tanteo.catalogue import read_parts; from tanteo.inference import prepared\n"
-        "prepared._made = None  # cannot be made here\n"
+        "from tanteo.catalogue import SHAPE, read_parts; from tanteo.inference import prepared\n"
+        "prepared.compiled_shape = None  # cannot be made here\n"
         f"(part,) = read_parts({str(EXAMPLES / 'flange.step')!r})\n"
         "shape = prepared.prepare(part).shape\n"
-        "maps = open('/proc/self/maps').read() if sys.platform == 'linux' else prepared._KIND\n"
-        "print(len(shape.bytes()), prepared._KIND in maps)"
+        "maps = open('/proc/self/maps').read() if sys.platform == 'linux' else SHAPE\n"
+        "print(len(shape.bytes()), SHAPE in maps)"
     )
     out = subprocess.run([sys.executable, "-c", f"import sys; {code}"], capture_output=True, text=True, check=True)
     assert out.stdout.split() == [str(len(right)), "True"]
@@ -111,7 +111,7 @@ def test_a_writer_that_is_killed_leaves_the_old_entry_or_new_one():
         "import sys; from tanteo.catalogue import cache, read_parts\n"
         f"(part,) = read_parts({str(EXAMPLES / 'flange.step')!r})\n"
         "print(flush=True)\n"
-        f"while True: cache.store_derived(part, {prepared._KIND!r}, sys.argv[1].encode() * 200_000)"
+        f"while True: cache.store_derived(part, {SHAPE!r}, sys.argv[1].encode() * 200_000)"
     )
     for _ in range(5):
         writer = subprocess.Popen([sys.executable, "-c", code, "other"], stdout=subprocess.PIPE)

@@ -25,6 +25,8 @@ using namespace nb::literals;
 namespace tanteo {
 void offer_images(nb::module_& m);  // image_door.cpp
 void offer_beams(nb::module_& m);   // beam_door.cpp
+void offer_coarse(nb::module_& m);  // coarse_door.cpp
+void offer_planes(nb::module_& m);  // planes_door.cpp
 }
 
 namespace {
@@ -585,4 +587,6 @@ NB_MODULE(native, m) {
     m.def("first_hits", &first_hits, "shape"_a, "origins"_a, "directions"_a);
     offer_images(m);
     offer_beams(m);
+    offer_coarse(m);
+    offer_planes(m);
 }

@@ -152,6 +152,40 @@ def distinct(
     most: int,
     centre: FloatArray,
 ) -> tuple[Indices, Indices]: ...
+def coarse(
+    places: NDArray[np.float32],
+    places_start: NDArray[np.int64],
+    field: NDArray[np.int8],
+    field_start: NDArray[np.int64],
+    grid: NDArray[np.float32],
+    spacings: FloatArray,
+    centres: FloatArray,
+    levels: float,
+    rows: AnyInts,
+    points: FloatArray,
+    normals: FloatArray,
+    sds: FloatArray,
+    tilts: FloatArray,
+    radii: FloatArray,
+    pairs: AnyInts,
+    starts: FloatArray,
+    most: float,
+    pairs_each: int,
+    keep: int,
+) -> tuple[FloatArray, FloatArray]: ...
+def on_planes(
+    planes: NDArray[np.float32],
+    starts: NDArray[np.int64],
+    rounds: NDArray[np.float32],
+    rounds_start: NDArray[np.int64],
+    unseen: FloatArray,
+    rows: AnyInts,
+    sensed: FloatArray,
+    triples: AnyInts,
+    limit: float,
+    behind: float,
+    keep: int,
+) -> tuple[FloatArray, FloatArray]: ...
 def closest_points(shape: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray, Indices]: ...
 def first_hits(shape: Shape, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, Indices]: ...
 def beams(

@@ -21,8 +21,8 @@ from tanteo.motion import Rules
 from tanteo.sensors import RobotPreset
 
 ANGLES = tuple(k * 160.0 for k in range(9)) + tuple(k * 160.0 + 20.0 for k in range(9))
-"""Radii along which the rim is crossed, in order [deg]: ninths of a turn. At sevenths a hexagon looks like a circle that
-is a little aside (its sixth harmonic is the first one there), at eighths a square may look like one."""
+"""Radii along which the rim is crossed, in order [deg]: ninths of a turn. At sevenths a hexagon looks like a circle a
+little aside (its sixth harmonic is the first one there), at eighths a square may look like one."""
 
 ENOUGH = 9
 """Places of the rim that are enough, if they control each other."""

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tanteo.answers.question import Clock, check_question, with_elapsed
     from tanteo.answers.results import Answer, Finding, FindingKind, Hypothesis, Status
     from tanteo.answers.status import CONFIDENCE, doubt, verdict
+    from tanteo.answers.whole_object import WholeObject
 
 __all__ = [
     "CONFIDENCE",
@@ -41,6 +42,7 @@ __all__ = [
     "Priors",
     "Status",
     "Table",
+    "WholeObject",
     "box_corners",
     "check_question",
     "corner_moves",
@@ -79,6 +81,7 @@ __getattr__, __dir__ = lazy(
         "question": "Clock check_question with_elapsed",
         "pose_prior": "PosePrior Table in_box log_density_within prior_residuals prior_rows",
         "priors": "STATED Priors sized",
+        "whole_object": "WholeObject",
         "results": "Answer Finding FindingKind Hypothesis Status",
     },
 )

@@ -8,6 +8,7 @@ import numpy as np
 
 from tanteo.answers.furniture import Furniture
 from tanteo.answers.pose_prior import PosePrior
+from tanteo.answers.whole_object import WholeObject
 from tanteo.errors import InputError
 from tanteo.limits import check_length, check_number
 
@@ -39,6 +40,7 @@ class Priors:
             from, see :data:`STATED`.
         furniture: what stands around and may be sensed instead of the part, beside the table that ``pose`` names.
         pose: what is known of the pose.
+        whole: what was measured of the whole object: its mass, its size.
 
     Raises:
         InputError: a probability that is not between 0 and 1, both excluded (what is impossible, no reading can
@@ -59,6 +61,7 @@ class Priors:
     noise_factor: float | None = None
     furniture: tuple[Furniture, ...] = ()
     pose: PosePrior | None = None
+    whole: WholeObject | None = None
 
     def __post_init__(self) -> None:
         for name in ("unknown", "outlier_rate", "near_variant", "right_angled"):

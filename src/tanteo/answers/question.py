@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,14 +14,14 @@ from tanteo.limits import check_count, check_number
 from tanteo.parts import as_parts
 
 
-def check_question(parts: Any, significance: float, top: int, seed: int, priors: Priors | None) -> tuple[Any, ...]:
-    """The parts as a tuple; arguments that cannot be meant are refused.
+def check_question(parts: Any, significance: float, top: int, seed: int, priors: Priors | None) -> Sequence[Any]:
+    """The parts as a sequence; arguments that cannot be meant are refused.
 
     Raises:
         InputError: no part, ``significance`` outside (0, 1), no ``top``, no seed, no priors.
     """
     found = as_parts("parts", parts)
-    if not found:
+    if not len(found):
         raise InputError("parts: expected at least one part, got none.")
     check_number("significance", significance)
     if not 0 < significance < 1:

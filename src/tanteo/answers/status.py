@@ -62,7 +62,8 @@ def verdict(
             f"The closest part is {closest}, but it is not where it was said to be (p = {prior_p:.2g}): "
             "check the prior pose beforehand, or leave it out and compare." + note
         )
-    if not hypotheses or (unknown > max(h.probability for h in hypotheses) and not known):
+    several = unknown < 0.5 and len({name for name, _ in shares}) > _NAMED  # each has little of what is not unknown
+    if not hypotheses or (unknown > max(h.probability for h in hypotheses) and not known and not several):
         return "unknown", _unknown_message(hypotheses, unknown) + note
     best = hypotheses[0]
     if best.p_value < significance and not as_published:

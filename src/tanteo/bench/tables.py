@@ -134,15 +134,7 @@ def bench_picture(scores: Sequence[Score], path: str | Path) -> None:
     from matplotlib.lines import Line2D
 
     marks = [Line2D([], [], ls="", marker="o", color=HUES[k % len(HUES)], label=name) for k, name in enumerate(methods)]
-    ring = Line2D(
-        [],
-        [],
-        ls="",
-        marker="o",
-        ms=18,
-        mfc="none",
-        mec="#5c6873",
-        label="a ring as wide as the\n95 % regions are true",
-    )
-    figure.legend(handles=[*marks, ring], labelspacing=1.2, loc="outside right upper", frameon=False)
+    words = "a ring as wide as the\n95 % regions are true"
+    wide = Line2D([], [], ls="", marker="o", ms=18, mfc="none", mec="#5c6873", label=words)
+    figure.legend(handles=[*marks, wide], labelspacing=1.2, loc="outside right upper", frameon=False)
     save_figure(figure, path)

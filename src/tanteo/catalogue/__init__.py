@@ -1,17 +1,60 @@
-"""Many parts: read in parallel, survive what crashes or never ends, remember what was read."""
+"""Many parts: read in parallel, survive what crashes or never ends, remember what was read, keep it as a catalogue."""
 
-from tanteo.catalogue.cache import cache_folder
-from tanteo.catalogue.reading import Failure, Parts, read_parts
-from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.catalogue.building import Built, add_to_catalogue, build_catalogue
+    from tanteo.catalogue.cache import cache_folder
+    from tanteo.catalogue.opened import Catalogue, open_catalogue
+    from tanteo.catalogue.reading import Failure, Parts, read_parts
+    from tanteo.catalogue.segment import tables_of
+    from tanteo.catalogue.shaping import SAMPLES, SHAPE, compiled_shape
+    from tanteo.catalogue.signatures import LEVELS, PLACES, signature, widths
+    from tanteo.catalogue.store import is_catalogue
+    from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
 
 __all__ = [
+    "LEVELS",
+    "PLACES",
+    "SAMPLES",
+    "SHAPE",
+    "Built",
+    "Catalogue",
     "Failure",
     "Parts",
+    "add_to_catalogue",
+    "build_catalogue",
     "cache_folder",
     "cad_files",
     "coarse_meshes",
+    "compiled_shape",
+    "is_catalogue",
+    "open_catalogue",
     "read_parts",
     "repaired",
+    "signature",
     "skipped_folders",
+    "tables_of",
     "unused_unit",
+    "widths",
 ]
+
+__getattr__: Callable[[str], Any]
+__dir__: Callable[[], list[str]]
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "building": "Built add_to_catalogue build_catalogue",
+        "cache": "cache_folder",
+        "opened": "Catalogue open_catalogue",
+        "reading": "Failure Parts read_parts",
+        "segment": "tables_of",
+        "shaping": "SAMPLES SHAPE compiled_shape",
+        "signatures": "LEVELS PLACES signature widths",
+        "store": "is_catalogue",
+        "surprises": "cad_files coarse_meshes repaired skipped_folders unused_unit",
+    },
+)

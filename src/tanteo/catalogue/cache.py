@@ -99,13 +99,15 @@ def load_derived(part: Part, kind: str) -> npt.NDArray[np.uint8] | None:
     """Open what was derived from a part and remembered beside it, in place.
 
     Args:
-        part: one that was read with the cache.
+        part: one that was read with the cache, or is of a catalogue, which keeps such beside it.
         kind: of what was derived, and its version.
 
     Returns:
         The bytes, memory-mapped ``(n,)``; None where there are none, or others than were written.
     """
-    key = part.derived.get("key")
+    key, stored = part.derived.get("key"), part.derived.get("stored")
+    if stored is not None and (found := stored(kind)) is not None:
+        return np.asarray(found)
     if key is None:
         return None
     try:

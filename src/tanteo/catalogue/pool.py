@@ -3,8 +3,8 @@
 Each worker has a thread here that hands it one file at a time. A worker that dies or exceeds the time limit is
 replaced, and its file becomes a sentence. Workers are plain ``python -c`` processes and not ``multiprocessing``
 ones, so a script that calls this needs no ``if __name__ == "__main__"``. The first line to a worker says what it may
-use, each other one is a request, as JSON; a reply is a letter (``P`` part, ``E`` error), eight bytes of length, and
-that many bytes.
+use, each other one is a request, as JSON; a reply is a letter (``P`` part, ``R`` record, ``E`` error), eight bytes of
+length, and that many bytes.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from tanteo.catalogue.archive import part_from_bytes
+from tanteo.catalogue.record import Record, record_from_bytes
 from tanteo.catalogue.worker import memory_for
 from tanteo.errors import InputError
 from tanteo.parts import Part
@@ -33,11 +35,21 @@ _COMMAND = "from tanteo.catalogue.worker import main; main()"
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One file to read: the arguments of ``read_part``."""
+    """One file to read.
+
+    Attributes:
+        path: of the file.
+        unit: as of ``read_part``.
+        name: of the part.
+        key: of its entry in the cache, if it may be there.
+        record: whether the part is wanted as it goes into a catalogue.
+    """
 
     path: str
     unit: str | None
     name: str
+    key: str | None = None
+    record: bool = False
 
 
 def seconds_for(path: str) -> float:
@@ -49,7 +61,7 @@ def seconds_for(path: str) -> float:
 
 def read_in_processes(
     requests: Mapping[int, Request],
-    settle: Callable[[int, Part | str], None],
+    settle: Callable[[int, Any], None],
     *,
     workers: int,
     time_limit: float | None = None,
@@ -60,7 +72,8 @@ def read_in_processes(
 
     Args:
         requests: files to read, by any number.
-        settle: called in this thread with the number and the part, or the sentence that says why there is none.
+        settle: called in this thread with the number and the part, its record where that is wanted, or the sentence
+            that says why there is none.
         workers: how many processes.
         time_limit: for one file [s]; by its size, if not given.
         command: what a worker runs; tests put a worse one here.
@@ -68,7 +81,7 @@ def read_in_processes(
     """
     rules = {"parent": os.getpid(), "memory": memory_for(workers) if memory is None else memory}
     waiting: queue.SimpleQueue[tuple[int, Request]] = queue.SimpleQueue()
-    done: queue.SimpleQueue[tuple[int, Part | str]] = queue.SimpleQueue()
+    done: queue.SimpleQueue[tuple[int, Part | Record | str]] = queue.SimpleQueue()
     for item in requests.items():
         waiting.put(item)
     stopped = threading.Event()
@@ -89,7 +102,7 @@ def read_in_processes(
 
 def _serve(
     waiting: queue.SimpleQueue[tuple[int, Request]],
-    done: queue.SimpleQueue[tuple[int, Part | str]],
+    done: queue.SimpleQueue[tuple[int, Part | Record | str]],
     stopped: threading.Event,
     time_limit: float | None,
     command: str,
@@ -142,7 +155,7 @@ def _limit(rules: Mapping[str, int]) -> str:
 
 def _ask(
     worker: subprocess.Popen[bytes], request: Request, time_limit: float | None, rules: Mapping[str, int]
-) -> tuple[Part | str, bool]:
+) -> tuple[Part | Record | str, bool]:
     """Send one request and wait for its reply; say whether the worker can be used again."""
     label = Path(request.path).name
     assert worker.stdin is not None
@@ -173,6 +186,8 @@ def _ask(
     if head[:1] == b"E":
         return reply.decode(), True
     try:
+        if head[:1] == b"R":
+            return record_from_bytes(reply), True
         return part_from_bytes(reply, name=request.name, source=request.path), True
     except InputError as error:
         return f"{label}: {error}", True

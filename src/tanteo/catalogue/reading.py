@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tanteo.catalogue import cache as remembered
 from tanteo.catalogue.pool import Request, read_in_processes
+from tanteo.catalogue.store import is_catalogue
 from tanteo.catalogue.worker import attempt
 from tanteo.errors import InputError, PartError, UnitError, check_kind
 from tanteo.parts import READABLE, UNITLESS, Part, check_file, read_part, unit_name
@@ -96,20 +97,7 @@ def read_parts(
         >>> len(found), found["block"].name
         (12, 'block')
     """
-    if not isinstance(paths, (str, os.PathLike)):
-        check_kind("paths", paths, Iterable, "Name a file or a folder, or several.")
-    files, failures = _collect([paths] if isinstance(paths, (str, os.PathLike)) else paths)
-    short = None if unit is None else unit_name(unit)
-    needy = [file for file in files if file.suffix.lower() in UNITLESS]
-    if needy and short is None:
-        others = f" and {len(needy) - 1} more" if len(needy) > 1 else ""
-        raise UnitError(
-            f"unit: expected the length unit of {needy[0].name}{others}, whose format has none, got none. "
-            "Pass unit='mm' (or um, cm, m, in, ft)."
-        )
-    # Where some files need a unit, it is theirs; the others keep their own.
-    units = [short if file in needy or not needy else None for file in files]
-    requests = [Request(str(f), u, name) for f, u, name in zip(files, units, _names(files), strict=True)]
+    files, requests, failures = requested(paths, unit)
     results: dict[int, Part | str] = {}
 
     def settle(index: int, result: Part | str) -> None:
@@ -117,7 +105,7 @@ def read_parts(
         if progress is not None:
             progress(len(results), len(files))
 
-    keys = [remembered.cache_key(file, u) if cache else None for file, u in zip(files, units, strict=True)]
+    keys = [remembered.cache_key(Path(one.path), one.unit) if cache else None for one in requests]
     for index, (request, key) in enumerate(zip(requests, keys, strict=True)):
         found = remembered.load(key, name=request.name, source=request.path) if key else None
         if found is not None:
@@ -130,7 +118,7 @@ def read_parts(
             remembered.store(key, result)
         settle(index, result)
 
-    for index in _inline(todo, workers):
+    for index in read_inline(todo, workers):
         fresh(index, _read_here(todo.pop(index)))
     if todo:
         count = min(len(todo), workers or os.cpu_count() or 1)
@@ -138,6 +126,37 @@ def read_parts(
     parts = [result for _, result in sorted(results.items()) if isinstance(result, Part)]
     failed = [Failure(str(files[i]), result) for i, result in sorted(results.items()) if isinstance(result, str)]
     return Parts(tuple(parts), (*failures, *failed))
+
+
+def requested(
+    paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str], unit: str | None, taken: Iterable[str] = ()
+) -> tuple[list[Path], list[Request], list[Failure]]:
+    """The files to read, what to ask of a reader for each, and what is wrong with the given paths.
+
+    Args:
+        paths: files and folders.
+        unit: of files that carry none.
+        taken: names that other parts have.
+
+    Raises:
+        UnitError: the unit is unknown, or missing while some file needs one.
+    """
+    if not isinstance(paths, (str, os.PathLike)):
+        check_kind("paths", paths, Iterable, "Name a file or a folder, or several.")
+    files, failures = _collect([paths] if isinstance(paths, (str, os.PathLike)) else paths)
+    short = None if unit is None else unit_name(unit)
+    needy = {file for file in files if file.suffix.lower() in UNITLESS}
+    if needy and short is None:
+        first = next(file for file in files if file in needy)
+        others = f" and {len(needy) - 1} more" if len(needy) > 1 else ""
+        raise UnitError(
+            f"unit: expected the length unit of {first.name}{others}, whose format has none, got none. "
+            "Pass unit='mm' (or um, cm, m, in, ft)."
+        )
+    # Where some files need a unit, it is theirs; the others keep their own.
+    units = [short if file in needy or not needy else None for file in files]
+    named = zip(files, units, _names(files, set(taken)), strict=True)
+    return files, [Request(str(f), u, name) for f, u, name in named], failures
 
 
 def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[Failure]]:
@@ -160,6 +179,8 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
             if not found and not nowhere:
                 kinds = ", ".join(READABLE)
                 reason = f"{given}: expected CAD files ({kinds}), got none in this folder. Name files, or another."
+                if is_catalogue(given):
+                    reason = f"{given}: expected CAD files, got a catalogue. tanteo.open_catalogue('{given}') opens it."
                 failures.append(Failure(str(given), reason))
             continue
         try:
@@ -188,19 +209,19 @@ def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:
     return files, nowhere
 
 
-def _names(files: list[Path]) -> list[str]:
+def _names(files: list[Path], others: set[str]) -> list[str]:
     """Name each file by its stem, and by as much more of its path as it takes to be the only one."""
     longer: list[Callable[[Path], str]] = [lambda file: file.stem, lambda file: file.name]
     longer += [lambda file: f"{file.resolve().parent.name}/{file.name}", lambda file: str(file.resolve())]
     names: dict[Path, str] = {}
     for naming in longer:
         waiting = {file: naming(file) for file in files if file not in names}
-        counts, taken = Counter(waiting.values()), set(names.values())
+        counts, taken = Counter(waiting.values()), others.union(names.values())
         names.update({file: name for file, name in waiting.items() if counts[name] == 1 and name not in taken})
     return [names.get(file) or str(file.resolve()) for file in files]
 
 
-def _inline(todo: dict[int, Request], workers: int | None) -> list[int]:
+def read_inline(todo: dict[int, Request], workers: int | None) -> list[int]:
     """Choose what to read in this process: everything with ``workers=0``, else a few small meshes."""
     if workers == 0:
         return list(todo)

@@ -9,13 +9,19 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 from tanteo.catalogue.archive import part_to_bytes
+from tanteo.catalogue.cache import load
+from tanteo.catalogue.record import Record, record_of, record_to_bytes
 from tanteo.errors import TanteoError
-from tanteo.parts import Part, read_part
+from tanteo.parts import read_part
+
+Read = TypeVar("Read")
 
 LEAST_MEMORY = 2 << 30
 """Bytes that a worker may use in any case."""
@@ -33,13 +39,28 @@ def main() -> None:
     limit_memory(rules["memory"])
     for line in sys.stdin.buffer:
         request = json.loads(line)
-        result = attempt(read_part, request["path"], request["unit"], request["name"], rules["memory"])
-        letter, reply = (b"P", part_to_bytes(result)) if isinstance(result, Part) else (b"E", result.encode())
+        letter, reply = _answered(request, rules["memory"])
         pipe.write(letter + len(reply).to_bytes(8, "big") + reply)
         pipe.flush()
 
 
-def attempt(read: Callable[..., Part], path: str, unit: str | None, name: str, memory: int = 0) -> Part | str:
+def _answered(request: Mapping[str, Any], memory: int) -> tuple[bytes, bytes]:
+    """The letter and the bytes of a reply."""
+    asked = request["path"], request["unit"], request["name"], memory
+    if request["record"]:
+        found = attempt(partial(read_record, request["key"]), *asked)
+        return (b"E", found.encode()) if isinstance(found, str) else (b"R", record_to_bytes(found))
+    result = attempt(read_part, *asked)
+    return (b"E", result.encode()) if isinstance(result, str) else (b"P", part_to_bytes(result))
+
+
+def read_record(key: str | None, path: str, *, unit: str | None, name: str) -> Record:
+    """A part as it goes into a catalogue; one that the cache has is not read again."""
+    found = load(key, name=name, source=path) if key else None
+    return record_of(found or read_part(path, unit=unit, name=name))
+
+
+def attempt(read: Callable[..., Read], path: str, unit: str | None, name: str, memory: int = 0) -> Read | str:
     """Read one file: the part, or a sentence why there is none.
 
     One bad file costs itself only, whatever it makes a reader raise: of many files nobody wants a traceback. This

@@ -16,6 +16,7 @@ from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
+from tanteo.parts import StoredParts
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
@@ -46,6 +47,9 @@ class Options:
     box: args.BoxAt = None
     pose_prior: args.PosePriorAt = None
     prior: args.PriorPath = None
+    mass: args.Mass = None
+    density: args.Density = None
+    size: args.Size = None
     significance: args.Significance = 0.01
     top: args.Top = 5
     as_published: args.AsPublished = False
@@ -78,7 +82,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         furniture = tuple(io.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())
         said: dict[str, Any] = {
             "pose": known, "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior,
-            "noise_factor": options.noise_factor, "furniture": furniture or None,
+            "noise_factor": options.noise_factor, "furniture": furniture or None, "whole": _whole(options),
         }  # fmt: skip
         said = {name: value for name, value in said.items() if value is not None}
         priors = answers.Priors(**said) if said else None
@@ -102,6 +106,16 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     if options.report is not None:
         _report(options.report, result, given, options, known)
     leave(decided=result.status == "recognized")
+
+
+def _whole(options: Options) -> answers.WholeObject | None:
+    """What was measured of the whole object."""
+    if options.mass is None and options.size is None:
+        if options.density is not None:
+            raise MisuseError("--density: expected --mass beside it, got none. A density alone says nothing.")
+        return None
+    sides, sd = options.size or (None, 0.0)
+    return answers.WholeObject(options.mass, options.density, sides, sd)
 
 
 def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
@@ -155,7 +169,7 @@ class _Given(NamedTuple):
 
 def _own_unit(parts: Sequence[Part]) -> str:
     """The unit that the files of all parts say."""
-    units = {part.unit for part in parts}
+    units = set(parts.units) if isinstance(parts, StoredParts) else {part.unit for part in parts}
     return units.pop() if len(units) == 1 else ""
 
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import typer
 from typer.core import TyperCommand
 
-from tanteo.cli import answer, bench, demo, doctor, part, plan, replay, see, sense, sensor, view
+from tanteo.cli import answer, bench, catalogue, demo, doctor, part, plan, replay, see, sense, sensor, view
 from tanteo.cli.arguments import MisuseError, Words, misuse
 from tanteo.cli.printing import complain, listening
 from tanteo.errors import TanteoError
@@ -154,6 +154,7 @@ def root(
 _sense = _group("Sense a feature, or find out which part is there, in the simulator, without contact.")
 _sensor = _group("Look at sensors, robots and rigs, and calibrate them.")
 _part = _group("Look at CAD files.")
+_catalogue = _group("Many parts on disk, prepared for recognition: made once, opened in milliseconds.")
 
 _add(app, "identify", answer.identify)
 _add(app, "locate", answer.locate)
@@ -175,6 +176,11 @@ _add(_sensor, "rig", sensor.show_rig)
 _add(_sensor, "fit", sensor.fit)
 app.add_typer(_part, name="part")
 _add(_part, "show", part.show)
+app.add_typer(_catalogue, name="catalogue")
+_add(_catalogue, "build", catalogue.build)
+_add(_catalogue, "add", catalogue.add)
+_add(_catalogue, "show", catalogue.show)
+_add(_catalogue, "check", catalogue.check)
 _add(app, "bench", bench.bench)
 _add(app, "demo", demo.demo)
 _add(app, "doctor", doctor.doctor)

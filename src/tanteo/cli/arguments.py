@@ -30,7 +30,8 @@ else:  # the parser resolves annotations, and has to load nothing for that
 _MESSAGES = {
     "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
     "as_published": "--as-published", "priors, outlier_rate": "--outlier-rate", "priors, unknown": "--unknown-prior",
-    "bias_sd": "--bias-sd", "priors, noise_factor": "--noise-factor", "table, sd": "--table", "prior, box": "--box",
+    "bias_sd": "--bias-sd", "mass": "--mass", "size": "--size",
+    "priors, noise_factor": "--noise-factor", "table, sd": "--table", "prior, box": "--box",
     "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior", "feature": "--feature",
 }  # fmt: skip
 """Names in messages of what an option says, and the option."""
@@ -225,7 +226,9 @@ _seed = partial(at_least, "--seed", 0, "Use 0")
 SEED, UNIT, PRESET, ROBOT, STANDOFF = Words(_seed, int), Words(_unit), Words(_preset), Words(_robot), Words(_standoff)
 
 ReadingsPath = Annotated[str, typer.Argument(metavar="READINGS", help="File of readings: CSV, probe log, cloud, ...")]
-PartPaths = Annotated[list[str], _readings("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL) or folders of them.")]
+PartPaths = Annotated[
+    list[str], _readings("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL), folders of them, or a catalogue.")
+]
 PartPath = Annotated[str, _readings("--part", "FILE", "CAD file of the part (STEP, STL, ...).")]
 Units = Annotated[str | None, _readings("--units", "UNIT", UNITS_HELP), UNIT]
 RigPath = Annotated[str | None, _readings("--rig", "FILE", "Where the range sensors sit on the hand (TOML).")]
@@ -289,6 +292,22 @@ UnknownPrior = Annotated[
     float | None,
     _prior("--unknown-prior", "SHARE", "Prior probability that the object is unknown, as 0.1%; 5% if not given."),
     Words(partial(_share, "--unknown-prior", 1.0, "one")),
+]
+
+Mass = Annotated[
+    tuple[float, float] | None,
+    _prior("--mass", "MASS", "The object was weighed, as 340g+-2g; needs --density."),
+    Words(lambda text: io.parse_mass(text, "--mass")),
+]
+Density = Annotated[
+    tuple[float, float] | None,
+    _prior("--density", "DENSITY", "Of the material, as 7.85g/cm3+-1%."),
+    Words(lambda text: io.parse_density(text, "--density")),
+]
+Size = Annotated[
+    Any,
+    _prior("--size", "A,B,C", "Sides of a box about the object, in any order, as 120,80,50mm+-1mm."),
+    Words(lambda text: io.parse_size(text, "--size")),
 ]
 
 Significance = Annotated[

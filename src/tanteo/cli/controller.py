@@ -15,6 +15,7 @@ from tanteo.cli import arguments as args
 from tanteo.cli.arguments import MisuseError
 from tanteo.cli.printing import complain
 from tanteo.errors import InputError
+from tanteo.parts import part_named
 
 if TYPE_CHECKING:
     from tanteo.answers import Answer, Hypothesis
@@ -129,7 +130,7 @@ class Words:
 
         assert self.wcs is not None
         best = answer.hypotheses[0]
-        part = next(p for p in parts if (p.name, p.source) == (best.part, best.file))
+        part = part_named(parts, best.part)
         sure = f"{best.probability:.1%}, largest corner sd {1e3 * best.corner_sd:.3g} mm"
         note = f"{best.part}: {answer.status}, {sure}"
         return io.write_work_frame(self.wcs, _uncertain(best), box_corners(part), note)

@@ -98,8 +98,10 @@ def require_file(name: str, path: str) -> None:
 
 def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
     """The parts; files of a folder that cannot be read are warnings as long as one can."""
-    from tanteo.catalogue import coarse_meshes, read_parts, repaired, skipped_folders, unused_unit
+    from tanteo.catalogue import coarse_meshes, is_catalogue, read_parts, repaired, skipped_folders, unused_unit
 
+    if any(map(is_catalogue, paths)):
+        return _opened(paths)
     try:
         with progress("reading parts", quiet=quiet) as tick:
             parts = read_parts(paths, unit=units, progress=tick)
@@ -119,6 +121,22 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
     if not parts.parts:
         raise PartError("--parts: expected at least one part that can be read, got none. See the warnings.")
     return parts.parts
+
+
+def _opened(paths: Sequence[str]) -> Sequence[Part]:
+    """The parts of a catalogue, which none is read of here.
+
+    Raises:
+        MisuseError: Other parts are named, too.
+    """
+    from tanteo.catalogue import open_catalogue
+
+    if len(paths) > 1:
+        raise MisuseError(
+            f"--parts: expected one catalogue or CAD files, got {len(paths)} of both. Name the catalogue alone; "
+            "tanteo catalogue add puts more parts into it."
+        )
+    return open_catalogue(paths[0])
 
 
 def read_asked_rig(path: str) -> Rig:

@@ -8,15 +8,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from tanteo.answers import Answer, Finding
 from tanteo.errors import ReadingsError
+from tanteo.inference.candidates import Candidates, sizes_of
 from tanteo.inference.free_space import gone_through
-from tanteo.inference.prepared import prepare_all
+from tanteo.inference.prepared import prepare
 from tanteo.measurements import FreeRays
-from tanteo.parts import Part
+from tanteo.parts import Part, part_named
 from tanteo.sensors import PointMeasurements, Readings, say_repeated, say_stuck
 from tanteo.typing import Covariances, FloatArray, Vectors
 
@@ -65,10 +67,10 @@ class Scale:
     option: str = ""
 
 
-def scale_of(points: Vectors, parts: Sequence[Part], column: str = "", option: str = "") -> Scale:
-    """Sizes and units of points ``(n, 3)`` [m] and parts."""
+def scale_of(points: Vectors, parts: Any, column: str = "", option: str = "") -> Scale:
+    """Sizes and units of points ``(n, 3)`` [m] and parts, of a list or a catalogue."""
     span = 2 * float(np.median(_away(points))) if len(points) >= _FEW else 0.0
-    return Scale(span, tuple(p.diagonal for p in parts), column, option)
+    return Scale(span, sizes_of(parts), column, option)
 
 
 def about_readings(
@@ -199,7 +201,7 @@ def _gone_through(answer: Answer, free: FreeRays, ids: Sequence[str], parts: Seq
     if not answer.hypotheses or not len(free):
         return ""
     best = answer.hypotheses[0]
-    part = next(part for part in prepare_all("parts", parts) if part.part.name == best.part)
+    part = prepare(part_named(parts, best.part))
     short = gone_through(free, best.T_world_part, best.covariance, best.shared, part)
     rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
     if not len(rows):
@@ -214,7 +216,7 @@ def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]
     if answer.status != "unknown" or not len(measured.points):
         return ""
     away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
-    widest = max(2 * part.part.radius for part in prepare_all("parts", parts))
+    widest = 2 * float(Candidates(parts).radii.max())
     if away <= _TOO_WIDE * widest:
         return ""
     return (

@@ -16,7 +16,7 @@ from tanteo.inference.labels import groups_of
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.measurements import ContactPoints
-from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _FACES = 64
 """Largest faces of a part that are tried: labels are given to faces that a person discriminates."""
@@ -49,6 +49,8 @@ class Planes:
         radii: of the tip ``(n,)`` [m].
         tilts: standard deviations of the normals ``(n,)`` [rad].
         sided: whether the side of the material is known ``(n,)``.
+        sds: of the height of each at its middle ``(n,)`` [m].
+        rows: of the points of each.
     """
 
     normals: Vectors
@@ -58,6 +60,8 @@ class Planes:
     radii: FloatArray
     tilts: FloatArray
     sided: BoolArray
+    sds: FloatArray
+    rows: tuple[IntArray, ...]
 
 
 def labelled_planes(points: ContactPoints) -> Planes:
@@ -77,14 +81,16 @@ def labelled_planes(points: ContactPoints) -> Planes:
         n = -n if toward > 0 else n
         span = np.linalg.norm(p - middle, axis=1).max()
         tilt = sd / (width * np.sqrt(len(rows)))
-        found.append((n, n @ middle, middle, span, points.radii[rows].mean(), tilt, toward != 0))
+        found.append(
+            (n, n @ middle, middle, span, points.radii[rows].mean(), tilt, toward != 0, sd / np.sqrt(len(rows)), rows)
+        )
     for k in np.flatnonzero(points.oriented & ~points.centres & (groups < 0) & (points.normal_sds < _KNOWN)):
         n, p = points.normals[k], points.points[k]
-        found.append((n, n @ p, p, 0.0, points.radii[k], points.normal_sds[k], True))
-    n, offsets, middles, spans, radii, tilts, sided = zip(*found, strict=True) if found else [()] * 7
+        found.append((n, n @ p, p, 0.0, points.radii[k], points.normal_sds[k], True, points.sd[k], np.array([k])))
+    n, offsets, middles, spans, radii, tilts, sided, sds, own = zip(*found, strict=True) if found else [()] * 9
     return Planes(
         np.array(n).reshape(-1, 3), np.array(offsets), np.array(middles).reshape(-1, 3), np.array(spans),
-        np.array(radii), np.array(tilts), np.array(sided, dtype=bool),
+        np.array(radii), np.array(tilts), np.array(sided, dtype=bool), np.array(sds), tuple(own),
     )  # fmt: skip
 
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from tanteo.answers import Answer, Finding
 from tanteo.errors import TanteoError
+from tanteo.inference.candidates import sizes_of
 from tanteo.inference.findings import fits_size, scale_of
 from tanteo.inference.mistakes import HANDED, HANDS, OTHERS, Way
-from tanteo.inference.prepared import prepare, prepare_all
+from tanteo.inference.prepared import prepare
 from tanteo.lie import SE3
-from tanteo.parts import Part, mirror_part
+from tanteo.parts import Part, mirror_part, part_named
 from tanteo.sensors import Readings, thinned
 from tanteo.typing import BoolArray
 
@@ -80,7 +81,7 @@ def about_conventions(
 def _is_of_size(readings: Readings, parts: Sequence[Part]) -> bool:
     """Whether points, where there are some, lie as far apart as those of one of the parts do."""
     points = readings.points[np.isfinite(readings.points).all(axis=1)]
-    scale = scale_of(points, [one.part for one in prepare_all("parts", parts)])
+    scale = scale_of(points, parts)
     return not len(points) or fits_size(scale.span, scale.sizes)
 
 
@@ -130,7 +131,7 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
     """Readings, some of which do not fit a part, that all fit its mirror image."""
     if np.isfinite(readings.Ts_world_hand).any() or answer.best is None or not answer.best.outliers:
         return None
-    part = next((part for part in parts if part.name == answer.best.part), None)
+    part = part_named(parts, answer.best.part)
     if part is None:
         return None
     image = mirror_part(part)
@@ -144,8 +145,7 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
 
 def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
     """Readings that all fit if the surface is nearer to the sensor, or farther from it, by the same."""
-    parts = [one.part for one in prepare_all("parts", parts)]
-    sd = _OFFSET * max(part.diagonal for part in parts)
+    sd = _OFFSET * max(sizes_of(parts))
     found = _asked(ask, readings, parts, sd)
     for _ in range(_AIMED if _is_bare(readings).any() else 0):
         found = None if found is None else _asked(ask, _aimed(found, readings, parts), parts, sd)
@@ -181,7 +181,7 @@ def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Reading
     if not answer.hypotheses:
         return readings
     best = answer.hypotheses[0]
-    part = next(part for part in parts if part.name == best.part)
+    part = part_named(parts, best.part)
     surface, T = prepare(part).surface, best.T_world_part
     found = surface.closest(SE3.apply(SE3.inverse(T), readings.points[bare]))
     directions = np.array(readings.directions)

@@ -14,11 +14,11 @@ from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.sampler import Sampler
-from tanteo.inference.search import PartSearch, alike, missing, race
+from tanteo.inference.search import LeftOut, PartSearch, alike, missing, race
 from tanteo.inference.symmetry import log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
 from tanteo.special import log_sum
-from tanteo.typing import FloatArray, IntArray, Vectors
+from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 NEGLIGIBLE = 12.0
 """Log odds below everything else at which a mode is not reported."""
@@ -67,6 +67,7 @@ class Posterior:
         searches: what was found of each part.
         log_priors: of these parts ``(P,)``.
         log_anywhere: log evidence of an unknown object that is like no part, its prior included.
+        left_out: of the probability of the unknown object, what parts that were not searched may have at most.
     """
 
     problem: Problem
@@ -77,28 +78,46 @@ class Posterior:
     searches: tuple[PartSearch, ...] = field(repr=False)
     log_priors: FloatArray
     log_anywhere: float
+    left_out: float = 0.0
 
 
 def infer(
-    problem: Problem, parts: Sequence[PreparedPart], count: int, centroid: Vectors, rng: np.random.Generator
+    problem: Problem,
+    parts: Sequence[PreparedPart],
+    count: int,
+    centroid: Vectors,
+    rng: np.random.Generator,
+    *,
+    hints: Sequence[Transforms | None] = (),
+    certain: bool = False,
+    left_out: LeftOut | None = None,
 ) -> Posterior:
     """The posterior: search, sample, weigh.
 
     Args:
         problem: the question.
-        parts: the parts that are large enough for the measurements.
+        parts: the parts that are worth a search.
         count: number of all parts.
         centroid: mean of theirs, in their frames ``(3,)`` [m].
         rng: of all draws.
+        hints: poses of each of them to begin with, if any are known.
+        certain: whether these are all poses that labels and normals allow.
+        left_out: what is known of the other parts.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
-    searches = race(problem, parts, anywhere - prior, rng)
-    return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng)
+    searches, unseen = race(problem, parts, anywhere - prior, rng, hints, certain=certain, left_out=left_out)
+    return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
 
 
 def weigh(
-    problem: Problem, searches: Sequence[PartSearch], priors: FloatArray, anywhere: float, rng: np.random.Generator
+    problem: Problem,
+    searches: Sequence[PartSearch],
+    priors: FloatArray,
+    anywhere: float,
+    rng: np.random.Generator,
+    *,
+    log_left_out: float = -np.inf,
 ) -> Posterior:
     """Sample the regions that matter and weigh them all.
 
@@ -108,6 +127,8 @@ def weigh(
         priors: log of the prior of each part ``(P,)``.
         anywhere: log evidence of an unknown object that is like no part, its prior included.
         rng: of all draws.
+        log_left_out: log evidence of parts that were not searched, at most, their prior included: the object is one
+            that is not known, too, if it is one of them.
     """
     drawing = zip(searches, priors, alike(rng, len(searches)), strict=True)
     found = [(s, float(prior), own) for s, prior, own in drawing if len(s.peaks)]
@@ -127,7 +148,7 @@ def weigh(
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
-    log_none = log_unknown(anywhere, given_unknown, problem.priors)
+    log_none = float(log_sum([log_unknown(anywhere, given_unknown, problem.priors), log_left_out]))
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
     modes.sort(
         key=lambda mode: -round(mode.log_mass, 3)
@@ -136,7 +157,8 @@ def weigh(
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # what is left out has no probability
     kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
     once, unknown = missing([s for s, *_ in found]), float(np.exp(log_none - total))
-    return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere)
+    unseen = float(np.exp(log_left_out - total))
+    return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere, unseen)
 
 
 def _at_peaks(modes: Sequence[Mode], sampler: Sampler) -> Peaks:
@@ -161,7 +183,7 @@ def _log_variant(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> 
 def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Generator) -> Sampler:
     objective, peaks = search.objective, search.peaks
     constant = objective.problem.log_pose_density(objective.prepared) + prior
-    constant += log_orbit(objective.prepared, named=objective.named)
+    constant += log_orbit(objective.prepared, named=objective.named) + search.log_odds
     some = np.flatnonzero(peaks.evidence + constant > total - NEGLIGIBLE - 2)
     some = some if len(some) else np.zeros(1, dtype=np.int64)
     return Sampler(objective, peaks.take(some), rng, constant, search.along, trusted=search.trusted)

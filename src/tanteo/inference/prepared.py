@@ -9,27 +9,10 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import cache
-from tanteo.parts import Part, as_parts, exact_faces, round_features
+from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape
+from tanteo.parts import Part, as_parts
 from tanteo.shapes import DistanceField, Surface, distance_field
-from tanteo.typing import FloatArray, IntArray, Vectors
-
-SAMPLES = 1024
-"""Places of the surface from which pose proposals are made."""
-
-_CELLS = 40
-"""Cells of the distance grid along the longest side."""
-
-
-_FEW = 500
-"""Vertices up to this number may all be ones on which the part stands."""
-
-_LONGER, _BEYOND, _ON = 1.01, 0.1, 0.5
-"""So much longer than a hole a part has to be for centres to lie beyond the hole; the share of those that do; how much
-farther, in lengths of both, they may be."""
-
-_KIND = "shape4"
-"""Of the bytes beside a part in the cache: another number where what is put into a shape changes."""
+from tanteo.typing import IntArray, Vectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +28,14 @@ class PreparedPart:
     @cached_property
     def shape(self) -> _core.Shape:
         """The compiled shape; one that was made before is opened where it lies in the cache."""
-        stored = cache.load_derived(self.part, _KIND)
+        stored = cache.load_derived(self.part, SHAPE)
         if stored is not None:
             try:
                 return _core.open_shape(stored)
             except ValueError:  # damaged, or of another version
                 pass
-        shape = _made(self.part)
-        cache.store_derived(self.part, _KIND, shape.bytes())
+        shape = compiled_shape(self.part)
+        cache.store_derived(self.part, SHAPE, shape.bytes())
         return shape
 
     @cached_property
@@ -79,6 +62,11 @@ class PreparedPart:
     def field(self) -> DistanceField:
         """For rough signed distances of very many points."""
         return distance_field(self.surface)
+
+    def close(self) -> None:
+        """Let go of what can be opened again in a moment: of very many parts not all can be open."""
+        if "stored" in self.part.derived:
+            self.__dict__.pop("shape", None)
 
     @property
     def centre(self) -> Vectors:
@@ -109,73 +97,3 @@ def prepare_all(name: str, parts: Any) -> tuple[PreparedPart, ...]:
         InputError: paths, or something else in the place of parts.
     """
     return tuple(part if isinstance(part, PreparedPart) else prepare(part) for part in as_parts(name, parts))
-
-
-def _made(part: Part) -> _core.Shape:
-    corners = part.vertices[part.triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(across, axis=1)
-    normals = across / np.maximum(lengths, 1e-300)[:, None]
-    samples, rows = _spread(corners, lengths)
-    curved = exact_faces(part, normals)
-    profiles, profile_rows = np.zeros((0, 11)), np.full(len(corners), -1)
-    if curved is not None:
-        p = curved.profiles
-        columns = p.points, p.axes, p.offsets, p.slopes, p.radii, p.signs, curved.alike
-        profiles, profile_rows = np.column_stack(columns), curved.rows
-    return _core.make_shape(
-        _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),
-        _doubles(profiles), _doubles(part.edges.ends).reshape(-1, 6), _doubles(part.corners.points),
-        _axes(part), _doubles(_hull(part)), _doubles(part.centroid), samples, _doubles(normals[rows]), _CELLS,
-    )  # fmt: skip
-
-
-def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray]:
-    """Places even over the surface, one in each of as many strips of equal area, in no order; the same every time."""
-    rng = np.random.default_rng(1991)
-    along = (rng.permutation(SAMPLES) + rng.uniform(size=SAMPLES)) / SAMPLES
-    rows = np.minimum(np.searchsorted(np.cumsum(weights) / weights.sum(), along), len(corners) - 1)
-    u, v = np.sort(rng.uniform(size=(2, SAMPLES, 1)), axis=0)
-    a, b, c = corners[rows].transpose(1, 0, 2)
-    return np.ascontiguousarray(u * a + (v - u) * b + (1 - v) * c), rows
-
-
-def _axes(part: Part) -> FloatArray:
-    """Axes of holes and bosses for centres of circles ``(K, 11)``: ends, radii, weight, side, number.
-
-    All holes and bosses alike; of each the wall, and with a smaller weight all heights of the part, for some devices
-    move a centre along its axis to a plane of their own. Both go on for a while, as centres that were moved to the rim
-    are no less likely than others.
-    """
-    rounds, rows = round_features(part), []
-    for number, one in enumerate(rounds):
-        along = (part.vertices - one.ends[0]) @ one.axis
-        reach = one.ends[0] + np.array([[along.min()], [along.max()]]) * one.axis
-        longer = float(np.ptp(along)) > _LONGER * one.length
-        rest = [float(one.radii.min()), float(one.radii.max())]
-        for ends, share in ((one.ends, 1 - _BEYOND * longer), (reach, _BEYOND * longer)):
-            if share > 0:
-                beside = _ON * (ends[1] - ends[0])
-                ends = ends + np.stack([-beside, beside])
-                rows.append([*ends.ravel(), *rest, share / len(rounds), 1.0 if one.hole else -1.0, number])
-    return _doubles(np.array(rows).reshape(-1, 11))
-
-
-def _hull(part: Part) -> Vectors:
-    """Vertices on which the part may stand: those that are the farthest in some direction, or all of few."""
-    if len(part.vertices) <= _FEW:
-        return part.vertices
-    from scipy.spatial import ConvexHull, QhullError  # slow to import
-
-    try:
-        return part.vertices[ConvexHull(part.vertices).vertices]
-    except QhullError:
-        return part.vertices
-
-
-def _doubles(values: FloatArray) -> FloatArray:
-    return np.ascontiguousarray(values, dtype=np.float64)
-
-
-def _ints(values: IntArray) -> np.ndarray:
-    return np.ascontiguousarray(values, dtype=np.int32)

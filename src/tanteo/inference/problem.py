@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays, directions_met, is_round
+from tanteo.parts import Part
 from tanteo.sensors import CENTRE
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
@@ -42,6 +44,7 @@ class Problem:
         rays: free-space rays.
         priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
         mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
+        odds: log odds of each part by what was measured of the whole object, by its name; none were measured without.
         around: points that may be of what stands around.
         groups: number of the label of each point ``(n,)``; -1 where it has none.
         elsewhere: what labels say of surfaces that are not the part's.
@@ -51,6 +54,7 @@ class Problem:
     rays: FreeRays
     priors: Priors
     mixtures: dict[int, PoseMixture] = field(default_factory=dict)
+    odds: Mapping[str, float] = field(default_factory=dict)
     around: Around = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     elsewhere: Elsewhere = field(init=False, repr=False)
@@ -75,6 +79,10 @@ class Problem:
     def log_not_on_part(self) -> FloatArray:
         """Log density of each point if it is not of the part: anywhere, or on what stands around ``(n,)``."""
         return np.asarray(outlier_log_density(self.points, self.priors) + np.log1p(self.around.over_outlier))
+
+    def log_odds(self, part: Part) -> float:
+        """Log odds of a part by what was measured of the whole object."""
+        return self.odds.get(part.name, 0.0)
 
     def mixture(self, prepared: PreparedPart) -> PoseMixture | None:
         """What is known of the pose of a part, as normal densities; None if nothing is."""

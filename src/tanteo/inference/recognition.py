@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.answers import Answer, Clock, Priors, check_question, sized, verdict
+from tanteo.answers import Answer, Clock, Hypothesis, Priors, check_question, sized, verdict
 from tanteo.features import SharedError
 from tanteo.inference.around import without_pose
+from tanteo.inference.candidates import Candidates
 from tanteo.inference.diagnostics import (
     against_labels,
     around_words,
@@ -21,11 +22,13 @@ from tanteo.inference.diagnostics import (
 )
 from tanteo.inference.fit_at_mode import GoodnessOfFit, goodness_of_fit
 from tanteo.inference.limits import what_limits
+from tanteo.inference.narrowing import Narrowed, narrowed
 from tanteo.inference.posterior import Posterior, infer
-from tanteo.inference.prepared import PreparedPart, prepare
+from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
 from tanteo.inference.result import as_hypothesis, worst_reading
+from tanteo.inference.search import LeftOut
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 from tanteo.typing import FloatArray
@@ -78,13 +81,17 @@ def identify_points(
     """
     parts = check_question(parts, significance, top, seed, priors)
     clock = Clock()
-    prepared = [prepare(part) for part in parts]
-    priors = sized(priors, max(part.part.radius for part in prepared))
+    candidates = Candidates(parts)
+    priors = sized(priors, float(candidates.radii.max()))
     clock.lap("prepare")
     problem = Problem(points, rays, priors)
     if message := _too_little(problem):
         return Answer("insufficient", message, (), 1.0, clock.laps(), seed)
-    posterior = _answer(problem, prepared, seed)
+    odds = candidates.log_odds(priors.whole)
+    chosen = narrowed(problem, candidates, odds)
+    problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
+    clock.lap("narrow")
+    posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
     found = [goodness_of_fit(mode) for mode in posterior.modes]
     hypotheses = tuple(as_hypothesis(points, one, priors.pose) for one in found[:top])
@@ -92,7 +99,10 @@ def identify_points(
     worst = worst_reading(points, found[0]) if found else ""
     alone = replace(problem, priors=without_pose(points, priors))
     check = check_prior(
-        posterior, hypotheses[0] if hypotheses else None, lambda: _answer(alone, prepared, seed), significance
+        posterior,
+        hypotheses[0] if hypotheses else None,
+        lambda: _answer(alone, candidates, narrowed(alone, candidates, odds), seed),
+        significance,
     )
     if check.other is not None:  # where the prior has it, it fits another pose: it is told where it was felt
         found = [goodness_of_fit(mode) for mode in check.other.modes]
@@ -105,8 +115,10 @@ def identify_points(
     unknown = posterior.unknown
     status, message = verdict(
         hypotheses, unknown, significance, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere,
-        same=_of_its_shape(found[0].mode.prepared.part, prepared) if found else (),
+        same=candidates.names_alike(found[0].mode.prepared.part, _EQUAL) if found else (),
     )  # fmt: skip
+    if status == "unknown" and not check.elsewhere and posterior.left_out > 0.5 * unknown > 0:
+        status, message = "ambiguous", _among_unsearched(hypotheses, chosen, posterior)
     if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not check.elsewhere:
         message = not_on_it(hypotheses[0], unknown)
     if status == "recognized" and _close_together(found[0]):
@@ -117,23 +129,47 @@ def identify_points(
         message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
     message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
     message += around_words(found[0]) if found else ""
-    message += _missed(posterior.missing, status)
+    message += _missed(posterior.missing, status) + _not_searched(chosen, posterior, status)
     message += scattered(hypotheses[0], worst) if hypotheses and status != "unknown" else ""
     return Answer(status, message, hypotheses, unknown, clock.laps(), seed)
 
 
-def _answer(problem: Problem, parts: Sequence[PreparedPart], seed: int) -> Posterior:
-    """The posterior of the parts that are large enough."""
-    of_part = problem.points.take(problem.around.others)
-    fitting = [part for part in parts if _large_enough(of_part, part.part)]
-    centroid = np.mean([part.part.centroid for part in parts], axis=0)
-    return infer(problem, fitting, len(parts), centroid, np.random.default_rng(seed))
+def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: int) -> Posterior:
+    """The posterior of the parts that are worth a search."""
+    parts = [candidates.prepared(int(row)) for row in chosen.rows]
+    hints = [chosen.hints.get(int(row)) for row in chosen.rows]
+    rest = set(chosen.others.tolist())
+
+    def alike(part: PreparedPart) -> list[PreparedPart]:
+        rows = [row for row in candidates.alike(part, chosen.others) if row in rest]
+        rest.difference_update(rows)
+        return [candidates.prepared(row) for row in rows]
+
+    centroid = candidates.centroids.mean(axis=0)
+    behind = chosen.left_out if chosen.certain else None
+    return infer(
+        problem, parts, len(candidates), centroid, np.random.default_rng(seed), hints=hints, certain=chosen.certain,
+        left_out=LeftOut(len(rest), behind, alike),
+    )  # fmt: skip
 
 
-def _of_its_shape(part: Part, parts: Sequence[PreparedPart]) -> list[str]:
-    """Names of the parts of equal area and volume."""
-    size = part.area, part.volume
-    return [p.part.name for p in parts if np.allclose((p.part.area, p.part.volume), size, rtol=_EQUAL, atol=0.0)]
+def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:
+    """That parts which were not searched may explain the readings as well, where that matters."""
+    if status == "recognized" or not _MAY_MISS < posterior.left_out < 0.5:
+        return ""
+    return (
+        f" {len(chosen.others):,} parts were not searched, which together may explain the readings with a probability "
+        f"of up to {100 * posterior.left_out:.0f} %: more readings, or labelled ones, tell."
+    )
+
+
+def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, posterior: Posterior) -> str:
+    """That so little was sensed that very many parts may explain it."""
+    best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
+    return (
+        f"{best} one of {len(chosen.others):,} parts that were not searched, as the readings hardly discriminate them "
+        f"(up to P = {posterior.left_out:.2f}): sense more places, with normals or labels if the sensor gives them."
+    )
 
 
 def _close_together(best: GoodnessOfFit) -> bool:
@@ -194,11 +230,3 @@ def _missed(once: float, status: str) -> str:
     if status not in ("ambiguous", "insufficient") or once <= _MAY_MISS:
         return ""
     return f" {100 * once:.0f} % of the probability is in poses that the search met only once: others may fit."
-
-
-def _large_enough(points: ContactPoints, part: Part) -> bool:
-    """Whether the part is as large as the points' spread, a few outliers left aside."""
-    centre = np.median(points.points, axis=0)
-    reach = np.sort(np.linalg.norm(points.points - centre, axis=1) - 4 * points.sd - points.radii)
-    shared = 4 * np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1))
-    return bool(reach[int(0.75 * (len(reach) - 1))] - shared <= part.diagonal)

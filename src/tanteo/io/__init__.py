@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
     from tanteo.io.stated import Direction, as_pose, parse_direction
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
+    from tanteo.io.whole_text import parse_density, parse_mass, parse_size
     from tanteo.io.work_frames import WorkFrame, WrittenFrame, parse_work_frame, write_work_frame
     from tanteo.io.work_json import (
         calibration_document,
@@ -79,11 +80,14 @@ __all__ = [
     "load_record",
     "parse_angle",
     "parse_box",
+    "parse_density",
     "parse_direction",
     "parse_length",
     "parse_lengths",
+    "parse_mass",
     "parse_pose",
     "parse_pose_prior",
+    "parse_size",
     "parse_table",
     "parse_work_frame",
     "part_file",
@@ -134,6 +138,7 @@ __getattr__, __dir__ = lazy(
         "poses": "BRANDS Brand brand pose_as_brand pose_from_brand",
         "prior_file": "prior_brand read_prior",
         "prior_text": "parse_box parse_pose_prior parse_table read_furniture",
+        "whole_text": "parse_density parse_mass parse_size",
         "pose_syntax": "brand_word parse_pose",
         "readings_csv": "write_readings",
         "readings_file": "format_names read_readings",

@@ -32,7 +32,7 @@ def parse_table(text: str, name: str = "table") -> Table:
         InputError: No height, no standard deviation or one that is not positive.
         UnitError: No unit, or one that is none.
     """
-    values = parse_lengths(",".join(_value_and_sd(text, name, _TABLE)), name)
+    values = parse_lengths(",".join(value_and_sd(text, name, _TABLE)), name)
     if len(values) != 2 or values[1] <= 0:
         raise InputError(f"{name}: expected one height and a positive sd, got '{text}'. Write it as {_TABLE}.")
     return Table(np.array([0.0, 0.0, values[0]]), np.array([0.0, 0.0, 1.0]), values[1])
@@ -51,7 +51,7 @@ def read_furniture(text: str, unit: str | None = None, name: str = "furniture") 
         InputError: no sd, or one that is not positive; no pose; a file that cannot be read.
         UnitError: No unit, or one that is none.
     """
-    where, sd = _value_and_sd(text, name, _FURNITURE)
+    where, sd = value_and_sd(text, name, _FURNITURE)
     path, _, pose = where.partition("@")
     sds = parse_lengths(sd, name)
     if len(sds) != 1 or sds[0] <= 0:
@@ -89,7 +89,7 @@ def parse_pose_prior(text: str, name: str = "pose_prior") -> UncertainFrame:
         InputError: Numbers are missing, or a standard deviation is not positive.
         UnitError: No unit, or one that is none.
     """
-    pose, sds = _value_and_sd(text, name, _NEAR)
+    pose, sds = value_and_sd(text, name, _NEAR)
     return spread_pose(parse_pose(pose, name), *parse_lengths_angles(sds, name), name)
 
 
@@ -140,7 +140,12 @@ def check_pose_prior(frame: UncertainFrame, name: str) -> UncertainFrame:
     return frame
 
 
-def _value_and_sd(text: str, name: str, example: str) -> tuple[str, str]:
+def value_and_sd(text: str, name: str, example: str) -> tuple[str, str]:
+    """What stands before and behind ``+-``.
+
+    Raises:
+        InputError: one of both is missing.
+    """
     halves = [half.strip() for half in _GIVE_OR_TAKE.split(text)]
     if len(halves) != 2 or not all(halves):
         raise InputError(

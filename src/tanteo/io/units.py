@@ -42,7 +42,7 @@ def parse_lengths(text: str, name: str = "lengths") -> tuple[float, ...]:
     Raises:
         UnitError: As for :func:`parse_length`.
     """
-    return _parse(text, name, LENGTH_UNITS, "0.3mm")
+    return parse_quantities(text, name, LENGTH_UNITS, "0.3mm")
 
 
 def parse_angle(text: str, name: str = "angle") -> float:
@@ -51,7 +51,7 @@ def parse_angle(text: str, name: str = "angle") -> float:
     Raises:
         UnitError: As for :func:`parse_length`.
     """
-    values = _parse(text, name, ANGLE_UNITS, "2deg")
+    values = parse_quantities(text, name, ANGLE_UNITS, "2deg")
     if len(values) != 1:
         raise UnitError(f"{name}: expected one angle such as 2deg, got '{text}'. Give one number.")
     return values[0]
@@ -96,7 +96,8 @@ def angle_unit(unit: str, name: str = "unit") -> float:
     return _factor(unit, name, ANGLE_UNITS)
 
 
-def _parse(text: str, name: str, units: dict[str, float], example: str) -> tuple[float, ...]:
+def parse_quantities(text: str, name: str, units: dict[str, float], example: str) -> tuple[float, ...]:
+    """Numbers with one of some units; that after the last number holds for all that have none."""
     pairs = [_split(part, text, name, example) for part in text.split(",")]
     last = pairs[-1][1]
     if not last:

@@ -11,16 +11,16 @@ if TYPE_CHECKING:
     from tanteo.parts.files import LARGEST_FILE, UNITLESS, check_file, unit_name
     from tanteo.parts.part import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SurfaceKind, SymmetryGroup
     from tanteo.parts.patterns import HolePattern, hole_patterns
-    from tanteo.parts.reading import READABLE, as_part, as_parts, read_part
+    from tanteo.parts.reading import READABLE, StoredParts, as_part, as_parts, part_named, read_part
     from tanteo.parts.rounds import Rim, RoundFeature, round_features
     from tanteo.parts.surfaces import exact_faces
     from tanteo.parts.topology import components, mesh_edges, near_groups
 
 __all__ = [
     "FLOAT32", "LARGEST_FILE", "READABLE", "UNITLESS", "Face", "HolePattern", "ModelEdges", "ModelPlanes",
-    "ModelVertices", "Part", "Rim", "RoundFeature", "SurfaceKind", "SymmetryGroup", "as_part", "as_parts", "check_file",
-    "components", "exact_faces", "hole_patterns", "mesh_edges", "mirror_part", "near_groups", "read_part",
-    "round_features", "unit_name",
+    "ModelVertices", "Part", "Rim", "RoundFeature", "StoredParts", "SurfaceKind", "SymmetryGroup", "as_part",
+    "as_parts", "check_file", "components", "exact_faces", "hole_patterns", "mesh_edges", "mirror_part",
+    "near_groups", "part_named", "read_part", "round_features", "unit_name",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -32,7 +32,7 @@ __getattr__, __dir__ = lazy(
         "facets": "FLOAT32",
         "files": "LARGEST_FILE UNITLESS check_file unit_name",
         "part": "Face ModelEdges ModelPlanes ModelVertices Part SurfaceKind SymmetryGroup",
-        "reading": "READABLE as_part as_parts read_part",
+        "reading": "READABLE StoredParts as_part as_parts part_named read_part",
         "patterns": "HolePattern hole_patterns",
         "rounds": "Rim RoundFeature round_features",
         "surfaces": "exact_faces",

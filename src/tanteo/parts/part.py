@@ -197,7 +197,7 @@ class SymmetryGroup:
         return self.spherical or self.axis is not None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Part:
     """A part as read from a CAD file: everything in metres, in the file's own frame.
 

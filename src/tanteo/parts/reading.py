@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from abc import abstractmethod
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,42 @@ from tanteo.parts.files import (
 )
 from tanteo.parts.part import Part
 from tanteo.parts.topology import Draft, scaled
+from tanteo.typing import FloatArray
 
 
-def as_parts(name: str, parts: Any) -> tuple[Any, ...]:
+class StoredParts(Sequence[Part]):
+    """Parts that are opened one by one, when they are asked for: there may be too many to open all."""
+
+    @property
+    @abstractmethod
+    def numbers(self) -> FloatArray:
+        """Sizes of each without opening it ``(n, 17)``.
+
+        Area, volume, radius, diameter, mean width, centroid, lowest and highest corner of the box, order of symmetry,
+        whether that is continuous, share of the surface that is compared with no reading beforehand.
+        """
+
+    @abstractmethod
+    def row_of(self, name: str) -> int | None:
+        """Number of the part of that name; None where there is none."""
+
+    @property
+    @abstractmethod
+    def units(self) -> frozenset[str]:
+        """Units that they were read in."""
+
+
+def part_named(parts: Iterable[Any], name: str) -> Any:
+    """The part of that name, or what was prepared of it; None where there is none."""
+    if isinstance(parts, StoredParts):
+        return parts[row] if (row := parts.row_of(name)) is not None else None
+    return next((one for one in parts if getattr(one, "part", one).name == name), None)
+
+
+def as_parts(name: str, parts: Any) -> Sequence[Any]:
     """What was passed as parts, as a tuple: parts, or what rooms above prepare of them (it has a ``part``).
+
+    Stored parts stay as they are, unopened.
 
     Args:
         name: of the argument.
@@ -35,6 +68,8 @@ def as_parts(name: str, parts: Any) -> tuple[Any, ...]:
     Raises:
         InputError: a path, which has to be read first, or something else.
     """
+    if isinstance(parts, StoredParts):
+        return parts
     several = parts if isinstance(parts, Iterable) and not isinstance(parts, (str, bytes, os.PathLike)) else (parts,)
     found = tuple(several)
     for one in found:

@@ -11,7 +11,7 @@ from typing import Any
 from tanteo.active import explain
 from tanteo.answers import Answer
 from tanteo.errors import InputError
-from tanteo.parts import Part
+from tanteo.parts import Part, part_named
 from tanteo.replaced import replaced
 from tanteo.report.answered import answer_front
 from tanteo.report.combined import budget_section
@@ -125,9 +125,9 @@ def _eye(look: Vectors | None) -> dict[str, Any]:
 
 
 def _candidates(answer: Answer, sensed: Sensed, parts: Sequence[Part]) -> list[Candidate]:
-    named, out = {part.name: part for part in parts}, []
+    out = []
     for h in answer.hypotheses:
-        part = named.get(h.part)
+        part = part_named(parts, h.part)
         if part is None:
             raise InputError(f"parts: expected '{h.part}' among them, got {len(parts)} others. Pass all of them.")
         ways, enlarged = find_ways(part, h.T_world_part, h.covariance)

@@ -5,7 +5,7 @@ frame of the mesh and in metres; points carry leading batch axes.
 """
 
 from tanteo.shapes.borders import Borders, borders
-from tanteo.shapes.field import DistanceField, distance_field, signed_distance
+from tanteo.shapes.field import DistanceField, as_signed, distance_field, signed_distance
 from tanteo.shapes.junctions import SHARP, Junctions
 from tanteo.shapes.near_planes import NearPlanes, near_planes, nearest
 from tanteo.shapes.revolved import Profiles, Revolved, revolved
@@ -22,6 +22,7 @@ __all__ = [
     "RayHits",
     "Revolved",
     "Surface",
+    "as_signed",
     "borders",
     "distance_field",
     "near_planes",

@@ -1,4 +1,4 @@
-"""A circle behind an ellipse: two of them, each with centre, axis and covariance; one where they cannot be discriminated.
+"""A circle behind an ellipse: two, each with centre, axis and covariance; one where they cannot be discriminated.
 
 The camera's centre and the ellipse span a cone. Planes of two directions cut circles out of it (Young and others 1992,
 Kanatani and Liu 1993); the radius says where along the cone. Seen along its axis both are one, whose tilt is anything

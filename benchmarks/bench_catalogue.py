@@ -1,0 +1,167 @@
+"""Recognizing one of a hundred to a hundred thousand parts: time, memory, what is right and what is lost.
+
+``python benchmarks/bench_catalogue.py CATALOGUE [SCENES] [KIND...]`` for one of parts of ``families.py``.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from common import Table
+
+import tanteo
+from tanteo.inference import identify_points
+from tanteo.lie import SE3
+from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.parts import Part, exact_faces
+
+SD, NORMAL_SD = 1e-4, 0.02
+"""Standard deviations of a point [m], and of each tilt of a sensed normal [rad]."""
+
+EACH = 4
+"""Points of a labelled face."""
+
+KINDS = {
+    "labelled": "6 labelled faces, 4 points each",
+    "normals": "10 points with sensed normals",
+    "points12": "12 points",
+    "points30": "30 points",
+}
+
+SURE = 0.95
+"""Probability from which an answer is sure of its part."""
+
+
+@dataclass
+class Outcome:
+    """What came of the scenes of one kind."""
+
+    seconds: list[float] = field(default_factory=list)
+    cpu: list[float] = field(default_factory=list)
+    kept: int = 0
+    right: int = 0
+    among: int = 0
+    wrong: int = 0
+    undecided: int = 0
+
+
+def points_on(part: Part, triangles: np.ndarray, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Points even over some triangles of a part, moved to the round surfaces behind them, and the normals there."""
+    corners = part.vertices[part.triangles[triangles]]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(across, axis=1)
+    rows = rng.choice(len(corners), size=n, p=areas / areas.sum())
+    u, v = np.sort(rng.uniform(size=(2, n, 1)), axis=0)
+    a, b, c = corners[rows].transpose(1, 0, 2)
+    points, normals = u * a + (v - u) * b + (1 - v) * c, (across / areas[:, None])[rows]
+    every = part.vertices[part.triangles]
+    own = np.cross(every[:, 1] - every[:, 0], every[:, 2] - every[:, 0])
+    curved = exact_faces(part, own / np.linalg.norm(own, axis=1, keepdims=True))
+    if curved is not None:
+        off = np.zeros(n)
+        curved.replace(points, triangles[rows], off, normals)
+        points = points - off[:, None] * normals
+    return points, normals
+
+
+def scene(part: Part, kind: str, rng: np.random.Generator) -> ContactPoints:
+    """What is sensed of a part at a random pose."""
+    labels: tuple[str, ...] = ()
+    if kind == "labelled":
+        planes = part.planes
+        faces = rng.choice(len(planes), size=min(6, len(planes)), replace=False, p=planes.areas / planes.areas.sum())
+        felt = [points_on(part, np.flatnonzero(part.triangle_face == planes.faces[k]), EACH, rng) for k in faces]
+        p, n = (np.concatenate(rows) for rows in zip(*felt, strict=True))
+        labels = tuple(f"face {k}" for k in faces for _ in range(EACH))
+    else:
+        count = {"normals": 10, "points12": 12, "points30": 30}[kind]
+        p, n = points_on(part, np.arange(len(part.triangles)), count, rng)
+    T = SE3.exp(np.concatenate([rng.uniform(-0.3, 0.3, size=3), rng.normal(size=3)]))
+    p = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
+    n = n @ T[:3, :3].T
+    sensed = n + NORMAL_SD * rng.normal(size=n.shape)
+    sensed /= np.linalg.norm(sensed, axis=1, keepdims=True)
+    m, oriented = len(p), kind == "normals"
+    return ContactPoints(
+        ids=tuple(str(k) for k in range(m)), points=p, covs=np.tile(SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m),
+        directions=np.zeros((m, 3)), normals=sensed if oriented else np.zeros((m, 3)),
+        normal_sds=np.full(m, NORMAL_SD if oriented else np.pi), reach=np.zeros(m), shared_jacobian=np.zeros((m, 3, 0)),
+        sd=np.full(m, SD), labels=labels, kinds=("plane",) * m if labels else (),
+        sides=n if labels else np.zeros((m, 3)),
+    )  # fmt: skip
+
+
+def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, say: bool = False) -> Outcome:
+    """Scenes of parts that are drawn from all."""
+    out = Outcome()
+    for number in range(-1, scenes):  # the first one is thrown away: it checks and maps the tables
+        rng = np.random.default_rng((seed, number + 1))
+        row = int(rng.integers(len(catalogue)))
+        part = catalogue[row]
+        points = scene(part, kind, rng)
+        start, begun = time.perf_counter(), time.process_time()
+        answer = identify_points(points, FreeRays.none(), catalogue, top=10_000)
+        if number < 0:
+            continue
+        out.seconds.append(time.perf_counter() - start)
+        out.cpu.append(time.process_time() - begun)
+        shares: dict[str, float] = {}
+        for h in answer.hypotheses:
+            shares[h.part] = shares.get(h.part, 0.0) + h.probability
+        best = max(shares, key=lambda name: shares[name], default="")
+        out.right += best == part.name and answer.status == "recognized"
+        out.among += part.name in shares and answer.status != "recognized"
+        wrong = best != part.name and answer.status == "recognized"
+        out.wrong += wrong
+        out.undecided += part.name not in shares and not wrong
+        out.kept += part.name in shares or answer.unknown_probability > 1 - SURE
+        if say:
+            laps = {name: round(value, 2) for name, value in answer.elapsed.items()}
+            own = f"{shares.get(best, 0):.3f} own {shares.get(part.name, 0):.3g}"
+            print(
+                number,
+                part.name,
+                answer.status,
+                best,
+                own,
+                f"unknown {answer.unknown_probability:.3g}",
+                laps,
+                flush=True,
+            )
+    return out
+
+
+def row_of(size: int, kind: str, out: Outcome) -> tuple[str, ...]:
+    """A row of the table."""
+    n = len(out.cpu)
+    return (
+        f"{size:,}", KINDS[kind], str(n), f"{np.median(out.cpu):.2f}", f"{np.quantile(out.cpu, 0.9):.2f}",
+        f"{100 * out.kept / n:.1f} %", f"{100 * out.right / n:.0f} %", f"{100 * out.among / n:.0f} %",
+        f"{100 * out.undecided / n:.1f} %", f"{100 * out.wrong / n:.1f} %",
+    )  # fmt: skip
+
+
+COLUMNS = (
+    "parts", "sensed", "scenes", "CPU s, median", "90 %", "true part kept", "right", "among several", "left open",
+    "wrong and sure",
+)  # fmt: skip
+
+
+def main() -> None:
+    """Measure one catalogue, and print a table."""
+    start = time.perf_counter()
+    catalogue = tanteo.open_catalogue(sys.argv[1])
+    opened = time.perf_counter() - start
+    scenes, kinds = int(sys.argv[2]) if len(sys.argv) > 2 else 20, sys.argv[3:] or list(KINDS)
+    say = scenes < 0
+    rows = [row_of(len(catalogue), kind, run(catalogue, kind, abs(scenes), say=say)) for kind in kinds]
+    print(Table("Catalogue", f"Opened in {1e3 * opened:.1f} ms.", COLUMNS, rows).markdown())
+    print(f"\nResident memory at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB.")
+
+
+if __name__ == "__main__":
+    main()

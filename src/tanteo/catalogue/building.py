@@ -1,0 +1,256 @@
+"""Build a catalogue, or bring one up to date: what has not changed is not read again.
+
+The old one is there until the new one is.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from tanteo.catalogue.cache import cache_key
+from tanteo.catalogue.opened import Catalogue, open_catalogue
+from tanteo.catalogue.plan import NO_KEY, Plan, by_source, named
+from tanteo.catalogue.pool import read_in_processes
+from tanteo.catalogue.reading import Failure, read_inline, requested
+from tanteo.catalogue.record import Record
+from tanteo.catalogue.segment import MOST, SegmentWriter
+from tanteo.catalogue.store import LOCK, MANIFEST, is_catalogue, sweep, write_manifest, writer
+from tanteo.catalogue.worker import attempt, read_record
+from tanteo.errors import InputError, PartError
+
+Paths: TypeAlias = Iterable[str | os.PathLike[str]] | str | os.PathLike[str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Built:
+    """What came of building a catalogue.
+
+    Attributes:
+        parts: in it now.
+        read: files that were read anew.
+        kept: parts that were there already, of files that have not changed.
+        dropped: parts that are no longer in it.
+        failures: files that could not be read.
+    """
+
+    parts: int
+    read: int
+    kept: int
+    dropped: int
+    failures: tuple[Failure, ...]
+
+
+def build_catalogue(
+    paths: Paths,
+    out: str | os.PathLike[str],
+    *,
+    unit: str | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Built:
+    """Make a catalogue of CAD files, or bring one up to date with them: parts of other files are no longer in it.
+
+    Args:
+        paths: files, and folders whose readable files are taken (subfolders are not).
+        out: folder of the catalogue; a new one, or one that has a catalogue.
+        unit: of files that carry none (STL, OBJ, PLY, OFF).
+        workers: processes to read with; as many as processors where left out; 0 reads everything in this process.
+        progress: called with (files done, files in all) after each file.
+
+    Raises:
+        InputError: another process writes to it, it is a folder with other things in it, there is no room on the disk.
+        PartError: no file can be read.
+        UnitError: as of :func:`tanteo.read_parts`.
+
+    Example:
+        >>> from tanteo.catalogue import build_catalogue
+        >>> built = build_catalogue("parts/", "catalogue")
+        >>> built.parts, built.read, build_catalogue("parts/", "catalogue").read
+        (12, 12, 0)
+    """
+    return _written(paths, Path(out), unit, workers, progress, adding=False)
+
+
+def add_to_catalogue(
+    paths: Paths,
+    out: str | os.PathLike[str],
+    *,
+    unit: str | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Built:
+    """Add the parts of CAD files to a catalogue; a file that is in it and has changed takes its old part's place.
+
+    Args:
+        paths: as of :func:`build_catalogue`, like all that follow.
+        out: folder of a catalogue.
+        unit: of files that carry none.
+        workers: processes to read with.
+        progress: called after each file.
+
+    Raises:
+        InputError: there is no catalogue, or as :func:`build_catalogue`.
+
+    Example:
+        >>> from tanteo.catalogue import add_to_catalogue, build_catalogue
+        >>> built = build_catalogue("parts/block.step", "catalogue")
+        >>> add_to_catalogue("parts/wedge.step", "catalogue").parts
+        2
+    """
+    open_catalogue(out)
+    return _written(paths, Path(out), unit, workers, progress, adding=True)
+
+
+def _written(
+    paths: Paths,
+    folder: Path,
+    unit: str | None,
+    workers: int | None,
+    progress: Callable[[int, int], None] | None,
+    *,
+    adding: bool,
+) -> Built:
+    _check_place(folder)
+    with writer(folder), _room(folder):
+        old = _old(folder, adding=adding)
+        taken = old.names if adding and old is not None else ()
+        known = by_source(old) if adding and old is not None else {}
+        _, requests, failures = requested(paths, unit, () if adding else taken)
+        # the same file is meant wherever the next writer is started
+        requests = [replace(one, path=os.path.abspath(one.path)) for one in named(requests, known, set(taken))]
+        keys = [cache_key(Path(one.path), one.unit) or NO_KEY for one in requests]
+        plan = Plan(old, requests, keys, adding=adding)
+        said = [os.path.abspath(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
+        kept = old.manifest["segments"] if old is not None else []
+        output = _Output(folder)
+        try:
+            lost = _read(plan, output, workers, progress)
+            failures += lost
+            new = output.closed()
+            count = plan.in_place + sum(segment["parts"] for segment in new)
+            if not count:
+                raise PartError(_nothing(folder, failures))
+            dropped = (len(old) if old is not None else 0) - plan.kept
+            if new or dropped or old is None:
+                everywhere = dict.fromkeys([*(old.paths if adding and old is not None else ()), *said])
+                kept = [segment.known for segment in plan.whole] + new
+                write_manifest(folder, kept, paths=list(everywhere))
+        finally:
+            output.drop()
+            sweep(folder, kept)
+    return Built(count, len(plan.todo) - len(lost), plan.kept, max(dropped, 0), tuple(failures))
+
+
+class _Output:
+    """Segments that are being written, one after the other."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._now: SegmentWriter | None = None
+        self._done: list[dict[str, Any]] = []
+
+    def add(self, record: Record, key: str) -> None:
+        """One more part."""
+        if self._now is None:
+            self._now = SegmentWriter(self._folder)
+        self._now.add(record, key)
+        if len(self._now) == MOST:
+            self._end()
+
+    def closed(self) -> list[dict[str, Any]]:
+        """All of them, on the disk."""
+        self._end()
+        return self._done
+
+    def drop(self) -> None:
+        """Write no more of what is not on the disk."""
+        if self._now is not None:
+            self._now.drop()
+
+    def _end(self) -> None:
+        if self._now is not None:
+            self._done.append(self._now.close())
+            self._now = None
+
+
+def _read(
+    plan: Plan, output: _Output, workers: int | None, progress: Callable[[int, int], None] | None
+) -> list[Failure]:
+    """Write what is copied and what is read, in the order of the requests; the files that could not be read."""
+    for (segment, row), request in plan.copied:
+        record = segment.record(row)
+        if request is not None:
+            record = replace(record, name=request.name, source=request.path)
+        output.add(record, segment.key(row))
+    todo, waiting, failures = dict(plan.todo), dict[int, Record | str](), list[Failure]()
+    order, done = iter(sorted(todo)), len(plan.requests) - len(todo)
+    following = next(order, None)
+
+    def settle(index: int, result: Record | str) -> None:
+        nonlocal following, done
+        waiting[index], done = result, done + 1
+        while following in waiting:
+            found = waiting.pop(following)
+            if isinstance(found, str):
+                failures.append(Failure(plan.requests[following].path, found))
+            else:
+                output.add(found, plan.keys[following])
+            following = next(order, None)
+        if progress is not None:
+            progress(done, len(plan.requests))
+
+    for index in sorted(read_inline(todo, workers)):
+        one = todo.pop(index)
+        settle(index, attempt(partial(read_record, one.key), one.path, one.unit, one.name))
+    if todo:
+        read_in_processes(todo, settle, workers=min(len(todo), workers or os.cpu_count() or 1))
+    return failures
+
+
+def _old(folder: Path, *, adding: bool) -> Catalogue | None:
+    """The catalogue that is there; None where it cannot be used and is built anew."""
+    if not is_catalogue(folder):
+        return None
+    try:
+        return open_catalogue(folder)
+    except InputError:
+        if adding:
+            raise
+        return None
+
+
+def _check_place(folder: Path) -> None:
+    """Refuse a folder that holds something else: a catalogue has one of its own."""
+    if not folder.is_dir() or is_catalogue(folder):
+        return
+    own = {MANIFEST, LOCK}
+    others = [
+        one.name for one in folder.iterdir() if one.name not in own and not one.name.startswith(("segment-", "."))
+    ]
+    if others:
+        raise InputError(
+            f"{folder}: expected a catalogue or an empty folder to make one in, got '{sorted(others)[0]}' in it. "
+            "Choose another folder."
+        )
+
+
+def _nothing(folder: Path, failures: list[Failure]) -> str:
+    if len(failures) == 1:
+        return failures[0].reason
+    return f"{folder}: expected at least one part that can be read, got none of {len(failures)}. Look at their files."
+
+
+@contextmanager
+def _room(folder: Path) -> Iterator[None]:
+    """What the system refuses becomes advice; the old catalogue is as it was."""
+    try:
+        yield
+    except OSError as error:
+        why = error.strerror or error
+        raise InputError(f"{folder}: expected room to write a catalogue, got: {why}. Nothing was changed.") from None

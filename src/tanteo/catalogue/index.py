@@ -1,0 +1,49 @@
+"""What is sorted over all parts of a segment: distances and angles of faces, and which parts are like which."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from tanteo.typing import FloatArray, Indices
+
+LIKE = 0.06
+"""Boxes, centroids and sizes that differ by less than this share of the diagonal are of one kind of part."""
+
+
+def index_of(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Sorted columns ``<name>_key`` with the rows of their parts ``<name>_row``, and ``kind``: the first part alike."""
+    out = {}
+    for name in ("same", "opposite", "angles"):
+        rows = np.repeat(np.arange(len(arrays["numbers"]), dtype=np.int32), np.diff(arrays[f"{name}_start"]))
+        order = np.argsort(arrays[name], kind="stable")
+        out[f"{name}_key"], out[f"{name}_row"] = arrays[name][order], rows[order]
+    out["kind"] = kinds(arrays["numbers"])
+    return out
+
+
+def kinds(numbers: FloatArray) -> Indices:
+    """Row of the first part that each is like ``(n,)``: their poses are worth trying on it.
+
+    Parts of one kind have nearly the same box and centroid in their own frames, and nearly the same area and volume.
+    """
+    area, volume, centroid, box = numbers[:, 0], numbers[:, 1], numbers[:, 5:8], numbers[:, 8:14]
+    size = np.linalg.norm(box[:, 3:] - box[:, :3], axis=1)
+    sizes = np.column_stack([np.sqrt(area / 6), np.cbrt(volume)])
+    rows = np.column_stack([box, centroid, sizes])
+    order, out, heads = np.argsort(size, kind="stable"), np.full(len(numbers), -1, dtype=np.int32), list[int]()
+    for k in order:
+        known = np.array(heads[-_HEADS:], dtype=np.int64)
+        off = np.abs(rows[known] - rows[k]).max(axis=1, initial=0.0) if len(known) else np.zeros(0)
+        near = np.flatnonzero(off < LIKE * size[k]) if len(known) else known
+        if len(near):
+            out[k] = known[near[np.argmin(off[near])]]
+        else:
+            out[k] = k
+            heads.append(int(k))
+    return out
+
+
+_HEADS = 1000
+"""First parts, those nearest in size, that a part is compared with."""

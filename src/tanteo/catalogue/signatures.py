@@ -1,0 +1,175 @@
+"""What is asked of every part of a catalogue before any is opened: sizes, faces, distances of faces, a coarse field.
+
+All of it is a function of the part alone, in its own frame, in metres, and small: three kilobytes a part.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.parts import Face, Part
+from tanteo.shapes import ClosestPoints, Surface, as_signed
+from tanteo.typing import FloatArray, Vectors
+
+FACES = 64
+"""Largest planar faces that are compared; what else a part's surface is made of is its unseen share."""
+
+PLACES = 64
+"""Places of the surface, far from each other, on which far points may be."""
+
+NODES, BEYOND = 14, 2
+"""Cells of the coarse field along the longest side, and beyond the part on each side."""
+
+LEVELS = 24
+"""Steps of the coarse field in the length of a cell; what is farther than 127 of them is as far as that."""
+
+PARALLEL = 1e-3
+"""Faces that are turned by less than this are compared by their distance, others by their angle [rad]."""
+
+_APART = 1e-3
+"""Angles of a part that differ by less are kept once [rad]."""
+
+_DIRECTIONS = 256
+
+
+@cache
+def directions() -> Vectors:
+    """Directions over half of the sphere, evenly (a spiral) ``(256, 3)``."""
+    k = np.arange(_DIRECTIONS) + 0.5
+    z, turn = k / _DIRECTIONS, np.pi * (1 + np.sqrt(5)) * k
+    return np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
+
+
+def widths(points: Vectors) -> FloatArray:
+    """Diameter and mean width of points ``(2,)`` [m]: no less than those of any points within their convex hull."""
+    span = np.ptp(points @ directions().T, axis=0)
+    return np.array([diameter(points), span.mean()])
+
+
+def diameter(points: Vectors) -> float:
+    """Largest distance between two points [m]; of very many points an upper bound."""
+    if len(points) > 2000:
+        along = np.ptp(points @ directions().T, axis=0).max()
+        return float(along / np.cos(2.5 / np.sqrt(_DIRECTIONS)))
+    squares = np.sum(points**2, axis=1)
+    gaps = squares[:, None] + squares - 2 * points @ points.T
+    return float(np.sqrt(max(gaps.max(), 0.0)))
+
+
+def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
+    """The rows of a part by the name of their column.
+
+    Args:
+        part: the part.
+        shape: compiled of it.
+
+    Returns:
+        ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
+        whether it is continuous, unseen share. Arrays of any length: ``planes`` (normal, centroid, reach), ``rounds``
+        (cylinders), ``same`` and ``opposite`` (distances of parallel faces), ``angles`` (of others), ``places`` (of the
+        surface, with normals), ``field``; and ``grid`` (origin, step, shape).
+    """
+    planes = _planes(part)
+    grid, field = _field(part, shape)
+    symmetry = part.symmetry
+    numbers = np.r_[
+        part.area, part.volume, part.radius, widths(part.vertices), part.centroid, part.box.ravel(), symmetry.order,
+        symmetry.continuous, _unseen_share(part),
+    ]  # fmt: skip
+    same, opposite, angles = pairs_of(planes)
+    return {
+        "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "same": same,
+        "opposite": opposite, "angles": angles, "places": _places(shape), "grid": grid, "field": field,
+    }  # fmt: skip
+
+
+def _unseen_share(part: Part) -> float:
+    """Share of a part's area that is of no face that is compared: free forms, cones, balls, the smallest planes."""
+    seen = np.sort(part.planes.areas)[::-1][:FACES].sum()
+    seen += sum(face.area for _, face in _cylinders(part))
+    return float(np.clip(1 - seen / part.area, 0.0, 1.0))
+
+
+def _cylinders(part: Part) -> list[tuple[int, Face]]:
+    """The largest cylinders, with their numbers."""
+    known = [
+        (k, face)
+        for k, face in enumerate(part.faces)
+        if face.surface == "cylinder" and face.axis_point is not None and face.radius and face.convex is not None
+    ]
+    return sorted(known, key=lambda one: -one[1].area)[:FACES]
+
+
+def rounds_of(part: Part) -> np.ndarray:
+    """Of the largest cylinders ``(K, 9)``: middle and direction of the axis, radius, half length [m], 1 for a boss."""
+    rows = []
+    for k, face in _cylinders(part):
+        assert face.axis_point is not None
+        assert face.axis_direction is not None
+        along = (part.vertices[part.triangles[part.triangle_face == k]] - face.axis_point) @ face.axis_direction
+        middle = face.axis_point + 0.5 * (along.min() + along.max()) * face.axis_direction
+        half, sign = 0.5 * np.ptp(along), 1.0 if face.convex else -1.0
+        rows.append(np.r_[middle, face.axis_direction, face.radius, half, sign])
+    return np.array(rows, dtype=np.float32).reshape(-1, 9)
+
+
+def _planes(part: Part) -> FloatArray:
+    """Of the largest planar faces ``(M, 7)``: normal, centroid, how far it reaches from there [m]."""
+    planes = part.planes
+    if not len(planes):
+        return np.zeros((0, 7))
+    rows = np.argsort(-planes.areas, kind="stable")[:FACES]
+    of = np.repeat(np.arange(len(planes)), np.diff(planes.boundary_start))
+    away = np.linalg.norm(planes.boundary - planes.centroids[of], axis=1)
+    reach = np.maximum.reduceat(away, planes.boundary_start[:-1])
+    return np.column_stack([planes.normals, planes.centroids, reach])[rows]
+
+
+def pairs_of(planes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Distances of parallel faces that look the same way, and opposite ways, and the angles of all others.
+
+    The distance of two that look the same way has no sign; that of opposite ones is negative with material between.
+    """
+    i, j = np.triu_indices(len(planes), 1)
+    n, c = planes[:, :3], planes[:, 3:6]
+    angles = np.arctan2(np.linalg.norm(np.cross(n[i], n[j]), axis=1), np.sum(n[i] * n[j], axis=1))
+    along = n[i] + np.sign(np.cos(angles))[:, None] * n[j]
+    along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
+    heights = np.sum(along * (c[j] - c[i]), axis=1)
+    same, opposite = angles < PARALLEL, angles > np.pi - PARALLEL
+    between = np.unique(np.round(angles[~same & ~opposite] / _APART)) * _APART
+    # the height of the second over the first, out of it: positive where both look at each other over a gap
+    rows = np.abs(heights[same]), heights[opposite], between
+    return tuple(np.asarray(row, dtype=np.float32) for row in rows)  # type: ignore[return-value]
+
+
+def _places(shape: _core.Shape) -> np.ndarray:
+    """Places far from each other ``(64, 6)``, the farthest first, with normals."""
+    p, n = shape.samples, shape.normals
+    chosen = [int(np.argmax(np.sum((p - p.mean(axis=0)) ** 2, axis=1)))]
+    nearest = np.sum((p - p[chosen[0]]) ** 2, axis=1)
+    while len(chosen) < PLACES:
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, np.sum((p - p[chosen[-1]]) ** 2, axis=1))
+    return np.column_stack([p, n])[chosen].astype(np.float32)
+
+
+def _field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distances to the surface at the nodes of a grid about the part, and where they are."""
+    size = np.ptp(part.box, axis=0)
+    step = float(size.max()) / NODES
+    counts = np.maximum(np.ceil(size / step).astype(int), 1) + 1 + 2 * BEYOND
+    origin = part.box.mean(axis=0) - 0.5 * step * (counts - 1)
+    axes = [origin[k] + step * np.arange(counts[k]) for k in range(3)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    distances, places, triangles = _core.closest_points(shape, np.ascontiguousarray(nodes))
+    if part.closed:
+        distances, _ = as_signed(
+            Surface(part.vertices, part.triangles), nodes, ClosestPoints(distances, places, triangles.astype(np.int64))
+        )
+    levels = np.rint(distances / step * LEVELS).clip(-127, 127).astype(np.int8)
+    return np.r_[origin, step, counts].astype(np.float32), levels

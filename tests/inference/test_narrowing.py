@@ -1,0 +1,203 @@
+"""Which of many parts are searched: what was sensed of a part never leaves it out, and what is left out counts."""
+
+import numpy as np
+import pytest
+
+from random_parts import write_off
+from tanteo import _core
+from tanteo.answers import sized
+from tanteo.catalogue import build_catalogue, open_catalogue
+from tanteo.inference import Problem, candidates, identify_points, narrowing, plane_votes, search
+from tanteo.lie import SE3
+from tanteo.measurements import ContactPoints, FreeRays
+
+SD, TILT = 1e-4, 0.02
+FAMILIES, MEMBERS = 8, 10
+
+
+def angle_part(a, b, width, depth, t, s):
+    """An angle: an L of two legs of different thickness, and its depth [mm]."""
+    outline = np.array([(0, 0), (a, 0), (a, t), (s, t), (s, b), (0, b)], dtype=float)
+    n = len(outline)
+    vertices = np.concatenate([np.c_[outline, np.zeros(n)], np.c_[outline + np.array([width, 0]), np.full(n, depth)]])
+    cap = [(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)]
+    sides = [t for k in range(n) for t in ((k, (k + 1) % n, n + (k + 1) % n), (k, n + (k + 1) % n, n + k))]
+    return vertices, [*((i, k, j) for i, j, k in cap), *((n + i, n + j, n + k) for i, j, k in cap), *sides]
+
+
+@pytest.fixture(scope="module")
+def catalogue(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("angles")
+    rng = np.random.default_rng(7)
+    for family in range(FAMILIES):
+        first = np.array([80, 60, 10, 40, 14, 18]) * rng.uniform(0.8, 1.25, 6)
+        for member in range(MEMBERS):
+            own = first.copy()
+            own[member % 6] += 2.0 * (member // 6 + 1) * (member > 0)
+            write_off(folder / f"angle_{family}{member}.off", *angle_part(*own))
+    out = tmp_path_factory.mktemp("catalogue")
+    build_catalogue(folder, out, unit="mm", workers=0)
+    return open_catalogue(out)
+
+
+def sensed(part, kind, rng):
+    """Labelled points of all faces, points with normals, or points alone, at a random pose."""
+    corners = part.vertices[part.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(across, axis=1)
+    if kind == "labelled":
+        faces = rng.choice(len(part.faces), size=6, replace=False)
+        rows = np.concatenate(
+            [
+                rng.choice(
+                    len(areas), size=4, p=areas * (part.triangle_face == f) / areas[part.triangle_face == f].sum()
+                )
+                for f in faces
+            ]
+        )
+        labels = tuple(f"face {f}" for f in faces for _ in range(4))
+    else:
+        rows, labels = rng.choice(len(areas), size=10 if kind == "normals" else 30, p=areas / areas.sum()), ()
+    u, v = np.sort(rng.uniform(size=(2, len(rows), 1)), axis=0)
+    a, b, c = corners[rows].transpose(1, 0, 2)
+    T = SE3.exp(np.r_[rng.uniform(-0.3, 0.3, 3), rng.normal(size=3)])
+    p = SE3.apply(T, u * a + (v - u) * b + (1 - v) * c)
+    n = (across / areas[:, None])[rows] @ T[:3, :3].T
+    tilted = n + TILT * rng.normal(size=n.shape)
+    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+    m, oriented = len(p), kind == "normals"
+    return ContactPoints(
+        ids=tuple(map(str, range(m))), points=p + SD * rng.normal(size=p.shape),
+        covs=np.tile(SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m), directions=np.zeros((m, 3)),
+        normals=tilted if oriented else np.zeros((m, 3)),
+        normal_sds=np.full(m, TILT if oriented else np.pi), reach=np.zeros(m), shared_jacobian=np.zeros((m, 3, 0)),
+        sd=np.full(m, SD), labels=labels, kinds=("plane",) * m if labels else (),
+        sides=n if labels else np.zeros((m, 3)),
+    )  # fmt: skip
+
+
+def question(points, every):
+    return Problem(points, FreeRays.none(), sized(None, float(every.radii.max())))
+
+
+@pytest.mark.parametrize("kind", ["labelled", "normals", "points"])
+def test_the_part_that_was_sensed_is_searched(catalogue, kind):
+    every = candidates.Candidates(catalogue)
+    for k in range(12):
+        row = (7 * k) % len(catalogue)
+        chosen = narrowing.narrowed(question(sensed(catalogue[row], kind, np.random.default_rng(k)), every), every)
+        assert row in chosen.rows, k
+        if chosen.certain and kind == "labelled":
+            assert len(chosen.rows) < len(catalogue) / 2
+            assert chosen.left_out < 0
+
+
+def test_a_catalogue_and_a_list_of_its_parts_are_answered_alike(catalogue):
+    points = sensed(catalogue[33], "points", np.random.default_rng(1))
+    stored = identify_points(points, FreeRays.none(), catalogue)
+    listed = identify_points(points, FreeRays.none(), list(catalogue))
+    assert stored.hypotheses[0].part == listed.hypotheses[0].part == catalogue[33].name
+    assert stored.hypotheses[0].probability == pytest.approx(listed.hypotheses[0].probability, abs=0.02)
+
+
+def test_a_labelled_outlier_does_not_leave_its_part_out(catalogue):
+    every = candidates.Candidates(catalogue)
+    points = sensed(catalogue[20], "labelled", np.random.default_rng(5))
+    moved = points.points.copy()
+    moved[:4] += 0.02
+    off = ContactPoints(**{
+        name: moved if name == "points" else getattr(points, name)
+        for name in ContactPoints.__dataclass_fields__
+        if ContactPoints.__dataclass_fields__[name].init
+    })  # fmt: skip
+    assert 20 in narrowing.narrowed(question(off, every), every).rows
+
+
+def test_few_parts_are_all_searched(catalogue):
+    few = candidates.Candidates(list(catalogue[:10]))
+    chosen = narrowing.narrowed(question(sensed(catalogue[3], "labelled", np.random.default_rng(2)), few), few)
+    assert sorted(chosen.rows) == list(range(10))
+    assert chosen.left_out == -np.inf
+
+
+def test_votes_of_the_own_faces_of_a_part_cost_nothing(catalogue):
+    every = candidates.Candidates(catalogue)
+    for k in range(8):
+        points = sensed(catalogue[5 * k], "labelled", np.random.default_rng(k))
+        planes = plane_votes.sensed_planes(question(points, every), points)
+        ((_, table),) = every.tables
+        assert plane_votes.votes(planes, table)[5 * k] == 0
+
+
+def test_what_is_left_out_is_as_probable_as_it_may_be():
+    assert search.LeftOut().log_evidence(10.0, 5.0) == -np.inf
+    assert search.LeftOut(100, -3.0).log_evidence(10.0, 5.0) == 7.0
+    assert search.LeftOut(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
+
+
+def test_sizes_of_a_catalogue_are_those_of_its_parts(catalogue):
+    assert candidates.sizes_of(catalogue) == pytest.approx(tuple(part.diagonal for part in catalogue))
+
+
+def test_planes_at_their_own_pose_cost_next_to_nothing(catalogue):
+    ((_, table),) = candidates.Candidates(catalogue).tables
+    part, T = catalogue[0], SE3.exp(np.array([0.1, -0.2, 0.3, 0.5, 1.0, -0.7]))
+    planes = part.planes
+    rows = np.column_stack([
+        planes.normals @ T[:3, :3].T, SE3.apply(T, planes.centroids), np.full(len(planes), SD),
+        np.full(len(planes), 1e-3), np.zeros(len(planes)), np.full(len(planes), 10.0), np.ones(len(planes)),
+        np.zeros(len(planes)),
+    ])  # fmt: skip
+    normals = rows[:, :3]
+    triple = max(
+        ((i, j, k) for i in range(len(rows)) for j in range(i) for k in range(j)),
+        key=lambda t: abs(np.linalg.det(normals[list(t)])),
+    )
+    costs, Ts = on_planes(table, rows, triple)
+    assert costs[0, 0] < 0.1
+    np.testing.assert_allclose(Ts[0, 0], T, atol=1e-5)
+    assert np.all(costs[MEMBERS:, 0] > 5)
+
+
+def on_planes(table, felt, triple, **changed):
+    given = {
+        "planes": table["planes"].ravel(), "starts": table["planes_start"], "rounds": table["rounds"].ravel(),
+        "rounds_start": table["rounds_start"], "unseen": np.ascontiguousarray(table["numbers"][:, 16]),
+        "rows": np.arange(len(table["numbers"]), dtype=np.int32), "sensed": felt,
+        "triples": np.array(triple, dtype=np.int32), "limit": 60.0, "behind": 60.0, "keep": 3,
+    }  # fmt: skip
+    return _core.on_planes(**{**given, **changed})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("planes", np.zeros(5, dtype=np.float32), "seven numbers"),
+        ("rounds", np.zeros(5, dtype=np.float32), "nine numbers"),
+        ("starts", np.array([0, 10**6], dtype=np.int64), "expected"),
+        ("rows", np.array([10**6], dtype=np.int32), "rows"),
+        ("triples", np.array([0, 1, 99], dtype=np.int32), "triples"),
+        ("sensed", np.full((3, 12), np.nan), "finite"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(catalogue, name, value, says):
+    ((_, table),) = candidates.Candidates(catalogue).tables
+    with pytest.raises(ValueError, match=says):
+        on_planes(table, np.ones((3, 12)), (0, 1, 2), **{name: value})
+
+
+def test_points_near_a_pose_find_it_in_the_coarse_field(catalogue):
+    ((_, table),) = candidates.Candidates(catalogue).tables
+    part = catalogue[0]
+    points = sensed(part, "points", np.random.default_rng(3))
+    numbers, n = table["numbers"], len(points)
+    given = (
+        table["places"].reshape(-1, 6), table["places_start"], table["field"], table["field_start"], table["grid"],
+        np.sqrt(numbers[:, 0] / 64), np.ascontiguousarray(numbers[:, 5:8]), 24.0, np.arange(80, dtype=np.int32),
+        points.points, np.zeros((n, 3)), points.sd, np.ones(n), np.zeros(n), np.array([0, 1, 2, 3], dtype=np.int32),
+    )  # fmt: skip
+    found, _ = _core.coarse(*given, np.zeros((0, 4, 4)), 8.0, 300, 4)
+    assert found.shape == (80, 4)
+    assert found[0, 0] < np.median(found[:, 0])
+    with pytest.raises(ValueError, match="grid"):
+        _core.coarse(*given[:4], np.zeros((80, 7), dtype=np.float32), *given[5:], np.zeros((0, 4, 4)), 8.0, 300, 4)
