@@ -31,6 +31,9 @@ _SEARCHED, _AT_LEAST, _REST = 1200, 200, 5e-3
 """Parts that are looked at in full, at most, and after a coarse look at least; fewer where all others together are less
 probable than this share of the best, by what a stage can tell."""
 
+_SURELY = 40.0
+"""Nats behind the best, votes among them, at which no part is looked at."""
+
 _PLANES_TELL, _LOOK_TELLS = 1.33, 0.5
 """Nats of log evidence for each nat of planes, where the noise is taken as larger than it is stated and an outlier as
 cheaper; and of a coarse look, which is as uncertain as its field."""
@@ -112,7 +115,7 @@ def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], *, ce
     tells, out, least = (_PLANES_TELL, BEHIND_PLANES, 1) if certain else (_LOOK_TELLS, BEHIND, _AT_LEAST)
     rest = np.cumsum(np.exp(-tells * behind)[::-1])[::-1]  # of each and all behind it
     count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)), _SEARCHED)
-    count = min(max(count, least), len(rows))
+    count = min(max(count, min(least, int(np.searchsorted(behind, _SURELY))), 1), len(rows))
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
     own = {int(row): hints[int(row)] for row in kept if int(row) in hints}
     return Narrowed(kept, own, behind[:count], left, rows[order[count:]], certain)
