@@ -4,6 +4,7 @@ Wraps libigl (double precision) and Embree (single precision, hits refined in do
 frame of the mesh and in metres; points carry leading batch axes.
 """
 
+from tanteo.shapes.ball import ball_contact
 from tanteo.shapes.borders import Borders, borders
 from tanteo.shapes.field import DistanceField, distance_field, signed_distance
 from tanteo.shapes.junctions import SHARP, Junctions
@@ -22,6 +23,7 @@ __all__ = [
     "RayHits",
     "Revolved",
     "Surface",
+    "ball_contact",
     "borders",
     "distance_field",
     "near_planes",
