@@ -1,8 +1,8 @@
 """Machines that move a probe for a session: drivers behind one wrapper that keeps their limits, and fakes to try them on.
 
-``open_machine`` takes an address, :class:`SafeMachine` the driver that it gives, ``probe_part`` both and a session::
+``opened`` takes an address, :class:`SafeMachine` the driver that it gives, ``probe_part`` both and a session::
 
-    with opened("fake:grbl", scene) as machine:
+    with opened(parse_machine("fake:grbl"), world, start) as machine:
         done = probe_part(session, SafeMachine(machine, MachineLimits()), "run.json")
 """
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
+    from tanteo.machines.address import KINDS, Address, opened, parse_machine, turns_of
     from tanteo.machines.direct import DirectMachine
     from tanteo.machines.faults import Faults
     from tanteo.machines.grbl import GrblMachine
@@ -31,9 +32,11 @@ if TYPE_CHECKING:
     )
     from tanteo.machines.run import Probed, Turn, probe_part
     from tanteo.machines.safe import MachineLimits, SafeMachine
+    from tanteo.machines.ways import Ways
     from tanteo.machines.world import World
 
 _NAMES = {
+    "address": "KINDS Address opened parse_machine turns_of",
     "direct": "DirectMachine",
     "faults": "Faults",
     "grbl": "GrblMachine",
@@ -44,11 +47,12 @@ _NAMES = {
     "StoppedError",
     "run": "Probed Turn probe_part",
     "safe": "MachineLimits SafeMachine",
+    "ways": "Ways",
     "world": "World",
 }
 __all__ = [  # noqa: F822
-    "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal", "LateError", "Link",
+    "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal", "LateError", "Link",
     "LinkLostError", "Machine", "MachineError", "MachineLimits", "MachineStatus", "Probed", "RefusedError",
-    "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "World", "probe_part", "reading_of",
+    "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "Ways", "World", "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
 ]  # fmt: skip
 __getattr__, __dir__ = lazy(__name__, _NAMES)

@@ -76,7 +76,8 @@ class GrblMachine:
         self._held_at, self._reset_sent, self._closed = 0.0, False, False
         self._busy, self._ready = threading.Lock(), False
         self.facts = Facts("GRBL", "grbl")
-        threading.Thread(target=self._listen, daemon=True, name="grbl").start()
+        self._listener = threading.Thread(target=self._listen, daemon=True, name="grbl")
+        self._listener.start()
         try:
             self._begin(seconds)
         except MachineError:
@@ -132,6 +133,7 @@ class GrblMachine:
             self.abort()
             time.sleep(2 * _PERIOD)
         self._closed = True
+        self._listener.join(0.5)  # it may be reading
         self._link.close()
 
     def _begin(self, seconds: float) -> None:
@@ -165,6 +167,7 @@ class GrblMachine:
     def _probe(self, goal: Vectors, speed: float, seconds: float) -> Vectors | None:
         """A probe cycle: where it met something ``(3,)`` [m]; None for nothing."""
         deadline = time.monotonic() + seconds
+        self._check()
         if np.linalg.norm(goal - place_of(self)) < _STILL:
             return None
         if self.status().tripped:

@@ -92,7 +92,7 @@ class SerialLink:
                 "serial ports: expected pyserial, got none. Install it: pip install 'tanteo[machines]'."
             ) from None
         self.name = port
-        self._errors: Any = (serial.SerialException, OSError)
+        self._errors: Any = (serial.SerialException, OSError, TypeError)  # TypeError: closed while it is read
         try:
             self._port: Any = serial.Serial(port, baud, timeout=0.05, write_timeout=2.0)
         except self._errors as error:
