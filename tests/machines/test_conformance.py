@@ -126,7 +126,7 @@ def test_an_old_status_is_not_told_as_fresh(name):
 
 
 @pytest.mark.parametrize("faults", [Faults(drop_before=2), Faults(drop_after=2)], ids=["before", "after"])
-@pytest.mark.parametrize("name", ["fake:grbl"])
+@pytest.mark.parametrize("name", ["fake:grbl", "fake:ur"])
 def test_a_lost_connection_is_said(name, faults):
     with driver(name, world(), faults=faults) as machine:
         machine.move(at(10, 5, 40), FAST, SECONDS)

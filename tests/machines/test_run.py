@@ -20,49 +20,46 @@ def block(parts):
     return parts["block"]
 
 
-@pytest.fixture(scope="module")
-def undisturbed(block):
-    """The answer, and how many motions it took."""
-    there = world_of(block)
-    with driver("fake:grbl", there, ABOVE) as machine:
-        one = session(block)
-        done = probe_part(one, SafeMachine(machine, LIMITS))
-    return done, one.answer(), one.count
+SHORT, WHOLE = 2, 12
+"""Readings of a session that the quick tests run, and of one that reaches its goal."""
 
 
-def test_a_session_ends_as_it_was_asked_to(block, undisturbed):
-    done, answer, _ = undisturbed
-    assert done.end.reached
-    assert answer.status == "recognized"
-    true = world_of(block).T_world_body
-    error = answer.hypotheses[0].T_world_part[:3, 3] - true[:3, 3]
-    assert np.linalg.norm(error) < 0.4e-3
-
-
-@pytest.mark.parametrize("name", [name for name in drivers() if name != "fake:grbl"])
-def test_every_driver_ends_at_the_same_pose(name, block, undisturbed):
-    one = session(block)
+def ended(block, most: int, name: str = "fake:grbl"):
+    """A session that nothing disturbs."""
+    one = session(block, most=most)
     with driver(name, world_of(block), ABOVE) as machine:
         done = probe_part(one, SafeMachine(machine, LIMITS))
+    return done, one
+
+
+def pose(one):
+    return one.answer().hypotheses[0].T_world_part
+
+
+@pytest.fixture(scope="module")
+def undisturbed(block):
+    """The pose after a short session."""
+    return pose(ended(block, SHORT)[1])
+
+
+def test_a_session_ends_as_it_was_asked_to(block):
+    done, one = ended(block, WHOLE)
     assert done.end.reached
-    best, other = one.answer().hypotheses[0], undisturbed[1].hypotheses[0]
-    apart = best.T_world_part[:3, 3] - other.T_world_part[:3, 3]
-    assert np.linalg.norm(apart) < 3 * (best.corner_sd + other.corner_sd)
+    assert one.answer().status == "recognized"
+    assert np.linalg.norm(pose(one)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
 
 
-def faults() -> list[tuple[str, Faults]]:
-    steps = (1, 4, 5, 6, 9)
-    return [
-        *((f"dropped before motion {k}", Faults(drop_before=k)) for k in steps),
-        *((f"dropped after motion {k}", Faults(drop_after=k)) for k in steps),
-        ("emergency stop", Faults(stop_at=7)),
-    ]
+@pytest.mark.slow
+@pytest.mark.parametrize("name", drivers())
+def test_every_driver_ends_at_the_same_pose(name, block):
+    done, one = ended(block, WHOLE, name)
+    assert done.end.reached
+    assert np.linalg.norm(pose(one)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
 
 
-@pytest.mark.parametrize("fault", [f for _, f in faults()], ids=[name for name, _ in faults()])
-def test_no_fault_loses_a_reading(fault, block, undisturbed, tmp_path):
-    record, there = tmp_path / "run.json", world_of(block)
-    one = session(block)
+def interrupted(block, fault: Faults, most: int, record) -> None:
+    """A session that a fault ends, taken up again: the same pose, and no reading made twice or lost."""
+    there, one = world_of(block), session(block, most=most)
     with driver("fake:grbl", there, ABOVE, fault) as machine:
         done = probe_part(one, SafeMachine(machine, LIMITS), record)
         place = machine.status().place
@@ -72,16 +69,31 @@ def test_no_fault_loses_a_reading(fault, block, undisturbed, tmp_path):
     resumed = read_record(record, [one.start.targets[0].part])
     assert resumed.count >= one.count
     with driver("fake:grbl", there, ABOVE) as machine:
-        assert probe_part(resumed, SafeMachine(machine, LIMITS), record).end.reached
-    answer = resumed.answer()
-    assert np.array_equal(answer.hypotheses[0].T_world_part, undisturbed[1].hypotheses[0].T_world_part)
-    assert resumed.count == undisturbed[2]
+        probe_part(resumed, SafeMachine(machine, LIMITS), record)
+    one, other = resumed, ended(block, most)[1]
+    assert np.array_equal(pose(one), pose(other))
+    assert one.count == other.count
+
+
+QUICK = [Faults(drop_before=4), Faults(drop_after=4), Faults(stop_at=5)]
+
+
+@pytest.mark.parametrize("fault", QUICK, ids=["dropped before a touch", "dropped after a touch", "emergency stop"])
+def test_no_fault_loses_a_reading(fault, block, tmp_path):
+    interrupted(block, fault, SHORT, tmp_path / "run.json")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step", range(1, 31))
+@pytest.mark.parametrize("kind", ["drop_before", "drop_after", "stop_at"])
+def test_no_fault_at_any_step_loses_a_reading(kind, step, block, tmp_path):
+    interrupted(block, Faults(**{kind: step}), WHOLE, tmp_path / "run.json")
 
 
 def test_power_lost_between_touch_and_record(block, undisturbed, tmp_path, monkeypatch):
     """The reading is in the journal, and no more: a run that is taken up tells it and does not touch again."""
     record, there = tmp_path / "run.json", world_of(block)
-    one = session(block)
+    one = session(block, most=SHORT)
 
     class PowerLost(BaseException):
         pass
@@ -100,9 +112,7 @@ def test_power_lost_between_touch_and_record(block, undisturbed, tmp_path, monke
     with driver("fake:grbl", there, ABOVE) as machine:
         done = probe_part(resumed, SafeMachine(machine, LIMITS), record)
     assert done.resumed == 1
-    assert np.array_equal(
-        resumed.answer().hypotheses[0].T_world_part, undisturbed[1].hypotheses[0].T_world_part
-    )
+    assert np.array_equal(pose(resumed), undisturbed)
     assert not Journal(record).rows()
 
 
@@ -129,6 +139,7 @@ def test_a_full_disk_stops_before_the_next_motion(block, tmp_path, monkeypatch):
     assert one.count == 0
 
 
+@pytest.mark.slow
 def test_a_ball_of_another_size_is_no_sure_answer(block):
     """Wrong tool: the ball is 0.5 mm smaller than said."""
     there = world_of(block)

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     )
     from tanteo.machines.run import Probed, Turn, probe_part
     from tanteo.machines.safe import MachineLimits, SafeMachine
+    from tanteo.machines.ur import UrMachine
+    from tanteo.machines.ur_fake import UrFake
     from tanteo.machines.ways import Ways
     from tanteo.machines.world import World
 
@@ -47,12 +49,14 @@ _NAMES = {
     "StoppedError",
     "run": "Probed Turn probe_part",
     "safe": "MachineLimits SafeMachine",
+    "ur": "UrMachine",
+    "ur_fake": "UrFake",
     "ways": "Ways",
     "world": "World",
 }
 __all__ = [  # noqa: F822
     "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal", "LateError", "Link",
     "LinkLostError", "Machine", "MachineError", "MachineLimits", "MachineStatus", "Probed", "RefusedError",
-    "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "Ways", "World", "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
+    "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake", "UrMachine", "Ways", "World", "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
 ]  # fmt: skip
 __getattr__, __dir__ = lazy(__name__, _NAMES)

@@ -12,7 +12,7 @@ from tanteo.errors import InputError, did_you_mean
 from tanteo.machines.direct import DirectMachine
 from tanteo.machines.faults import Faults
 from tanteo.machines.link import Link, SerialLink, TcpLink
-from tanteo.machines.protocol import Machine
+from tanteo.machines.protocol import LinkLostError, Machine
 from tanteo.machines.world import World
 from tanteo.typing import Vectors
 
@@ -26,14 +26,14 @@ class Address:
     Attributes:
         kind: a key of :data:`KINDS`.
         host: of a network address; empty for another.
-        port: of it; 0 for the usual one.
+        ports: of it; empty for the usual ones.
         path: a serial port, or a file.
         fake: a fake of this kind is started on loopback.
     """
 
     kind: str
     host: str = ""
-    port: int = 0
+    ports: tuple[int, ...] = ()
     path: str = ""
     fake: bool = False
 
@@ -43,14 +43,14 @@ class Kind:
     """A kind of machine.
 
     Attributes:
-        port: the usual one of TCP.
+        ports: the usual ones of TCP.
         turns: its tool looks along each reading; else it points down.
         serial: it may be on a serial port.
         open: the driver at an address.
         fake: the fake in a world, with the tip at a place: where it listens, and how it ends.
     """
 
-    port: int
+    ports: tuple[int, ...]
     turns: bool
     serial: bool
     open: Callable[[Address], Machine]
@@ -65,8 +65,8 @@ def parse_machine(text: str) -> Address:
 
     Example:
         >>> from tanteo.machines import parse_machine
-        >>> parse_machine("grbl://127.0.0.1:23").port
-        23
+        >>> parse_machine("grbl://127.0.0.1:23").ports
+        (23,)
     """
     kind, _, rest = text.partition(":")
     kind = kind.lower()
@@ -76,9 +76,10 @@ def parse_machine(text: str) -> Address:
         return Address(kind, path=rest)
     _known(kind, KINDS, text)
     if rest.startswith("//"):
-        found = re.fullmatch(r"(\[[0-9A-Fa-f:]+\]|[^:/\s]+)(?::(\d{1,5}))?/?", rest[2:])
-        if found and int(found[2] or 1) in range(1, 65536):
-            return Address(kind, host=found[1].strip("[]"), port=int(found[2] or 0))
+        found = re.fullmatch(r"(\[[0-9A-Fa-f:]+\]|[^:/\s]+)(?::(\d{1,5}(?:,\d{1,5})*))?/?", rest[2:])
+        ports = tuple(int(p) for p in found[2].split(",")) if found and found[2] else ()
+        if found and all(0 < p < 65536 for p in ports) and len(ports) in (0, len(KINDS[kind].ports)):
+            return Address(kind, host=found[1].strip("[]"), ports=ports)
     elif rest and KINDS[kind].serial:
         return Address(kind, path=rest)
     raise InputError(f"--machine: expected an address as {_EXAMPLES}, got '{text}'. Correct it.")
@@ -130,7 +131,7 @@ def opened(
         return
     fake = KINDS[address.kind].fake(world, start, faults or Faults(), hurry)
     try:
-        with opened(Address(address.kind, host="127.0.0.1", port=fake.port)) as machine:
+        with opened(Address(address.kind, host="127.0.0.1", ports=fake.ports)) as machine:
             yield machine
     finally:
         fake.close()
@@ -144,7 +145,7 @@ def _grbl(address: Address) -> Machine:
         port, _, baud = address.path.partition("@")
         link = SerialLink(port, int(baud) if baud.isdigit() else 115200)
     else:
-        link = TcpLink(address.host, address.port or KINDS["grbl"].port)
+        link = TcpLink(address.host, *(address.ports or KINDS["grbl"].ports))
     return GrblMachine(link)
 
 
@@ -154,5 +155,28 @@ def _grbl_fake(world: World, start: Vectors, faults: Faults, hurry: float) -> An
     return GrblFake(world, start, hurry=hurry, faults=faults)
 
 
-KINDS: dict[str, Kind] = {"grbl": Kind(23, turns=False, serial=True, open=_grbl, fake=_grbl_fake)}
+def _ur(address: Address) -> Machine:
+    from tanteo.machines.ur import PORTS, UrMachine
+
+    links = list[Link]()
+    try:
+        for port in address.ports or PORTS:
+            links.append(TcpLink(address.host, port))
+    except LinkLostError:
+        for link in links:
+            link.close()
+        raise
+    return UrMachine(*links)
+
+
+def _ur_fake(world: World, start: Vectors, faults: Faults, hurry: float) -> Any:
+    from tanteo.machines.ur_fake import UrFake
+
+    return UrFake(world, start, hurry=hurry, faults=faults)
+
+
+KINDS: dict[str, Kind] = {
+    "grbl": Kind((23,), turns=False, serial=True, open=_grbl, fake=_grbl_fake),
+    "ur": Kind((29999, 30002, 30004), turns=True, serial=False, open=_ur, fake=_ur_fake),
+}
 """Kinds of machines."""

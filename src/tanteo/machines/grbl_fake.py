@@ -34,6 +34,7 @@ class GrblFake:
     Attributes:
         tip: its ball.
         port: of loopback.
+        ports: the same, as of all fakes.
         offset: of ``G54`` ``(3,)`` [m].
         motions: how many it was told to make.
         heard: all lines that it was sent.
@@ -65,6 +66,7 @@ class GrblFake:
         self._silent = False
         self._server = Server(self._serve, port)
         self.port = self._server.port
+        self.ports = (self.port,)
 
     def close(self) -> None:
         """Switch it off."""
