@@ -106,7 +106,7 @@ class GrblFake:
         self._send, self._drop, self._lines = send, drop, queue.SimpleQueue()
         self._runs += 1
         self._silent = False
-        threading.Thread(target=self._execute, args=(self._lines,), daemon=True, name="fake motion").start()
+        self._server.start(self._execute, self._lines)
         self._say("", "Grbl 1.1h ['$' for help]")
         line = bytearray()
         while True:

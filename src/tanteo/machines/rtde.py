@@ -18,6 +18,7 @@ TYPES: Mapping[str, str] = MappingProxyType(
     {
         "timestamp": "DOUBLE", "actual_TCP_pose": "VECTOR6D", "actual_TCP_speed": "VECTOR6D", "actual_q": "VECTOR6D",
         "actual_digital_input_bits": "UINT64", "runtime_state": "UINT32", "robot_mode": "INT32", "safety_mode": "INT32",
+        "robot_status_bits": "UINT32", "safety_status_bits": "UINT32", "actual_TCP_force": "VECTOR6D",
     }
     | {f"output_int_register_{k}": "INT32" for k in range(48)}
     | {f"output_double_register_{k}": "DOUBLE" for k in range(48)}

@@ -20,8 +20,15 @@ class Server:
         self._listening = socket.create_server(("127.0.0.1", port))
         self._clients = list[socket.socket]()
         self._closed = False
+        self._threads = list[threading.Thread]()
         self.port = int(self._listening.getsockname()[1])
-        threading.Thread(target=self._accept, daemon=True, name="fake").start()
+        self.start(self._accept)
+
+    def start(self, run: Callable[..., None], *args: object) -> None:
+        """A thread that is waited for when the server ends."""
+        thread = threading.Thread(target=run, args=args, daemon=True, name=f"fake {self.__class__.__name__}")
+        self._threads = [t for t in self._threads if t.is_alive()] + [thread]
+        thread.start()
 
     def _accept(self) -> None:
         while not self._closed:
@@ -31,7 +38,7 @@ class Server:
                 return
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._clients.append(client)
-            threading.Thread(target=self._run, args=(client,), daemon=True, name="fake client").start()
+            self.start(self._run, client)
 
     def _run(self, client: socket.socket) -> None:
         with suppress(OSError):
@@ -50,6 +57,9 @@ class Server:
             self._listening.shutdown(socket.SHUT_RDWR)
         self._listening.close()
         self.drop()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(1.0)
 
 
 def hang_up(client: socket.socket) -> None:

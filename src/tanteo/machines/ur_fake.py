@@ -107,7 +107,7 @@ class UrFake:
             while (end := re.search(r"^end\r?\n", text, re.MULTILINE)) is not None:
                 program, text = text[: end.end()], text[end.end() :]
                 self._halt()
-                threading.Thread(target=self._run, args=(program,), daemon=True, name="fake program").start()
+                self._servers[1].start(self._run, program)
 
     def _run(self, program: str) -> None:
         """One program, as far as it goes."""
@@ -162,13 +162,12 @@ class UrFake:
             for letter, payload in rtde.packages(buffer):
                 if letter == rtde.SETUP_OUTPUTS:
                     period = 1.0 / max(struct.unpack(">d", payload[:8])[0], 1.0)
-                    names = payload[8:].decode("ascii").split(",")
+                    names = [name for name in payload[8:].decode("ascii").split(",") if name]  # ur-rtde ends with a comma
                     types = [rtde.TYPES.get(name, "NOT_FOUND") for name in names]
                 client.sendall(self._reply(letter, types))
                 if letter == rtde.START and not started.is_set():
                     started.set()
-                    args = client, names, types, period
-                    threading.Thread(target=self._stream, args=args, daemon=True, name="fake rtde").start()
+                    self._servers[2].start(self._stream, client, names, types, period)
 
     @staticmethod
     def _reply(letter: bytes, types: list[str]) -> bytes:
@@ -187,12 +186,13 @@ class UrFake:
                 time.sleep(period)
 
     def _value(self, name: str) -> Any:
-        if name in ("actual_TCP_pose", "actual_TCP_speed", "actual_q"):
+        if rtde.TYPES.get(name) == "VECTOR6D":
             return [float(v) for v in (*self.tip.place, *self.turn)] if name == "actual_TCP_pose" else [0.0] * 6
         if name == "actual_digital_input_bits":
             return int(self.tip.world.tripped(self.tip.place))
         fixed = {
             "timestamp": time.monotonic() - self._begun, "runtime_state": 2 if self._playing else 1,
             "robot_mode": _MODES["running"], "safety_mode": self._safety,
+            "robot_status_bits": 3 if self._playing else 1,  # powered, and a program runs
         }  # fmt: skip
         return fixed.get(name, self._registers.get(name, 0.0 if "double" in name else 0))
