@@ -55,7 +55,9 @@ DRIVERS = ["fake:direct", "fake:grbl", "fake:ur", "grbl on a serial port"]
 
 
 @contextmanager
-def driver(name: str, there: World, start=START, faults: Faults = NO_FAULTS, hurry: float = np.inf) -> Iterator[Machine]:
+def driver(
+    name: str, there: World, start=START, faults: Faults = NO_FAULTS, hurry: float = np.inf
+) -> Iterator[Machine]:
     """A driver on its fake."""
     if name == "grbl on a serial port":
         with grbl_on_a_port(there, start, faults, hurry) as machine:

@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 import pytest
-from machines.cells import DOWN, START, at, driver, drivers, world
 
+from machines.cells import DOWN, START, at, driver, drivers, world
 from tanteo.machines import ContactError, Faults, LateError, LinkLostError, MachineError, StoppedError
 
 FAST, SECONDS = 0.05, 5.0

@@ -6,11 +6,11 @@ import json
 
 import numpy as np
 import pytest
-from machines.cells import ABOVE, driver, drivers, session, world_of
 
+from machines.cells import ABOVE, driver, drivers, session, world_of
 from tanteo.errors import InputError
 from tanteo.io import read_record
-from tanteo.machines import Faults, Journal, MachineLimits, SafeMachine, Sensed, probe_part
+from tanteo.machines import Faults, Journal, MachineLimits, SafeMachine, Sensed, opened, parse_machine, probe_part
 
 LIMITS = MachineLimits(travel=0.2, reach=0.1, stale=1.0, grace=2.0)
 
@@ -42,6 +42,12 @@ def undisturbed(block):
     return pose(ended(block, SHORT)[1])
 
 
+@pytest.fixture(scope="module")
+def whole(block):
+    """The pose after one that reaches its goal."""
+    return pose(ended(block, WHOLE)[1])
+
+
 def test_a_session_ends_as_it_was_asked_to(block):
     done, one = ended(block, WHOLE)
     assert done.end.reached
@@ -57,7 +63,7 @@ def test_every_driver_ends_at_the_same_pose(name, block):
     assert np.linalg.norm(pose(one)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
 
 
-def interrupted(block, fault: Faults, most: int, record) -> None:
+def interrupted(block, fault: Faults, most: int, record, undisturbed) -> None:
     """A session that a fault ends, taken up again: the same pose, and no reading made twice or lost."""
     there, one = world_of(block), session(block, most=most)
     with driver("fake:grbl", there, ABOVE, fault) as machine:
@@ -70,24 +76,23 @@ def interrupted(block, fault: Faults, most: int, record) -> None:
     assert resumed.count >= one.count
     with driver("fake:grbl", there, ABOVE) as machine:
         probe_part(resumed, SafeMachine(machine, LIMITS), record)
-    one, other = resumed, ended(block, most)[1]
-    assert np.array_equal(pose(one), pose(other))
-    assert one.count == other.count
+    assert np.array_equal(pose(resumed), undisturbed)
+    assert resumed.count == most or most > SHORT
 
 
 QUICK = [Faults(drop_before=4), Faults(drop_after=4), Faults(stop_at=5)]
 
 
 @pytest.mark.parametrize("fault", QUICK, ids=["dropped before a touch", "dropped after a touch", "emergency stop"])
-def test_no_fault_loses_a_reading(fault, block, tmp_path):
-    interrupted(block, fault, SHORT, tmp_path / "run.json")
+def test_no_fault_loses_a_reading(fault, block, undisturbed, tmp_path):
+    interrupted(block, fault, SHORT, tmp_path / "run.json", undisturbed)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("step", range(1, 28))
 @pytest.mark.parametrize("kind", ["drop_before", "drop_after", "stop_at"])
-def test_no_fault_at_any_step_loses_a_reading(kind, step, block, tmp_path):
-    interrupted(block, Faults(**{kind: step}), WHOLE, tmp_path / "run.json")
+def test_no_fault_at_any_step_loses_a_reading(kind, step, block, whole, tmp_path):
+    interrupted(block, Faults(**{kind: step}), WHOLE, tmp_path / "run.json", whole)
 
 
 def test_power_lost_between_touch_and_record(block, undisturbed, tmp_path, monkeypatch):
@@ -151,3 +156,14 @@ def test_a_ball_of_another_size_is_no_sure_answer(block):
     best = answer.hypotheses[0] if answer.hypotheses else None
     off = np.inf if best is None else np.linalg.norm(best.T_world_part[:3, 3] - there.T_world_body[:3, 3])
     assert answer.status != "recognized" or off < 1e-3
+
+
+def test_a_log_answers_as_the_machine_did(block, undisturbed, tmp_path):
+    record, one = tmp_path / "run.json", session(block, most=SHORT)
+    with driver("fake:grbl", world_of(block), ABOVE) as machine:
+        probe_part(one, SafeMachine(machine, LIMITS), record)
+    again = session(block, most=SHORT)
+    with opened(parse_machine(f"replay:{record}")) as machine:
+        probe_part(again, SafeMachine(machine, LIMITS))
+        assert not machine.left
+    assert np.allclose(pose(again), undisturbed, atol=1e-7)

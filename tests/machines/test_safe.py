@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 import pytest
-from machines.cells import DOWN, START, at, driver, world
 
+from machines.cells import DOWN, START, at, driver, world
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.machines import (
@@ -97,9 +97,14 @@ def test_a_dry_run_sends_nothing_and_keeps_limits():
 def test_it_goes_back_whatever_happens_at_the_touch():
     one = safe()
     one.move(at(30, 20, 30))
-    with pytest.raises(ValueError, match="of the caller"), one.touching():
-        assert one.sense(DOWN, 0.02).met
-        raise ValueError("of the caller")
+
+    def fails():
+        with one.touching():
+            assert one.sense(DOWN, 0.02).met
+            raise ValueError("of the caller")
+
+    with pytest.raises(ValueError, match="of the caller"):
+        fails()
     assert np.allclose(one.place(), [0.03, 0.02, 0.03])
     one.move(at(30, 20, 60))
 
@@ -182,6 +187,6 @@ def test_limits_that_are_none_are_refused(limits):
 
 
 def test_the_probe_in_contact_is_said_before_a_touch():
-    with driver("fake:grbl", world(), start=np.array([0.03, 0.02, 0.021])) as machine:
-        with pytest.raises(ContactError, match="probe that is free"):
-            machine.sense(DOWN, 0.01, 0.002, 5.0)
+    start = np.array([0.03, 0.02, 0.021])
+    with driver("fake:grbl", world(), start) as machine, pytest.raises(ContactError, match="probe that is free"):
+        machine.sense(DOWN, 0.01, 0.002, 5.0)

@@ -92,7 +92,9 @@ class MachineOptions:
         if self.machine.fake or self.machine.kind == "replay":
             return
         if self.tip_radius is None:
-            raise MisuseError("--tip-radius: expected the ball of the machine's probe, got none. Say --tip-radius 1.5mm.")
+            raise MisuseError(
+                "--tip-radius: expected the ball of the machine's probe, got none. Say --tip-radius 1.5mm."
+            )
         if self.workspace is None:
             raise MisuseError(
                 "--workspace: expected where the machine's tip may be, got none. Say --workspace 0,0,-50,300,200,120mm."
@@ -134,7 +136,10 @@ class MachineOptions:
         from tanteo.hand import Workspace
 
         forbidden = tuple(self.forbid or ())
-        return Workspace.everywhere(forbidden) if self.workspace is None else Workspace(*self.workspace, forbidden)
+        if self.workspace is None:
+            return Workspace.everywhere(forbidden)
+        low, high = self.workspace
+        return Workspace(low, high, forbidden)
 
     def asked(self) -> Callable[[str], bool] | None:
         """What asks before every motion."""
@@ -145,7 +150,9 @@ class MachineOptions:
         if self.machine.fake:
             say(f"A fake: nothing moves. Its ball has a radius of {1e3 * self.radius:g} mm.", sys.stderr)
         if self.dry_run:
-            say("Dry run: motions are checked and shown, none is sent; touches are taken to be as expected.", sys.stderr)
+            say(
+                "Dry run: motions are checked and shown, none is sent; touches are taken to be as expected.", sys.stderr
+            )
 
 
 def ask(question: str) -> bool:
@@ -171,6 +178,8 @@ def check_record(record: str | None, *, resume: bool, dry: bool) -> None:
         raise MisuseError("--record: expected where the readings are kept, got none. Say --record run.json.")
     there = Path(record).exists()
     if there and not resume:
-        raise MisuseError(f"--record: expected a new file, got '{record}', which is there. Say --resume to go on with it.")
+        raise MisuseError(
+            f"--record: expected a new file, got '{record}', which is there. Say --resume to go on with it."
+        )
     if resume and not there:
         raise InputError(f"--resume: expected the record of a session, got none at '{record}'. Leave --resume out.")

@@ -19,7 +19,7 @@ from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start
-    from tanteo.machines import Machine, Probed, SafeMachine, Turn
+    from tanteo.machines import Probed, SafeMachine, Turn
     from tanteo.parts import Part
     from tanteo.session import Session
 
@@ -55,7 +55,9 @@ class Options:
     bias_sd: args.BiasSd = None
     units: args.Units = None
     seed: args.Seed = 0
-    record: Annotated[str | None, args.option("--record", "FILE", "Keep the session (JSON), reading by reading.")] = None
+    record: Annotated[str | None, args.option("--record", "FILE", "Keep the session (JSON), reading by reading.")] = (
+        None
+    )
     resume: Annotated[bool, args.option("--resume", None, "Go on with the session of --record.")] = False
     pose_as: controller.PoseAs = None
     wcs: controller.Wcs = None

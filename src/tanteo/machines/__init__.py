@@ -1,4 +1,4 @@
-"""Machines that move a probe for a session: drivers behind one wrapper that keeps their limits, and fakes to try them on.
+"""Machines that move a probe for a session: drivers behind one wrapper that keeps their limits, and fakes of them.
 
 ``opened`` takes an address, :class:`SafeMachine` the driver that it gives, ``probe_part`` both and a session::
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         Sensed,
         StoppedError,
     )
+    from tanteo.machines.replay import ReplayMachine
     from tanteo.machines.run import Probed, Turn, probe_part
     from tanteo.machines.safe import MachineLimits, SafeMachine
     from tanteo.machines.ur import UrMachine
@@ -47,6 +48,7 @@ _NAMES = {
     "link": "Link SerialLink TcpLink",
     "protocol": "ContactError Facts LateError LinkLostError Machine MachineError MachineStatus RefusedError Sensed "
     "StoppedError",
+    "replay": "ReplayMachine",
     "run": "Probed Turn probe_part",
     "safe": "MachineLimits SafeMachine",
     "ur": "UrMachine",
@@ -54,9 +56,10 @@ _NAMES = {
     "ways": "Ways",
     "world": "World",
 }
-__all__ = [  # noqa: F822
-    "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal", "LateError", "Link",
-    "LinkLostError", "Machine", "MachineError", "MachineLimits", "MachineStatus", "Probed", "RefusedError",
-    "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake", "UrMachine", "Ways", "World", "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
+__all__ = [
+    "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal",
+    "LateError", "Link", "LinkLostError", "Machine", "MachineError", "MachineLimits", "MachineStatus", "Probed",
+    "RefusedError", "ReplayMachine", "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake",
+    "UrMachine", "Ways", "World", "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
 ]  # fmt: skip
 __getattr__, __dir__ = lazy(__name__, _NAMES)

@@ -118,7 +118,7 @@ def opened(
         StoppedError: it is in alarm.
     """
     if not address.fake:
-        machine = KINDS[address.kind].open(address)
+        machine = _replay(address) if address.kind == "replay" else KINDS[address.kind].open(address)
         try:
             yield machine
         finally:
@@ -135,6 +135,12 @@ def opened(
             yield machine
     finally:
         fake.close()
+
+
+def _replay(address: Address) -> Machine:
+    from tanteo.machines.replay import ReplayMachine
+
+    return ReplayMachine.of_file(address.path)
 
 
 def _grbl(address: Address) -> Machine:
@@ -166,7 +172,8 @@ def _ur(address: Address) -> Machine:
         for link in links:
             link.close()
         raise
-    return UrMachine(*links)
+    dashboard, script, data = links
+    return UrMachine(dashboard, script, data)
 
 
 def _ur_fake(world: World, start: Vectors, faults: Faults, hurry: float) -> Any:

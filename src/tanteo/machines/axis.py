@@ -69,6 +69,6 @@ class Tip:
                 gone = ends if gone or half is None else 0.5 * ends
             self.place = goal if gone >= length else start + (gone / length) * (goal - start)
             if half is not None and gone >= 0.5 * ends:
-                half, done = None, half
-                done()
+                half()
+                half = None
         return "there"

@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from tanteo.machines.axis import Ended, Tip
-from tanteo.machines.protocol import ContactError, Facts, MachineStatus, Sensed, StoppedError
+from tanteo.machines.protocol import ContactError, Facts, MachineState, MachineStatus, Sensed, StoppedError
 from tanteo.machines.world import World
 from tanteo.typing import Transforms, Vectors
 
@@ -28,7 +28,7 @@ class DirectMachine:
 
     def status(self) -> MachineStatus:
         """Of now."""
-        state = "stopped" if self._stopped else "moving" if self.tip.moving else "idle"
+        state: MachineState = "stopped" if self._stopped else "moving" if self.tip.moving else "idle"
         return MachineStatus(state, self.tip.place, self.tip.world.tripped(self.tip.place), 0.0, state)
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:

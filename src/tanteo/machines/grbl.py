@@ -161,7 +161,9 @@ class GrblMachine:
         self._unit = 25.4e-3 if inches else 1e-3
         self._command("G21 G90 G94 G54", deadline)
         offsets = self._command("$#", deadline)
-        self._offset = self._unit * sum((_numbers(row) for row in offsets if re.match(r"\[(G54|G92|TLO):", row)), np.zeros(3))
+        self._offset = self._unit * sum(
+            (_numbers(row) for row in offsets if re.match(r"\[(G54|G92|TLO):", row)), np.zeros(3)
+        )
         self._fresh(deadline)
 
     def _probe(self, goal: Vectors, speed: float, seconds: float) -> Vectors | None:
@@ -215,7 +217,7 @@ class GrblMachine:
                 if time.monotonic() > deadline:
                     self.abort()
                     raise LateError(
-                        f"{self.facts.name}: expected 'ok' for '{line}' in time, got none. It was told to stop: look at it."
+                        f"{self.facts.name}: expected 'ok' for '{line}' in time, got none. It was stopped: look at it."
                     ) from None
 
     def _settled(self, deadline: float) -> None:
@@ -226,7 +228,9 @@ class GrblMachine:
                 return
             if time.monotonic() > deadline:
                 self.abort()
-                raise LateError(f"{self.facts.name}: expected it to come to rest in time, got {report.state}. Look at it.")
+                raise LateError(
+                    f"{self.facts.name}: expected it to come to rest in time, got {report.state}. Look at it."
+                )
 
     def _fresh(self, deadline: float) -> _Report:
         """A status that was asked for from now on."""
@@ -239,7 +243,9 @@ class GrblMachine:
                 return report
             if time.monotonic() > deadline:
                 self.abort()
-                raise LateError(f"{self.facts.name}: expected a status in time, got none. It was told to stop: look at it.")
+                raise LateError(
+                    f"{self.facts.name}: expected a status in time, got none. It was told to stop: look at it."
+                )
             time.sleep(0.001)
 
     def _check(self) -> None:

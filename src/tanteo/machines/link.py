@@ -60,7 +60,9 @@ class TcpLink:
         except OSError as error:
             raise _lost(self.name, error) from None
         if not data:
-            raise LinkLostError(f"{self.name}: expected its answer, got the end of the connection. Look at the machine.")
+            raise LinkLostError(
+                f"{self.name}: expected its answer, got the end of the connection. Look at the machine."
+            )
         return data
 
     def write(self, data: bytes) -> None:

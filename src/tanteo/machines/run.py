@@ -153,6 +153,6 @@ class _Run:
         except OSError as error:
             self.machine.abort("the record could not be written")
             raise StoppedError(
-                f"{self.record}: expected a file that can be written, got: {error.strerror}. Free the disk, then resume."
+                f"{self.record}: expected a file that can be written, got: {error.strerror}. Free the disk; resume."
             ) from None
         Journal(self.record).forget()

@@ -268,7 +268,9 @@ class SafeMachine:
 
     def _stop(self, got: str) -> None:
         self.abort(got)
-        raise StoppedError(f"{self.facts.name}: expected its motions to end where they were sent, got {got}. Look there.")
+        raise StoppedError(
+            f"{self.facts.name}: expected its motions to end where they were sent, got {got}. Look there."
+        )
 
     def _go_back(self, T: Transforms) -> None:
         here, goal = self.place(), T[:3, 3]

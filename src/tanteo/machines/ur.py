@@ -50,8 +50,10 @@ _RUNNING, _NORMAL, _STOPPED, _PLAYING = 7, (1, 2), 1, 2
 _STARTS = 3.0
 """Within which a program must have started [s]."""
 _STILL = 1e-6
-_SAFETY = {3: "a protective stop", 4: "recovery mode", 5: "a safeguard stop", 6: "an emergency stop", 7: "an emergency stop",
-           8: "a safety violation", 9: "a safety fault"}  # fmt: skip
+_SAFETY = {
+    3: "a protective stop", 4: "recovery mode", 5: "a safeguard stop", 6: "an emergency stop", 7: "an emergency stop",
+    8: "a safety violation", 9: "a safety fault",
+}  # fmt: skip
 
 _GUARDED = """def tanteo_{number}():
   global arrived = False
@@ -164,8 +166,8 @@ class UrMachine:
     def write_frame(self, text: str, seconds: float) -> None:
         """No variable of an installation can be set over the wire."""
         raise RefusedError(
-            f"{self.facts.name}: expected a controller that takes a frame over the wire, got one whose features are set "
-            "at the pendant. Copy the lines of --wcs ur:NAME there."
+            f"{self.facts.name}: expected a controller that takes a frame over the wire, got one whose features are "
+            "set at the pendant. Copy the lines of --wcs ur:NAME there."
         )
 
     def close(self) -> None:
@@ -203,7 +205,9 @@ class UrMachine:
             said = self._asked(question, deadline)
             if good.lower() not in said.lower():
                 raise StoppedError(f"{self._dashboard.name}: expected {question}: {good}, got '{said}'. {advice}.")
-        self.facts = Facts(f"Universal Robot, PolyScope {version.split(' ')[-1] if ' ' in version else version}", turns=True)
+        self.facts = Facts(
+            f"Universal Robot, PolyScope {version.split(' ')[-1] if ' ' in version else version}", turns=True
+        )
         self._set_up(deadline)
         self._listener = threading.Thread(target=self._listen, daemon=True, name="rtde")
         self._listener.start()

@@ -1,7 +1,7 @@
 """A Universal Robot that is not there: dashboard, program port and RTDE on loopback.
 
 RTDE is as the manufacturer's own client has it (:mod:`tanteo.machines.rtde`). Of URScript it knows the statements that
-:mod:`tanteo.machines.ur` sends, not the language: ``movel``, the thread that moves beside a watch on an input, registers.
+:mod:`tanteo.machines.ur` sends, not the language: ``movel``, the thread that moves beside a watch, registers.
 """
 
 from __future__ import annotations
@@ -162,7 +162,9 @@ class UrFake:
             for letter, payload in rtde.packages(buffer):
                 if letter == rtde.SETUP_OUTPUTS:
                     period = 1.0 / max(struct.unpack(">d", payload[:8])[0], 1.0)
-                    names = [name for name in payload[8:].decode("ascii").split(",") if name]  # ur-rtde ends with a comma
+                    names = [
+                        name for name in payload[8:].decode("ascii").split(",") if name
+                    ]  # ur-rtde ends with a comma
                     types = [rtde.TYPES.get(name, "NOT_FOUND") for name in names]
                 client.sendall(self._reply(letter, types))
                 if letter == rtde.START and not started.is_set():

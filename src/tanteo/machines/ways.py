@@ -1,4 +1,4 @@
-"""Ways between readings: back out, up, over the part, down; a tool that turns goes around it, one that does not above."""
+"""Ways between readings: back out, up, over the part, down; a tool that turns leaves along its own z."""
 
 from __future__ import annotations
 

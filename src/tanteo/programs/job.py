@@ -171,7 +171,9 @@ def _way_to_contact(surface: Surface, T: Transforms, origin: Vectors, direction:
     to_part = SE3.inverse(T)
     way = ball_contact(surface, SE3.apply(to_part, origin), direction @ T[:3, :3], radius)
     if not np.isfinite(way):
-        raise InputError("--program: expected touches that meet the part, got one that passes it. Plan with a larger sd.")
+        raise InputError(
+            "--program: expected touches that meet the part, got one that passes it. Plan with a larger sd."
+        )
     return way
 
 

@@ -12,9 +12,7 @@ _STEPS, _NEAR = 200, 1e-7
 """Of the ball towards the surface, and how near it is then [m]."""
 
 
-def ball_contact(
-    surface: Surface, origin: Vectors, direction: Vectors, radius: float, reach: float = np.inf
-) -> float:
+def ball_contact(surface: Surface, origin: Vectors, direction: Vectors, radius: float, reach: float = np.inf) -> float:
     """The way of a ball's centre along a direction until the ball touches [m]; infinite where it does not.
 
     Args:
