@@ -302,10 +302,19 @@ class UrMachine:
             values = self._values
             result = int(values[f"output_int_register_{RESULT}"])
             if result and values["runtime_state"] != _PLAYING:
+                self._next_package(deadline)  # the position in this one may be of before
                 return result
             if not result and values["runtime_state"] == _STOPPED and self._is_over():
                 raise self._stop("a program that ended before its motion did")
             self._late(deadline, "the motion's end")
+            time.sleep(0.001)
+
+    def _next_package(self, deadline: float) -> None:
+        """Wait for what is said from now on."""
+        seen = time.monotonic()
+        while self._at <= seen:
+            self._check()
+            self._late(deadline, "its position after a motion")
             time.sleep(0.001)
 
     def _is_over(self) -> bool:
