@@ -25,6 +25,7 @@ _MANY = ("--parts", "--discriminate")
 _READINGS_SUFFIXES = (
     ".csv", ".txt", ".json", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".log", ".tsv", ".asc", ".xyz", ".pts",
     ".pcd", ".probe", ".qif", ".dmi", ".dms", ".dmo", ".ls", ".va", ".dat", ".src", ".mod", ".script",
+    ".bag", ".mcap", ".db3",
 )  # fmt: skip
 
 
