@@ -1,4 +1,4 @@
-"""Recordings of ROS: what they say in the world at their stamps, whatever they are stored in, and what is wrong with them."""
+"""Recordings of ROS: what they say in the world at their stamps, whatever stores them; what is wrong with them."""
 
 from __future__ import annotations
 

@@ -6,15 +6,14 @@ is nothing, REP 117), ``geometry_msgs/PointStamped``, ``PoseStamped``, ``tf2_msg
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tanteo.errors import MissingExtraError, ReadingsError, did_you_mean
+from tanteo.errors import ReadingsError
+from tanteo.io.bag_messages import POINT, POSE, RANGE, BagOptions, Recorded, messages_of
 from tanteo.io.log_readings import readings_of
 from tanteo.io.stated import Stated
 from tanteo.io.transforms import FrameTree, Track, pose_of
@@ -25,35 +24,7 @@ from tanteo.typing import BoolArray, FloatArray, Transforms
 BAG = "bag"
 """Name of the format."""
 _STARTS = (b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite format 3\0")
-_RANGE, _POINT, _POSE = "sensor_msgs/msg/Range", "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/PoseStamped"
-_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 _FORM = LogFormat(BAG, "a recording of ROS", lambda contents: False, lambda contents: Log())
-
-
-@dataclass(frozen=True, slots=True)
-class BagOptions:
-    """What a recording does not say itself.
-
-    Attributes:
-        topics: of the readings; guessed if there are none.
-        world: name of the world's frame; the root of the frames above the readings' if not given.
-        latency: how much older the readings are than their stamps [s].
-    """
-
-    topics: tuple[str, ...] = ()
-    world: str | None = None
-    latency: float = 0.0
-
-
-@dataclass(slots=True, eq=False)
-class _Recorded:
-    """Messages of a recording that matter."""
-
-    samples: dict[tuple[str, str], list[tuple[float, Transforms]]] = field(default_factory=dict)
-    static: set[str] = field(default_factory=set)
-    rows: dict[str, list[tuple[float, str, Any]]] = field(default_factory=dict)
-    kinds: dict[str, str] = field(default_factory=dict)
-    lags: list[float] = field(default_factory=list)
 
 
 def is_bag(path: Path) -> bool:
@@ -74,8 +45,8 @@ def read_bag(path: Path, stated: Stated, options: BagOptions) -> Readings:
         MissingExtraError: rosbags is not installed.
         ReadingsError: it is damaged, has no topic of readings, or frames that do not hang together.
     """
-    recorded = _messages(path, options)
-    topics = [t for t, kind in recorded.kinds.items() if kind in (_RANGE, _POINT) and recorded.rows.get(t)]
+    recorded = messages_of(path, options)
+    topics = [t for t, kind in recorded.kinds.items() if kind in (RANGE, POINT) and recorded.rows.get(t)]
     kinds = {recorded.kinds[t] for t in topics}
     notes = list[str]()
     if not topics:
@@ -85,98 +56,19 @@ def read_bag(path: Path, stated: Stated, options: BagOptions) -> Readings:
     if len(kinds) > 1:
         if options.topics:
             raise ReadingsError(f"{path}: expected topics of one type, got ranges and points. Name one --topic.")
-        topics = [t for t in topics if recorded.kinds[t] == _RANGE]
+        topics = [t for t in topics if recorded.kinds[t] == RANGE]
     if not options.topics:
         notes.append(f"Readings are taken of {', '.join(topics)}; others with --topic.")
-    tree = _tree(recorded)
+    tree = recorded.tree()
     if recorded.lags:
         typical, most = np.median(recorded.lags), max(recorded.lags)
         notes.append(
-            f"Messages were recorded {1e3 * typical:.1f} ms after their stamp (median; {1e3 * most:.1f} ms at most)."
+            f"Messages were recorded {1e3 * typical:.1f} ms after their stamp (median; at most {1e3 * most:.1f})."
         )
     if options.latency:
         notes.append(f"Readings are taken as {1e3 * options.latency:g} ms older than their stamps.")
-    read = _ranges if recorded.kinds[topics[0]] == _RANGE else _points
+    read = _ranges if recorded.kinds[topics[0]] == RANGE else _points
     return read(path, recorded, topics, tree, stated, options, notes)
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise MissingExtraError(
-            "recordings of ROS: expected rosbags, got none. Install it: pip install 'tanteo[bags]'."
-        ) from None
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            yield reader
-    except ReadingsError:
-        raise
-    except Exception as error:  # noqa: BLE001  a damaged file fails in any way
-        why = str(error).split("\n")[0][:120] or type(error).__name__
-        raise ReadingsError(
-            f"{path}: expected a recording of ROS that is whole, got: {why}. Record or index it again."
-        ) from None
-
-
-def _messages(path: Path, options: BagOptions) -> _Recorded:
-    recorded = _Recorded()
-    with _opened(path) as reader:
-        there = {c.topic: c.msgtype for c in reader.connections}
-        for topic in options.topics:
-            if topic not in there:
-                known = ", ".join(sorted(there)) or "none"
-                raise ReadingsError(
-                    f"{path}, --topic: expected one of {known}, got '{topic}'.{did_you_mean(topic, there)}"
-                )
-        wanted = {t: kind for t, kind in there.items() if kind in (*_TF, _POSE) or _is_reading(t, kind, options)}
-        recorded.kinds = wanted
-        for connection, received, raw in reader.messages([c for c in reader.connections if c.topic in wanted]):
-            _take(
-                recorded,
-                connection.topic,
-                wanted[connection.topic],
-                received,
-                reader.deserialize(raw, connection.msgtype),
-            )
-    return recorded
-
-
-def _is_reading(topic: str, kind: str, options: BagOptions) -> bool:
-    return kind in (_RANGE, _POINT) and (not options.topics or topic in options.topics)
-
-
-def _take(recorded: _Recorded, topic: str, kind: str, received: int, message: Any) -> None:
-    if kind in _TF:
-        for one in message.transforms:
-            child, t, q = _name(one.child_frame_id), one.transform.translation, one.transform.rotation
-            T = pose_of(np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w]))
-            key = child, _name(one.header.frame_id)
-            recorded.samples.setdefault(key, []).append((_seconds(one.header.stamp), T))
-            recorded.static |= {child} if topic.endswith("tf_static") else set()
-        return
-    stamp = _seconds(message.header.stamp)
-    recorded.rows.setdefault(topic, []).append((stamp, _name(message.header.frame_id), message))
-    if kind != _POSE and 0 <= 1e-9 * received - stamp < 60:
-        recorded.lags.append(1e-9 * received - stamp)
-
-
-def _tree(recorded: _Recorded) -> FrameTree:
-    tree = FrameTree()
-    for (child, parent), samples in recorded.samples.items():
-        tree.parents[child] = parent
-        tree.tracks[child] = Track.of(samples, static=child in recorded.static)
-    return tree
-
-
-def _seconds(stamp: Any) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-
-
-def _name(frame: str) -> str:
-    return frame.lstrip("/")
 
 
 def _world(path: Path, tree: FrameTree, frames: Sequence[str], options: BagOptions, notes: list[str]) -> str:
@@ -216,14 +108,14 @@ def _placed(
         notes.append(f"{lost} of {len(rows)} readings were left out: no transform is known at their stamps.")
     if not kept:
         raise ReadingsError(
-            f"{path}: expected transforms (/tf) at the readings' stamps, got none from '{world}' to {', '.join(frames)}. "
+            f"{path}: expected transforms (/tf) at the readings' stamps, none from '{world}' to {', '.join(frames)}. "
             "Record /tf and /tf_static from before the first reading on."
         )
     return T[kept], kept
 
 
 def _ranges(
-    path: Path, recorded: _Recorded, topics: Sequence[str], tree: FrameTree, stated: Stated, options: BagOptions,
+    path: Path, recorded: Recorded, topics: Sequence[str], tree: FrameTree, stated: Stated, options: BagOptions,
     notes: list[str],
 ) -> Readings:  # fmt: skip
     rows = sorted((row for topic in topics for row in recorded.rows[topic]), key=lambda row: row[0])
@@ -253,15 +145,15 @@ def _values(rows: Sequence[tuple[float, str, Any]]) -> tuple[FloatArray, FloatAr
 
 
 def _on_hand(
-    path: Path, recorded: _Recorded, rows: list[tuple[float, str, Any]], loose: list[str], options: BagOptions,
+    path: Path, recorded: Recorded, rows: list[tuple[float, str, Any]], loose: list[str], options: BagOptions,
     notes: list[str],
 ) -> Readings:  # fmt: skip
     """Ranges of sensors that no transform places, on a hand whose poses are a topic; a rig says where they sit."""
-    poses = [t for t, kind in recorded.kinds.items() if kind == _POSE and recorded.rows.get(t)]
+    poses = [t for t, kind in recorded.kinds.items() if kind == POSE and recorded.rows.get(t)]
     if len(poses) != 1:
         got = f"got {', '.join(poses)}" if poses else "got neither"
         raise ReadingsError(
-            f"{path}: expected transforms (/tf) of {', '.join(loose)}, or one topic of PoseStamped with the hand's poses, "
+            f"{path}: expected transforms (/tf) of {', '.join(loose)}, or one topic of PoseStamped with hand poses, "
             f"{got}. Record one of them."
         )
     track = Track.of([(t, _hand_pose(message)) for t, _, message in recorded.rows[poses[0]]])
@@ -290,7 +182,7 @@ def _hand_pose(message: Any) -> Transforms:
 
 
 def _points(
-    path: Path, recorded: _Recorded, topics: Sequence[str], tree: FrameTree, stated: Stated, options: BagOptions,
+    path: Path, recorded: Recorded, topics: Sequence[str], tree: FrameTree, stated: Stated, options: BagOptions,
     notes: list[str],
 ) -> Readings:  # fmt: skip
     rows = sorted((row for topic in topics for row in recorded.rows[topic]), key=lambda row: row[0])

@@ -1,4 +1,4 @@
-"""Frames that move against each other, as ROS tells them (TF): the chain to a frame at a moment, between two samples."""
+"""Frames that move against each other, as ROS tells them (TF): the chain to a frame at a moment."""
 
 from __future__ import annotations
 

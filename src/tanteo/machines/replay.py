@@ -32,7 +32,7 @@ class ReplayMachine:
         known = ~np.isnan(readings.directions).any(axis=1) & ~np.isnan(readings.points).any(axis=1)
         if not known.any():
             raise InputError(f"{name}: expected touches with directions, got none. Say --direction when it is read.")
-        self._readings = readings.take(known)
+        self._readings = readings.take(np.flatnonzero(known))
         self.left = list(range(len(self._readings)))
         away = np.nan_to_num(self._readings.ranges[0], nan=0.02)
         self._place = self._readings.points[0] - away * self._readings.directions[0]
