@@ -14,7 +14,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import typer
 from typer.core import TyperCommand
 
-from tanteo.cli import answer, demo, doctor, part, plan, probe, replay, see, sense, sensor, view
+from tanteo.cli import answer, cell, demo, doctor, part, plan, probe, replay, see, sense, sensor, view
 from tanteo.cli.arguments import MisuseError, Words, misuse
 from tanteo.cli.printing import complain, listening
 from tanteo.errors import TanteoError
@@ -161,6 +161,7 @@ _add(app, "locate", answer.locate)
 _add(app, "see", see.see)
 _add(app, "plan", plan.plan, plan.check_plan)
 _add(app, "probe", probe.probe)
+_add(app, "check-cell", cell.check_cell)
 app.add_typer(_sense, name="sense")
 _add(_sense, "plane", sense.sense_plane)
 _add(_sense, "edge", sense.sense_edge)

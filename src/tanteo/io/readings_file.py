@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tanteo.errors import ReadingsError, check_kind
-from tanteo.io.bags import BAG, BagOptions, is_bag, read_bag
+from tanteo.io.bag_messages import BagOptions
+from tanteo.io.bags import BAG, is_bag, read_bag
 from tanteo.io.log_readings import readings_of
 from tanteo.io.readings_csv import read_table
 from tanteo.io.stated import Direction, Stated, as_brand, as_direction, as_pose

@@ -90,7 +90,7 @@ def reading_of(action: Action, sensed: Sensed) -> Readings:
     return made.read(sensed.distance)
 
 
-def told_again(session: Session, rows: Sequence[tuple[int, Sensed]]) -> int:
+def take_up_rows(session: Session, rows: Sequence[tuple[int, Sensed]]) -> int:
     """Readings that were kept and not yet told are told: how many these were."""
     asked, before = session.asked, {s.action.number for s in session.steps if s.action is not None}
     count = 0

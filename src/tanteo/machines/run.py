@@ -11,7 +11,7 @@ import numpy as np
 
 from tanteo import io
 from tanteo.active import largest_corner_sd
-from tanteo.machines.journal import Journal, reading_of, told_again
+from tanteo.machines.journal import Journal, reading_of, take_up_rows
 from tanteo.machines.protocol import ContactError, RefusedError, Sensed, StoppedError
 from tanteo.machines.safe import SafeMachine
 from tanteo.machines.ways import Ways
@@ -96,7 +96,7 @@ class _Run:
         if self.record is None:
             return 0
         journal = Journal(self.record)
-        count = told_again(self.session, journal.rows())
+        count = take_up_rows(self.session, journal.rows())
         if count:
             self._save()
         return count

@@ -18,6 +18,7 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.text.answers import answer_lines, prior_words
     from tanteo.text.calibrations import calibration_lines
+    from tanteo.text.cell import cell_lines
     from tanteo.text.examinations import examination_lines
     from tanteo.text.explanations import explanation_lines
     from tanteo.text.layout import PLAIN, Layout, printable
@@ -33,6 +34,7 @@ __all__ = [
     "Layout",
     "answer_lines",
     "calibration_lines",
+    "cell_lines",
     "distinction_lines",
     "examination_lines",
     "executed_facts",
@@ -62,6 +64,7 @@ __getattr__, __dir__ = lazy(
     {
         "answers": "answer_lines prior_words",
         "calibrations": "calibration_lines",
+        "cell": "cell_lines",
         "examinations": "examination_lines",
         "explanations": "explanation_lines",
         "layout": "Layout PLAIN printable",
