@@ -1,6 +1,7 @@
 """Where to sense next, and when to stop: candidates, what they would tell, policies, stopping rules, plans."""
 
 from tanteo.active.candidates import Candidates, has_room, propose, within_cone
+from tanteo.active.cell import CellCheck, CellError, NextForCell, check_cell
 from tanteo.active.context import Choice, DecisionContext, Policy, SharedOf
 from tanteo.active.discrimination import Discrimination, discriminate
 from tanteo.active.explanation import Added, Direction, Explanation, explain
@@ -36,6 +37,8 @@ __all__ = [
     "AcceptProbability",
     "Added",
     "Candidates",
+    "CellCheck",
+    "CellError",
     "Choice",
     "DecisionContext",
     "Direction",
@@ -44,6 +47,7 @@ __all__ = [
     "Feature",
     "GateDiscrimination",
     "Greedy",
+    "NextForCell",
     "Outlook",
     "Places",
     "Plan",
@@ -68,6 +72,7 @@ __all__ = [
     "begin",
     "bhattacharyya",
     "chance_within",
+    "check_cell",
     "check_feature",
     "corner_distances",
     "discriminate",

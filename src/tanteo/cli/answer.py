@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 import time
@@ -74,7 +75,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     files.check_report(options.report)
     sources = [("the readings", readings), ("--rig", options.rig)]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
-    given = _read(readings, parts, options, file)
+    given = read_given(readings, parts, options, file)
     from tanteo.recognition import identify
 
     loaded = time.perf_counter() - start
@@ -156,7 +157,7 @@ def say_status(answer: answers.Answer) -> None:
         say(f"{answer.status}: {answer.message}", sys.stderr)
 
 
-class _Given(NamedTuple):
+class Given(NamedTuple):
     """What was read; whether a person was warned already that it hardly goes together."""
 
     readings: Readings
@@ -173,7 +174,7 @@ def _own_unit(parts: Sequence[Part]) -> str:
     return units.pop() if len(units) == 1 else ""
 
 
-def _read(path: str, part_paths: Sequence[str], options: Options, file: FileOptions) -> _Given:
+def read_given(path: str, part_paths: Sequence[str], options: Options, file: FileOptions) -> Given:
     """Read everything, with a warning where it hardly goes together; what may take long comes last."""
     from tanteo.sensors import measure, misspelt, unstated_sd
 
@@ -191,16 +192,23 @@ def _read(path: str, part_paths: Sequence[str], options: Options, file: FileOpti
     if used and units is not None:
         complain("warning", f"--units {units} holds for the readings and for the parts: neither have their own.")
     parts = files.read_all_parts(part_paths, units, quiet=options.json)
-    with open(path, encoding="utf-8", errors="replace") as text_file:
-        column = _HEADER.search(text_file.read(20_000))
+    column = _HEADER.search(_beginning(path))
     scale = inference.scale_of(measured.points, parts, column[1] if column else "", options.units or _own_unit(parts))
     doubt = inference.about_size(measured.points, scale) or inference.about_spread(measured.covs, scale)
     if doubt is not None:
         complain("warning", doubt.message)
-    return _Given(readings, measured, parts, rig, scale, doubt is not None)
+    return Given(readings, measured, parts, rig, scale, doubt is not None)
 
 
-def _questioned(answer: answers.Answer, given: _Given, ask: inference.Ask, *, placed: bool) -> answers.Answer:
+def _beginning(path: str) -> str:
+    """Of a file; a folder, as recordings of ROS are, has none."""
+    if os.path.isdir(path):
+        return ""
+    with open(path, encoding="utf-8", errors="replace") as text_file:
+        return text_file.read(20_000)
+
+
+def _questioned(answer: answers.Answer, given: Given, ask: inference.Ask, *, placed: bool) -> answers.Answer:
     """The answer with what was probably meant otherwise as its last finding, of which a person is warned."""
     if given.doubted:
         return answer
@@ -215,9 +223,7 @@ def _questioned(answer: answers.Answer, given: _Given, ask: inference.Ask, *, pl
     return replace(answer, findings=(*others, question))
 
 
-def _report(
-    path: str, answer: answers.Answer, given: _Given, options: Options, known: answers.PosePrior | None
-) -> None:
+def _report(path: str, answer: answers.Answer, given: Given, options: Options, known: answers.PosePrior | None) -> None:
     from tanteo.report import gather, report_page
     from tanteo.session import Sensing
 

@@ -14,7 +14,22 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import typer
 from typer.core import TyperCommand
 
-from tanteo.cli import answer, bench, catalogue, demo, doctor, part, plan, replay, see, sense, sensor, view
+from tanteo.cli import (
+    answer,
+    bench,
+    catalogue,
+    cell,
+    demo,
+    doctor,
+    part,
+    plan,
+    probe,
+    replay,
+    see,
+    sense,
+    sensor,
+    view,
+)  # fmt: skip
 from tanteo.cli.arguments import MisuseError, Words, misuse
 from tanteo.cli.printing import complain, listening
 from tanteo.errors import TanteoError
@@ -25,6 +40,7 @@ _MANY = ("--parts", "--discriminate")
 _READINGS_SUFFIXES = (
     ".csv", ".txt", ".json", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".log", ".tsv", ".asc", ".xyz", ".pts",
     ".pcd", ".probe", ".qif", ".dmi", ".dms", ".dmo", ".ls", ".va", ".dat", ".src", ".mod", ".script",
+    ".bag", ".mcap", ".db3",
 )  # fmt: skip
 
 
@@ -160,6 +176,8 @@ _add(app, "identify", answer.identify)
 _add(app, "locate", answer.locate)
 _add(app, "see", see.see)
 _add(app, "plan", plan.plan, plan.check_plan)
+_add(app, "probe", probe.probe)
+_add(app, "check-cell", cell.check_cell)
 app.add_typer(_sense, name="sense")
 _add(_sense, "plane", sense.sense_plane)
 _add(_sense, "edge", sense.sense_edge)

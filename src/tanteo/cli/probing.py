@@ -35,12 +35,12 @@ def _program(name: str) -> str:
     return name
 
 
-def _speed(text: str) -> float:
+def parse_speed(text: str, option: str = "--feed") -> float:
     """A speed [m/s]."""
     length, _, time = text.replace(" ", "").partition("/")
     if time not in ("min", "s"):
-        raise InputError(f"--feed: expected a speed, got '{text}'. Write it as 100mm/min or 2mm/s.")
-    return args.length("--feed", "100mm/min", length) / (60.0 if time == "min" else 1.0)
+        raise InputError(f"{option}: expected a speed, got '{text}'. Write it as 100mm/min or 2mm/s.")
+    return args.length(option, "100mm/min", length) / (60.0 if time == "min" else 1.0)
 
 
 def _height(text: str) -> float:
@@ -67,7 +67,7 @@ class ProgramOptions:
     feed: Annotated[
         float | None,
         _option("--feed", "SPEED", "Of the program's guarded motions, as 100mm/min or 2mm/s: 100mm/min."),
-        args.Words(_speed),
+        args.Words(parse_speed),
     ] = None
     overtravel: Annotated[
         float | None,

@@ -47,6 +47,17 @@ def _normal_sd(text: str) -> float:
     return io.parse_angle(text, "--normal-sd")
 
 
+def _latency(text: str) -> float:
+    number, unit = (text[:-2], 1e-3) if text.endswith("ms") else (text[:-1], 1.0)
+    try:
+        value = unit * float(number) if text.endswith("s") else float("nan")
+    except ValueError:
+        value = float("nan")
+    if not -10 <= value <= 10:
+        raise InputError(f"--latency: expected a time up to 10 s, got '{text}'. Write it as 5ms.")
+    return value
+
+
 def _pose(name: str, attitude: bool, text: str) -> Any:
     return io.parse_pose(text, name, attitude=attitude)
 
@@ -96,6 +107,18 @@ class FileOptions:
         Transforms | None,
         _file("--hand", "POSE", "The hand, of a file without its pose, as '400,200,300mm 180,0,0deg'."),
         Words(partial(_pose, "--hand", True)),
+    ] = None
+    topics: Annotated[
+        list[str] | None,
+        _file(
+            "--topic", "NAME", "Of a recording of ROS: where the readings are; may be repeated. Guessed if not said."
+        ),
+    ] = None
+    world: Annotated[str | None, _file("--world", "FRAME", "Of the same: the frame that the answer is in.")] = None
+    latency: Annotated[
+        float | None,
+        _file("--latency", "TIME", "Of the same: how much older readings are than their stamps, as 5ms."),
+        Words(_latency),
     ] = None
     max_points: Annotated[
         int,

@@ -30,7 +30,8 @@ _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(sign
 """The system's order to end, and a terminal that has gone."""
 
 
-def _forbidden(texts: list[str]) -> list[ForbiddenBox]:
+def parse_forbidden(texts: list[str]) -> list[ForbiddenBox]:
+    """Boxes of ``--forbid``."""
     import numpy as np
 
     from tanteo.hand import ForbiddenBox
@@ -59,7 +60,7 @@ class Options:
         args.option(
             "--forbid", "CORNERS", "Box to stay out of: two corners, as 150,0,0,180,60,250mm; may be repeated."
         ),
-        args.Words(_forbidden, list[str] | None),
+        args.Words(parse_forbidden, list[str] | None),
     ] = None
     parts: Annotated[
         list[str] | None,

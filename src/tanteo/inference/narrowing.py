@@ -2,7 +2,7 @@
 
 Each stage says how many nats a part is behind at least, as far as it can tell, and costs less the more parts it sees.
 What is nearly as good as the best is searched. What is left out counts: as much as it could explain at the most is
-evidence for an object that was not searched (decision 77).
+evidence for an object that was not searched (decision 76).
 """
 
 from __future__ import annotations

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tanteo.errors import ReadingsError, check_kind
+from tanteo.io.bag_messages import BagOptions
+from tanteo.io.bags import BAG, is_bag, read_bag
 from tanteo.io.log_readings import readings_of
 from tanteo.io.readings_csv import read_table
 from tanteo.io.stated import Direction, Stated, as_brand, as_direction, as_pose
@@ -36,6 +38,9 @@ def read_readings(
     hand: str | Transforms | None = None,
     device: str | None = None,
     max_points: int | None = None,
+    topics: Sequence[str] | None = None,
+    world: str | None = None,
+    latency: float | None = None,
 ) -> Readings:
     """Read a file of readings in any format that is known (``docs/formats.md``), recognised by its content.
 
@@ -57,6 +62,9 @@ def read_readings(
         hand: ``T_world_hand`` ``(4, 4)`` [m] of a file that has none, or as typed: ``"400,200,300mm 180,0,0deg"``.
         device: Of the rig, that a frame of zones is of.
         max_points: Readings that are kept, drawn at random; all if None.
+        topics: Of a recording of ROS, those with the readings; guessed, and said, if None.
+        world: Of the same, the name of the world's frame; the root of the frames above the readings if None.
+        latency: Of the same, how much older the readings are than their stamps [s].
 
     Raises:
         ReadingsError: The file cannot be read or says something that readings cannot say; the message names file, line
@@ -75,7 +83,12 @@ def read_readings(
         units=units, radius=radius, direction=as_direction(direction), normal_sd=normal_sd, brand=as_brand(brand),
         tool=as_pose("tool", tool), hand=as_pose("hand", hand), device=device, max_points=max_points,
     )  # fmt: skip
-    named = format_named(format) if format is not None else None
+    named = format_named(format) if format not in (None, BAG) else None
+    of_bag = BagOptions(tuple(topics or ()), world, latency or 0.0)
+    if format == BAG or (format is None and is_bag(path)):
+        return read_bag(path, stated, of_bag)
+    if of_bag != BagOptions():
+        raise ReadingsError(f"{path}: expected a recording of ROS with topics, world or latency, got none. Drop these.")
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
             # complaints read the file again to find their line, which a pipe cannot
@@ -114,4 +127,4 @@ def _read_log(path: Path, form: LogFormat, stated: Stated) -> Readings:
 
 def format_names() -> tuple[str, ...]:
     """Names that ``format`` may have."""
-    return ("csv", *FORMATS)
+    return ("csv", *FORMATS, BAG)

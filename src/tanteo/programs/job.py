@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.answers import box_corners, point_moves
 from tanteo.errors import InputError
 from tanteo.lie import SE3, SO3
-from tanteo.shapes import Surface, signed_distance
+from tanteo.shapes import Surface, ball_contact
 from tanteo.typing import Covariances, FloatArray, Rotations, Transforms, Vectors
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 _SDS, _LEAST_OVERTRAVEL = 3.0, 2e-3
 """Standard deviations of the surface's place that the search goes beyond it, and the least way [m]."""
 
-_STEPS, _NEAR = 100, 1e-7
-"""Of the ball towards the surface, and how near it is then [m]."""
+_NEAR = 1e-7
+"""Nearer than this two places are one [m]."""
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 """Axes of a tool that looks down."""
@@ -122,7 +122,7 @@ def job_of(
         beyond = overtravel if overtravel is not None else _beyond(T, covariance, r.point, r.direction)
         contact = r.origin + way * r.direction
         places = r.origin, r.direction, contact, contact + beyond * r.direction
-        touches.append(Touch(number, r.face, *places, _leaves(r.origin, -r.direction, job), _tool(r.direction)))
+        touches.append(Touch(number, r.face, *places, leaves(r.origin, -r.direction, job), tool_axes(r.direction)))
     return replace(job, touches=tuple(touches))
 
 
@@ -167,15 +167,13 @@ def _column(job: Job, touch: Touch) -> list[Vectors]:
 
 
 def _way_to_contact(surface: Surface, T: Transforms, origin: Vectors, direction: Vectors, radius: float) -> float:
-    """How far the ball goes until it touches: by steps as long as it has room for."""
+    """How far the ball goes until it touches."""
     to_part = SE3.inverse(T)
-    start, along = SE3.apply(to_part, origin[None]), direction @ T[:3, :3]
-    way = 0.0
-    for _ in range(_STEPS):
-        gap = float(signed_distance(surface, start + way * along)[0][0]) - radius
-        way += gap
-        if gap < _NEAR:
-            break
+    way = ball_contact(surface, SE3.apply(to_part, origin), direction @ T[:3, :3], radius)
+    if not np.isfinite(way):
+        raise InputError(
+            "--program: expected touches that meet the part, got one that passes it. Plan with a larger sd."
+        )
     return way
 
 
@@ -192,7 +190,7 @@ def _height_sd(T: Transforms, part: Part, covariance: Covariances) -> float:
     return float(np.sqrt(np.einsum("ki,ij,kj->k", moves, covariance, moves).max()))
 
 
-def _leaves(origin: Vectors, back: Vectors, job: Job) -> Vectors:
+def leaves(origin: Vectors, back: Vectors, job: Job) -> Vectors:
     """Where a straight way back from a start leaves the upright cylinder about the part; the start if it is outside."""
     a, b = origin[:2] - job.centre[:2], back[:2]
     flat, half, rest = float(b @ b), float(a @ b), float(a @ a) - job.around**2
@@ -204,7 +202,7 @@ def _leaves(origin: Vectors, back: Vectors, job: Job) -> Vectors:
     return np.asarray(origin + max(min(ways), 0.0) * back)
 
 
-def _tool(direction: Vectors) -> FloatArray:
+def tool_axes(direction: Vectors) -> FloatArray:
     """Axes of a tool whose z is along a direction, turned as little as may be from one that looks down."""
     axis = np.cross(DOWN[:, 2], direction)
     length = float(np.linalg.norm(axis))

@@ -4,6 +4,7 @@ Wraps libigl (double precision) and Embree (single precision, hits refined in do
 frame of the mesh and in metres; points carry leading batch axes.
 """
 
+from tanteo.shapes.ball import ball_contact
 from tanteo.shapes.borders import Borders, borders
 from tanteo.shapes.field import DistanceField, as_signed, distance_field, signed_distance
 from tanteo.shapes.junctions import SHARP, Junctions
@@ -23,6 +24,7 @@ __all__ = [
     "Revolved",
     "Surface",
     "as_signed",
+    "ball_contact",
     "borders",
     "distance_field",
     "near_planes",

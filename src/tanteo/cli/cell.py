@@ -1,0 +1,66 @@
+"""``tanteo check-cell``: which error of the cell readings of a part contradict, and which one would tell more."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tanteo import inference, io, text
+from tanteo.cli import arguments as args
+from tanteo.cli.answer import Options, read_given
+from tanteo.cli.printing import complain, emit, layout, leave, put, warned
+from tanteo.cli.readings import FileOptions
+from tanteo.errors import InputError
+
+_WIDE = 0.02, np.radians(10.0)
+"""Spread of the pose that the part is looked for at, beside where it was found: it says next to nothing [m, rad]."""
+
+
+def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
+    """Say which of the stated errors of the cell (tip, mounting, base, bias) the readings of a part contradict."""
+    from tanteo.active import at_pose, begin, check_cell, update
+    from tanteo.recognition import identify
+    from tanteo.session import Sensing
+
+    given = read_given(readings, [part], options, file)
+    how: dict[str, Any] = {
+        "sensor": options.sensor, "robot": options.robot, "sd": options.sd, "tip_sd": options.tip_sd,
+        "bias_sd": options.bias_sd, "rig": given.rig, "tolerance": options.tolerance,
+    }  # fmt: skip
+    sensing = Sensing(**how)
+    target = inference.prepare(given.parts[0])
+    if options.pose_prior is not None:
+        start = at_pose(target, options.pose_prior.T, options.pose_prior.C)
+    else:
+        found = identify(given.readings, [given.parts[0]], **how, seed=options.seed)
+        if not found.hypotheses:
+            raise InputError(f"{readings}: expected readings of {given.parts[0].name}, got others. {found.message}")
+        start = at_pose(target, found.hypotheses[0].T_world_part, np.diag(np.repeat(_WIDE, 3)) ** 2)
+        if found.status != "recognized":
+            complain("warning", f"the part is {found.status}: {found.message}")
+    state = update(begin(start), *sensing.touches(given.readings))
+    check = check_cell(state, given.readings, sensing.measured)
+    if options.json:
+        put(io.document_json(_document(check), warned()))
+    else:
+        emit(text.cell_lines(check, layout=layout()))
+    leave(decided=not any(error.contradicted for error in check.errors))
+
+
+def _document(check: Any) -> dict[str, Any]:
+    """For programs: SI units."""
+    errors = [
+        {
+            "name": e.name, "meaning": e.meaning, "stated_sd": e.stated, "estimate": e.estimate, "sd": e.sd,
+            "p_value": e.p_value, "told": e.told, "contradicted": e.contradicted,
+        }
+        for e in check.errors
+    ]  # fmt: skip
+    one = check.following
+    following = None if one is None else {
+        "point_m": one.point, "direction": one.direction, "face": one.face, "turn_rad": one.turn, "axis": one.axis,
+        "gain_nats": one.gain,
+    }  # fmt: skip
+    alike = [{"one": a, "other": b, "correlation": r} for a, b, r in check.alike]
+    return {"schema": "tanteo.cell/1", "errors": errors, "alike": alike, "next": following}

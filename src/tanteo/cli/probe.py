@@ -1,0 +1,217 @@
+"""``tanteo probe``: a part sensed by a machine, question by question, until it is placed."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tanteo import inference, io, text
+from tanteo.cli import arguments as args
+from tanteo.cli import controller, files
+from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.machine import MachineOptions, ask, check_record
+from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
+from tanteo.errors import InputError
+
+if TYPE_CHECKING:
+    from tanteo.active import Start
+    from tanteo.machines import Probed, SafeMachine, Turn
+    from tanteo.parts import Part
+    from tanteo.session import Session
+
+_ABOVE = 0.02
+"""How far over the highest start the tip of a fake begins [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Options of ``probe``."""
+
+    part: args.PartPath
+    tolerance: Annotated[
+        float,
+        args.option("--tolerance", "LENGTH", "Go on until all corners are placed within it, as 0.2mm."),
+        args.Words(partial(args.length, "--tolerance", "0.2mm"), str),
+    ]
+    confidence: Annotated[
+        float,
+        args.option("--confidence", None, "Probability with which the tolerance has to hold."),
+        args.Words(partial(args.fraction, "--confidence", "probability", "0.95"), float),
+    ] = 0.95
+    feature: args.Feature = None
+    max_measurements: Annotated[
+        int,
+        args.option("--max-measurements", None, "Readings after which to stop in any case."),
+        args.Words(partial(args.at_least, "--max-measurements", 1, "Use 30"), int),
+    ] = 30
+    pose_prior: args.PosePriorAt = None
+    sensor: args.Sensor = None
+    sd: args.Sd = None
+    robot: args.Robot = None
+    bias_sd: args.BiasSd = None
+    units: args.Units = None
+    seed: args.Seed = 0
+    record: Annotated[str | None, args.option("--record", "FILE", "Keep the session (JSON), reading by reading.")] = (
+        None
+    )
+    resume: Annotated[bool, args.option("--resume", None, "Go on with the session of --record.")] = False
+    pose_as: controller.PoseAs = None
+    wcs: controller.Wcs = None
+    write: Annotated[
+        bool, args.option("--write", None, "Have the machine's controller set the frame of --wcs, after a yes.")
+    ] = False
+    report: args.Report = None
+    json: args.Json = False
+    verbose: args.Verbose = False
+
+    def __post_init__(self) -> None:
+        if self.write and self.wcs is None:
+            raise MisuseError("--write: expected with --wcs, got none. Say which frame, as --wcs grbl:G54.")
+
+
+def probe(options: Options, machine: MachineOptions) -> None:
+    """Place a part with a machine that moves a touch probe; nothing moves outside of the limits that are said."""
+    words = controller.Words(options.pose_as, options.wcs, False)
+    files.check_report(options.report)
+    files.check_target("--record", options.record)
+    files.check_different(("--record", options.record), ("--report", options.report), parts=[options.part])
+    files.require_file("--part", options.part)
+    check_record(options.record, resume=options.resume, dry=machine.dry_run or machine.machine.fake)
+    machine.said()
+    part = files.read_all_parts([options.part], options.units, quiet=options.json)[0]
+    start = _start(part, options)
+    with misuse(always=False):
+        session = _session(start, options, machine)
+    with _moved(start, session, options, machine) as safe:
+        done = _run(session, safe, options)
+        answer = session.answer()
+        _print(session, done, safe, words, part, options)
+        if options.write and not safe.dry_run:
+            _write(words, answer, part, safe)
+    if options.report is not None:
+        facts = [("Machine", safe.facts.name), ("Why it ended", done.end.why)]
+        files.report_session(options.report, session, *facts, as_json=options.json)
+    leave(decided=answer.status == "recognized" and done.end.reached and not machine.dry_run)
+
+
+def _start(part: Part, options: Options) -> Start:
+    """Where the part may be."""
+    from tanteo.active import at_origin, at_pose
+
+    target = inference.prepare(part)
+    if options.pose_prior is not None:
+        return at_pose(target, options.pose_prior.T, options.pose_prior.C)
+    say(
+        "Nobody says where the part is: its frame is taken to be at the machine's origin +- 5 mm 3 deg (--pose-prior).",
+        sys.stderr,
+    )
+    return at_origin(target)
+
+
+def _session(start: Start, options: Options, machine: MachineOptions) -> Session:
+    """A new one, or that of the record."""
+    from tanteo.active import Stop
+    from tanteo.machines import turns_of
+    from tanteo.session import Sensing, Session
+
+    if options.resume and options.record is not None:
+        return io.read_record(options.record, [target.part for target in start.targets])
+    spread = machine.spread(options.sensor, options.sd)
+    how: dict[str, Any] = {"sensor": spread} if isinstance(spread, str) else {"sd": spread}
+    stop = Stop(
+        tolerance=options.tolerance, confidence=options.confidence, feature=options.feature,
+        max_measurements=options.max_measurements,
+    )  # fmt: skip
+    return Session(
+        start, machine.probe(spread, options.robot, turns=turns_of(machine.machine)),
+        Sensing(**how, robot=options.robot, bias_sd=options.bias_sd), stop=stop, seed=options.seed,
+    )  # fmt: skip
+
+
+@contextmanager
+def _moved(start: Start, session: Session, options: Options, machine: MachineOptions) -> Iterator[SafeMachine]:
+    """The machine behind its limits; it is let go at the end."""
+    from tanteo.machines import SafeMachine, opened
+
+    world, place = _fake(start, session, options, machine) if machine.machine.fake else (None, None)
+    with opened(machine.machine, world, place) as driver:
+        show = (lambda what: say(f"     {what}", sys.stderr)) if options.verbose or machine.dry_run else None
+        yield SafeMachine(driver, machine.limits(), machine.asked(), machine.dry_run, show)
+
+
+def _fake(start: Start, session: Session, options: Options, machine: MachineOptions) -> tuple[Any, Any]:
+    """What a fake's probe meets: the part, at a pose drawn from the prior; where its tip begins."""
+    import numpy as np
+
+    from tanteo.machines import Ways, World
+    from tanteo.shapes import Surface
+
+    T, part = start.drawn(0, 64)[options.seed % 64], start.targets[0].part
+    x, y, z = 1e3 * T[:3, 3]
+    say(f"The fake's part lies at x {x:.3f} y {y:.3f} z {z:.3f} mm, drawn from the prior with --seed.", sys.stderr)
+    spread = machine.spread(options.sensor, options.sd)
+    sd = float(session.probe.law.sigma(np.asarray(session.probe.standoff))) if isinstance(spread, str) else spread
+    ways = Ways.around(start, session.probe, turns=False)
+    place = np.array([*ways.job.centre[:2], ways.job.safe_height + _ABOVE])
+    return World(Surface(part.vertices, part.triangles), T, machine.radius, sd, options.seed), place
+
+
+def _run(session: Session, safe: SafeMachine, options: Options) -> Probed:
+    from tanteo.machines import probe_part
+
+    def watch(turn: Turn) -> None:
+        leader = session.state.target(0).part.name if len(session.state.weights) else ""
+        distance = None if turn.sensed is None else turn.sensed.distance
+        say(text.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
+
+    done = probe_part(session, safe, options.record, watch)
+    if done.resumed:
+        say(f"{done.resumed} readings had been kept and not yet told; they count now.", sys.stderr)
+    if done.stopped:
+        complain("warning", f"{done.stopped} Readings so far are kept: go on with --resume.")
+    return done
+
+
+def _print(
+    session: Session, done: Probed, safe: SafeMachine, words: controller.Words, part: Part, options: Options
+) -> None:
+    """The answer, for a person or a program."""
+    answer = session.answer()
+    if safe.dry_run:
+        moves = len(done.turns)
+        say(f"Dry run: {moves} touches, all inside of the limits; nothing was sent. {done.end.why}", sys.stderr)
+        return
+    if options.json:
+        sensing = {
+            "machine": safe.facts.name, "reached": done.end.reached, "why": done.end.why, "stopped": done.stopped,
+            "readings": session.count, "questions": len(done.turns),
+        }  # fmt: skip
+        more = words.document(answer, [part]) if words else {}
+        put(io.document_json({**io.recognition_document(answer), "sensing": sensing, **more}, warned()))
+        return
+    lines = text.probed_lines(
+        answer, done.end, safe.facts.name, session.count, verbose=options.verbose, layout=layout()
+    )
+    emit(lines, sys.stderr if words else None)
+    if words:
+        put(words.text(answer, [part]))
+
+
+def _write(words: controller.Words, answer: Any, part: Part, safe: SafeMachine) -> None:
+    """The frame, to the controller, after a yes."""
+    if why := words.refused(answer):
+        complain("warning", f"--write: {why}")
+        return
+    if words.wcs is None or words.wcs.controller != safe.facts.controller:
+        named = safe.facts.controller or "one that takes a frame over the wire"
+        raise InputError(f"--write: expected --wcs of {named}, got another. Copy the lines to the controller.")
+    lines = words.text(answer, [part])
+    if ask(f"{lines}Have {safe.facts.name} run these lines"):
+        safe.write_frame(lines)
+        say("The frame was sent, and the machine took it.", sys.stderr)
+    else:
+        say("Nothing was written.", sys.stderr)

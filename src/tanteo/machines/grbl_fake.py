@@ -1,0 +1,295 @@
+"""A GRBL 1.1 controller that is not there: it speaks the protocol on a TCP port of loopback, or on a pseudo-terminal.
+
+The same sources as the driver (``grbl/grbl``, ``doc/markdown/interface.md``, ``commands.md``): real-time characters are
+picked out of the stream, ``G38.2`` and ``G38.3`` answer after the motion, alarms lock all but ``$`` commands.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import re
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+
+from tanteo.machines.axis import Tip
+from tanteo.machines.faults import Faults
+from tanteo.machines.server import Server
+from tanteo.machines.world import World
+from tanteo.typing import Vectors
+
+_WORD = re.compile(r"([A-Z])([-+]?\d*\.?\d+)")
+_RAPID = 0.1
+"""Speed of ``G0`` [m/s]."""
+
+
+class GrblFake:
+    """A controller with three axes and a touch probe.
+
+    Attributes:
+        tip: its ball.
+        port: of loopback.
+        ports: the same, as of all fakes.
+        offset: of ``G54`` ``(3,)`` [m].
+        motions: how many it was told to make.
+        heard: all lines that it was sent.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        start: Vectors,
+        *,
+        hurry: float = np.inf,
+        faults: Faults | None = None,
+        port: int = 0,
+        inches: bool = False,
+        offset: Vectors | None = None,
+        work_positions: bool = False,
+        alarm: str = "",
+    ) -> None:
+        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
+        self.faults = faults or Faults()
+        self.offset = np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)
+        self.motions, self.heard = 0, list[str]()
+        self._inches, self._work_positions, self._alarm = inches, work_positions, alarm
+        self._absolute, self._unit, self._feed, self._motion = True, 1e-3, 0.0, "0"
+        self._send: Callable[[bytes], None] = lambda data: None
+        self._drop: Callable[[], None] = lambda: None
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._runs = 0
+        self._silent = False
+        self._server = Server(self._serve, port)
+        self.port = self._server.port
+        self.ports = (self.port,)
+
+    def close(self) -> None:
+        """Switch it off."""
+        self._lines.put(None)
+        self._server.close()
+
+    def press_stop(self) -> None:
+        """The emergency stop: the drives lose power, the controller resets."""
+        self.tip.emergency.set()
+        self._alarm = "3" if self.tip.moving else "1"
+        self._say(f"ALARM:{self._alarm}", "", "Grbl 1.1h ['$' for help]", "[MSG:'$H'|'$X' to unlock]")
+
+    def terminal(self) -> str:
+        """A pseudo-terminal that speaks as the serial port does: its name (POSIX only)."""
+        import pty
+        import tty
+
+        ours, theirs = pty.openpty()
+        tty.setraw(ours)
+        tty.setraw(theirs)
+
+        def write(data: bytes) -> None:
+            with suppress(OSError):
+                os.write(ours, data)
+
+        def run() -> None:
+            self._talk(lambda: os.read(ours, 4096), write, lambda: os.close(ours))
+
+        threading.Thread(target=run, daemon=True, name="fake port").start()
+        return os.ttyname(theirs)
+
+    def _serve(self, client: socket.socket) -> None:
+        self._talk(lambda: client.recv(4096), client.sendall, self._server.drop)
+
+    def _talk(self, read: Callable[[], bytes], send: Callable[[bytes], None], drop: Callable[[], None]) -> None:
+        """One client: real-time characters at once, lines by a thread that takes its time."""
+        self._send, self._drop, self._lines = send, drop, queue.SimpleQueue()
+        self._runs += 1
+        self._silent = False
+        self._server.start(self._execute, self._lines)
+        self._say("", "Grbl 1.1h ['$' for help]")
+        line = bytearray()
+        while True:
+            try:
+                data = read()
+            except OSError:
+                data = b""
+            if not data:
+                self._lines.put(None)
+                return
+            for byte in data:
+                self._take(byte, line)
+
+    def _take(self, byte: int, line: bytearray) -> None:
+        char = chr(byte)
+        if char == "?":
+            self._say(self._status())
+        elif char == "!":
+            self.tip.hold.set()
+        elif char == "~":
+            self.tip.hold.clear()
+        elif char == "\x18":
+            self._reset()
+        elif char in "\r\n":
+            if line:
+                self._lines.put(line.decode("ascii", "replace"))
+                line.clear()
+        else:
+            line.append(byte)
+
+    def _reset(self) -> None:
+        moving = self.tip.moving and not self.tip.hold.is_set()
+        while not self._lines.empty():
+            self._lines.get_nowait()
+        self.tip.hold.set()  # whatever moves ends
+        if moving:
+            self._alarm = "3"
+            self._say("ALARM:3")
+        self._say("", "Grbl 1.1h ['$' for help]")
+        if self._alarm:
+            self._say("[MSG:'$H'|'$X' to unlock]")
+
+    def _say(self, *rows: str) -> None:
+        if self._silent:
+            return
+        with suppress(OSError):
+            self._send("".join(f"{row}\r\n" for row in rows).encode())
+
+    def _status(self) -> str:
+        state = "Alarm" if self._alarm else "Hold:0" if self.tip.hold.is_set() and self._holds() else "Idle"
+        state = "Run" if self.tip.moving and not self.tip.hold.is_set() else state
+        place = self._shown(self.tip.place)
+        where = f"MPos:{place}"
+        if self._work_positions:
+            where = f"WPos:{self._shown(self.tip.place - self.offset)}"
+        tripped = "|Pn:P" if self.tip.world.tripped(self.tip.place) else ""
+        wco = f"|WCO:{self._shown(self.offset)}" if self._work_positions else ""
+        return f"<{state}|{where}|FS:0,0{tripped}{wco}>"
+
+    def _holds(self) -> bool:
+        return self.tip.moving or not self._lines.empty()
+
+    def _shown(self, place: Vectors) -> str:
+        factor, digits = (1 / 25.4e-3, 4) if self._inches else (1e3, 3)
+        return ",".join(f"{factor * v + 0.0:.{digits}f}" for v in place)
+
+    def _execute(self, lines: queue.SimpleQueue[str | None]) -> None:
+        while (line := lines.get()) is not None:
+            self.heard.append(line)
+            self._run(line.strip().upper())
+
+    def _run(self, line: str) -> None:
+        if line.startswith("$"):
+            self._dollar(line)
+            return
+        if self._alarm:
+            self._say("error:9")
+            return
+        words = _WORD.findall(re.sub(r"\([^)]*\)", "", line))
+        codes = {value for letter, value in words if letter == "G"}
+        self._modes(codes)
+        axes = {letter: float(value) for letter, value in words if letter in "XYZ"}
+        feeds = [float(value) for letter, value in words if letter == "F"]
+        self._feed = feeds[-1] * self._unit / 60 if feeds else self._feed
+        if codes & {"10"}:
+            self._set_offset(words, axes)
+        elif axes:
+            self._move(axes)
+        else:
+            self._say("ok")
+
+    def _modes(self, codes: set[str]) -> None:
+        for code in codes:
+            if code in ("0", "1", "38.2", "38.3"):
+                self._motion = code
+            elif code in ("20", "21"):
+                self._unit = 25.4e-3 if code == "20" else 1e-3
+            elif code in ("90", "91"):
+                self._absolute = code == "90"
+
+    def _set_offset(self, words: list[tuple[str, str]], axes: dict[str, float]) -> None:
+        """``G10 L2 P1``; a turn (R) is an error."""
+        if any(letter == "R" for letter, _ in words):
+            self._say("error:20")
+            return
+        for k, axis in enumerate("XYZ"):
+            self.offset[k] = self._unit * axes.get(axis, self.offset[k] / self._unit)
+        self._say("ok")
+
+    def _move(self, axes: dict[str, float]) -> None:
+        base = self.tip.place - self.offset if self._absolute else np.zeros(3)
+        goal = base.copy() + (self.offset if self._absolute else self.tip.place)
+        for k, axis in enumerate("XYZ"):
+            if axis in axes:
+                goal[k] = self._unit * axes[axis] + (self.offset[k] if self._absolute else self.tip.place[k])
+        self.motions += 1
+        n, faults = self.motions, self.faults
+        if n == faults.drop_before:
+            self._drop()
+            return
+        self._silent = self._silent or n == faults.silent
+        if self._motion.startswith("38"):
+            self._probe(goal, n)
+        else:
+            self.tip.hold.clear()
+            speed = _RAPID if self._motion == "0" else self._feed
+            self.tip.go(goal, speed, until_contact=False, half_way=self._half(n))
+            self._answer(n)
+
+    def _half(self, n: int) -> Callable[[], None] | None:
+        return self.press_stop if n == self.faults.stop_at else None
+
+    def _probe(self, goal: Vectors, n: int) -> None:
+        start = self.tip.place
+        if float(np.linalg.norm(goal - start)) < 5e-7:
+            self._say("error:33")
+            return
+        if self.tip.world.tripped(start):
+            self._fail("4")
+            return
+        self.tip.hold.clear()
+        ended = self.tip.go(goal, self._feed, until_contact=True, half_way=self._half(n))
+        if ended in ("held", "stopped"):
+            return
+        met = ended == "met"
+        way = (goal - start) / np.linalg.norm(goal - start)
+        report = self.tip.place + (self.tip.world.noise(start, goal) * way if met else 0.0)
+        if n == self.faults.late:
+            time.sleep(self.faults.seconds)
+        if n == self.faults.drop_after:
+            self._drop()
+            return
+        self._say(f"[PRB:{self._shown(report)}:{int(met)}]")
+        if not met and self._motion == "38.2":
+            self._fail("5")
+            return
+        self._say("ok")
+
+    def _answer(self, n: int) -> None:
+        if self.tip.emergency.is_set():
+            return
+        if n == self.faults.late:
+            time.sleep(self.faults.seconds)
+        if n == self.faults.drop_after:
+            self._drop()
+            return
+        self._say("ok")
+
+    def _fail(self, alarm: str) -> None:
+        self._alarm = alarm
+        self._say(f"ALARM:{alarm}", "[MSG:Reset to continue]")
+
+    def _dollar(self, line: str) -> None:
+        if line == "$I":
+            self._say("[VER:1.1h.20190825:]", "[OPT:V,15,128]", "ok")
+        elif line == "$$":
+            self._say("$10=1", f"$13={int(self._inches)}", "$20=0", "$22=0", "$110=6000.000", "ok")
+        elif line == "$#":
+            rows = [f"[G54:{self._shown(self.offset)}]", *(f"[G{n}:{self._shown(np.zeros(3))}]" for n in range(55, 60))]
+            self._say(*rows, f"[G92:{self._shown(np.zeros(3))}]", "[TLO:0.000]", "ok")
+        elif line == "$X":
+            self._alarm = ""
+            self.tip.emergency.clear()
+            self._say("[MSG:Caution: Unlocked]", "ok")
+        else:
+            self._say("error:3")

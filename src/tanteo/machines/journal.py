@@ -1,0 +1,102 @@
+"""Readings on the disk before they count: one line each, written through, beside the record of the session."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.machines.protocol import Sensed
+from tanteo.sensors import Readings
+from tanteo.session import Action, Session
+
+SUFFIX = ".journal"
+"""Behind the name of the record."""
+
+
+class Journal:
+    """A file to which readings are added, and nothing else is done.
+
+    A line that is not whole, because the power went while it was written, was never read by anybody and is left out.
+    """
+
+    def __init__(self, record: str | Path) -> None:
+        self.path = Path(f"{record}{SUFFIX}")
+
+    def keep(self, action: Action, sensed: Sensed) -> None:
+        """One reading, on the disk when this returns.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        row = {
+            "question": action.number, "start_m": list(sensed.start), "direction": list(sensed.direction),
+            "distance_m": sensed.distance if sensed.met else None, "reach_m": sensed.reach, "radius_m": action.radius,
+        }  # fmt: skip
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise InputError(
+                f"{self.path}: expected a file that can be written, got: {error.strerror}. Free the disk, then resume."
+            ) from None
+
+    def rows(self) -> list[tuple[int, Sensed]]:
+        """What was kept: numbers of questions and what was sensed.
+
+        Raises:
+            InputError: a line before the last is no reading.
+        """
+        if not self.path.exists():
+            return []
+        lines = self.path.read_text(encoding="utf-8", errors="replace").split("\n")
+        found = list[tuple[int, Sensed]]()
+        for k, line in enumerate(lines):
+            if not line.strip():
+                continue
+            try:
+                found.append(_row(json.loads(line)))
+            except (ValueError, KeyError, TypeError):
+                if k < len(lines) - 1:
+                    raise InputError(
+                        f"{self.path}, line {k + 1}: expected a reading, got '{line[:40]}'. Restore the file."
+                    ) from None
+        return found
+
+    def forget(self) -> None:
+        """All of it is in the record."""
+        self.path.unlink(missing_ok=True)
+
+
+def _row(raw: dict[str, Any]) -> tuple[int, Sensed]:
+    distance = np.inf if raw["distance_m"] is None else float(raw["distance_m"])
+    start, direction = (np.array(raw[key], dtype=np.float64) for key in ("start_m", "direction"))
+    if start.shape != (3,) or direction.shape != (3,):
+        raise ValueError
+    return int(raw["question"]), Sensed(start, direction, distance, float(raw["reach_m"]))
+
+
+def reading_of(action: Action, sensed: Sensed) -> Readings:
+    """What was sensed as the reading that answers a question: along the beam that was, not the one that was asked."""
+    made = replace(action, origin=sensed.start, direction=sensed.direction, max_range=sensed.reach)
+    return made.read(sensed.distance)
+
+
+def take_up_rows(session: Session, rows: Sequence[tuple[int, Sensed]]) -> int:
+    """Readings that were kept and not yet told are told: how many these were."""
+    asked, before = session.asked, {s.action.number for s in session.steps if s.action is not None}
+    count = 0
+    for number, sensed in rows:
+        if number in before or asked is None or number != asked.number:
+            continue
+        session.tell(reading_of(asked, sensed), asked)
+        count += 1
+    return count

@@ -1,0 +1,286 @@
+"""The one wrapper around every driver: limits before a motion, a watchdog beside it, the way back after it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.hand import Workspace
+from tanteo.lie import SE3
+from tanteo.machines.protocol import (
+    ContactError,
+    Facts,
+    LateError,
+    Machine,
+    MachineError,
+    MachineStatus,
+    RefusedError,
+    Sensed,
+    StoppedError,
+    place_of,
+)
+from tanteo.typing import Transforms, Vectors
+
+_T = TypeVar("_T")
+_TICK = 0.02
+"""Between two looks of the watchdog [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MachineLimits:
+    """What a machine may do.
+
+    Attributes:
+        workspace: where the tip may be; ways do not cross its forbidden boxes.
+        room: that the tip keeps from the workspace's bounds [m]: the radius of its ball, and more.
+        travel: the largest speed between readings [m/s].
+        touch: the largest speed of a guarded motion [m/s].
+        reach: the longest guarded motion [m].
+        arrival: how far from its goal a motion may end [m].
+        stale: age of a status during a motion at which the machine is stopped [s].
+        grace: seconds that a motion may take beyond its length and speed.
+
+    Raises:
+        InputError: a limit that is not positive.
+    """
+
+    workspace: Workspace = field(default_factory=Workspace.everywhere)
+    room: float = 0.0
+    travel: float = 0.05
+    touch: float = 0.002
+    reach: float = 0.1
+    arrival: float = 2e-4
+    stale: float = 1.5
+    grace: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name in ("travel", "touch", "reach", "arrival", "stale", "grace"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise InputError(f"limits, {name}: expected a positive number, got {getattr(self, name)}. Correct it.")
+        if not self.room >= 0:
+            raise InputError(f"limits, room: expected 0 or more, got {self.room}. Correct it.")
+
+
+@dataclass(slots=True, eq=False)
+class SafeMachine:
+    """A machine that keeps its limits, whoever drives it.
+
+    Every motion is checked before it is sent, shown to ``confirm``, watched while it runs, and checked where it ended.
+    After an abort, an alarm, a lost connection or a missing answer there is no further motion.
+
+    Attributes:
+        machine: the driver.
+        limits: what it may do.
+        confirm: asked in words before every motion; False refuses it.
+        dry_run: motions are checked and shown, and none is sent.
+        show: told in words of every motion.
+    """
+
+    machine: Machine
+    limits: MachineLimits
+    confirm: Callable[[str], bool] | None = None
+    dry_run: bool = False
+    show: Callable[[str], None] | None = None
+    _stopped: str = field(init=False, default="")
+    _last: Transforms | None = field(init=False, default=None)
+    _at: Vectors | None = field(init=False, default=None)
+
+    @property
+    def facts(self) -> Facts:
+        """Of the driver."""
+        return self.machine.facts
+
+    @property
+    def stopped(self) -> str:
+        """Why there is no further motion; empty if there may be."""
+        return self._stopped
+
+    def status(self) -> MachineStatus:
+        """Of the driver."""
+        return self.machine.status()
+
+    def place(self) -> Vectors:
+        """Where the tip is ``(3,)`` [m]; in a dry run where it would be."""
+        if self.dry_run and self._at is not None:
+            return self._at
+        return place_of(self.machine)
+
+    def move(self, T_world_probe: Transforms) -> None:
+        """Straight to a pose, at the speed of travelling.
+
+        Raises:
+            RefusedError: it is outside of the limits, or was refused; nothing was sent.
+            ContactError: something was met; the machine was brought back to where it came from.
+            StoppedError: no further motion.
+        """
+        goal, here = T_world_probe[:3, 3], self.place()
+        self._allow(here, goal, f"move to {_mm(goal)}")
+        if self._only_shown(goal):
+            return
+        came = SE3.from_parts(T_world_probe[:3, :3], here)
+        try:
+            self._watched(lambda s: self.machine.move(T_world_probe, self.limits.travel, s), here, goal, "travel")
+        except ContactError:
+            self._go_back(came)
+            raise
+        self._arrived(goal)
+        self._last = T_world_probe
+
+    def sense(self, direction: Vectors, reach: float) -> Sensed:
+        """From here along a direction until something is met; what follows should be inside :meth:`touching`."""
+        if not 0 < reach <= self.limits.reach:
+            raise RefusedError(
+                f"reach: expected up to {1e3 * self.limits.reach:g} mm, got {1e3 * reach:.3g} mm. "
+                "Know the place better, or allow more."
+            )
+        here = self.place()
+        goal = here + reach * direction
+        self._allow(here, goal, f"touch along {_numbers(direction)}, {1e3 * reach:.2f} mm at most")
+        if self._only_shown(here):
+            return Sensed(here, direction, np.inf, reach)
+        speed = self.limits.touch
+        sensed = self._watched(lambda s: self.machine.sense(direction, reach, speed, s), here, goal, "touch")
+        if sensed.met and not 0 <= sensed.distance <= reach + self.limits.arrival:
+            self._stop(f"a contact {1e3 * sensed.distance:.3f} mm away, beyond the {1e3 * reach:.3f} mm that were sent")
+        return sensed
+
+    @contextmanager
+    def touching(self) -> Iterator[None]:
+        """Inside is a guarded motion and what is made of it: on leaving, however that is, the probe goes back.
+
+        It goes to where the last motion ended, unless the machine has stopped.
+        """
+        start = self._last
+        try:
+            yield
+        finally:
+            if start is not None and not self._stopped and not self.dry_run:
+                self._go_back(start)
+
+    def abort(self, why: str = "it was told to stop") -> None:
+        """Stop at once, for good; never raises."""
+        self._stopped = self._stopped or why
+        self.machine.abort()
+
+    def write_frame(self, text: str) -> None:
+        """Have the controller set a frame.
+
+        Raises:
+            StoppedError: no further command.
+        """
+        self._check_running()
+        self.machine.write_frame(text, self.limits.grace)
+
+    def close(self) -> None:
+        """Let go of the machine."""
+        self.machine.close()
+
+    def _check_running(self) -> None:
+        if self._stopped:
+            raise StoppedError(
+                f"{self.facts.name}: expected a machine that may move, got one that has stopped: {self._stopped}. "
+                "Look at it, clear it there, and start again."
+            )
+
+    def _allow(self, here: Vectors, goal: Vectors, what: str) -> None:
+        """Whether a straight way may be sent at all."""
+        self._check_running()
+        if not np.isfinite(goal).all():
+            raise RefusedError(f"{what}: expected finite numbers, got others. Nothing was sent.")
+        workspace, room = self.limits.workspace, self.limits.room
+        rooms = workspace.rooms(goal)[0] - room
+        crossed = [box.name for box in workspace.forbidden if box.crossed(here, goal, room)]
+        if crossed or (rooms < 0).any():
+            which = f"the forbidden box '{crossed[0]}'" if crossed else workspace.limits[int(np.argmin(rooms))]
+            raise RefusedError(f"{what}: expected a way that keeps its limits, got one past {which}. Nothing was sent.")
+        if self.confirm is not None and not self.dry_run and not self.confirm(what):
+            raise RefusedError(f"{what}: expected a yes, got no. Nothing was sent.")
+        if self.show is not None:
+            self.show(what)
+
+    def _only_shown(self, goal: Vectors) -> bool:
+        if self.dry_run:
+            self._at = goal
+        return self.dry_run
+
+    def _watched(self, run: Callable[[float], _T], here: Vectors, goal: Vectors, kind: str) -> _T:
+        """A motion in a thread of its own, which may hang without this one: its end, its error, or a stop."""
+        speed = self.limits.travel if kind == "travel" else self.limits.touch
+        seconds = float(np.linalg.norm(goal - here)) / speed * 1.5 + self.limits.grace
+        ended, results, errors = threading.Event(), list[_T](), list[BaseException]()
+
+        def call() -> None:
+            try:
+                results.append(run(seconds))
+            except BaseException as error:  # noqa: BLE001  handed to the thread that asked
+                errors.append(error)
+            finally:
+                ended.set()
+
+        threading.Thread(target=call, daemon=True, name="motion").start()
+        try:
+            self._wait(ended, seconds + 1.0)
+        except BaseException:
+            self.abort("its motion was interrupted")
+            ended.wait(1.0)
+            raise
+        if errors:
+            self._latch(errors[0])
+            raise errors[0]
+        return results[0]
+
+    def _wait(self, ended: threading.Event, seconds: float) -> None:
+        begun = time.monotonic()
+        while not ended.wait(_TICK):
+            passed = time.monotonic() - begun
+            if self._stopped:  # by another thread; the driver ends its motion by itself
+                ended.wait(1.0)
+                self._check_running()
+            if (age := self.machine.status().age) > self.limits.stale and passed > self.limits.stale:
+                self._late(f"the controller has said nothing for {min(age, passed):.1f} s")
+            if passed > seconds:
+                self._late(f"a motion did not end within {seconds:.1f} s")
+
+    def _late(self, why: str) -> None:
+        self._stopped = self._stopped or why
+        raise LateError(
+            f"{self.facts.name}: expected an answer in time, got none: {why}. It was told to stop: look at it before "
+            "you start again."
+        )
+
+    def _latch(self, error: BaseException) -> None:
+        if isinstance(error, StoppedError) or not isinstance(error, MachineError):
+            self._stopped = self._stopped or str(error)
+            self.machine.abort()
+
+    def _arrived(self, goal: Vectors) -> None:
+        here = self.place()
+        off = float(np.linalg.norm(here - goal))
+        if off > self.limits.arrival:
+            self._stop(f"a motion that ended {1e3 * off:.3f} mm from its goal, at {_mm(here)}")
+
+    def _stop(self, got: str) -> None:
+        self.abort(got)
+        raise StoppedError(
+            f"{self.facts.name}: expected its motions to end where they were sent, got {got}. Look there."
+        )
+
+    def _go_back(self, T: Transforms) -> None:
+        here, goal = self.place(), T[:3, 3]
+        self._watched(lambda s: self.machine.back(T, self.limits.travel, s), here, goal, "travel")
+        self._arrived(goal)
+
+
+def _mm(place: Vectors) -> str:
+    return f"{_numbers(1e3 * place)} mm"
+
+
+def _numbers(values: Vectors) -> str:
+    return "(" + ", ".join(f"{v:.3f}" for v in values + 0.0) + ")"

@@ -1,0 +1,69 @@
+"""A TCP server of a fake controller, on loopback alone, for one client at a time."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+
+
+class Server:
+    """Listens on 127.0.0.1 and hands each connection to a function in a thread of its own.
+
+    Attributes:
+        port: where it listens; one that the system chose, if none was asked for.
+    """
+
+    def __init__(self, serve: Callable[[socket.socket], None], port: int = 0) -> None:
+        self._serve = serve
+        self._listening = socket.create_server(("127.0.0.1", port))
+        self._clients = list[socket.socket]()
+        self._closed = False
+        self._threads = list[threading.Thread]()
+        self.port = int(self._listening.getsockname()[1])
+        self.start(self._accept)
+
+    def start(self, run: Callable[..., None], *args: object) -> None:
+        """A thread that is waited for when the server ends."""
+        thread = threading.Thread(target=run, args=args, daemon=True, name=f"fake {self.__class__.__name__}")
+        self._threads = [t for t in self._threads if t.is_alive()] + [thread]
+        thread.start()
+
+    def _accept(self) -> None:
+        while not self._closed:
+            try:
+                client, _ = self._listening.accept()
+            except OSError:
+                return
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._clients.append(client)
+            self.start(self._run, client)
+
+    def _run(self, client: socket.socket) -> None:
+        with suppress(OSError):
+            self._serve(client)
+        hang_up(client)
+
+    def drop(self) -> None:
+        """End all connections; it goes on listening."""
+        while self._clients:
+            hang_up(self._clients.pop())
+
+    def close(self) -> None:
+        """End all."""
+        self._closed = True
+        with suppress(OSError):
+            self._listening.shutdown(socket.SHUT_RDWR)
+        self._listening.close()
+        self.drop()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(1.0)
+
+
+def hang_up(client: socket.socket) -> None:
+    """End a connection at both ends; never raises."""
+    with suppress(OSError):
+        client.shutdown(socket.SHUT_RDWR)
+    client.close()

@@ -1,0 +1,200 @@
+"""A Universal Robot that is not there: dashboard, program port and RTDE on loopback.
+
+RTDE is as the manufacturer's own client has it (:mod:`tanteo.machines.rtde`). Of URScript it knows the statements that
+:mod:`tanteo.machines.ur` sends, not the language: ``movel``, the thread that moves beside a watch, registers.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+import struct
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from tanteo.machines import rtde
+from tanteo.machines.axis import Tip
+from tanteo.machines.faults import Faults
+from tanteo.machines.server import Server
+from tanteo.machines.ur import ARRIVED, MET, NUMBER, PLACE, RESULT, TRIPPED
+from tanteo.machines.world import World
+from tanteo.typing import Vectors
+
+_MOVEL = re.compile(r"movel\(p\[([^\]]+)\], a=([\d.]+), v=([\d.]+)\)")
+_NUMBER = re.compile(rf"write_output_integer_register\({NUMBER}, (\d+)\)")
+_MODES = {"running": 7, "normal": 1, "emergency": 6}
+
+
+class UrFake:
+    """A robot whose TCP is the centre of a ball.
+
+    Attributes:
+        tip: its ball.
+        ports: of loopback, of dashboard, programs and RTDE.
+        programs: all texts that it was sent.
+        motions: how many it was told to make.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        start: Vectors,
+        *,
+        hurry: float = np.inf,
+        faults: Faults | None = None,
+        ports: tuple[int, int, int] = (0, 0, 0),
+        remote: bool = True,
+    ) -> None:
+        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
+        self.turn = np.array([np.pi, 0.0, 0.0])
+        self.faults, self.remote = faults or Faults(), remote
+        self.programs, self.motions = list[str](), 0
+        self._registers: dict[str, Any] = {}
+        self._playing, self._safety, self._silent = False, _MODES["normal"], False
+        self._busy = threading.Lock()
+        self._begun = time.monotonic()
+        serve = (self._dashboard, self._program_port, self._rtde)
+        self._servers = [Server(one, port) for one, port in zip(serve, ports, strict=True)]
+        self.ports = tuple(server.port for server in self._servers)
+
+    def close(self) -> None:
+        """Switch it off."""
+        self.tip.emergency.set()
+        for server in self._servers:
+            server.close()
+
+    def press_stop(self) -> None:
+        """The emergency stop."""
+        self.tip.emergency.set()
+        self._safety = _MODES["emergency"]
+
+    def _drop(self) -> None:
+        for server in self._servers:
+            server.drop()
+
+    def _dashboard(self, client: socket.socket) -> None:
+        client.sendall(b"Connected: Universal Robots Dashboard Server\n")
+        for line in client.makefile("r", encoding="ascii", errors="replace"):
+            client.sendall((self._answer(line.strip()) + "\n").encode("ascii"))
+
+    def _answer(self, question: str) -> str:
+        if question == "stop":
+            self._halt()
+            return "Stopped"
+        return {
+            "robotmode": "Robotmode: RUNNING" if self._safety == _MODES["normal"] else "Robotmode: POWER_OFF",
+            "safetystatus": "Safetystatus: NORMAL" if self._safety == _MODES["normal"] else
+            "Safetystatus: ROBOT_EMERGENCY_STOP",
+            "is in remote control": "true" if self.remote else "false",
+            "PolyscopeVersion": "URSoftware 5.11.0.0 (fake)",
+            "running": f"Program running: {str(self._playing).lower()}",
+        }.get(question, f"could not understand: '{question}'")  # fmt: skip
+
+    def _halt(self) -> None:
+        """A program that is replaced, or stopped, ends where it is."""
+        self.tip.hold.set()
+        with self._busy:
+            self.tip.hold.clear()
+
+    def _program_port(self, client: socket.socket) -> None:
+        text = ""
+        while data := client.recv(65536):
+            text += data.decode("ascii", "replace")
+            while (end := re.search(r"^end\r?\n", text, re.MULTILINE)) is not None:
+                program, text = text[: end.end()], text[end.end() :]
+                self._halt()
+                self._servers[1].start(self._run, program)
+
+    def _run(self, program: str) -> None:
+        """One program, as far as it goes."""
+        with self._busy:
+            self.programs.append(program)
+            moves, number = _MOVEL.search(program), _NUMBER.search(program)
+            if moves is None or number is None or not self.remote or self._safety != _MODES["normal"]:
+                return
+            self._registers |= {f"output_int_register_{RESULT}": 0}
+            self._registers |= {f"output_int_register_{NUMBER}": int(number[1])}
+            self._playing = True
+            try:
+                self._motion(moves, guarded="thread search()" in program)
+            finally:
+                self._playing = False
+
+    def _motion(self, moves: re.Match[str], *, guarded: bool) -> None:
+        self.motions += 1
+        n, faults = self.motions, self.faults
+        if n == faults.drop_before:
+            self._drop()
+            return
+        self._silent = self._silent or n == faults.silent
+        pose, start = np.array([float(v) for v in moves[1].split(",")]), self.tip.place
+        if guarded and self.tip.world.tripped(start):
+            self._registers |= {f"output_int_register_{RESULT}": TRIPPED}
+            return
+        half = self.press_stop if n == faults.stop_at else None
+        ended = self.tip.go(pose[:3], float(moves[3]), until_contact=guarded, half_way=half)
+        if ended in ("held", "stopped"):
+            return
+        self.turn = pose[3:]
+        if n == faults.late:
+            time.sleep(faults.seconds)
+        if n == faults.drop_after:
+            self._drop()
+            return
+        self._tell(start, pose[:3], met=ended == "met")
+
+    def _tell(self, start: Vectors, goal: Vectors, *, met: bool) -> None:
+        way = (goal - start) / max(float(np.linalg.norm(goal - start)), 1e-12)
+        here = self.tip.place + (self.tip.world.noise(start, goal) * way if met else 0.0)
+        values = [*here, *self.turn]
+        self._registers |= {f"output_double_register_{PLACE + k}": float(v) for k, v in enumerate(values)}
+        self._registers |= {f"output_int_register_{RESULT}": MET if met else ARRIVED}
+
+    def _rtde(self, client: socket.socket) -> None:
+        buffer, names, types, period = bytearray(), list[str](), list[str](), 0.008
+        started = threading.Event()
+        while data := client.recv(4096):
+            buffer.extend(data)
+            for letter, payload in rtde.packages(buffer):
+                if letter == rtde.SETUP_OUTPUTS:
+                    period = 1.0 / max(struct.unpack(">d", payload[:8])[0], 1.0)
+                    names = [
+                        name for name in payload[8:].decode("ascii").split(",") if name
+                    ]  # ur-rtde ends with a comma
+                    types = [rtde.TYPES.get(name, "NOT_FOUND") for name in names]
+                client.sendall(self._reply(letter, types))
+                if letter == rtde.START and not started.is_set():
+                    started.set()
+                    self._servers[2].start(self._stream, client, names, types, period)
+
+    @staticmethod
+    def _reply(letter: bytes, types: list[str]) -> bytes:
+        if letter == rtde.SETUP_OUTPUTS:
+            return rtde.package(letter, b"\1" + ",".join(types).encode("ascii"))
+        if letter == rtde.CONTROLLER_VERSION:
+            return rtde.package(letter, struct.pack(">IIII", 5, 11, 0, 0))
+        known = (rtde.REQUEST_VERSION, rtde.START, rtde.PAUSE)
+        return rtde.package(letter, b"\1") if letter in known else b""
+
+    def _stream(self, client: socket.socket, names: list[str], types: list[str], period: float) -> None:
+        with suppress(OSError):
+            while True:
+                if not self._silent:
+                    client.sendall(rtde.pack(types, [self._value(name) for name in names], 1))
+                time.sleep(period)
+
+    def _value(self, name: str) -> Any:
+        if rtde.TYPES.get(name) == "VECTOR6D":
+            return [float(v) for v in (*self.tip.place, *self.turn)] if name == "actual_TCP_pose" else [0.0] * 6
+        if name == "actual_digital_input_bits":
+            return int(self.tip.world.tripped(self.tip.place))
+        fixed = {
+            "timestamp": time.monotonic() - self._begun, "runtime_state": 2 if self._playing else 1,
+            "robot_mode": _MODES["running"], "safety_mode": self._safety,
+            "robot_status_bits": 3 if self._playing else 1,  # powered, and a program runs
+        }  # fmt: skip
+        return fixed.get(name, self._registers.get(name, 0.0 if "double" in name else 0))

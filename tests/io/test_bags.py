@@ -1,0 +1,208 @@
+"""Recordings of ROS: what they say in the world at their stamps, whatever stores them; what is wrong with them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tanteo.errors import ReadingsError
+from tanteo.io import read_readings
+from tanteo.lie import SE3, SO3
+
+rosbags = pytest.importorskip("rosbags", reason="the extra tanteo[bags] is not installed")
+
+from rosbags.rosbag1 import Writer as Writer1  # noqa: E402
+from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
+
+STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "ros2": get_typestore(Stores.ROS2_HUMBLE)}
+STORES["ros1"].register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+KINDS = ["ros1", "sqlite", "mcap"]
+T_HAND_SENSOR = SE3.from_parts(SO3.axis_rotation(1, np.pi / 2), np.array([0.01, 0.02, 0.03]))
+TIMES = np.arange(0, 2.01, 0.1)
+
+
+def hand(t: float) -> np.ndarray:
+    """At a steady speed, so that what is between two samples is exact."""
+    first = SE3.from_parts(SO3.axis_rotation(2, 0.3), np.array([0.1, 0.0, 0.4]))
+    return first @ SE3.exp(t * np.array([0.05, 0.02, -0.01, 0.1, 0.2, 0.3]))
+
+
+class Recording:
+    """Messages, written as one of the kinds."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind, self.rows = kind, []
+        self.types = STORES["ros1" if kind == "ros1" else "ros2"].types
+
+    def header(self, t: float, frame: str):
+        stamp = self.types["builtin_interfaces/msg/Time"](int(t), round(1e9 * (t % 1)))
+        args = (0, stamp, frame) if self.kind == "ros1" else (stamp, frame)
+        return self.types["std_msgs/msg/Header"](*args)
+
+    def add(self, topic: str, kind: str, t: float, *fields) -> None:
+        self.rows.append((topic, kind, t, self.types[kind](*fields)))
+
+    def transform(self, topic: str, t: float, parent: str, child: str, T: np.ndarray) -> None:
+        types, xi = self.types, SO3.log(T[:3, :3])
+        half = 0.5 * np.linalg.norm(xi)
+        q = np.array([*(np.sin(half) * xi / max(2 * half, 1e-12)), np.cos(half)])
+        moved = types["geometry_msgs/msg/Transform"](
+            types["geometry_msgs/msg/Vector3"](*T[:3, 3]), types["geometry_msgs/msg/Quaternion"](*q)
+        )
+        one = types["geometry_msgs/msg/TransformStamped"](self.header(t, parent), child, moved)
+        self.add(topic, "tf2_msgs/msg/TFMessage", t, [one])
+
+    def range(self, t: float, value: float, frame: str = "sensor", topic: str = "/range") -> None:
+        self.add(topic, "sensor_msgs/msg/Range", t, self.header(t, frame), 1, 0.01, 0.02, 0.5, value)
+
+    def point(self, t: float, place, frame: str = "base", topic: str = "/touch") -> None:
+        at = self.types["geometry_msgs/msg/Point"](*map(float, place))
+        self.add(topic, "geometry_msgs/msg/PointStamped", t, self.header(t, frame), at)
+
+    def pose(self, t: float, T: np.ndarray) -> None:
+        types, xi = self.types, SO3.log(T[:3, :3])
+        half = 0.5 * np.linalg.norm(xi)
+        q = np.array([*(np.sin(half) * xi / max(2 * half, 1e-12)), np.cos(half)])
+        pose = types["geometry_msgs/msg/Pose"](
+            types["geometry_msgs/msg/Point"](*T[:3, 3]), types["geometry_msgs/msg/Quaternion"](*q)
+        )
+        self.add("/hand", "geometry_msgs/msg/PoseStamped", t, self.header(t, "base"), pose)
+
+    def moving(self) -> Recording:
+        """With the frames of a hand that moves."""
+        for t in TIMES:
+            self.transform("/tf", t, "base", "hand", hand(t))
+        self.transform("/tf_static", 0.0, "hand", "sensor", T_HAND_SENSOR)
+        return self
+
+    def write(self, folder: Path) -> Path:
+        store = STORES["ros1" if self.kind == "ros1" else "ros2"]
+        path = folder / ("run.bag" if self.kind == "ros1" else "run")
+        storage = {"mcap": StoragePlugin.MCAP, "sqlite": StoragePlugin.SQLITE3}
+        writer = Writer1(path) if self.kind == "ros1" else Writer(path, version=9, storage_plugin=storage[self.kind])
+        write = store.serialize_ros1 if self.kind == "ros1" else store.serialize_cdr
+        with writer:
+            kinds = {topic: kind for topic, kind, _, _ in self.rows}
+            topics = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in kinds.items()}
+            for topic, kind, t, message in self.rows:
+                writer.write(topics[topic], int(1e9 * (t + 0.004)), write(message, kind))
+        return path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_ranges_are_placed_at_their_stamps(kind, tmp_path):
+    recording = Recording(kind).moving()
+    times = np.array([0.25, 0.7, 1.234])
+    for t, value in zip(times, (0.2, np.inf, 0.3), strict=True):
+        recording.range(t, value)
+    readings = read_readings(recording.write(tmp_path))
+    Ts = np.stack([hand(t) @ T_HAND_SENSOR for t in times])
+    assert readings.is_free.tolist() == [False, True, False]
+    assert np.allclose(readings.directions, Ts[:, :3, 0], atol=1e-6)
+    expected = Ts[:, :3, 3] + np.array([0.2, 0.0, 0.3])[:, None] * Ts[:, :3, 0]
+    assert np.allclose(readings.points, expected, atol=1e-6)
+    assert np.allclose(readings.ranges, [0.2, np.nan, 0.3], equal_nan=True)
+    assert readings.max_ranges[1] == pytest.approx(0.5)
+    notes = " ".join(readings.notes)
+    assert "taken of /range" in notes
+    assert "the frame 'base'" in notes
+    assert "4.0 ms after their stamp" in notes
+
+
+@pytest.mark.parametrize("name", ["run.mcap", "run.db3"])
+def test_the_file_inside_of_the_folder_is_enough(name, tmp_path):
+    recording = Recording("mcap" if name.endswith("mcap") else "sqlite").moving()
+    recording.range(0.5, 0.2)
+    folder = recording.write(tmp_path)
+    assert np.array_equal(read_readings(folder / name).points, read_readings(folder).points)
+
+
+def test_touches_are_points_of_their_frame(tmp_path):
+    recording = Recording("mcap")
+    for k, t in enumerate((0.1, 0.2, 0.3)):
+        recording.point(t, (0.01 * k, 0.02, 0.03))
+    readings = read_readings(recording.write(tmp_path), direction="down")
+    assert np.allclose(readings.points[2], [0.02, 0.02, 0.03])
+    assert np.allclose(readings.directions, [0, 0, -1])
+    assert any("--radius" in note for note in readings.notes)
+
+
+def test_a_hand_s_poses_and_a_rig_will_do(tmp_path):
+    recording = Recording("mcap")
+    for t in TIMES:
+        recording.pose(t, hand(t))
+    recording.range(0.55, 0.2, frame="tof_left")
+    readings = read_readings(recording.write(tmp_path))
+    assert readings.sensors == ("tof_left",)
+    assert np.allclose(readings.Ts_world_hand[0], hand(0.55), atol=1e-6)
+    assert any("--rig" in note for note in readings.notes)
+
+
+def test_latency_moves_the_stamps(tmp_path):
+    recording = Recording("mcap").moving()
+    recording.range(1.0, 0.2)
+    path = recording.write(tmp_path)
+    T = hand(0.9) @ T_HAND_SENSOR
+    assert np.allclose(read_readings(path, latency=0.1).directions[0], T[:3, 0], atol=1e-6)
+
+
+def test_stamps_without_transforms_are_left_out(tmp_path):
+    recording = Recording("mcap").moving()
+    for t in (0.5, 2.5):
+        recording.range(t, 0.2)
+    readings = read_readings(recording.write(tmp_path))
+    assert len(readings) == 1
+    assert any("1 of 2 readings were left out" in note for note in readings.notes)
+
+
+def test_topics_and_worlds_are_named(tmp_path):
+    recording = Recording("mcap").moving()
+    recording.range(0.5, 0.2)
+    recording.range(0.6, 0.25, topic="/other")
+    recording.point(0.5, (0, 0, 0))
+    path = recording.write(tmp_path)
+    assert len(read_readings(path)) == 2
+    assert len(read_readings(path, topics=["/other"])) == 1
+    assert len(read_readings(path, topics=["/touch"], direction="down")) == 1
+    static = read_readings(path, topics=["/range"], world="hand")
+    assert np.allclose(static.directions[0], T_HAND_SENSOR[:3, 0], atol=1e-6)
+    with pytest.raises(ReadingsError, match="Did you mean"):
+        read_readings(path, topics=["/rang"])
+    with pytest.raises(ReadingsError, match="expected a frame over 'sensor'"):
+        read_readings(path, world="map")
+    with pytest.raises(ReadingsError, match="topics of one type"):
+        read_readings(path, topics=["/range", "/touch"])
+
+
+def test_sensors_that_nothing_places_are_refused(tmp_path):
+    recording = Recording("mcap")
+    recording.range(0.5, 0.2)
+    with pytest.raises(ReadingsError, match="expected transforms"):
+        read_readings(recording.write(tmp_path))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_recordings_are_refused_with_a_reason(kind, tmp_path):
+    recording = Recording(kind).moving()
+    recording.range(0.5, 0.2)
+    path = recording.write(tmp_path)
+    file = path if path.is_file() else next(p for p in path.iterdir() if p.suffix in (".mcap", ".db3"))
+    whole = file.read_bytes()
+    for size in (20, len(whole) // 2):
+        file.write_bytes(whole[:size])
+        with pytest.raises(ReadingsError, match="expected"):
+            read_readings(path)
+
+
+def test_a_recording_without_readings_says_so(tmp_path):
+    with pytest.raises(ReadingsError, match=r"sensor_msgs/Range or geometry_msgs/PointStamped, got none"):
+        read_readings(Recording("mcap").moving().write(tmp_path))
+
+
+def test_topics_are_of_recordings_only(tmp_path):
+    (tmp_path / "r.csv").write_text("x_mm,y_mm,z_mm\n1,2,3\n")
+    with pytest.raises(ReadingsError, match="recording of ROS"):
+        read_readings(tmp_path / "r.csv", world="base")

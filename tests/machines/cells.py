@@ -1,0 +1,94 @@
+"""Worlds and drivers that the tests of machines share."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from tanteo.active import Stop, at_pose, probe_of
+from tanteo.lie import SE3
+from tanteo.machines import Faults, GrblFake, GrblMachine, Machine, SerialLink, World, opened, parse_machine
+from tanteo.session import Sensing, Session
+from tanteo.shapes import Surface
+
+DOWN = np.array([0.0, 0.0, -1.0])
+NO_FAULTS = Faults()
+SD = 2e-5
+
+
+def box(x: float = 0.06, y: float = 0.04, z: float = 0.02) -> Surface:
+    """A block from the origin to (x, y, z)."""
+    corners = np.array([[i, j, k] for i in (0, x) for j in (0, y) for k in (0, z)], dtype=float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    return Surface(corners, np.array(triangles))
+
+
+def world(sd: float = 0.0) -> World:
+    """The block at the origin, before a ball of 1 mm."""
+    return World(box(), np.eye(4), 1e-3, sd, 5)
+
+
+START = np.array([0.03, 0.02, 0.1])
+
+
+def at(x: float, y: float, z: float) -> np.ndarray:
+    """A pose of a probe that looks down [mm]."""
+    return SE3.from_parts(np.diag([1.0, -1.0, -1.0]), 1e-3 * np.array([x, y, z]))
+
+
+@contextmanager
+def grbl_on_a_port(there: World, start: np.ndarray, faults: Faults, hurry: float) -> Iterator[Machine]:
+    fake = GrblFake(there, start, hurry=hurry, faults=faults, offset=np.array([0.1, -0.2, 0.05]), inches=True)
+    machine = GrblMachine(SerialLink(fake.terminal()))
+    try:
+        yield machine
+    finally:
+        machine.close()
+        fake.close()
+
+
+DRIVERS = ["fake:direct", "fake:grbl", "fake:ur", "grbl on a serial port"]
+
+
+@contextmanager
+def driver(
+    name: str, there: World, start=START, faults: Faults = NO_FAULTS, hurry: float = np.inf
+) -> Iterator[Machine]:
+    """A driver on its fake."""
+    if name == "grbl on a serial port":
+        with grbl_on_a_port(there, start, faults, hurry) as machine:
+            yield machine
+    else:
+        with opened(parse_machine(name), there, start, hurry, faults) as machine:
+            yield machine
+
+
+def drivers() -> list[str]:
+    """Those that this system has: pseudo-terminals are of POSIX."""
+    return [name for name in DRIVERS if "serial" not in name or sys.platform != "win32"]
+
+
+PLACE = SE3.from_parts(np.eye(3), np.array([0.1, 0.1, 0.0]))
+SPREAD = np.diag([2e-3] * 3 + [np.radians(1)] * 3) ** 2
+
+
+def session(part, tolerance: float = 0.4e-3, most: int = 12) -> Session:
+    """A part near a place, to be touched from above and from the sides."""
+    probe = probe_of(
+        SD, contact=True, radius=1e-3, approach=DOWN, cone=np.pi / 2, stylus=-DOWN, standoff=0.02, clearance=0.005
+    )
+    stop = Stop(tolerance=tolerance, confidence=0.95, max_measurements=most)
+    return Session(at_pose(part, PLACE, SPREAD), probe, Sensing(sd=SD), stop=stop)
+
+
+def world_of(part, seed: int = 1) -> World:
+    """The part where it is, which is not where it was said to be."""
+    error = np.linalg.cholesky(SPREAD) @ np.random.default_rng(seed).standard_normal(6)
+    return World(Surface(part.vertices, part.triangles), PLACE @ SE3.exp(error), 1e-3, SD, seed)
+
+
+ABOVE = np.array([0.15, 0.15, 0.25])

@@ -1,0 +1,157 @@
+"""What every driver does, and what none ever does: on each driver and its fake."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from machines.cells import DOWN, START, at, driver, drivers, world
+from tanteo.machines import ContactError, Faults, LateError, LinkLostError, MachineError, StoppedError
+
+FAST, SECONDS = 0.05, 5.0
+WIRED = [name for name in drivers() if name != "fake:direct"]
+
+
+@pytest.fixture(params=drivers())
+def machine(request):
+    with driver(request.param, world()) as one:
+        yield one
+
+
+def test_it_says_where_it_is_before_it_moves(machine):
+    status = machine.status()
+    assert status.state == "idle"
+    assert np.allclose(status.place, START, atol=1e-6)
+    assert status.age < 1.0
+    assert machine.facts.name
+
+
+def test_a_motion_ends_where_it_was_sent(machine):
+    machine.move(at(10, 5, 60), FAST, SECONDS)
+    status = machine.status()
+    assert np.allclose(status.place, [0.01, 0.005, 0.06], atol=2e-6)
+    assert status.state == "idle"
+    assert status.age < 0.5
+    assert status.tripped is not True
+
+
+def test_a_touch_tells_the_way_to_the_contact(machine):
+    machine.move(at(10, 5, 30), FAST, SECONDS)
+    sensed = machine.sense(DOWN, 0.02, 0.002, 30.0)
+    assert sensed.met
+    assert sensed.distance == pytest.approx(0.009, abs=3e-6)  # to 20 mm and the ball's radius
+    assert np.allclose(sensed.start, [0.01, 0.005, 0.03], atol=2e-6)
+    assert machine.status().place[2] == pytest.approx(0.021, abs=3e-6)
+    machine.back(at(10, 5, 30), FAST, SECONDS)
+    assert machine.status().tripped is not True
+
+
+def test_a_touch_of_nothing_is_no_error(machine):
+    machine.move(at(10, 5, 40), FAST, SECONDS)
+    sensed = machine.sense(DOWN, 0.01, 0.002, 30.0)
+    assert not sensed.met
+    assert machine.status().place[2] == pytest.approx(0.03, abs=3e-6)
+
+
+def test_a_way_that_meets_something_ends_there(machine):
+    assert machine.facts.guarded
+    machine.move(at(-20, 20, 10), FAST, SECONDS)
+    with pytest.raises(ContactError, match="free way"):
+        machine.move(at(100, 20, 10), FAST, SECONDS)
+    assert machine.status().place[0] == pytest.approx(-0.001, abs=5e-6)
+    machine.back(at(-20, 20, 10), FAST, SECONDS)  # it may still move
+    machine.move(at(-20, 20, 30), FAST, SECONDS)
+
+
+def test_nothing_moves_after_an_abort(machine):
+    machine.abort()
+    machine.abort()
+    place = machine.status().place
+    for motion in (
+        lambda: machine.move(at(0, 0, 60), FAST, SECONDS),
+        lambda: machine.back(at(0, 0, 60), FAST, SECONDS),
+        lambda: machine.sense(DOWN, 0.01, 0.002, SECONDS),
+    ):
+        with pytest.raises(StoppedError):
+            motion()
+    assert np.array_equal(machine.status().place, place)
+    assert machine.status().state == "stopped"
+
+
+@pytest.mark.parametrize("name", drivers())
+def test_an_abort_ends_a_motion(name):
+    with driver(name, world(), hurry=1.0) as machine:
+        timer = threading.Timer(0.2, machine.abort)
+        timer.start()
+        begun = time.monotonic()
+        with pytest.raises(MachineError):
+            machine.move(at(30, 20, 30), 0.01, 30.0)  # 7 s of motion
+        assert time.monotonic() - begun < 2.0
+        time.sleep(0.3)
+        first = machine.status().place
+        time.sleep(0.3)
+        assert np.array_equal(machine.status().place, first)
+        assert first[2] > 0.08
+
+
+@pytest.mark.parametrize("name", drivers())
+def test_getters_never_raise_nor_wait(name):
+    with driver(name, world()) as machine:
+        machine.close()
+        machine.close()
+        begun = time.monotonic()
+        status = machine.status()
+        assert time.monotonic() - begun < 0.05
+        assert status.state in ("stopped", "lost", "idle")
+
+
+@pytest.mark.parametrize("name", WIRED)
+def test_no_motion_blocks_for_ever(name):
+    with driver(name, world(), faults=Faults(silent=1)) as machine:
+        begun = time.monotonic()
+        with pytest.raises(LateError, match="in time"):
+            machine.move(at(0, 0, 60), FAST, 0.6)
+        assert time.monotonic() - begun < 2.0
+
+
+@pytest.mark.parametrize("name", WIRED)
+def test_an_old_status_is_not_told_as_fresh(name):
+    with driver(name, world(), faults=Faults(silent=1)) as machine:
+        with pytest.raises(MachineError):
+            machine.move(at(0, 0, 60), FAST, 0.8)
+        assert machine.status().age > 0.5
+
+
+@pytest.mark.parametrize("faults", [Faults(drop_before=2), Faults(drop_after=2)], ids=["before", "after"])
+@pytest.mark.parametrize("name", ["fake:grbl", "fake:ur"])
+def test_a_lost_connection_is_said(name, faults):
+    with driver(name, world(), faults=faults) as machine:
+        machine.move(at(10, 5, 40), FAST, SECONDS)
+        with pytest.raises(LinkLostError, match="expected"):
+            machine.sense(DOWN, 0.03, 0.002, SECONDS)
+        assert machine.status().state == "lost"
+        with pytest.raises(LinkLostError):
+            machine.move(at(10, 5, 40), FAST, SECONDS)
+
+
+@pytest.mark.parametrize("name", WIRED)
+def test_an_emergency_stop_is_for_good(name):
+    with driver(name, world(), faults=Faults(stop_at=2)) as machine:
+        machine.move(at(10, 5, 60), FAST, SECONDS)
+        with pytest.raises(StoppedError):
+            machine.move(at(10, 5, 40), FAST, SECONDS)
+        place = machine.status().place
+        with pytest.raises(StoppedError):
+            machine.back(at(10, 5, 60), FAST, SECONDS)
+        assert np.array_equal(machine.status().place, place)
+
+
+@pytest.mark.parametrize("name", WIRED)
+def test_a_late_answer_is_waited_for(name):
+    with driver(name, world(), faults=Faults(late=2, seconds=0.4)) as machine:
+        machine.move(at(10, 5, 30), FAST, SECONDS)
+        sensed = machine.sense(DOWN, 0.02, 0.002, SECONDS)
+        assert sensed.distance == pytest.approx(0.009, abs=3e-6)

@@ -1,0 +1,169 @@
+"""Sessions through drivers: they end as the direct one, no fault loses a reading, and a resumed one goes on."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from machines.cells import ABOVE, driver, drivers, session, world_of
+from tanteo.errors import InputError
+from tanteo.io import read_record
+from tanteo.machines import Faults, Journal, MachineLimits, SafeMachine, Sensed, opened, parse_machine, probe_part
+
+LIMITS = MachineLimits(travel=0.2, reach=0.1, stale=1.0, grace=2.0)
+
+
+@pytest.fixture(scope="module")
+def block(parts):
+    return parts["block"]
+
+
+SHORT, WHOLE = 2, 12
+"""Readings of a session that the quick tests run, and of one that reaches its goal."""
+
+
+def ended(block, most: int, name: str = "fake:grbl"):
+    """A session that nothing disturbs."""
+    one = session(block, most=most)
+    with driver(name, world_of(block), ABOVE) as machine:
+        done = probe_part(one, SafeMachine(machine, LIMITS))
+    return done, one
+
+
+def pose(one):
+    return one.answer().hypotheses[0].T_world_part
+
+
+@pytest.fixture(scope="module")
+def undisturbed(block):
+    """The pose after a short session."""
+    return pose(ended(block, SHORT)[1])
+
+
+@pytest.fixture(scope="module")
+def whole(block):
+    """The pose after one that reaches its goal."""
+    return pose(ended(block, WHOLE)[1])
+
+
+def test_a_session_ends_as_it_was_asked_to(block):
+    done, one = ended(block, WHOLE)
+    assert done.end.reached
+    assert one.answer().status == "recognized"
+    assert np.linalg.norm(pose(one)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", drivers())
+def test_every_driver_ends_at_the_same_pose(name, block):
+    done, one = ended(block, WHOLE, name)
+    assert done.end.reached
+    assert np.linalg.norm(pose(one)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
+
+
+def interrupted(block, fault: Faults, most: int, record, undisturbed) -> None:
+    """A session that a fault ends, taken up again: the same pose, and no reading made twice or lost."""
+    there, one = world_of(block), session(block, most=most)
+    with driver("fake:grbl", there, ABOVE, fault) as machine:
+        done = probe_part(one, SafeMachine(machine, LIMITS), record)
+        place = machine.status().place
+        assert done.stopped
+        assert not done.end.reached
+        assert np.array_equal(machine.status().place, place)
+    resumed = read_record(record, [one.start.targets[0].part])
+    assert resumed.count >= one.count
+    with driver("fake:grbl", there, ABOVE) as machine:
+        probe_part(resumed, SafeMachine(machine, LIMITS), record)
+    assert np.array_equal(pose(resumed), undisturbed)
+    assert resumed.count == most or most > SHORT
+
+
+QUICK = [Faults(drop_before=4), Faults(drop_after=4), Faults(stop_at=5)]
+
+
+@pytest.mark.parametrize("fault", QUICK, ids=["dropped before a touch", "dropped after a touch", "emergency stop"])
+def test_no_fault_loses_a_reading(fault, block, undisturbed, tmp_path):
+    interrupted(block, fault, SHORT, tmp_path / "run.json", undisturbed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step", range(1, 28))
+@pytest.mark.parametrize("kind", ["drop_before", "drop_after", "stop_at"])
+def test_no_fault_at_any_step_loses_a_reading(kind, step, block, whole, tmp_path):
+    interrupted(block, Faults(**{kind: step}), WHOLE, tmp_path / "run.json", whole)
+
+
+def test_power_lost_between_touch_and_record(block, undisturbed, tmp_path, monkeypatch):
+    """The reading is in the journal, and no more: a run that is taken up tells it and does not touch again."""
+    record, there = tmp_path / "run.json", world_of(block)
+    one = session(block, most=SHORT)
+
+    class PowerLost(BaseException):
+        pass
+
+    def tell(readings, action=None):
+        raise PowerLost
+
+    with driver("fake:grbl", there, ABOVE) as machine:
+        monkeypatch.setattr(type(one), "tell", lambda self, readings, action=None: tell(readings, action))
+        with pytest.raises(PowerLost):
+            probe_part(one, SafeMachine(machine, LIMITS), record)
+    monkeypatch.undo()
+    assert len(Journal(record).rows()) == 1
+    resumed = read_record(record, [one.start.targets[0].part])
+    assert resumed.count == 0
+    with driver("fake:grbl", there, ABOVE) as machine:
+        done = probe_part(resumed, SafeMachine(machine, LIMITS), record)
+    assert done.resumed == 1
+    assert np.array_equal(pose(resumed), undisturbed)
+    assert not Journal(record).rows()
+
+
+def test_a_line_that_was_cut_was_never_read(tmp_path, block):
+    journal = Journal(tmp_path / "run.json")
+    action = session(block).ask()
+    journal.keep(action, Sensed(action.origin, action.direction, 0.02, 0.05))
+    with journal.path.open("a") as file:
+        file.write('{"question": 2, "start_m": [0.1, 0.')
+    assert [number for number, _ in journal.rows()] == [1]
+    journal.path.write_text(json.dumps({"question": 1}) + "\n\n" + journal.path.read_text())
+    with pytest.raises(InputError, match="line 1"):
+        journal.rows()
+
+
+def test_a_full_disk_stops_before_the_next_motion(block, tmp_path, monkeypatch):
+    one = session(block)
+    with driver("fake:direct", world_of(block), ABOVE) as machine:
+        monkeypatch.setattr(Journal, "keep", lambda *_: (_ for _ in ()).throw(InputError("disk: expected room")))
+        with pytest.raises(InputError, match="disk"):
+            probe_part(one, SafeMachine(machine, LIMITS), tmp_path / "run.json")
+        start = one.asked.origin
+        assert np.allclose(machine.status().place, start)  # it went back from the part
+    assert one.count == 0
+
+
+@pytest.mark.slow
+def test_a_ball_of_another_size_is_no_sure_answer(block):
+    """Wrong tool: the ball is 0.5 mm smaller than said."""
+    there = world_of(block)
+    there = type(there)(there.surface, there.T_world_body, 0.5e-3, there.sd, there.seed)
+    one = session(block, tolerance=0.2e-3, most=16)
+    with driver("fake:grbl", there, ABOVE) as machine:
+        probe_part(one, SafeMachine(machine, LIMITS))
+    answer = one.answer()
+    best = answer.hypotheses[0] if answer.hypotheses else None
+    off = np.inf if best is None else np.linalg.norm(best.T_world_part[:3, 3] - there.T_world_body[:3, 3])
+    assert answer.status != "recognized" or off < 1e-3
+
+
+def test_a_log_answers_as_the_machine_did(block, undisturbed, tmp_path):
+    record, one = tmp_path / "run.json", session(block, most=SHORT)
+    with driver("fake:grbl", world_of(block), ABOVE) as machine:
+        probe_part(one, SafeMachine(machine, LIMITS), record)
+    again = session(block, most=SHORT)
+    with opened(parse_machine(f"replay:{record}")) as machine:
+        probe_part(again, SafeMachine(machine, LIMITS))
+        assert not machine.left
+    assert np.allclose(pose(again), undisturbed, atol=1e-7)
