@@ -32,6 +32,8 @@ def is_bag(path: Path) -> bool:
     if path.is_dir():
         return (path / "metadata.yaml").is_file()
     try:
+        if not path.is_file():  # opening a pipe would wait for who writes to it
+            return False
         with path.open("rb") as file:
             return file.read(16).startswith(_STARTS)
     except OSError:
