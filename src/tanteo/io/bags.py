@@ -29,9 +29,9 @@ _FORM = LogFormat(BAG, "a recording of ROS", lambda contents: False, lambda cont
 
 def is_bag(path: Path) -> bool:
     """Whether it is a recording of ROS: a file, or a folder with ``metadata.yaml``."""
-    if path.is_dir():
-        return (path / "metadata.yaml").is_file()
     try:
+        if path.is_dir():
+            return (path / "metadata.yaml").is_file()
         if not path.is_file():  # opening a pipe would wait for who writes to it
             return False
         with path.open("rb") as file:
