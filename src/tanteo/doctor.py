@@ -43,6 +43,8 @@ EXTRAS = {
     "plot": ("matplotlib", "pictures of sensors and calibrations (--picture)"),
     "vision": ("cv2", "parts in images (tanteo see)"),
     "viewer": ("viser", "the live page (tanteo view)"),
+    "machines": ("serial", "machines on a serial port (tanteo probe)"),
+    "bags": ("rosbags", "recordings of ROS"),
 }
 """Extra: a module that it brings, and what it is for."""
 

@@ -17,7 +17,6 @@ from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
-from tanteo.parts import StoredParts
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
@@ -170,6 +169,8 @@ class Given(NamedTuple):
 
 def _own_unit(parts: Sequence[Part]) -> str:
     """The unit that the files of all parts say."""
+    from tanteo.parts import StoredParts
+
     units = set(parts.units) if isinstance(parts, StoredParts) else {part.unit for part in parts}
     return units.pop() if len(units) == 1 else ""
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
-
-import numpy as np
 
 from tanteo import inference, io, text
 from tanteo.cli import arguments as args
@@ -13,12 +12,14 @@ from tanteo.cli.printing import complain, emit, layout, leave, put, warned
 from tanteo.cli.readings import FileOptions
 from tanteo.errors import InputError
 
-_WIDE = 0.02, np.radians(10.0)
+_WIDE = 0.02, math.radians(10.0)
 """Spread of the pose that the part is looked for at, beside where it was found: it says next to nothing [m, rad]."""
 
 
 def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
     """Say which of the stated errors of the cell (tip, mounting, base, bias) the readings of a part contradict."""
+    import numpy as np
+
     from tanteo.active import at_pose, begin, check_cell, update
     from tanteo.recognition import identify
     from tanteo.session import Sensing

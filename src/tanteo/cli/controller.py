@@ -15,7 +15,6 @@ from tanteo.cli import arguments as args
 from tanteo.cli.arguments import MisuseError
 from tanteo.cli.printing import complain
 from tanteo.errors import InputError
-from tanteo.parts import part_named
 
 if TYPE_CHECKING:
     from tanteo.answers import Answer, Hypothesis
@@ -127,6 +126,7 @@ class Words:
 
     def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.WrittenFrame:
         from tanteo.answers import box_corners
+        from tanteo.parts import part_named
 
         assert self.wcs is not None
         best = answer.hypotheses[0]
