@@ -1,11 +1,13 @@
 """Long campaigns: cases run side by side, their rows kept in a file, so that a campaign that was stopped goes on.
 
 Every campaign takes ``--keep FILE`` (JSON lines, one row a case; cases that are in it are not run again) and
-``--processes N``. Rows are plain values that say everything that the summary needs.
+``--processes``: a number, or the address of a Dask scheduler whose workers run the cases (``tcp://HOST:PORT``,
+``local:N``), with the same rows. Rows are plain values that say everything that the summary needs.
 """
 
 from __future__ import annotations
 
+import importlib
 import json
 import subprocess
 import sys
@@ -15,8 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tanteo.cluster import spread
 
-def options(arguments: list[str]) -> tuple[list[str], Path | None, int]:
+
+def options(arguments: list[str]) -> tuple[list[str], Path | None, int | str]:
     """The arguments without ``--keep FILE`` and ``--processes N``, and what these said."""
     rest, keep, processes = list(arguments), None, 1
     if "--keep" in rest:
@@ -24,12 +28,16 @@ def options(arguments: list[str]) -> tuple[list[str], Path | None, int]:
         keep, rest = Path(rest[k + 1]), rest[:k] + rest[k + 2 :]
     if "--processes" in rest:
         k = rest.index("--processes")
-        processes, rest = int(rest[k + 1]), rest[:k] + rest[k + 2 :]
+        said, rest = rest[k + 1], rest[:k] + rest[k + 2 :]
+        processes = int(said) if said.isdecimal() else said
     return rest, keep, processes
 
 
 def run_cases(
-    run: Callable[..., object], cases: Iterable[tuple[Hashable, ...]], keep: Path | None = None, processes: int = 1
+    run: Callable[..., object],
+    cases: Iterable[tuple[Hashable, ...]],
+    keep: Path | None = None,
+    processes: int | str = 1,
 ) -> list:
     """What ``run(*case)`` gave for each case, in their order; those that ``keep`` holds are read from there.
 
@@ -42,25 +50,39 @@ def run_cases(
     if others:
         print(f"{keep}: rows of other sources ({', '.join(sorted(others))}) beside {revision}", file=sys.stderr)
     done = {case: row for case, (_, row) in kept.items()}
-    for case, row in _fresh(run, [c for c in cases if c not in done], processes):
+
+    def settle(case, row):
         done[case] = row
         if keep is not None:
             with keep.open("a") as file:
                 line = {"case": case, "revision": revision, "row": row}
                 file.write(json.dumps(line, default=_plain) + "\n")
+
+    _run(run, [c for c in cases if c not in done], processes, settle)
     return [done[case] for case in cases]
 
 
-def _fresh(run, cases, processes):
-    """Cases with their rows, in the order in which they are ready."""
+def _run(run, cases, processes, settle):
+    """Settle each case as soon as it is ready."""
+    if isinstance(processes, str):
+        source = Path(sys.modules[run.__module__].__file__)  # a program is a module, too, for a worker
+        tasks = {k: (source.stem, run.__name__, case) for k, case in enumerate(cases)}
+        spread(processes, one_case, tasks, lambda k, row: settle(cases[k], row), modules=str(Path(__file__).parent))
+        return
     if processes <= 1:
         for case in cases:
-            yield case, run(*case)
+            settle(case, run(*case))
         return
     with ProcessPoolExecutor(processes) as pool:
         tasks = {pool.submit(run, *case): case for case in cases}
         for task in as_completed(tasks):
-            yield tasks[task], task.result()
+            settle(tasks[task], task.result())
+
+
+def one_case(task):
+    """The row of a case, by the names of a module and its function."""
+    module, name, case = task
+    return getattr(importlib.import_module(module), name)(*case)
 
 
 def _read(keep):

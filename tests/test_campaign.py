@@ -14,6 +14,7 @@ from campaign import options, run_cases
 
 def test_options_are_taken_out():
     assert options(["5", "--keep", "a.jsonl", "7", "--processes", "2"]) == (["5", "7"], Path("a.jsonl"), 2)
+    assert options(["--processes", "local:2"]) == ([], None, "local:2")
     assert options(["5"]) == (["5"], None, 1)
 
 
@@ -46,3 +47,12 @@ def test_rows_of_other_sources_are_told(tmp_path, capsys):
 
 def test_cases_run_side_by_side():
     assert run_cases(divmod, [(7, 2), (9, 4)], processes=2) == [(3, 1), (2, 1)]
+
+
+def test_cases_are_the_same_on_workers_of_a_scheduler():
+    pytest.importorskip("distributed")
+    from families import sizes
+
+    here, there = (run_cases(sizes, [(k, 7) for k in range(5)], processes=who) for who in (1, "local:2"))
+    assert [name for name, _ in here] == [name for name, _ in there]
+    assert np.array_equal([own for _, own in here], [own for _, own in there])

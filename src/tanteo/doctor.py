@@ -45,6 +45,7 @@ EXTRAS = {
     "viewer": ("viser", "the live page (tanteo view)"),
     "machines": ("serial", "machines on a serial port (tanteo probe)"),
     "bags": ("rosbags", "recordings of ROS"),
+    "cluster": ("distributed", "work spread over many machines (--scheduler)"),
 }
 """Extra: a module that it brings, and what it is for."""
 

@@ -40,11 +40,14 @@ def catalogue(tmp_path_factory):
     return open_catalogue(out)
 
 
-def sensed(part, kind, rng):
-    """Labelled points of all faces, points with normals, or points alone, at a random pose."""
+def sensed(part, kind, rng, along=None):
+    """Labelled points of all faces, points with normals, or points alone, at a random pose; on faces along one axis."""
     corners = part.vertices[part.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(across, axis=1)
+    if along is not None:
+        across = across * (np.abs(across[:, [along]]) < 1e-9 * areas[:, None])
+        areas = np.where(np.any(across != 0, axis=1), areas, 0.0)
     if kind == "labelled":
         faces = rng.choice(len(part.faces), size=6, replace=False)
         rows = np.concatenate(
@@ -62,7 +65,7 @@ def sensed(part, kind, rng):
     a, b, c = corners[rows].transpose(1, 0, 2)
     T = SE3.exp(np.r_[rng.uniform(-0.3, 0.3, 3), rng.normal(size=3)])
     p = SE3.apply(T, u * a + (v - u) * b + (1 - v) * c)
-    n = (across / areas[:, None])[rows] @ T[:3, :3].T
+    n = (across[rows] / areas[rows, None]) @ T[:3, :3].T
     tilted = n + TILT * rng.normal(size=n.shape)
     tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
     m, oriented = len(p), kind == "normals"
@@ -90,6 +93,17 @@ def test_the_part_that_was_sensed_is_searched(catalogue, kind):
         if chosen.certain and kind == "labelled":
             assert len(chosen.rows) < len(catalogue) / 2
             assert chosen.left_out < 0
+
+
+def test_a_part_sensed_on_faces_along_one_line_is_searched(catalogue):
+    every = candidates.Candidates(catalogue)
+    for k in range(8):
+        points = sensed(catalogue[9 * k], "normals", np.random.default_rng(k), along=0)
+        problem = question(points, every)
+        assert set(plane_votes.sensed_planes(problem, points).triples[2::3]) == {-1}
+        chosen = narrowing.narrowed(problem, every)
+        assert chosen.certain
+        assert 9 * k in chosen.rows, k
 
 
 def test_a_catalogue_and_a_list_of_its_parts_are_answered_alike(catalogue):
@@ -159,10 +173,28 @@ def test_planes_at_their_own_pose_cost_next_to_nothing(catalogue):
     assert np.all(costs[MEMBERS:, 0] > 5)
 
 
+TWO_FACES = np.array([[0, 0, 1, 0.02, 0.03, 0.01, 0.1], [1, 0, 0, 0.05, 0.03, 0.0, 0.1]])
+"""Normal, centroid and reach of a top and a side [m]."""
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_point_of_a_bore_or_boss_fixes_what_two_planes_leave(sign):
+    bore = np.array([[0.01, 0.03, 0.0, 0, 0, 1, 0.006, 0.01, sign]])
+    tables = {"planes": TWO_FACES, "planes_start": [0, 2], "rounds": bore, "rounds_start": [0, 1]}
+    T, way = SE3.exp(np.array([0.1, -0.2, 0.3, 0.5, 1.0, -0.7])), np.array([0.6, 0.8, 0])
+    normals = np.array([[0, 0, 1], [1, 0, 0], way]) @ T[:3, :3].T
+    at = SE3.apply(T, np.array([[0.03, 0.02, 0.01], [0.05, 0.01, 0.002], [0.01, 0.03, 0.003] + sign * 0.006 * way]))
+    felt = np.column_stack([normals, at, np.tile([SD, 1e-3, 0, 8, 1, 1], (3, 1))])
+    costs, Ts = on_planes(tables | {"numbers": np.zeros((1, 17))}, felt, (0, 1, 2))
+    assert costs[0, 0] < 0.1
+    np.testing.assert_allclose(Ts[0, 0], T, atol=1e-5)
+
+
 def on_planes(table, felt, triple, **changed):
     given = {
-        "planes": table["planes"].ravel(), "starts": table["planes_start"], "rounds": table["rounds"].ravel(),
-        "rounds_start": table["rounds_start"], "unseen": np.ascontiguousarray(table["numbers"][:, 16]),
+        "planes": np.float32(table["planes"]).ravel(), "starts": np.int64(table["planes_start"]),
+        "rounds": np.float32(table["rounds"]).ravel(), "rounds_start": np.int64(table["rounds_start"]),
+        "unseen": np.ascontiguousarray(table["numbers"][:, 16]),
         "rows": np.arange(len(table["numbers"]), dtype=np.int32), "sensed": felt,
         "triples": np.array(triple, dtype=np.int32), "limit": 60.0, "behind": 60.0, "keep": 3,
     }  # fmt: skip
@@ -177,6 +209,7 @@ def on_planes(table, felt, triple, **changed):
         ("starts", np.array([0, 10**6], dtype=np.int64), "expected"),
         ("rows", np.array([10**6], dtype=np.int32), "rows"),
         ("triples", np.array([0, 1, 99], dtype=np.int32), "triples"),
+        ("triples", np.array([0, -1, 1], dtype=np.int32), "only for a third"),
         ("sensed", np.full((3, 12), np.nan), "finite"),
     ],
 )

@@ -11,8 +11,9 @@ constexpr double SDS = 4;           // within which angles agree
 constexpr double MADE = 0.004;      // and so much more [rad]: faces are not made, nor meshed, as they are drawn
 constexpr double INDEPENDENT = 0.1; // triple product of three normals that fix a pose
 constexpr double ROUND = 2e-4;      // how far a cylinder may be off its mesh, about [m]
-constexpr int POLISHES = 4;         // steps of Gauss and Newton to all planes that are on faces
-constexpr int POLISHED = 12;        // poses that are polished
+constexpr int STEPS = 4;            // of Gauss and Newton to all planes that are on faces
+constexpr int REFINED = 12;         // poses that are refined
+constexpr int SLIDES = 4;           // places along a direction that no plane fixes
 
 double gate(const SensedPlane& a, const SensedPlane& b) { return SDS * std::hypot(a.tilt, b.tilt) + MADE; }
 
@@ -61,8 +62,8 @@ class Comparison {
     }
 
     // Moves a pose to where all planes on faces are nearest to them; the cost there.
-    PlanePose polished(Pose pose, double turned, const Vec3& about) const {
-        for (int step = 0; step < POLISHES; ++step) {
+    PlanePose refined(Pose pose, double turned, const Vec3& about) const {
+        for (int step = 0; step < STEPS; ++step) {
             double A[36] = {}, b[6] = {};
             for (int i = 0; i < 6; ++i) A[7 * i] = 1e-6;
             for (const SensedPlane& plane : sensed) {
@@ -130,21 +131,24 @@ bool meeting(const Vec3* n, const double* h, double det, Vec3& x) {
     return true;
 }
 
-// Tries all triples of faces for three sensed planes whose normals point so.
+// Tries the faces that three sensed planes may be of, whose normals point so. The third, where it is one point, may be of
+// a cylinder instead; where there is no third, the part is slid along what the two leave free.
 class Triple {
   public:
     Triple(const ModelFaces& all, const std::vector<SensedPlane>& sensed, const int* rows,
            const Vec3* normals, double limit, std::vector<PlanePose>& out)
-        : faces(all.planes), comparison(all, sensed), limit(limit), out(out) {
-        for (int i = 0; i < 3; ++i) {
+        : faces(all.planes), rounds(all.rounds), sensed(sensed), comparison(all, sensed), limit(limit), out(out) {
+        count = rows[2] < 0 ? 2 : 3;
+        for (int i = 0; i < count; ++i) {
             plane[i] = &sensed[rows[i]];
             n[i] = normals[i];
-            about += (1.0 / 3) * plane[i]->at;
+            about += (1.0 / count) * plane[i]->at;
             turned = std::max(turned, plane[i]->tilt);
         }
+        if (count == 2) n[2] = unit(cross(n[0], n[1]));
         det = dot(n[0], cross(n[1], n[2]));
         world = frame(n[0], n[1]);
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < (count == 2 ? 1 : 3); ++i) {
             const int j = (i + 1) % 3;
             const double angle = std::acos(std::clamp(dot(n[i], n[j]), -1.0, 1.0)), within = gate(*plane[i], *plane[j]);
             low[i] = std::cos(std::min(angle + within, 3.14159265));
@@ -157,20 +161,28 @@ class Triple {
         for (int a = 0; a < M; ++a)
             for (int b = 0; b < M; ++b) {
                 if (!agrees(0, a, b)) continue;
+                if (count == 2) {
+                    slid(a, b);
+                    continue;
+                }
                 const Vec3 across = cross(faces[a].normal, faces[b].normal);
                 for (int c = 0; c < M; ++c) {
                     if (dot(across, faces[c].normal) * det < 0.5 * INDEPENDENT * INDEPENDENT) continue;
                     if (agrees(1, b, c) && agrees(2, c, a)) tried(a, b, c);
                 }
+                if (plane[2]->alone && !rounds.empty()) rolled(a, b);
             }
     }
 
   private:
     const std::vector<ModelPlane>& faces;
+    const std::vector<ModelRound>& rounds;
+    const std::vector<SensedPlane>& sensed;
     Comparison comparison;
     double limit;
     std::vector<PlanePose>& out;
     const SensedPlane* plane[3] = {};
+    int count = 3;
     Vec3 n[3], about;
     double det = 0, turned = 0, low[3] = {}, high[3] = {};
     Mat3 world;
@@ -180,32 +192,85 @@ class Triple {
         return c >= low[pair] && c <= high[pair];
     }
 
+    // The attitude that turns the normals of two faces to those of the first two planes.
+    Mat3 attitude(int a, int b) const { return world * transposed(frame(faces[a].normal, faces[b].normal)); }
+
     void tried(int a, int b, int c) {
-        const ModelPlane* face[3] = {&faces[a], &faces[b], &faces[c]};
-        Pose pose;
-        pose.R = world * transposed(frame(face[0]->normal, face[1]->normal));
+        Pose pose{attitude(a, b), {}};
+        if (!placed(pose, a, b, faces[c].normal, dot(pose.R * faces[c].normal, plane[2]->at) - dot(faces[c].normal, faces[c].centre)))
+            return;
+        if (within(pose, a, 0) && within(pose, b, 1) && within(pose, c, 2)) compared(pose);
+    }
+
+    // The third point on the cylinders: its normal leads to their axis, or away from it.
+    void rolled(int a, int b) {
+        const Mat3 R = attitude(a, b);
+        const Vec3 normal = transposed_times(R, n[2]);
+        const double off = std::sin(std::min(gate(*plane[2], *plane[2]), 1.5));
+        for (const ModelRound& round : rounds) {
+            const double along = dot(normal, round.axis);
+            if (std::fabs(along) > off) continue;
+            const Vec3 out_of = unit(normal - along * round.axis), touched = round.middle + round.sign * round.radius * out_of;
+            Pose pose{R, {}};
+            if (!placed(pose, a, b, out_of, dot(R * out_of, plane[2]->at) - dot(out_of, touched))) continue;
+            const double t = dot(into_part(pose, plane[2]->at) - round.middle, round.axis);
+            if (std::fabs(t) > round.half + SDS * plane[2]->sd) continue;
+            if (within(pose, a, 0) && within(pose, b, 1)) compared(pose);
+        }
+    }
+
+    // The part at some places along the direction that its two faces leave free, no farther than it was felt.
+    void slid(int a, int b) {
+        const Mat3 R = attitude(a, b);
+        const Vec3 free = unit(cross(faces[a].normal, faces[b].normal)), way = R * free;
+        double first = 1e300, last = -1e300, low_at = 1e300, high_at = -1e300;
+        for (const ModelPlane& face : faces) {
+            first = std::min(first, dot(free, face.centre));
+            last = std::max(last, dot(free, face.centre));
+        }
+        for (const SensedPlane& one : sensed) {
+            low_at = std::min(low_at, dot(way, one.at));
+            high_at = std::max(high_at, dot(way, one.at));
+        }
+        const double room = (last - first) - (high_at - low_at);
+        for (int k = 0; k < SLIDES; ++k) {
+            Pose pose{R, {}};
+            if (!placed(pose, a, b, free, low_at - first - room * k / (SLIDES - 1.0))) return;
+            compared(pose);
+        }
+    }
+
+    // Sets where the part is: two faces go through where they were felt, and along a third normal it is that far.
+    bool placed(Pose& pose, int a, int b, const Vec3& third, double height) const {
+        const ModelPlane* face[2] = {&faces[a], &faces[b]};
         Vec3 m[3];
         double h[3];
-        for (int i = 0; i < 3; ++i) {  // the face's plane in the world goes through where it was felt
+        for (int i = 0; i < 2; ++i) {
             m[i] = pose.R * face[i]->normal;
             h[i] = dot(m[i], plane[i]->at) - dot(face[i]->normal, face[i]->centre);
         }
-        if (!meeting(m, h, dot(m[0], cross(m[1], m[2])), pose.t)) return;
-        for (int i = 0; i < 3; ++i) {
-            const double room = face[i]->reach + 0.5 * plane[i]->span + SDS * plane[i]->sd;
-            if (squared(into_part(pose, plane[i]->at) - face[i]->centre) > 1.05 * room * room) return;
-        }
+        m[2] = pose.R * third;
+        h[2] = height;
+        return meeting(m, h, dot(m[0], cross(m[1], m[2])), pose.t);
+    }
+
+    bool within(const Pose& pose, int face, int i) const {
+        const double room = faces[face].reach + 0.5 * plane[i]->span + SDS * plane[i]->sd;
+        return squared(into_part(pose, plane[i]->at) - faces[face].centre) <= 1.05 * room * room;
+    }
+
+    void compared(const Pose& pose) {
         const double cost = comparison.cost(pose, turned, about, limit);
         if (cost < limit) {
             out.push_back({pose, cost});
-            if (out.size() > 4 * POLISHED) shrink();
+            if (out.size() > 4 * REFINED) shrink();
         }
     }
 
     void shrink() {
         const auto less = [](const PlanePose& x, const PlanePose& y) { return x.cost < y.cost; };
-        std::nth_element(out.begin(), out.begin() + POLISHED, out.end(), less);
-        out.resize(POLISHED);
+        std::nth_element(out.begin(), out.begin() + REFINED, out.end(), less);
+        out.resize(REFINED);
         for (const PlanePose& one : out) limit = std::min(limit, std::max(one.cost + 12, 12.0));
     }
 };
@@ -223,6 +288,10 @@ std::vector<PlanePose> plane_poses(const ModelFaces& faces, const std::vector<Se
             Vec3 normals[3];
             bool meant = true;
             for (int i = 0; i < 3; ++i) {
+                if (rows[i] < 0) {
+                    meant = meant && !(signs >> i & 1);
+                    continue;
+                }
                 const SensedPlane& plane = sensed[rows[i]];
                 const bool back = signs >> i & 1;
                 meant = meant && !(back && plane.sided);
@@ -230,16 +299,17 @@ std::vector<PlanePose> plane_poses(const ModelFaces& faces, const std::vector<Se
             }
             if (meant) Triple(faces, sensed, rows, normals, limit, rough).run();
         }
-        for (int i = 0; i < 3; ++i) {
+        const int known = rows[2] < 0 ? 2 : 3;
+        for (int i = 0; i < known; ++i) {
             turned = std::max(turned, sensed[rows[i]].tilt);
-            about += (1.0 / triples.size()) * sensed[rows[i]].at;
+            about += (3.0 / known / triples.size()) * sensed[rows[i]].at;
         }
     }
     const auto less = [](const PlanePose& x, const PlanePose& y) { return x.cost < y.cost; };
     std::sort(rough.begin(), rough.end(), less);
-    if (rough.size() > POLISHED) rough.resize(POLISHED);
+    if (rough.size() > REFINED) rough.resize(REFINED);
     const Comparison comparison(faces, sensed);
-    for (const PlanePose& one : rough) out.push_back(comparison.polished(one.pose, turned, about));
+    for (const PlanePose& one : rough) out.push_back(comparison.refined(one.pose, turned, about));
     std::sort(out.begin(), out.end(), less);
     if (static_cast<int>(out.size()) > keep) out.resize(keep);
     return out;

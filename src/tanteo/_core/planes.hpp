@@ -37,7 +37,7 @@ struct PlanePose {
 };
 
 // Poses that put three of the planes on three faces, and what all of them cost there in nats, best first. Each triple
-// has three numbers of sensed planes. A pose that costs more than the limit is not looked at to its end.
+// has three numbers of sensed planes; the last of them may be of a cylinder where it is one point, or -1 where there is no third. A pose that costs more than the limit is not looked at to its end.
 std::vector<PlanePose> plane_poses(const ModelFaces& faces, const std::vector<SensedPlane>& sensed,
                                    const std::vector<int>& triples, double limit, int keep);
 

@@ -39,7 +39,9 @@ nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_st
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, parts - 1);
     expect(unseen, "unseen", {static_cast<size_t>(parts)});
     const std::vector<SensedPlane> felt = sensed_of(sensed);
-    const std::vector<int> tried = expect(triples, "triples", ANY, 0, static_cast<int64_t>(felt.size()) - 1);
+    const std::vector<int> tried = expect(triples, "triples", ANY, -1, static_cast<int64_t>(felt.size()) - 1);
+    for (size_t k = 0; k < tried.size(); ++k)
+        if (tried[k] < 0 && k % 3 != 2) refuse("triples", "expected -1 only for a third plane that there is not");
     expect(limit, "limit", 0, 1e9);
     expect(behind, "behind", 0, 1e9);
     const size_t R = chosen.size(), K = static_cast<size_t>(expect(keep, "keep", 1, 1000));

@@ -16,12 +16,14 @@ from typing import Any, TypeAlias
 from tanteo.catalogue.cache import cache_key
 from tanteo.catalogue.opened import Catalogue, open_catalogue
 from tanteo.catalogue.plan import NO_KEY, Plan, by_source, named
-from tanteo.catalogue.pool import read_in_processes
+from tanteo.catalogue.pool import Request, read_in_processes
 from tanteo.catalogue.reading import Failure, read_inline, requested
 from tanteo.catalogue.record import Record
 from tanteo.catalogue.segment import MOST, SegmentWriter
+from tanteo.catalogue.spreading import read_on_cluster
 from tanteo.catalogue.store import LOCK, MANIFEST, is_catalogue, sweep, write_manifest, writer
 from tanteo.catalogue.worker import attempt, read_record
+from tanteo.cluster import check_scheduler
 from tanteo.errors import InputError, PartError
 
 Paths: TypeAlias = Iterable[str | os.PathLike[str]] | str | os.PathLike[str]
@@ -52,6 +54,7 @@ def build_catalogue(
     *,
     unit: str | None = None,
     workers: int | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Built:
     """Make a catalogue of CAD files, or bring one up to date with them: parts of other files are no longer in it.
@@ -61,10 +64,13 @@ def build_catalogue(
         out: folder of the catalogue; a new one, or one that has a catalogue.
         unit: of files that carry none (STL, OBJ, PLY, OFF).
         workers: processes to read with; as many as processors where left out; 0 reads everything in this process.
+        scheduler: of a Dask cluster whose workers read instead, ``tcp://HOST:PORT`` or ``local:N``; they have to see
+            the files under the same paths.
         progress: called with (files done, files in all) after each file.
 
     Raises:
-        InputError: another process writes to it, it is a folder with other things in it, there is no room on the disk.
+        InputError: another process writes to it, it is a folder with other things in it, there is no room on the disk;
+            the scheduler does not answer, or has no workers.
         PartError: no file can be read.
         UnitError: as of :func:`tanteo.read_parts`.
 
@@ -74,7 +80,7 @@ def build_catalogue(
         >>> built.parts, built.read, build_catalogue("parts/", "catalogue").read
         (12, 12, 0)
     """
-    return _written(paths, Path(out), unit, workers, progress, adding=False)
+    return _written(paths, Path(out), unit, _Reader(workers, scheduler, progress), adding=False)
 
 
 def add_to_catalogue(
@@ -83,6 +89,7 @@ def add_to_catalogue(
     *,
     unit: str | None = None,
     workers: int | None = None,
+    scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Built:
     """Add the parts of CAD files to a catalogue; a file that is in it and has changed takes its old part's place.
@@ -92,6 +99,7 @@ def add_to_catalogue(
         out: folder of a catalogue.
         unit: of files that carry none.
         workers: processes to read with.
+        scheduler: of a cluster that reads instead.
         progress: called after each file.
 
     Raises:
@@ -104,18 +112,32 @@ def add_to_catalogue(
         2
     """
     open_catalogue(out)
-    return _written(paths, Path(out), unit, workers, progress, adding=True)
+    return _written(paths, Path(out), unit, _Reader(workers, scheduler, progress), adding=True)
 
 
-def _written(
-    paths: Paths,
-    folder: Path,
-    unit: str | None,
-    workers: int | None,
-    progress: Callable[[int, int], None] | None,
-    *,
-    adding: bool,
-) -> Built:
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Who reads, and who is told."""
+
+    workers: int | None
+    scheduler: str | None
+    progress: Callable[[int, int], None] | None
+
+    def read(self, todo: dict[int, Request], settle: Callable[[int, Any], None]) -> None:
+        """Read files, in any order."""
+        if self.scheduler is not None and todo:
+            read_on_cluster(todo, settle, self.scheduler)
+            return
+        for index in sorted(read_inline(todo, self.workers)):
+            one = todo.pop(index)
+            settle(index, attempt(partial(read_record, one.key), one.path, one.unit, one.name))
+        if todo:
+            read_in_processes(todo, settle, workers=min(len(todo), self.workers or os.cpu_count() or 1))
+
+
+def _written(paths: Paths, folder: Path, unit: str | None, reader: _Reader, *, adding: bool) -> Built:
+    if reader.scheduler is not None:
+        check_scheduler(reader.scheduler)
     _check_place(folder)
     with writer(folder), _room(folder):
         old = _old(folder, adding=adding)
@@ -130,7 +152,7 @@ def _written(
         kept = old.manifest["segments"] if old is not None else []
         output = _Output(folder)
         try:
-            lost = _read(plan, output, workers, progress)
+            lost = _read(plan, output, reader)
             failures += lost
             new = output.closed()
             count = plan.in_place + sum(segment["parts"] for segment in new)
@@ -179,9 +201,7 @@ class _Output:
             self._now = None
 
 
-def _read(
-    plan: Plan, output: _Output, workers: int | None, progress: Callable[[int, int], None] | None
-) -> list[Failure]:
+def _read(plan: Plan, output: _Output, reader: _Reader) -> list[Failure]:
     """Write what is copied and what is read, in the order of the requests; the files that could not be read."""
     for (segment, row), request in plan.copied:
         record = segment.record(row)
@@ -202,14 +222,10 @@ def _read(
             else:
                 output.add(found, plan.keys[following])
             following = next(order, None)
-        if progress is not None:
-            progress(done, len(plan.requests))
+        if reader.progress is not None:
+            reader.progress(done, len(plan.requests))
 
-    for index in sorted(read_inline(todo, workers)):
-        one = todo.pop(index)
-        settle(index, attempt(partial(read_record, one.key), one.path, one.unit, one.name))
-    if todo:
-        read_in_processes(todo, settle, workers=min(len(todo), workers or os.cpu_count() or 1))
+    reader.read(todo, settle)
     return failures
 
 

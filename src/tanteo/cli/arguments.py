@@ -30,7 +30,7 @@ else:  # the parser resolves annotations, and has to load nothing for that
 _MESSAGES = {
     "sd": "--sd", "tolerance": "--tolerance", "tip_sd": "--tip-sd", "sensor": "--sensor", "robot": "--robot",
     "as_published": "--as-published", "priors, outlier_rate": "--outlier-rate", "priors, unknown": "--unknown-prior",
-    "bias_sd": "--bias-sd", "mass": "--mass", "size": "--size",
+    "bias_sd": "--bias-sd", "mass": "--mass", "size": "--size", "scheduler": "--scheduler",
     "priors, noise_factor": "--noise-factor", "table, sd": "--table", "prior, box": "--box",
     "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior", "feature": "--feature",
 }  # fmt: skip

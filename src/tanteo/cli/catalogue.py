@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -20,35 +21,46 @@ _Paths = Annotated[list[str], typer.Argument(metavar="FILE_OR_FOLDER...", help="
 _Folder = Annotated[str, typer.Argument(metavar="CATALOGUE", help="Folder of the catalogue.")]
 _Out = Annotated[str, args.option("--out", "CATALOGUE", "Folder of the catalogue; it is made, or brought up to date.")]
 _To = Annotated[str, args.option("--to", "CATALOGUE", "Folder of the catalogue that the parts are added to.")]
+_Scheduler = Annotated[
+    str | None,
+    args.option("--scheduler", "ADDRESS", "Read on the workers of a Dask scheduler: tcp://HOST:PORT, or local:N."),
+]
 _Names = Annotated[bool, args.option("--names", None, "List the names of all parts.")]
 
 
-def build(paths: _Paths, out: _Out, units: args.Units = None, json: args.Json = False) -> None:
+def build(
+    paths: _Paths, out: _Out, units: args.Units = None, scheduler: _Scheduler = None, json: args.Json = False
+) -> None:
     """Make a catalogue of CAD files, or bring one up to date: what has not changed is not read again."""
     from tanteo.catalogue import build_catalogue
 
-    start = time.perf_counter()
-    try:
-        with progress("reading parts", quiet=json) as tick:
-            built = build_catalogue(paths, out, unit=units, progress=tick)
-    except UnitError as error:
-        raise MisuseError(f"{error} Here that is --units.") from None
-    _say(built, out, time.perf_counter() - start, as_json=json)
+    built, seconds = _write(build_catalogue, paths, out, units, scheduler, quiet=json)
+    _say(built, out, seconds, as_json=json)
 
 
-def add(paths: _Paths, to: _To, units: args.Units = None, json: args.Json = False) -> None:
+def add(
+    paths: _Paths, to: _To, units: args.Units = None, scheduler: _Scheduler = None, json: args.Json = False
+) -> None:
     """Add the parts of CAD files to a catalogue; a file that has changed takes its old part's place."""
     from tanteo.catalogue import add_to_catalogue
 
-    start = time.perf_counter()
-    try:
-        with progress("reading parts", quiet=json) as tick:
-            built = add_to_catalogue(paths, to, unit=units, progress=tick)
-    except UnitError as error:
-        raise MisuseError(f"{error} Here that is --units.") from None
+    built, seconds = _write(add_to_catalogue, paths, to, units, scheduler, quiet=json)
     if built.failures and not built.read:  # nothing was added
         raise PartError(built.failures[0].reason)
-    _say(built, to, time.perf_counter() - start, as_json=json)
+    _say(built, to, seconds, as_json=json)
+
+
+def _write(
+    write: Callable[..., Built], paths: list[str], folder: str, units: str | None, scheduler: str | None, *, quiet: bool
+) -> tuple[Built, float]:
+    """What came of writing, and how long it took."""
+    start = time.perf_counter()
+    try:
+        with args.misuse(always=False), progress("reading parts", quiet=quiet) as tick:
+            built = write(paths, folder, unit=units, scheduler=scheduler, progress=tick)
+    except UnitError as error:
+        raise MisuseError(f"{error} Here that is --units.") from None
+    return built, time.perf_counter() - start
 
 
 def show(catalogue: _Folder, names: _Names = False, json: args.Json = False) -> None:

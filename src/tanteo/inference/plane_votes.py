@@ -66,7 +66,7 @@ class SensedPlanes:
     Attributes:
         rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, whether its
             side is known, and whether it is one point, which may be of a face that is no plane ``(k, 12)``.
-        triples: of them, that fix a pose ``(3 m,)``.
+        triples: of them, that fix a pose, or two and -1 ``(3 m,)``.
     """
 
     rows: FloatArray
@@ -123,24 +123,37 @@ def _without_face(problem: Problem, points: ContactPoints, planes: Planes, facto
 def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> Indices:
     """Triples that fix a pose, as different as can be: one outlier does not spoil them all.
 
-    A sensed normal that no other one is parallel to may be of a curved face: it comes last.
+    A sensed normal that no other one is parallel to may be of a curved face: it comes last, in a triple, too. Where
+    all normals lie in one plane, the third is -1: poses slide along what two planes leave free.
     """
-    triples = np.array(list(combinations(range(len(normals)), 3)), dtype=np.int64).reshape(-1, 3)
-    if not len(triples):
+    if len(normals) < 2:
         return np.zeros(0, dtype=np.int32)
     sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
     lonely = alone & (np.sum(sines < _SDS * np.hypot(tilts[:, None], tilts) + _TILT, axis=1) < 2)
-    sizes = np.abs(np.linalg.det(normals[triples]))
-    good = sizes * 0.5 ** lonely[triples].sum(axis=1) / (_KNOWN + tilts[triples].max(axis=1))
+    order = np.argsort(lonely, kind="stable")
+    triples = np.array([order[list(k)] for k in combinations(range(len(order)), 3)], dtype=np.int64).reshape(-1, 3)
+    chosen = _as_different(triples, np.abs(np.linalg.det(normals[triples])), lonely, tilts)
+    if not chosen:
+        pairs = np.array([order[list(k)] for k in combinations(range(len(order)), 2)], dtype=np.int64).reshape(-1, 2)
+        found = _as_different(pairs, sines[pairs[:, 0], pairs[:, 1]], lonely, tilts)
+        chosen = [np.append(pair, -1) for pair in found]
+    return np.array(chosen, dtype=np.int32).ravel()
+
+
+def _as_different(tuples: IntArray, sizes: FloatArray, lonely: BoolArray, tilts: FloatArray) -> list[IntArray]:
+    """The most telling tuples of planes, as few planes in two of them as can be; none that are nearly dependent."""
+    if not len(tuples):
+        return []
+    good = sizes * 0.5 ** lonely[tuples].sum(axis=1) / (_KNOWN + tilts[tuples].max(axis=1))
     chosen = list[IntArray]()
-    for shared in range(3):
+    for shared in range(tuples.shape[1]):
         for k in np.argsort(-good, kind="stable"):
             if len(chosen) == _MORE:
                 break
-            new = all(len(set(triples[k].tolist()) & set(other.tolist())) <= shared for other in chosen)
+            new = all(len(set(tuples[k].tolist()) & set(other.tolist())) <= shared for other in chosen)
             if new and sizes[k] >= _INDEPENDENT:
-                chosen.append(triples[k])
-    return np.array(chosen, dtype=np.int32).ravel()
+                chosen.append(tuples[k])
+    return chosen
 
 
 def on_planes(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> tuple[FloatArray, dict[int, Transforms]]:

@@ -1,0 +1,74 @@
+"""CAD files read by the workers of a scheduler, some at a time, each in a process that may crash or hang."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeAlias
+
+from tanteo.catalogue.cache import cache_key
+from tanteo.catalogue.pool import Request, read_in_processes
+from tanteo.catalogue.record import Record
+from tanteo.catalogue.worker import memory_for
+from tanteo.cluster import spread
+
+Requests: TypeAlias = dict[int, Request]
+
+MOST_FILES, SMALL, BATCHES = 128, 300_000, 64
+"""Files of a task at most. Less than so many bytes, or this share of all, are not worth the start of a reader."""
+
+
+def read_on_cluster(
+    requests: Mapping[int, Request], settle: Callable[[int, Record | str], None], scheduler: str
+) -> None:
+    """Read files on the workers of a scheduler; they see them under the same paths.
+
+    Args:
+        requests: files to read, by any number.
+        settle: called in this thread with the number and the part's record, or why there is none.
+        scheduler: as of :func:`tanteo.cluster.spread`.
+    """
+    batches = dict(enumerate(_batches(requests)))
+
+    def settle_all(k: int, results: dict[int, Record | str] | str) -> None:
+        for index, request in batches[k].items():
+            settle(index, f"{request.path}: {results}" if isinstance(results, str) else results[index])
+
+    spread(scheduler, read_batch, batches, settle_all)
+
+
+def _batches(requests: Mapping[int, Request]) -> Iterator[Requests]:
+    sizes = {index: _bytes(request.path) for index, request in requests.items()}
+    enough, held = max(SMALL, sum(sizes.values()) // BATCHES), 0
+    batch: Requests = {}
+    for index, request in requests.items():
+        batch[index], held = request, held + sizes[index]
+        if held >= enough or len(batch) == MOST_FILES:
+            yield batch
+            batch, held = {}, 0
+    if batch:
+        yield batch
+
+
+def _bytes(path: str) -> int:
+    with suppress(OSError):
+        return os.stat(path).st_size
+    return 0
+
+
+def read_batch(requests: Requests) -> dict[int, Record | str]:
+    """What a worker does: read files that are the same here as where they were found, and say which are not."""
+    results: dict[int, Record | str] = {}
+    for index, request in requests.items():
+        if request.key is not None and cache_key(Path(request.path), request.unit) != request.key:
+            results[index] = (
+                f"{request.path}: expected the same file on every worker, got none or another one. Use folders that "
+                "all of them share."
+            )
+    todo = {index: request for index, request in requests.items() if index not in results}
+    if todo:
+        memory = memory_for(os.cpu_count() or 1)
+        read_in_processes(todo, results.__setitem__, workers=1, memory=memory)
+    return results
