@@ -17,10 +17,12 @@ constexpr int SLIDES = 4;           // places along a direction that no plane fi
 
 double gate(const SensedPlane& a, const SensedPlane& b) { return SDS * std::hypot(a.tilt, b.tilt) + MADE; }
 
-// One sensed plane at a pose: the least it costs, on which face, and how far from there; -1 for none.
+// One sensed plane at a pose: the least it costs, how far it is from the surface that it is of, if of any, and the normal
+// of that, in the part.
 struct Match {
     double cost;
-    int face;
+    bool found;
+    Vec3 normal;
     double height;
 };
 
@@ -35,7 +37,7 @@ class Comparison {
         const double tilt2 = plane.tilt * plane.tilt + turned * turned + MADE * MADE;
         const double lever = norm(plane.at - about), sd2 = plane.sd * plane.sd + turned * turned * lever * lever;
         const double near = std::cos(std::min(SDS * std::sqrt(tilt2), 1.5));
-        Match best{plane.most, -1, 0};
+        Match best{plane.most, false, {}, 0};
         for (size_t k = 0; k < faces.size(); ++k) {
             const ModelPlane& face = faces[k];
             double c = dot(n, face.normal);
@@ -46,7 +48,7 @@ class Comparison {
             if (cost >= best.cost) continue;
             const double room = face.reach + 0.5 * plane.span + SDS * std::sqrt(sd2);
             if (squared(off) - h2 > room * room) continue;
-            best = {cost, static_cast<int>(k), h};
+            best = {cost, true, face.normal, h};
         }
         if (plane.alone) on_rounds(n, p, near, sd2 + ROUND * ROUND, tilt2, best);
         return best;
@@ -61,19 +63,19 @@ class Comparison {
         return sum;
     }
 
-    // Moves a pose to where all planes on faces are nearest to them; the cost there.
+    // Moves a pose to where all planes are nearest to the faces and cylinders that they are of; the cost there.
     PlanePose refined(Pose pose, double turned, const Vec3& about) const {
         for (int step = 0; step < STEPS; ++step) {
             double A[36] = {}, b[6] = {};
             for (int i = 0; i < 6; ++i) A[7 * i] = 1e-6;
             for (const SensedPlane& plane : sensed) {
-                const Match found = match(plane, pose, turned, about);
-                if (found.face < 0) continue;
-                const Vec3 p = into_part(pose, plane.at), &n = faces[found.face].normal;
+                const Match to = match(plane, pose, turned, about);
+                if (!to.found) continue;
+                const Vec3 p = into_part(pose, plane.at), &n = to.normal;
                 const Vec3 own = transposed_times(pose.R, plane.normal), sign = dot(own, n) < 0 ? -own : own;
                 const Vec3 turn = cross(p, n);
                 const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
-                add(A, b, J, found.height, 1 / (plane.sd * plane.sd + 1e-14));
+                add(A, b, J, to.height, 1 / (plane.sd * plane.sd + 1e-14));
                 // own normal in the part turns by -w x n: two directions across the face's normal
                 const Vec3 u = any_across(n), v = cross(n, u);
                 for (const Vec3& e : {u, v}) {
@@ -106,7 +108,7 @@ class Comparison {
             const double d = norm(across), h = d - round.radius;
             if (0.5 * h * h > best.cost * sd2 || !(d > 0)) continue;
             const double c = round.sign / d * dot(n, across), cost = 0.5 * h * h / sd2 + (1 - c) / tilt2;
-            if (c >= near && cost < best.cost) best = {cost, -1, h};
+            if (c >= near && cost < best.cost) best = {cost, true, round.sign / d * across, round.sign * h};
         }
     }
 

@@ -67,10 +67,12 @@ class SensedPlanes:
         rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, whether its
             side is known, and whether it is one point, which may be of a face that is no plane ``(k, 12)``.
         triples: of them, that fix a pose, or two and -1 ``(3 m,)``.
+        certain: whether some triple fixes one although each normal without a parallel is of a curved face.
     """
 
     rows: FloatArray
     triples: Indices
+    certain: bool = True
 
     @property
     def doubtful(self) -> float:
@@ -106,7 +108,10 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
             alone,
         ]
     )
-    return SensedPlanes(np.ascontiguousarray(rows), _triples(normals, planes.tilts[some], alone))
+    lonely = _lonely(normals, planes.tilts[some], alone)
+    triples = _triples(normals, planes.tilts[some], lonely)
+    doubtful = lonely[triples.reshape(-1, 3)].sum(axis=1) > (triples[2::3] >= 0)
+    return SensedPlanes(np.ascontiguousarray(rows), triples, bool(np.any(~doubtful)))
 
 
 def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
@@ -120,16 +125,22 @@ def _without_face(problem: Problem, points: ContactPoints, planes: Planes, facto
     return np.array(out)
 
 
-def _triples(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> Indices:
+def _lonely(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> BoolArray:
+    """Which are one sensed normal that no other one is parallel to: they may be of a curved face ``(k,)``."""
+    sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
+    near: BoolArray = sines < _SDS * np.hypot(tilts[:, None], tilts) + _TILT
+    return np.asarray(alone & (near.sum(axis=1) < 2))
+
+
+def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray) -> Indices:
     """Triples that fix a pose, as different as can be: one outlier does not spoil them all.
 
-    A sensed normal that no other one is parallel to may be of a curved face: it comes last, in a triple, too. Where
-    all normals lie in one plane, the third is -1: poses slide along what two planes leave free.
+    What may be of a curved face comes last, in a triple, too. Where all normals lie in one plane, the third is -1:
+    poses slide along what two planes leave free.
     """
     if len(normals) < 2:
         return np.zeros(0, dtype=np.int32)
     sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
-    lonely = alone & (np.sum(sines < _SDS * np.hypot(tilts[:, None], tilts) + _TILT, axis=1) < 2)
     order = np.argsort(lonely, kind="stable")
     triples = np.array([order[list(k)] for k in combinations(range(len(order)), 3)], dtype=np.int64).reshape(-1, 3)
     chosen = _as_different(triples, np.abs(np.linalg.det(normals[triples])), lonely, tilts)
