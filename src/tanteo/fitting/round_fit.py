@@ -17,9 +17,8 @@ from tanteo.fitting.estimate import (
     make_report,
     shared_terms,
 )
-from tanteo.fitting.round_estimate import DISTANCES, round_ml, unknowns
+from tanteo.fitting.round_estimate import SURFACES, RoundEstimate, round_distances, round_ml, unknowns
 from tanteo.fitting.round_refusal import refuse
-from tanteo.fitting.round_result import RoundEstimate
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
@@ -88,7 +87,7 @@ def fit_round(
     sensed = outward_vectors(None, normals, len(points))
     sds = np.where(sensed.any(axis=1) & (kind is not CIRCLE), sds, np.inf)
     given = None if size is None else (size, size_sd)
-    found, side = _sided(kind, points, covs, given, convex, (outward, sensed, sds), tip_radius, name)
+    found, side = _sided(kind, points, covs, shared, given, convex, (outward, sensed, sds), tip_radius, name)
     refuse(kind, found, points, name)
     estimate, size_found = _off_the_ball(kind, found, (side or 0) * tip_radius, name)
     estimate = _directed(kind, estimate, outward)
@@ -106,8 +105,8 @@ def _check(
 ) -> None:
     if points.ndim != 2:
         raise InputError(f"{name}, points: expected shape (n, 3), got {points.shape}. Use round_ml for batches.")
-    if kind.name not in DISTANCES:
-        raise InputError(f"kind: expected one of {', '.join(DISTANCES)}, got {kind.name}.")
+    if kind.name not in SURFACES:
+        raise InputError(f"kind: expected one of {', '.join(SURFACES)}, got {kind.name}.")
     if size is not None and not (np.isfinite(size) and size > 0 and (kind is not CONE or size < np.pi / 2)):
         most = " below pi/2 rad" if kind is CONE else " [m]"
         raise InputError(f"{name}: expected a positive {kind.size_name}{most}, got {size}.")
@@ -137,6 +136,7 @@ def _sided(
     kind: FeatureKind,
     points: Vectors,
     covs: Covariances,
+    shared: SharedReadings,
     given: tuple[float, float] | None,
     convex: bool | None,
     sides: tuple[Vectors, Vectors, FloatArray],
@@ -151,7 +151,7 @@ def _sided(
         size = {} if given is None else {"size": given[0] + moved, "size_sd": given[1]}
         along = None if own is None else sign * sensed
         beside = outward if outward.any() and kind is not CIRCLE else None
-        return round_ml(kind, points, covs, normals=along, normal_sds=own, outward=beside, **size)
+        return round_ml(kind, points, covs, normals=along, normal_sds=own, outward=beside, shared=shared, **size)
 
     stated = None if convex is None else (1 if convex else -1)
     found = fit(stated or _spreading(points, sensed), 0.0)
@@ -178,7 +178,7 @@ def _spreading(points: Vectors, normals: Vectors) -> int:
 def _normals(kind: FeatureKind, found: RoundEstimate, points: Vectors) -> Vectors:
     """Unit vectors away from the axis or centre at the points ``(n, 3)``."""
     local = SE3.apply(SE3.inverse(found.fit.T), points)
-    return np.asarray(DISTANCES[kind.name](local, found.size[..., None]).G[..., -1, :] @ found.fit.T[:3, :3].T)
+    return np.asarray(round_distances(kind, local, float(found.size)).G[:, -1] @ found.fit.T[:3, :3].T)
 
 
 def side_of(N: Vectors, outward: Vectors, stated: int | None, name: str) -> int | None:
