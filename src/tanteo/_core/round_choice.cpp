@@ -105,16 +105,17 @@ bool elsewhere(const RoundTask& task, const RoundState& own, const RoundState& o
     return std::acos(std::min(std::fabs(dot(u, v)), 1.0)) > std::max(ELSEWHERE, 5 * largest(m - 2, m));
 }
 
+// The size of another fit that the points do not rule out: of the one whose size is most unlike, which says most.
 double rival_of(const RoundTask& task, const RoundFit& fit, const std::vector<Trial>& trials) {
     const int M = fit.at.M, m = static_cast<int>(task.rows.size());
     std::vector<double> sd(m + 1, 0.0);
     for (int i = 0; i < m + task.free_size(); ++i) sd[i] = std::sqrt(std::max(fit.whole[i * M + i], 0.0));
-    double least = as_good(task, fit.at.chi2), size = std::nan("");
-    for (const Trial& one : trials)
-        if (one.rest && one.score < least && elsewhere(task, fit.state, one.state, sd)) {
-            least = one.score;
-            size = one.state.s;
-        }
+    const double limit = as_good(task, fit.at.chi2);
+    double size = std::nan("");
+    for (const Trial& one : trials) {
+        if (!one.rest || !(one.score < limit) || !elsewhere(task, fit.state, one.state, sd)) continue;
+        if (!(std::fabs(one.state.s - fit.state.s) <= std::fabs(size - fit.state.s))) size = one.state.s;
+    }
     return size;
 }
 

@@ -52,12 +52,12 @@ struct RoundBatch {
 // What goes out of a batch.
 struct RoundOut {
     size_t n, k, m;  // m: rows of the frame and one of the size
-    std::vector<double> Ts, sizes, P, whole, gains, residuals, standardised, chi2, rivals, conditions;
+    std::vector<double> Ts, sizes, P, gains, frame_gains, residuals, standardised, chi2, rivals, conditions;
     std::vector<int32_t> settled;
 
     RoundOut(size_t B, size_t n_, size_t k_, size_t m_)
-        : n(n_), k(k_), m(m_), Ts(16 * B), sizes(B), P(B * m * m), whole(B * m * m), gains(B * n * m * 3),
-          residuals(B * n * k), standardised(B * n), chi2(B), rivals(B), conditions(B), settled(B) {}
+        : n(n_), k(k_), m(m_), Ts(16 * B), sizes(B), P(B * m * m), gains(B * n * m * 3),
+          frame_gains(B * m * (m - 1)), residuals(B * n * k), standardised(B * n), chi2(B), rivals(B), conditions(B), settled(B) {}
 
     void put(size_t b, const RoundTask& task, const RoundFit& fit, const Vec3& mean) {
         store_pose({fit.state.R, fit.state.c + mean}, &Ts[16 * b]);
@@ -67,19 +67,32 @@ struct RoundOut {
         conditions[b] = fit.condition;
         settled[b] = fit.settled;
         std::copy(fit.at.e.begin(), fit.at.e.end(), &residuals[b * n * k]);
-        put_covariances(b, task, fit);
+        put_covariance(b, task, fit);
+        put_frame(b, task, fit);
         for (size_t i = 0; i < n; ++i) put_point(b, i, task, fit);
     }
 
-    // All of it, and without the part that is due to the shared errors.
-    void put_covariances(size_t b, const RoundTask& task, const RoundFit& fit) {
+    // Without the part that is due to the shared errors.
+    void put_covariance(size_t b, const RoundTask& task, const RoundFit& fit) {
         const size_t M = fit.at.M, own = M - task.shared;
         for (size_t i = 0; i < own; ++i)
             for (size_t j = 0; j < own; ++j) {
                 double value = fit.whole[i * M + j];
-                whole[(b * m + i) * m + j] = value;
                 for (size_t d = own; d < M; ++d) value -= fit.whole[i * M + d] * fit.whole[d * M + j];
                 P[(b * m + i) * m + j] = value;
+            }
+    }
+
+    // How an error of the frame that was known beforehand moves the feature.
+    void put_frame(size_t b, const RoundTask& task, const RoundFit& fit) {
+        const size_t M = fit.at.M, D = task.shared, own = M - D, rows = m - 1;
+        if (!task.framed) return;
+        for (size_t u = 0; u < own; ++u)
+            for (size_t a = 0; a < rows; ++a) {
+                double moved = fit.whole[u * M + a];
+                for (size_t d = 0; d < D; ++d) moved -= fit.whole[u * M + own + d] * task.frame_jacobian[a * D + d];
+                for (size_t c = 0; c < rows; ++c)
+                    frame_gains[(b * m + u) * rows + c] += moved * task.frame_information[a * rows + c];
             }
     }
 
@@ -155,7 +168,7 @@ nb::tuple fit_rounds(int kind, int surface, Ints rows, Doubles points, Doubles c
     }
     return nb::make_tuple(
         array_of(std::move(out.Ts), {B, 4, 4}), array_of(std::move(out.sizes), {B}), array_of(std::move(out.P), {B, m, m}),
-        array_of(std::move(out.whole), {B, m, m}), array_of(std::move(out.gains), {B, n, m, 3}),
+        array_of(std::move(out.gains), {B, n, m, 3}), array_of(std::move(out.frame_gains), {B, m, m - 1}),
         array_of(std::move(out.residuals), {B, n, k}), array_of(std::move(out.standardised), {B, n}),
         array_of(std::move(out.chi2), {B}), array_of(std::move(out.rivals), {B}), array_of(std::move(out.settled), {B}),
         array_of(std::move(out.conditions), {B}));

@@ -88,8 +88,9 @@ def circle_on_plane(
     terms = _terms(found.fit, gain, errors)
     spokes = SE3.apply(SE3.inverse(found.fit.T), points) * np.array([1.0, 1.0, 0.0])
     support = points - tip * (spokes / np.linalg.norm(spokes, axis=1, keepdims=True)) @ found.fit.T[:3, :3].T
-    feature = feature_of(CIRCLE, found.fit, s, terms, None if side is None else side > 0, label, support, readings)
-    return replace(feature, tip_radius=tip_radius), make_report(found.fit, readings)
+    known = None if side is None else side > 0
+    feature = feature_of(CIRCLE, found.fit, s, terms, known, label, support, readings, tip_radius)
+    return feature, make_report(found.fit, readings)
 
 
 def _centre(points: Vectors, plane: Feature) -> Vectors:
@@ -173,7 +174,7 @@ def _solve(
         CIRCLE, points, covs, surface=CYLINDER, size=size[0], size_sd=size[1], side=side, known=known,
         outward=outward if outward.any() else None, shared_jacobian=of_points,
     )  # fmt: skip
-    return found, found.whole[:, 2:5] @ information[2:, 2:]
+    return found, found.frame_gain[:, 2:5]
 
 
 def _terms(fit: Estimate, gain: FloatArray, errors: list[_Error]) -> tuple[SharedTerm, ...]:

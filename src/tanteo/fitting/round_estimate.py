@@ -39,7 +39,7 @@ class RoundEstimate:
         settled: whether the iteration came to rest ``(*batch,)``.
         condition: least eigenvalue of the information scaled to unit diagonal ``(*batch,)``: zero if the points leave
             something free.
-        whole: ``P`` with what the errors that the points share add to it ``(*batch, m, m)``.
+        frame_gain: how an error of a frame that was known beforehand moves frame and size ``(*batch, m, m - 1)``.
     """
 
     fit: Estimate
@@ -47,7 +47,7 @@ class RoundEstimate:
     rival: FloatArray
     settled: BoolArray
     condition: FloatArray
-    whole: Covariances
+    frame_gain: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +63,9 @@ class KnownFrame:
     T: Transforms
     information: FloatArray
     shared_jacobian: FloatArray
+
+
+_NO_FRAME = KnownFrame(_NONE, _NONE, _NONE)
 
 
 def round_ml(
@@ -177,22 +180,22 @@ def solved(
     batch, n = points.shape[:-2], points.shape[-2]
     sds = _NONE if normal_sds is None else np.where(np.isfinite(normal_sds), normal_sds, 0.0)
     dof = _dof(kind, surface, n, sds, size, size_sd, known)
-    frame = (_NONE,) * 3 if known is None else (known.T, known.information, known.shared_jacobian)
+    frame = _NO_FRAME if known is None else known
     D = shared_jacobian.shape[-1] if shared_jacobian.ndim == 3 else 0
-    Ts, sizes, P, whole, gains, off, standardised, chi2, rivals, settled, conditions = _core.fit_rounds(
+    Ts, sizes, P, gains, frame_gains, off, standardised, chi2, rivals, settled, conditions = _core.fit_rounds(
         SURFACES[kind.name], SURFACES[surface.name], _ROWS[kind.name], _rows(points, n, 3), _rows(covs, n, 3, 3),
         _NONE if normals is None else _rows(np.broadcast_to(normals, points.shape), n, 3),
         _NONE if normals is None else _rows(np.broadcast_to(sds, points.shape[:-1]), n),
         _NONE if outward is None else _rows(np.broadcast_to(outward, points.shape), n, 3),
         side or 0, shared_jacobian if D else np.zeros((n, 3, 0)), 0.0 if size is None else float(size), float(size_sd),
-        *(np.ascontiguousarray(array, dtype=np.float64) for array in frame), _limit(dof),
+        frame.T, frame.information, frame.shared_jacobian, _limit(dof),
     )  # fmt: skip
 
     def back(array: FloatArray) -> FloatArray:
         return array.reshape((*batch, *array.shape[1:]))
 
     fit = Estimate(back(Ts), back(P), back(chi2), dof, back(off), back(standardised), back(gains))
-    return RoundEstimate(fit, back(sizes), back(rivals), back(settled) != 0, back(conditions), back(whole))
+    return RoundEstimate(fit, back(sizes), back(rivals), settled.reshape(batch) != 0, back(conditions), back(frame_gains))
 
 
 def _rows(array: FloatArray, *shape: int) -> FloatArray:

@@ -96,8 +96,8 @@ def fit_round(
     rows = np.vstack([SE3.adjoint_inverse(estimate.T)[list(kind.rows)], np.zeros(6)])
     terms = shared_terms(points, estimate, rows, shared)
     known = convex if side is None else side > 0
-    feature = feature_of(kind, estimate, size_found, terms, known, label, support, readings)
-    return replace(feature, tip_radius=tip_radius), make_report(estimate, readings)
+    feature = feature_of(kind, estimate, size_found, terms, known, label, support, readings, tip_radius)
+    return feature, make_report(estimate, readings)
 
 
 def _check(
@@ -250,10 +250,11 @@ def feature_of(
     label: str,
     support: Vectors,
     readings: Sequence[str],
+    tip_radius: float,
 ) -> Feature:
     """The feature of an estimate whose last row is the size."""
     P = 0.5 * (estimate.P + estimate.P.T)
     gains = tuple(term.jacobian[-1:] for term in terms)
     own = tuple(SharedTerm(term.error, term.jacobian[:-1]) for term in terms)
     size_of = Round(size, float(P[-1, -1]), P[:-1, -1], gains, convex)
-    return Feature(kind, estimate.T, P[:-1, :-1], label, own, support, tuple(readings), size=size_of)
+    return Feature(kind, estimate.T, P[:-1, :-1], label, own, support, tuple(readings), tip_radius, size_of)
