@@ -13,8 +13,9 @@ from tanteo.features import CIRCLE, CYLINDER, PLANE, Feature, SharedError, Share
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
 from tanteo.fitting.flatness import refuse_flat
 from tanteo.fitting.round_estimate import KnownFrame, RoundEstimate, check_positive, solved
-from tanteo.fitting.round_fit import feature_of, outward_vectors, side_of
+from tanteo.fitting.round_fit import feature_of
 from tanteo.fitting.round_refusal import refuse
+from tanteo.fitting.sides import outward_vectors, side_of
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 

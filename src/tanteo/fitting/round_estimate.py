@@ -195,7 +195,9 @@ def solved(
         return array.reshape((*batch, *array.shape[1:]))
 
     fit = Estimate(back(Ts), back(P), back(chi2), dof, back(off), back(standardised), back(gains))
-    return RoundEstimate(fit, back(sizes), back(rivals), settled.reshape(batch) != 0, back(conditions), back(frame_gains))
+    return RoundEstimate(
+        fit, back(sizes), back(rivals), settled.reshape(batch) != 0, back(conditions), back(frame_gains)
+    )
 
 
 def _rows(array: FloatArray, *shape: int) -> FloatArray:

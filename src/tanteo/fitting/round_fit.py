@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from tanteo.errors import InputError, SideError
-from tanteo.features import CIRCLE, CONE, CYLINDER, Feature, FeatureKind, Round, SharedTerm
+from tanteo.features import CIRCLE, CONE, CYLINDER, Feature, FeatureKind, Round, SharedError, SharedTerm
 from tanteo.fitting.estimate import (
     Estimate,
     FitReport,
@@ -19,11 +20,9 @@ from tanteo.fitting.estimate import (
 )
 from tanteo.fitting.round_estimate import SURFACES, RoundEstimate, round_distances, round_ml, unknowns
 from tanteo.fitting.round_refusal import refuse
+from tanteo.fitting.sides import outward_vectors, side_of
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Vectors
-
-_ALONG = 0.05
-"""A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""
 
 
 def fit_round(
@@ -38,6 +37,7 @@ def fit_round(
     normals: Vectors | None = None,
     normal_sds: FloatArray | None = None,
     tip_radius: float = 0.0,
+    tip_radius_sd: float = 0.0,
     label: str = "",
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
@@ -59,9 +59,11 @@ def fit_round(
         normals: sensed outward normals ``(n, 3)``; NaN rows where unknown. Of a circle: of that face.
         normal_sds: of these ``(n,)`` [rad]; without them normals tell the side only.
         tip_radius: of the tip's ball [m].
+        tip_radius_sd: its standard deviation, of one error for all that the tip touched: features share it by its name.
         label: name of the feature.
         readings: ids of the readings.
-        shared: errors that the points have in common, beyond ``covs``.
+        shared: errors that the points have in common, beyond ``covs``. They weigh in the fit: what moves points against
+            each other is told from the feature as far as the points tell it.
 
     Returns:
         The feature, its size with variance and covariance, and how well the points agree.
@@ -87,7 +89,11 @@ def fit_round(
     sensed = outward_vectors(None, normals, len(points))
     sds = np.where(sensed.any(axis=1) & (kind is not CIRCLE), sds, np.inf)
     given = None if size is None else (size, size_sd)
-    found, side = _sided(kind, points, covs, shared, given, convex, (outward, sensed, sds), tip_radius, name)
+    fit = partial(_sided, kind, points, covs, given=given, convex=convex, sides=(outward, sensed, sds), name=name)
+    found, side = fit(shared, tip_radius)
+    if tip_radius_sd > 0 and side is not None:
+        shared = (*shared, _of_the_tip(tip_radius_sd, side * _normals(kind, found, points)))
+        found, side = fit(shared, tip_radius)
     refuse(kind, found, points, name)
     estimate, size_found = _off_the_ball(kind, found, (side or 0) * tip_radius, name)
     estimate = _directed(kind, estimate, outward)
@@ -120,27 +126,16 @@ def _check(
         )
 
 
-def outward_vectors(directions: Vectors | None, normals: Vectors | None, n: int) -> Vectors:
-    """Unit vectors out of the material ``(n, 3)``: normals, or against the directions; zero where nothing is known."""
-    for side, sign in ((normals, 1.0), (directions, -1.0)):
-        if side is None:
-            continue
-        vectors = sign * np.nan_to_num(np.asarray(side, dtype=np.float64).reshape(n, 3))
-        length = np.linalg.norm(vectors, axis=1, keepdims=True)
-        if length.any():
-            return np.asarray(vectors / np.where(length > 0, length, 1.0))
-    return np.zeros((n, 3))
-
-
 def _sided(
     kind: FeatureKind,
     points: Vectors,
     covs: Covariances,
     shared: SharedReadings,
+    tip_radius: float,
+    *,
     given: tuple[float, float] | None,
     convex: bool | None,
     sides: tuple[Vectors, Vectors, FloatArray],
-    tip_radius: float,
     name: str,
 ) -> tuple[RoundEstimate, int | None]:
     """The fit to the points as they are, and 1 for a boss, -1 for a bore, None where that is not known."""
@@ -168,6 +163,11 @@ def _sided(
     return found, side
 
 
+def _of_the_tip(sd: float, outward: Vectors) -> tuple[SharedError, FloatArray]:
+    """A ball that is larger than stated has touched where one as stated would have been nearer to the surface."""
+    return SharedError("tip radius", np.array([[sd**2]]), "error of the radius of the tip [m]"), -outward[..., None]
+
+
 def _spreading(points: Vectors, normals: Vectors) -> int:
     """1 if sensed normals spread with the points, as those of a boss do, -1 if they come together."""
     known = normals.any(axis=1)
@@ -179,29 +179,6 @@ def _normals(kind: FeatureKind, found: RoundEstimate, points: Vectors) -> Vector
     """Unit vectors away from the axis or centre at the points ``(n, 3)``."""
     local = SE3.apply(SE3.inverse(found.fit.T), points)
     return np.asarray(round_distances(kind, local, float(found.size)).G[:, -1] @ found.fit.T[:3, :3].T)
-
-
-def side_of(N: Vectors, outward: Vectors, stated: int | None, name: str) -> int | None:
-    """1 if the outward vectors point away from the axis, -1 if towards it; what is stated if they tell nothing.
-
-    Raises:
-        SideError: if they contradict each other, or what is stated.
-    """
-    known = outward.any(axis=1)
-    along = np.sum(N * outward, axis=1)[known]
-    if not len(along) or np.all(np.abs(along) < _ALONG):
-        return stated
-    mean = float(along.mean())
-    if abs(mean) < _ALONG or np.any(along * np.sign(mean) < -0.2):
-        raise SideError(
-            f"{name}: expected the readings to agree on which side is outside, got vectors with components "
-            f"{along.min():.2f} to {along.max():.2f} away from its axis. Check directions, normals and label."
-        )
-    side = 1 if mean > 0 else -1
-    if stated is not None and side != stated:
-        got, wanted = ("a boss", "a bore") if side > 0 else ("a bore", "a boss")
-        raise SideError(f"{name}: expected {wanted}, got directions or normals of {got}. Check convex, or the columns.")
-    return side
 
 
 def _off_the_ball(kind: FeatureKind, found: RoundEstimate, tip: float, name: str) -> tuple[Estimate, float]:
