@@ -79,7 +79,7 @@ def test_one_tip_makes_a_boss_larger_and_a_bore_smaller():
 
 def test_a_rigid_error_changes_no_fit():
     rng = np.random.default_rng(4)
-    T, (q, away) = random_frame(rng), round_points("cone", 200, N)
+    T, (q, _) = random_frame(rng), round_points("cone", 200, N)
     points, covs = SE3.apply(T, q) + SD * rng.normal(size=(N, 3)), np.tile(SD**2 * np.eye(3), (N, 1, 1))
     J = np.concatenate([np.broadcast_to(np.eye(3), (N, 3, 3)), -SO3.hat(points)], axis=-1)
     base = SharedError("robot base", np.diag([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]) ** 2)
