@@ -66,7 +66,7 @@ def test_radius_and_side_are_read(tmp_path, column, value):
         ("x_mm,y_mm,z_mm,diameter_mm,sd_mm,feature,kind\n1,2,3,14,0.1,a,circle\n", "hole_diameter_mm"),
         ("x_mm,y_mm,z_mm,hole_radius_mm,sd_mm,feature,kind\n1,2,3,-7,0.1,a,circle\n", "a positive number"),
         ("x_mm,y_mm,z_mm,sd_mm,kind,side\n1,2,3,0.1,circle,inside\n", "one of hole, boss"),
-        ("x_mm,y_mm,z_mm,sd_mm,kind,side\n1,2,3,0.1,point,hole\n", "expected 'centre'"),
+        ("x_mm,y_mm,z_mm,sd_mm,kind,side\n1,2,3,0.1,point,hole\n", "expected one of centre, sphere_centre, apex"),
         ("x_mm,y_mm,z_mm,sd_mm,kind\n1,2,3,0.1,bore\n", "kind circle"),
         (
             "x_mm,y_mm,z_mm,sd_mm,kind,hole_radius_mm,hole_diameter_mm\n1,2,3,0.1,circle,7,14\n",

@@ -27,7 +27,7 @@ _LARGEST_TIP = 1.0
 _SHORTEST, _LONGEST = 1e-9, 1e9
 """Lengths that a direction may have; their squares are numbers still."""
 
-_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter")
+_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter", "half_angle")
 _QUATERNION_SLACK = 1e-3
 _ROUND = ("hole", "bore", "boss", "arc", "slot")
 _STATUSES, _SIDES = ("ok", "none"), ("hole", "boss")
@@ -293,17 +293,18 @@ class Table:
         return assemble(columns, self.count, stated, str(self.path), notes, outward=vectors(OUTWARD))
 
     def _hole_radii(self, numbers: dict[str, FloatArray]) -> FloatArray | None:
-        """Radii of holes and bosses; both radius and diameter of one row are refused."""
-        radii, diameters = numbers.get("hole_radius"), numbers.get("hole_diameter")
-        if radii is None or diameters is None:
-            return radii if diameters is None else diameters / 2
-        both = ~np.isnan(radii) & ~np.isnan(diameters)
-        if both.any():
+        """Sizes of holes and bosses, half angles of cones; two of one row are refused."""
+        scales = {"hole_radius": 1.0, "hole_diameter": 0.5, "half_angle": 1.0}
+        given = [numbers[name] * scale for name, scale in scales.items() if name in numbers]
+        if not given:
+            return None
+        several = np.sum(~np.isnan(given), axis=0) > 1
+        if several.any():
             raise ReadingsError(
-                f"{self.path}, line {self.line_of(int(np.argmax(both)))}: expected the radius or the diameter of the "
-                "hole, got both. Keep one."
+                f"{self.path}, line {self.line_of(int(np.argmax(several)))}: expected the radius or the diameter of "
+                "the hole, or the half angle of a cone, got two of them. Keep one."
             )
-        return np.where(np.isnan(radii), diameters / 2, radii)
+        return np.asarray(np.fmax.reduce(given))
 
     def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
         """Who writes the hand's rotation so; a matrix that is none is refused."""

@@ -1,8 +1,8 @@
-"""Sensed features as labelled points: planes, edges, vertices, circles, cylinders with their covariance; world, metres.
+"""Sensed features as labelled points, with their covariance; world, metres.
 
 A plane is as good as a few of the points where it was felt, an edge as good as two points of it, with variances that
-give the feature's own covariance; a circle is its centre with its axis, a cylinder two points of its axis. So features
-are measurements like any other.
+give the feature's own covariance; a circle is its centre with its axis, a cylinder two points of its axis, a sphere its
+centre, a cone its apex with its axis. So features are measurements like any other.
 """
 
 from __future__ import annotations
@@ -13,14 +13,23 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CYLINDER, EDGE, PLANE, VERTEX, Feature, Sides, collect_shared, shared_root
+from tanteo.features import (
+    CIRCLE,
+    CONE,
+    CYLINDER,
+    EDGE,
+    PLANE,
+    SPHERE,
+    VERTEX,
+    Feature,
+    Sides,
+    collect_shared,
+    shared_root,
+)
 from tanteo.lie import SE3
-from tanteo.measurements.points import MADE, ContactPoints
-from tanteo.sensors import CENTRE
+from tanteo.measurements.points import MADE, MADE_ANGLE, ContactPoints
+from tanteo.sensors import CENTRE_OF, CENTRES
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
-
-_AXES = (CIRCLE.name, CYLINDER.name)
-"""Kinds of feature that are points of an axis."""
 
 _SLIGHT, _CLOSE = 1e-6, 0.05
 """Points that say less than this share of what the one that says most does are left out; so closely, in proportion, the
@@ -31,7 +40,7 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     """The points that say of the part what the features say; rows of one feature have its label as their id.
 
     Args:
-        features: planes, edges, vertices, circles and cylinders.
+        features: planes, edges, vertices, circles, cylinders, spheres and cones.
         tolerance: sd of the made surface against its CAD [m].
 
     Raises:
@@ -45,8 +54,8 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
     counts = [len(block[0]) for block in rows]
     points, covs, sides, normals, sds, gained, circles = (np.concatenate(x) for x in zip(*columns, strict=True))
-    kinds = np.repeat([CENTRE if kind in _AXES else kind for kind in kinds], counts).tolist()
-    surface = np.array([kind != CENTRE for kind in kinds], dtype=bool)[:, None]
+    kinds = np.repeat([CENTRE_OF.get(kind, kind) for kind in kinds], counts).tolist()
+    surface = np.array([kind not in CENTRES for kind in kinds], dtype=bool)[:, None]
     covs, outward = covs + tolerance**2 * np.eye(3), (sides + normals) * surface  # only one of the two is given
     radii = np.repeat([view[0].tip_radius for view in views], counts) * outward.any(axis=1)
     return ContactPoints(
@@ -67,7 +76,8 @@ class FeaturePoints(NamedTuple):
         normals: sensed outward normals, else zero ``(n, 3)``.
         normal_sds: of these, pi where there is none ``(n,)`` [rad].
         shared_jacobian: of the points by the whitened shared errors ``(n, 3, D)``.
-        circles: of centres of circles, radius [m] or 0, its sd [m], and 1 for a hole, -1 for a boss ``(n, 3)``.
+        circles: of centres, radius [m], half angle of an apex [rad], or 0, its sd, and 1 for a hole, -1 for a boss
+            ``(n, 3)``.
     """
 
     points: Vectors
@@ -193,8 +203,13 @@ def _of_edge(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeatureP
     return _of_line(view[0], view[0].T_world_feature, gain)
 
 
-def _of_circle(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
-    """Its centre, with its axis."""
+def _of_sphere(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    """Its centre."""
+    return _of_vertex(view, name, gain)._replace(circles=_size(view[0])[None])
+
+
+def _of_centre(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    """The centre of a circle, or the apex of a cone, with its axis."""
     feature, T, R = view[0], view[0].T_world_feature, view[0].T_world_feature[:3, :3]
     tilt = float(np.sqrt(np.linalg.eigvalsh(feature.P[3:, 3:])[-1]))
     centre = _plain(T[None, :3, 3], (R @ feature.P[:3, :3] @ R.T)[None], (R @ gain[:3])[None])
@@ -209,12 +224,13 @@ def _of_cylinder(view: tuple[Feature, ...], name: str, gain: FloatArray) -> Feat
 
 
 def _size(feature: Feature) -> FloatArray:
-    """Radius, its standard deviation and the side of the material ``(3,)``; zero where nothing is known."""
+    """Radius or half angle, its standard deviation and the side of the material ``(3,)``; zero where it is unknown."""
     size = getattr(feature, "size", None)
     if size is None:
         return np.zeros(3)
     side = 0.0 if size.convex is None else (-1.0 if size.convex else 1.0)
-    return np.array([size.value, np.hypot(np.sqrt(size.variance), MADE), side])
+    made = MADE_ANGLE if feature.kind is CONE else MADE
+    return np.array([size.value, np.hypot(np.sqrt(size.variance), made), side])
 
 
 def _of_line(feature: Feature, T: Transforms, gain: FloatArray) -> FeaturePoints:
@@ -240,6 +256,6 @@ def _of_line(feature: Feature, T: Transforms, gain: FloatArray) -> FeaturePoints
 
 TO_POINTS: dict[str, ToPoints] = {
     PLANE.name: _of_plane, EDGE.name: _of_edge, VERTEX.name: _of_vertex,
-    CIRCLE.name: _of_circle, CYLINDER.name: _of_cylinder,
+    CIRCLE.name: _of_centre, CYLINDER.name: _of_cylinder, SPHERE.name: _of_sphere, CONE.name: _of_centre,
 }  # fmt: skip
 """How features of each kind become points, by its name."""
