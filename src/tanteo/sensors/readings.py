@@ -41,7 +41,7 @@ class Readings:
         kinds: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder`` (contacts on the wall of a hole or boss),
             ``sphere``, ``cone``, ``centre``, ``sphere_centre``, ``apex``, ``point`` or ``free``, one a row. A
             ``centre`` is that of a circle, on the axis of a hole or boss at any height; its normal, if given, is the
-            axis with either sign; that of an ``apex`` is the axis into the cone. None of these has a ball.
+            axis with either sign; that of an ``apex`` is the axis into the cone. They have no ball.
         Ts_world_hand: Pose of the hand at the reading.
         ranges: Raw ranges along the beam [m].
         sensors: Name of the sensor of the rig that gave the range.
