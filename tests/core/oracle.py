@@ -186,6 +186,7 @@ class Oracle:
             if kind != self.q.kinds[j]:
                 continue
             a, b = np.array(ends).reshape(2, 3)
+            a, b = (end + self.q.radii[j] * (b - a) / np.linalg.norm(b - a) for end in (a, b))  # beside an apex
             length, d = np.linalg.norm(b - a), (b - a) / np.linalg.norm(b - a)
             frame = np.stack([any_across(d), np.cross(d, any_across(d))])
             x, S = frame @ (p - a), frame @ C @ frame.T

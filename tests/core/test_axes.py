@@ -31,7 +31,9 @@ def _centres(body, rng, n=12):
     T, rows = random_pose(rng), rng.integers(len(body.axes), size=n)
     a, b = body.axes[rows, :3], body.axes[rows, 3:6]
     lines = body.axes[rows, 11:] == 3
+    beside = (body.axes[rows, 11] == 6) * rng.uniform(0, 3e-3, size=n)
     p = a + lines * rng.uniform(-0.05, 1.05, size=(n, 1)) * (b - a) + SD * rng.normal(size=(n, 3))
+    p += beside[:, None] * (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
     ways = np.where(lines, rng.choice([-1, 1], size=(n, 1)), 1)
     m = (b - a) / np.linalg.norm(b - a, axis=1)[:, None] * ways + 0.1 * rng.normal(size=(n, 3))
     m = m / np.linalg.norm(m, axis=1)[:, None] * rng.choice([0, 1], size=(n, 1))
@@ -39,7 +41,7 @@ def _centres(body, rng, n=12):
     circles = np.column_stack([radii, np.full(n, 4e-4), rng.choice([0, 1], size=n) * body.axes[rows, 9]])
     q = replace(
         asked(p @ T[:3, :3].T + T[:3, 3], SD), kinds=body.axes[rows, 11].astype(np.int32), circles=circles,
-        normals=m @ T[:3, :3].T, normal_sds=np.full(n, 0.1),
+        normals=m @ T[:3, :3].T, normal_sds=np.full(n, 0.1), radii=beside,
     )  # fmt: skip
     return q, np.stack([near_pose(T, rng, 2e-4, 5e-3) for _ in range(3)])
 

@@ -15,7 +15,7 @@ struct Point {
     Vec3 at;            // world; of a ball its centre
     Mat3 cov;           // of the sensor alone
     double extra = 0;   // variance that the noise scale leaves alone: the tolerance of the part
-    double radius = 0;  // of the ball
+    double radius = 0;  // of the ball; from an apex how far along the axis
     Vec3 direction;     // of the sensor, into the material; or about into it, where only the side is known; else zero
     Vec3 normal;        // sensed, outward, or the axis of a circle or cone; zero where it was not
     double normal_sd = 1;

@@ -62,7 +62,7 @@ class Places {
             return {shape.samples[k] + point.radius * n, n};
         }
         const RoundAxis& axis = shape.axes[axes[k / heights]];
-        if (heights == 1) return {axis.a, axis.direction};
+        if (heights == 1) return {axis.start(point), axis.direction};
         const double t = static_cast<double>(k % HEIGHTS / 2) / (HEIGHTS / 2 - 1);
         return {axis.a + (t * axis.length) * axis.direction, k % 2 ? -axis.direction : axis.direction};
     }

@@ -68,6 +68,8 @@ struct RoundAxis {
     double length, least, most, weight;
     int hole, number, kind, unused = 0;
 
+    // where it begins for a point that may be beside an apex
+    Vec3 start(const Point& point) const { return a + point.radius * direction; }
     // whether a point may be of it: of its kind and side, and of its size within so much
     bool may_have(const Point& point, double within) const {
         if (static_cast<int>(point.kind) != kind || point.hole * hole < 0) return false;

@@ -205,7 +205,7 @@ void Likelihood::look_at_axes(const Point& point, int j, const Mat3& R, const Ma
         Hit hit;
         hit.tilted = 0;
         hit.weight = axis.weight * fast_exp(-point.log_outlier) *
-                     (line ? meet_line(axis.a, axis.direction, axis.length, p, C, hit) : about.meet(axis.a, p, hit));
+                     (line ? meet_line(axis.a, axis.direction, axis.length, p, C, hit) : about.meet(axis.start(point), p, hit));
         if (point.circle > 0) {
             const double r = (point.circle - std::clamp(point.circle, axis.least, axis.most)) / width;
             hit.weight *= fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI) / width;

@@ -7,6 +7,7 @@ Of many holes few triples fit that, as few triples of faces fit three labelled p
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 
@@ -106,6 +107,7 @@ def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedP
     if len(axes) < 3:
         return none
     centres = points.take(rows)
+    centres = replace(centres, points=centres.points - centres.radii[:, None] * centres.normals)  # of cones the apex
     found = [_placed(centres, axes, triple) for triple in _triples(centres)]
     Ts = np.concatenate([none, *found])
     Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[:_BEST]]

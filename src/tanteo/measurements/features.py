@@ -8,6 +8,7 @@ centre, a cone its apex with its axis. So features are measurements like any oth
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -53,13 +54,17 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     rows = [_rows(view, name, gain @ root) for view, name, gain in zip(views, names, shared_jacobian, strict=True)]
     kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
     counts = [len(block[0]) for block in rows]
-    points, covs, sides, normals, sds, gained, circles = (np.concatenate(x) for x in zip(*columns, strict=True))
+    points, covs, sides, normals, sds, gained, circles = (
+        np.concatenate(column) for column in list(zip(*columns, strict=True))[:7]
+    )
     kinds = np.repeat([CENTRE_OF.get(kind, kind) for kind in kinds], counts).tolist()
     surface = np.array([kind not in CENTRES for kind in kinds], dtype=bool)[:, None]
     covs, outward = covs + tolerance**2 * np.eye(3), (sides + normals) * surface  # only one of the two is given
     radii = np.repeat([view[0].tip_radius for view in views], counts) * outward.any(axis=1)
+    offsets = [np.zeros(len(block.points)) if block.offsets is None else block.offsets for block in rows]
     return ContactPoints(
-        tuple(np.repeat(names, counts).tolist()), points + radii[:, None] * outward, covs, radii,
+        tuple(np.repeat(names, counts).tolist()), points + radii[:, None] * outward, covs,
+        radii + np.concatenate([np.zeros(0), *offsets]),
         np.zeros(points.shape), normals, sds, np.zeros(len(points)), gained,
         np.sqrt(np.linalg.eigvalsh(covs)[:, -1]), tolerance,
         labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(kinds), sides=sides, circles=circles,
@@ -78,6 +83,7 @@ class FeaturePoints(NamedTuple):
         shared_jacobian: of the points by the whitened shared errors ``(n, 3, D)``.
         circles: of centres, radius [m], half angle of an apex [rad], or 0, its sd, and 1 for a hole, -1 for a boss
             ``(n, 3)``.
+        offsets: how far along its axis a point is from an apex ``(n,)`` [m]; none where all are zero.
     """
 
     points: Vectors
@@ -87,6 +93,7 @@ class FeaturePoints(NamedTuple):
     normal_sds: FloatArray
     shared_jacobian: FloatArray
     circles: FloatArray
+    offsets: FloatArray | None = None
 
 
 ToPoints: TypeAlias = Callable[[tuple[Feature, ...], str, FloatArray], FeaturePoints]
@@ -209,11 +216,22 @@ def _of_sphere(view: tuple[Feature, ...], name: str, gain: FloatArray) -> Featur
 
 
 def _of_centre(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
-    """The centre of a circle, or the apex of a cone, with its axis."""
+    """The centre of a circle with its axis."""
     feature, T, R = view[0], view[0].T_world_feature, view[0].T_world_feature[:3, :3]
     tilt = float(np.sqrt(np.linalg.eigvalsh(feature.P[3:, 3:])[-1]))
     centre = _plain(T[None, :3, 3], (R @ feature.P[:3, :3] @ R.T)[None], (R @ gain[:3])[None])
     return centre._replace(normals=R[None, :, 2], normal_sds=np.array([tilt]), circles=_size(feature)[None])
+
+
+def _of_cone(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    """A point of its axis, where errors of place and direction are independent, and how far that is from the apex."""
+    feature, T = view[0], view[0].T_world_feature
+    tilts = feature.P[3:, 3:]
+    s = max(float((feature.P[1, 3] - feature.P[0, 4]) / np.trace(tilts)), 0.0)  # at s the place is x + s wy, y - s wx
+    J = np.eye(5)
+    J[0, 4], J[1, 3] = s, -s
+    there = replace(feature, T_world_feature=T @ SE3.from_parts(np.eye(3), np.array([0, 0, s])), P=J @ feature.P @ J.T)
+    return _of_centre((there,), name, J @ gain)._replace(offsets=np.array([s]))
 
 
 def _of_cylinder(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
@@ -256,6 +274,6 @@ def _of_line(feature: Feature, T: Transforms, gain: FloatArray) -> FeaturePoints
 
 TO_POINTS: dict[str, ToPoints] = {
     PLANE.name: _of_plane, EDGE.name: _of_edge, VERTEX.name: _of_vertex,
-    CIRCLE.name: _of_centre, CYLINDER.name: _of_cylinder, SPHERE.name: _of_sphere, CONE.name: _of_centre,
+    CIRCLE.name: _of_centre, CYLINDER.name: _of_cylinder, SPHERE.name: _of_sphere, CONE.name: _of_cone,
 }  # fmt: skip
 """How features of each kind become points, by its name."""

@@ -47,7 +47,7 @@ class ContactPoints:
         ids: names of the readings.
         points: surface points, or centres of the tip's ball where ``radii`` is positive ``(n, 3)``.
         covs: independent covariances, part tolerance included ``(n, 3, 3)``.
-        radii: distance of the point from the surface ``(n,)``.
+        radii: distance of the point from the surface; of an apex, how far along its axis it is from there ``(n,)``.
         directions: into the material ``(n, 3)``; zero where unknown.
         normals: sensed outward normals ``(n, 3)``; zero where not sensed.
         normal_sds: sd of each tilt of the normal ``(n,)`` [rad].
