@@ -73,8 +73,16 @@ def test_one_tip_makes_a_boss_larger_and_a_bore_smaller():
         covs = np.tile(SD**2 * np.eye(3), (N, 1, 1))
         feature, _ = ft.fit_round(kind, points, covs, directions=-sign * away, tip_radius=1e-3, tip_radius_sd=SHARED_SD)
         found.append((feature.shared[-1].error.name, float(feature.size.shared[-1][0, 0])))
-    assert [name for name, _ in found] == ["tip radius"] * 2
-    assert [gain for _, gain in found] == pytest.approx([-1.0, 1.0], abs=1e-3)
+    T, turn = random_frame(rng), np.radians([0.0, 120.0, 240.0])
+    away = np.c_[np.cos(turn), np.sin(turn), 0 * turn]
+    rim, _ = ft.circle_on_plane(
+        SE3.apply(T, (RADIUS - 1e-3) * away), np.tile(SD**2 * np.eye(3), (3, 1, 1)),
+        Feature(PLANE, T, np.diag([1e-6, 1e-5, 1e-5]) ** 2, "top"), convex=False, tip_radius=1e-3,
+        tip_radius_sd=SHARED_SD,
+    )  # fmt: skip
+    found.append((rim.shared[-1].error.name, float(rim.size.shared[-1][0, 0])))
+    assert [name for name, _ in found] == ["tip radius"] * 3
+    assert [gain for _, gain in found] == pytest.approx([-1.0, 1.0, 1.0], abs=1e-3)
 
 
 def test_a_rigid_error_changes_no_fit():

@@ -13,7 +13,7 @@ from tanteo.features import CIRCLE, CYLINDER, PLANE, Feature, SharedError, Share
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
 from tanteo.fitting.flatness import refuse_flat
 from tanteo.fitting.round_estimate import KnownFrame, RoundEstimate, check_positive, solved
-from tanteo.fitting.round_fit import feature_of
+from tanteo.fitting.round_fit import feature_of, tip_error
 from tanteo.fitting.round_refusal import refuse
 from tanteo.fitting.sides import outward_vectors, side_of
 from tanteo.lie import SE3, SO3
@@ -37,6 +37,7 @@ def circle_on_plane(
     convex: bool | None = None,
     directions: Vectors | None = None,
     tip_radius: float = 0.0,
+    tip_radius_sd: float = 0.0,
     label: str = "",
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
@@ -60,6 +61,7 @@ def circle_on_plane(
         convex: True for a boss, False for a bore; found out of the directions if not given.
         directions: of the touches, into the material ``(n, 3)``; NaN rows where unknown.
         tip_radius: of the tip's ball [m].
+        tip_radius_sd: its standard deviation, of one error for all that the tip touched, as of :func:`fit_round`.
         label: name of the circle.
         readings: ids of the readings.
         shared: errors that the points have in common, beyond ``covs``.
@@ -78,6 +80,8 @@ def circle_on_plane(
     refuse_flat(points, 1 if not own else 2, name)
     side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, tip_radius, name)
     tip = (side or 0) * tip_radius
+    if tip_radius_sd > 0 and side is not None:
+        shared = (*shared, tip_error(tip_radius_sd, side * _spokes(points, plane)))
     near = _raised(reframe_near(plane, _centre(points, plane)), height, height_sd, name)
     beside = outward_vectors(directions, None, len(points))
     errors = _errors(points, near, shared)
@@ -99,6 +103,13 @@ def _centre(points: Vectors, plane: Feature) -> Vectors:
     return _core.circle_centre(np.ascontiguousarray(points), np.ascontiguousarray(plane.T_world_feature[:3, :3]))
 
 
+def _spokes(points: Vectors, plane: Feature) -> Vectors:
+    """Unit vectors away from that centre, across the plane's normal ``(n, 3)``."""
+    n = plane.T_world_feature[:3, 2]
+    spokes = (points - _centre(points, plane)) @ (np.eye(3) - np.outer(n, n))
+    return np.asarray(spokes / np.maximum(np.linalg.norm(spokes, axis=1, keepdims=True), 1e-300))
+
+
 def _raised(plane: Feature, height: float, sd: float, name: str) -> Feature:
     """The parallel plane that is so far over another."""
     if not (np.isfinite(height) and np.isfinite(sd) and sd >= 0):
@@ -111,11 +122,8 @@ def _raised(plane: Feature, height: float, sd: float, name: str) -> Feature:
 def _side(
     points: Vectors, plane: Feature, outward: Vectors, convex: bool | None, tip_radius: float, name: str
 ) -> int | None:
-    n = plane.T_world_feature[:3, 2]
-    spokes = (points - _centre(points, plane)) @ (np.eye(3) - np.outer(n, n))
-    spokes = spokes / np.maximum(np.linalg.norm(spokes, axis=1, keepdims=True), 1e-300)
     stated = None if convex is None else (1 if convex else -1)
-    side = stated if len(points) < 3 else side_of(spokes, outward, stated, name)
+    side = stated if len(points) < 3 else side_of(_spokes(points, plane), outward, stated, name)
     if tip_radius > 0 and side is None:
         raise SideError(
             f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got no "

@@ -92,7 +92,7 @@ def fit_round(
     fit = partial(_sided, kind, points, covs, given=given, convex=convex, sides=(outward, sensed, sds), name=name)
     found, side = fit(shared, tip_radius)
     if tip_radius_sd > 0 and side is not None:
-        shared = (*shared, _of_the_tip(tip_radius_sd, side * _normals(kind, found, points)))
+        shared = (*shared, tip_error(tip_radius_sd, side * _normals(kind, found, points)))
         found, side = fit(shared, tip_radius)
     refuse(kind, found, points, name)
     estimate, size_found = _off_the_ball(kind, found, (side or 0) * tip_radius, name)
@@ -163,7 +163,7 @@ def _sided(
     return found, side
 
 
-def _of_the_tip(sd: float, outward: Vectors) -> tuple[SharedError, FloatArray]:
+def tip_error(sd: float, outward: Vectors) -> tuple[SharedError, FloatArray]:
     """A ball that is larger than stated has touched where one as stated would have been nearer to the surface."""
     return SharedError("tip radius", np.array([[sd**2]]), "error of the radius of the tip [m]"), -outward[..., None]
 
