@@ -80,19 +80,20 @@ def circle_on_plane(
     refuse_flat(points, 1 if not own else 2, name)
     side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, tip_radius, name)
     tip = (side or 0) * tip_radius
-    if tip_radius_sd > 0 and side is not None:
-        shared = (*shared, tip_error(tip_radius_sd, side * _spokes(points, plane)))
     near = _raised(reframe_near(plane, _centre(points, plane)), height, height_sd, name)
-    beside = outward_vectors(directions, None, len(points))
+    beside, given = outward_vectors(directions, None, len(points)), (None if size is None else size + tip, size_sd)
     errors = _errors(points, near, shared)
-    found, gain = _solve(points, covs, near, (None if size is None else size + tip, size_sd), beside, side, errors)
+    found, gain = _solve(points, covs, near, given, beside, side, errors)
+    if tip_radius_sd > 0 and side is not None:
+        spokes = _away(points - found.fit.T[:3, 3], found.fit.T[:3, 2])
+        errors = _errors(points, near, (*shared, tip_error(tip_radius_sd, side * spokes)))
+        found, gain = _solve(points, covs, near, given, beside, side, errors)
     refuse(CIRCLE, found, points, name)
     s = float(found.size) - tip
     if not s > 0:
         raise InputError(f"{name}: expected a ball smaller than the bore, got {1e3 * tip_radius:g} mm. Check the tip.")
     terms = _terms(found.fit, gain, errors)
-    spokes = SE3.apply(SE3.inverse(found.fit.T), points) * np.array([1.0, 1.0, 0.0])
-    support = points - tip * (spokes / np.linalg.norm(spokes, axis=1, keepdims=True)) @ found.fit.T[:3, :3].T
+    support = points - tip * _away(points - found.fit.T[:3, 3], found.fit.T[:3, 2])
     known = None if side is None else side > 0
     feature = feature_of(CIRCLE, found.fit, s, terms, known, label, support, readings, tip_radius)
     return feature, make_report(found.fit, readings)
@@ -103,11 +104,10 @@ def _centre(points: Vectors, plane: Feature) -> Vectors:
     return _core.circle_centre(np.ascontiguousarray(points), np.ascontiguousarray(plane.T_world_feature[:3, :3]))
 
 
-def _spokes(points: Vectors, plane: Feature) -> Vectors:
-    """Unit vectors away from that centre, across the plane's normal ``(n, 3)``."""
-    n = plane.T_world_feature[:3, 2]
-    spokes = (points - _centre(points, plane)) @ (np.eye(3) - np.outer(n, n))
-    return np.asarray(spokes / np.maximum(np.linalg.norm(spokes, axis=1, keepdims=True), 1e-300))
+def _away(off: Vectors, axis: Vectors) -> Vectors:
+    """Unit vectors along places off a centre, across an axis ``(n, 3)``."""
+    across = off @ (np.eye(3) - np.outer(axis, axis))
+    return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300))
 
 
 def _raised(plane: Feature, height: float, sd: float, name: str) -> Feature:
@@ -123,7 +123,8 @@ def _side(
     points: Vectors, plane: Feature, outward: Vectors, convex: bool | None, tip_radius: float, name: str
 ) -> int | None:
     stated = None if convex is None else (1 if convex else -1)
-    side = stated if len(points) < 3 else side_of(_spokes(points, plane), outward, stated, name)
+    spokes = _away(points - _centre(points, plane), plane.T_world_feature[:3, 2])
+    side = stated if len(points) < 3 else side_of(spokes, outward, stated, name)
     if tip_radius > 0 and side is None:
         raise SideError(
             f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got no "
