@@ -48,7 +48,8 @@ Eigen eigen(std::vector<double> A, int n) {
     }
     std::vector<int> order(n);
     std::iota(order.begin(), order.end(), 0);
-    std::sort(order.begin(), order.end(), [&](int a, int b) { return A[a * n + a] < A[b * n + b]; });
+    const bool numbers = std::all_of(A.begin(), A.end(), [](double a) { return std::isfinite(a); });
+    if (numbers) std::sort(order.begin(), order.end(), [&](int a, int b) { return A[a * n + a] < A[b * n + b]; });
     Eigen out{std::vector<double>(n), std::vector<double>(static_cast<size_t>(n) * n)};
     for (int k = 0; k < n; ++k) {
         out.values[k] = A[order[k] * n + order[k]];

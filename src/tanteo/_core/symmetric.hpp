@@ -9,7 +9,7 @@ struct Eigen {
     std::vector<double> vectors;  // (n, n) row-major, in columns
 };
 
-// Of a symmetric matrix (n, n), by Jacobi's turns.
+// Of a symmetric matrix (n, n), by Jacobi's turns; of one that is not finite, in no order.
 Eigen eigen(std::vector<double> A, int n);
 
 // Solves A x = b for a symmetric positive definite A (n, n), in place of b; false if it is none.
