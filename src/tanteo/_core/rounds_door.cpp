@@ -136,6 +136,7 @@ void read_frame(const Doubles& frame, const Doubles& information, const Doubles&
 
 nb::tuple fit_rounds(int kind, int surface, Ints rows, Doubles points, Doubles covs, Doubles normals, Doubles normal_sds, Doubles outward, int side, Doubles shared_jacobian, double size, double size_sd, Doubles frame, Doubles frame_information, Doubles frame_jacobian, double limit) {
     const size_t n = points.ndim() == 3 ? points.shape(1) : 0, B = expect(points, "points", {ANY, n, 3});
+    if (!n) refuse("points", "expected one or more a fit");
     expect(covs, "covs", {B, n, 3, 3});
     if (normals.size()) expect(normals, "normals", {B, n, 3});
     expect(normal_sds, "normal_sds", {normals.size() ? B : 0, n});
