@@ -13,7 +13,7 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from drilled import THICK, as_part, drilled, pin
 from tanteo import identify, read_part, read_readings
 from tanteo.features import CONE, SPHERE
-from tanteo.fitting import fit_plane, given_round
+from tanteo.fitting import fit_plane, fit_round, given_round
 from tanteo.inference import identify_features
 from tanteo.lie import SE3
 from tanteo.parts import centred_faces
@@ -112,6 +112,24 @@ def test_two_countersinks_and_a_face_locate_a_plate(plates, tmp_path, k, of_mesh
     answer = identify_features(sinks(SUNK[k], np.random.default_rng(k), convex=False), parts)
     assert (answer.status, answer.hypotheses[0].part) == ("recognized", f"plate{k}")
     assert nearest(answer.hypotheses[0]) < 5e-5
+
+
+def test_a_fitted_cone_tells_its_axis_better_than_its_apex(plates):
+    """The apex is below the touches: to the sides it is known to 26 um, where it was touched to six."""
+    rng, found = np.random.default_rng(3), []
+    turn, z = np.arange(12) * np.pi / 6, np.array([8.5, 9.8, 11.2])[np.arange(12) % 3]
+    away = np.c_[np.cos(turn), np.sin(turn), 0 * turn]
+    for x, y in SUNK[0]:
+        q = 1e-3 * (np.array([x, y, 0]) + (z - 5)[:, None] * away + np.outer(z, [0, 0, 1.0]))
+        points = SE3.apply(T, q) + SD * rng.normal(size=q.shape)
+        into = (away - [0, 0, 1]) @ T[:3, :3].T
+        covs = np.tile(SD**2 * np.eye(3), (12, 1, 1))
+        found.append(fit_round(CONE, points, covs, directions=into, label=f"sink {x}")[0])
+    assert all(np.sqrt(np.diag(cone.P)[:2]).min() > 2e-5 for cone in found)
+    answer = identify_features([*found, sinks(SUNK[0], rng)[-1]], plates[:1])
+    best = answer.hypotheses[0]
+    assert np.sqrt(np.diag(best.covariance)[:2]).max() < 1.2e-5
+    assert nearest(best) < 5e-5
 
 
 @pytest.mark.parametrize("more", [{"convex": True}, {"size": np.radians(30.0)}], ids=["a boss", "another angle"])

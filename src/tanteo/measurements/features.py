@@ -54,17 +54,13 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     rows = [_rows(view, name, gain @ root) for view, name, gain in zip(views, names, shared_jacobian, strict=True)]
     kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
     counts = [len(block[0]) for block in rows]
-    points, covs, sides, normals, sds, gained, circles = (
-        np.concatenate(column) for column in list(zip(*columns, strict=True))[:7]
-    )
+    points, covs, sides, normals, sds, gained, circles, offsets = map(np.concatenate, zip(*columns, strict=True))
     kinds = np.repeat([CENTRE_OF.get(kind, kind) for kind in kinds], counts).tolist()
     surface = np.array([kind not in CENTRES for kind in kinds], dtype=bool)[:, None]
     covs, outward = covs + tolerance**2 * np.eye(3), (sides + normals) * surface  # only one of the two is given
     radii = np.repeat([view[0].tip_radius for view in views], counts) * outward.any(axis=1)
-    offsets = [np.zeros(len(block.points)) if block.offsets is None else block.offsets for block in rows]
     return ContactPoints(
-        tuple(np.repeat(names, counts).tolist()), points + radii[:, None] * outward, covs,
-        radii + np.concatenate([np.zeros(0), *offsets]),
+        tuple(np.repeat(names, counts).tolist()), points + radii[:, None] * outward, covs, radii + offsets,
         np.zeros(points.shape), normals, sds, np.zeros(len(points)), gained,
         np.sqrt(np.linalg.eigvalsh(covs)[:, -1]), tolerance,
         labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(kinds), sides=sides, circles=circles,
@@ -83,7 +79,7 @@ class FeaturePoints(NamedTuple):
         shared_jacobian: of the points by the whitened shared errors ``(n, 3, D)``.
         circles: of centres, radius [m], half angle of an apex [rad], or 0, its sd, and 1 for a hole, -1 for a boss
             ``(n, 3)``.
-        offsets: how far along its axis a point is from an apex ``(n,)`` [m]; none where all are zero.
+        offsets: of points of a cone's axis, how far they are from the apex, else zero ``(n,)`` [m].
     """
 
     points: Vectors
@@ -93,7 +89,7 @@ class FeaturePoints(NamedTuple):
     normal_sds: FloatArray
     shared_jacobian: FloatArray
     circles: FloatArray
-    offsets: FloatArray | None = None
+    offsets: FloatArray
 
 
 ToPoints: TypeAlias = Callable[[tuple[Feature, ...], str, FloatArray], FeaturePoints]
@@ -102,7 +98,7 @@ ToPoints: TypeAlias = Callable[[tuple[Feature, ...], str, FloatArray], FeaturePo
 
 def _none(D: int) -> FeaturePoints:
     none = np.zeros((0, 3))
-    return FeaturePoints(none, np.zeros((0, 3, 3)), none, none, np.zeros(0), np.zeros((0, 3, D)), none)
+    return FeaturePoints(none, np.zeros((0, 3, 3)), none, none, np.zeros(0), np.zeros((0, 3, D)), none, np.zeros(0))
 
 
 def _names(features: Sequence[Feature]) -> list[str]:
@@ -128,7 +124,8 @@ def _rows(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoin
 
 def _plain(points: Vectors, covs: Covariances, shared_jacobian: FloatArray) -> FeaturePoints:
     none = np.zeros(points.shape)
-    return FeaturePoints(points, covs, none, none, np.full(len(points), np.pi), shared_jacobian, none)
+    sds, zeros = np.full(len(points), np.pi), np.zeros(len(points))
+    return FeaturePoints(points, covs, none, none, sds, shared_jacobian, none, zeros)
 
 
 def _of_vertex(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
@@ -165,6 +162,7 @@ def _of_plane(view: tuple[Feature, ...], name: str, gain: FloatArray) -> Feature
         np.array([tilt]),
         _along(normal, lever @ gain),
         np.zeros((1, 3)),
+        np.zeros(1),
     )
 
 
@@ -230,8 +228,9 @@ def _of_cone(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeatureP
     s = max(float((feature.P[1, 3] - feature.P[0, 4]) / np.trace(tilts)), 0.0)  # at s the place is x + s wy, y - s wx
     J = np.eye(5)
     J[0, 4], J[1, 3] = s, -s
-    there = replace(feature, T_world_feature=T @ SE3.from_parts(np.eye(3), np.array([0, 0, s])), P=J @ feature.P @ J.T)
-    return _of_centre((there,), name, J @ gain)._replace(offsets=np.array([s]))
+    at = T @ SE3.from_parts(np.eye(3), np.array([0, 0, s]))
+    there = replace(feature, T_world_feature=at, P=J @ feature.P @ J.T, size=None)
+    return _of_centre((there,), name, J @ gain)._replace(offsets=np.array([s]), circles=_size(feature)[None])
 
 
 def _of_cylinder(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
