@@ -68,6 +68,8 @@ def test_radius_and_side_are_read(tmp_path, column, value):
         ("x_mm,y_mm,z_mm,sd_mm,kind,side\n1,2,3,0.1,circle,inside\n", "one of hole, boss"),
         ("x_mm,y_mm,z_mm,sd_mm,kind,side\n1,2,3,0.1,point,hole\n", "expected one of centre, sphere_centre, apex"),
         ("x_mm,y_mm,z_mm,sd_mm,kind\n1,2,3,0.1,bore\n", "kind circle"),
+        ("x_mm,y_mm,z_mm,sd_mm,kind\n1,2,3,0.1,ball\n", "kind sphere"),
+        ("x_mm,y_mm,z_mm,sd_mm,kind\n1,2,3,0.1,Cone\n", "in small letters"),
         (
             "x_mm,y_mm,z_mm,sd_mm,kind,hole_radius_mm,hole_diameter_mm\n1,2,3,0.1,circle,7,14\n",
             "line 2: expected the radius or the diameter",

@@ -29,7 +29,13 @@ _SHORTEST, _LONGEST = 1e-9, 1e9
 
 _POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter", "half_angle")
 _QUATERNION_SLACK = 1e-3
-_ROUND = ("hole", "bore", "boss", "arc", "slot")
+_OF_HOLES = "centres of holes and bosses are of kind circle, with side hole or boss"
+_MEANT = {
+    **dict.fromkeys(("hole", "bore", "boss", "arc", "slot"), _OF_HOLES),
+    **dict.fromkeys(("ball", "socket", "dome"), "balls and hollows are of kind sphere, with side boss or hole"),
+    **dict.fromkeys(("countersink", "taper", "chamfer"), "countersinks are of kind cone, with side hole"),
+}
+"""What is written for kinds, and what it is called here."""
 _STATUSES, _SIDES = ("ok", "none"), ("hole", "boss")
 
 
@@ -86,9 +92,9 @@ class Table:
         valid = {"kind": reading_kinds(), "status": _STATUSES, "side": _SIDES}.get(column.base)
         if valid is not None and (strange := set(names) - {*valid, ""}):
             k = next(i for i, name in enumerate(names) if name in strange)
-            round_one = " (centres of holes and bosses are of kind circle, with side hole or boss)"
-            hint = round_one if column.base == "kind" and names[k].lower() in _ROUND else ""
-            self.fail(k, column.base, names[k], f"one of {', '.join(valid)}{hint}")
+            meant = _MEANT.get(names[k].lower(), "") if column.base == "kind" else ""
+            meant = "in small letters" if names[k].lower() in valid else meant
+            self.fail(k, column.base, names[k], f"one of {', '.join(valid)}{f' ({meant})' if meant else ''}")
         return [pool.setdefault(name, name) for name in names]
 
     def _check_ids(self, names: list[str]) -> None:
