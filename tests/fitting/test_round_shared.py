@@ -63,6 +63,22 @@ def test_a_larger_ball_shows_where_the_radius_is_known(kind):
     assert np.sqrt(np.mean(e[:, :2] ** 2)) < 0.2 * SHARED_SD
 
 
+@pytest.mark.parametrize("kind", ["cylinder", "cone", "sphere"])
+def test_gains_hold_beside_sensed_normals(kind):
+    """A point that is elsewhere has another normal, too."""
+    rng, (q, away) = np.random.default_rng(6), round_points(kind, 250, N)
+    T = random_frame(rng)
+    points, covs, sds = SE3.apply(T, q), np.tile(SD**2 * np.eye(3), (N, 1, 1)), np.full(N, 1e-3)
+    normals = away @ T[:3, :3].T
+    dq = 1e-8 * rng.normal(size=points.shape)
+    found, moved = (
+        ft.round_ml(KINDS[kind], p, covs, normals=normals, normal_sds=sds, outward=normals)
+        for p in (points, points + dq)
+    )
+    p = error_of(kind, found.fit.T, moved.fit.T, found.size, moved.size)
+    np.testing.assert_allclose(p, np.einsum("nij,nj->i", found.fit.shared_jacobian, dq), rtol=5e-3, atol=5e-10)
+
+
 def test_one_tip_makes_a_boss_larger_and_a_bore_smaller():
     """Their radii share the error by its name; the sum of both does not feel it."""
     rng, found = np.random.default_rng(3), []

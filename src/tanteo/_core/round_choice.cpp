@@ -31,7 +31,7 @@ double squareness_of(const RoundTask& task, const RoundLinear& at) {
     bool away = true, towards = true;
     double sum = 0, absolute = 0, length = 0;
     for (size_t i = 0; i < task.outward.size(); ++i) {
-        const double l = norm(task.outward[i]), c = dot(at.G[i * at.k + at.k - 1], task.outward[i]) * (task.side ? task.side : 1);
+        const double l = norm(task.outward[i]), c = dot(at.G[4 * i + at.k - 1], task.outward[i]) * (task.side ? task.side : 1);
         away = away && c >= -0.2 * l;
         towards = towards && c <= 0.2 * l;
         sum += c;

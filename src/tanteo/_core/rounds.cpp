@@ -167,9 +167,11 @@ void add_normal(const RoundTask& task, RoundLinear& at, size_t i, const Mat3& R,
     }
     for (int a = 0; a < 2; ++a)
         for (int b = 0; b < 2; ++b) C[a][b] = (a == b ? sd * sd : 0) + dot(bent[a], foot.along * bent[b]);
-    for (int a = 0; a < 2; ++a)
-        fill_row(task, bent[a], cross(E[a], n) - cross(bent[a], foot.p), -dot(E[a], foot.d.turned), -(R * bent[a]), J,
+    for (int a = 0; a < 2; ++a) {
+        at.G[4 * i + 2 + a] = -(R * bent[a]);
+        fill_row(task, bent[a], cross(E[a], n) - cross(bent[a], foot.p), -dot(E[a], foot.d.turned), at.G[4 * i + 2 + a], J,
                  &at.h[(4 * i + 2 + a) * at.M]);
+    }
     add_rows(at, i, 2, 2, r, inverse_of_two(C, 2));
 }
 
@@ -220,7 +222,7 @@ RoundLinear linearize(const RoundTask& task, const RoundState& state) {
     at.k = k;
     at.M = M;
     at.e.resize(n * k);
-    at.G.resize(n * k);
+    at.G.resize(4 * n);
     at.W.assign(16 * n, 0.0);
     at.h.assign(4 * n * M, 0.0);
     at.each.assign(n, 0.0);
@@ -238,8 +240,8 @@ RoundLinear linearize(const RoundTask& task, const RoundState& state) {
         for (int a = 0; a < k; ++a) {
             const Vec3& G = foot.d.G[a];
             at.e[i * k + a] = foot.e[a];
-            at.G[i * k + a] = state.R * G;
-            fill_row(task, -G, -cross(foot.p, G), foot.d.by_size[a], at.G[i * k + a], J, &at.h[(4 * i + a) * M]);
+            at.G[4 * i + a] = state.R * G;
+            fill_row(task, -G, -cross(foot.p, G), foot.d.by_size[a], at.G[4 * i + a], J, &at.h[(4 * i + a) * M]);
         }
         add_rows(at, i, 0, k, foot.e, foot.W);
         if (!task.normals.empty()) add_normal(task, at, i, state.R, foot, J);

@@ -60,7 +60,7 @@ struct RoundLinear {
     int k = 1, M = 0;
     std::vector<double> e, W;  // distances, mean effect of the curvature taken off (n, k); inverse covariances (n, 4, 4)
     std::vector<double> h;     // of all residuals by the unknowns (n, 4, M)
-    std::vector<Vec3> G;       // of distances by the points, in the world (n, k)
+    std::vector<Vec3> G;       // of all residuals by the points, in the world (n, 4)
     std::vector<double> each;  // weighted square of each point's residuals
     std::vector<double> information, gradient;
     double chi2 = 0;

@@ -100,14 +100,16 @@ struct RoundOut {
     void put_point(size_t b, size_t i, const RoundTask& task, const RoundFit& fit) {
         const size_t M = fit.at.M, own = M - task.shared;
         const double *h = &fit.at.h[4 * i * M], *W = &fit.at.W[16 * i];
-        for (size_t a = 0; a < k; ++a)
-            for (size_t c = 0; c < k; ++c)
+        for (size_t a = 0; a < 4; ++a)
+            for (size_t c = 0; c < 4; ++c) {
+                if (W[4 * a + c] == 0) continue;
                 for (size_t u = 0; u < own; ++u) {
                     double moved = 0;
                     for (size_t v = 0; v < M; ++v) moved -= fit.whole[u * M + v] * h[a * M + v];
-                    const Vec3 g = (moved * W[4 * a + c]) * fit.at.G[i * k + c];
+                    const Vec3 g = (moved * W[4 * a + c]) * fit.at.G[4 * i + c];
                     for (int x = 0; x < 3; ++x) gains[((b * n + i) * m + u) * 3 + x] += g[x];
                 }
+            }
         const bool normal = !task.normals.empty() && std::isfinite(task.normal_sds[i]);
         const double count = static_cast<double>(k) + 2 * normal;
         double taken = 0;  // degrees of freedom
