@@ -8,7 +8,7 @@ from scipy import special
 
 import tanteo.fitting as ft
 from round_scenes import RADIUS, error_of, nees, random_frame, round_points, size_of, whole_covariance
-from tanteo.errors import InputError
+from tanteo.errors import InputError, SideError
 from tanteo.features import CYLINDER, KINDS, PLANE, SPHERE, Feature, SharedError
 from tanteo.lie import SE3, SO3
 
@@ -99,6 +99,19 @@ def test_one_tip_makes_a_boss_larger_and_a_bore_smaller():
     found.append((rim.shared[-1].error.name, float(rim.size.shared[-1][0, 0])))
     assert [name for name, _ in found] == ["tip radius"] * 3
     assert [gain for _, gain in found] == pytest.approx([-1.0, 1.0, 1.0], abs=1e-3)
+
+
+def test_an_uncertain_tip_has_a_side_and_a_spread():
+    rng = np.random.default_rng(7)
+    q, away = round_points("sphere", 360, N)
+    points, covs = q + SD * rng.normal(size=q.shape), np.tile(SD**2 * np.eye(3), (N, 1, 1))
+    with pytest.raises(SideError, match="a boss from outside or a bore from inside"):
+        ft.fit_round(SPHERE, points, covs, tip_radius_sd=1e-5)
+    for sd in (-1e-5, np.nan):
+        with pytest.raises(InputError, match="tip_radius_sd: expected zero or more"):
+            ft.fit_round(SPHERE, points, covs, directions=-away, tip_radius_sd=sd)
+    with pytest.raises(InputError, match="expected points of its rim"):
+        ft.fit_round(KINDS["circle"], *(x[:8] for x in (points, covs)), tip_radius_sd=1e-5)
 
 
 def test_a_rigid_error_changes_no_fit():

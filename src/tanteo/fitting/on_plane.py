@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo import _core
-from tanteo.errors import InputError, SideError
+from tanteo.errors import InputError
 from tanteo.features import CIRCLE, CYLINDER, PLANE, Feature, SharedError, SharedTerm, reframe_near, shared_root
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
 from tanteo.fitting.flatness import refuse_flat
 from tanteo.fitting.round_estimate import KnownFrame, RoundEstimate, check_positive, solved
 from tanteo.fitting.round_fit import feature_of, tip_error
 from tanteo.fitting.round_refusal import refuse
-from tanteo.fitting.sides import outward_vectors, side_of
+from tanteo.fitting.sides import check_spread, outward_vectors, require_side, side_of
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
@@ -78,7 +78,9 @@ def circle_on_plane(
         raise InputError(f"{name}, points: expected shape (n, 3), got {points.shape}.")
     check_positive(covs, name)
     refuse_flat(points, 1 if not own else 2, name)
-    side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, tip_radius, name)
+    check_spread("tip_radius_sd", tip_radius_sd, name)
+    touched = tip_radius > 0 or tip_radius_sd > 0
+    side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, touched, name)
     tip = (side or 0) * tip_radius
     near = _raised(reframe_near(plane, _centre(points, plane)), height, height_sd, name)
     beside, given = outward_vectors(directions, None, len(points)), (None if size is None else size + tip, size_sd)
@@ -112,24 +114,21 @@ def _away(off: Vectors, axis: Vectors) -> Vectors:
 
 def _raised(plane: Feature, height: float, sd: float, name: str) -> Feature:
     """The parallel plane that is so far over another."""
-    if not (np.isfinite(height) and np.isfinite(sd) and sd >= 0):
-        raise InputError(f"{name}: expected a finite height [m] with its sd, zero or more, got {height} and {sd}.")
+    check_spread("height_sd", sd, name)
+    if not np.isfinite(height):
+        raise InputError(f"{name}, height: expected a finite length [m], got {height}.")
     T, P = plane.T_world_feature.copy(), plane.P + np.diag([sd**2, 0.0, 0.0])
     T[:3, 3] += height * T[:3, 2]
     return replace(plane, T_world_feature=T, P=P)
 
 
 def _side(
-    points: Vectors, plane: Feature, outward: Vectors, convex: bool | None, tip_radius: float, name: str
+    points: Vectors, plane: Feature, outward: Vectors, convex: bool | None, touched: bool, name: str
 ) -> int | None:
     stated = None if convex is None else (1 if convex else -1)
     spokes = _away(points - _centre(points, plane), plane.T_world_feature[:3, 2])
     side = stated if len(points) < 3 else side_of(spokes, outward, stated, name)
-    if tip_radius > 0 and side is None:
-        raise SideError(
-            f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got no "
-            "directions. Give the direction of each touch (into the material), or convex."
-        )
+    require_side(side, touched, name, "no directions")
     return side
 
 

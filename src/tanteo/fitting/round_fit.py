@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from tanteo.errors import InputError, SideError
+from tanteo.errors import InputError
 from tanteo.features import CIRCLE, CONE, CYLINDER, Feature, FeatureKind, Round, SharedError, SharedTerm
 from tanteo.fitting.estimate import (
     Estimate,
@@ -20,7 +20,7 @@ from tanteo.fitting.estimate import (
 )
 from tanteo.fitting.round_estimate import SURFACES, RoundEstimate, round_distances, round_ml, unknowns
 from tanteo.fitting.round_refusal import refuse
-from tanteo.fitting.sides import outward_vectors, side_of
+from tanteo.fitting.sides import check_spread, outward_vectors, require_side, side_of
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
@@ -83,7 +83,8 @@ def fit_round(
     """
     name = f"{kind.name} {label!r}"
     points, covs = check_points(points, covs, unknowns(kind, size, size_sd), name)
-    _check(kind, points, size, size_sd, tip_radius, name)
+    _check(kind, points, size, size_sd, max(tip_radius, tip_radius_sd), name)
+    check_spread("tip_radius_sd", tip_radius_sd, name)
     outward = outward_vectors(directions, normals, len(points))
     sds = np.full(len(points), np.inf) if normal_sds is None else np.where(np.isfinite(normal_sds), normal_sds, np.inf)
     sensed = outward_vectors(None, normals, len(points))
@@ -91,6 +92,7 @@ def fit_round(
     given = None if size is None else (size, size_sd)
     fit = partial(_sided, kind, points, covs, given=given, convex=convex, sides=(outward, sensed, sds), name=name)
     found, side = fit(shared, tip_radius)
+    require_side(side, tip_radius > 0 or tip_radius_sd > 0, name, "neither directions nor normals")
     if tip_radius_sd > 0 and side is not None:
         shared = (*shared, tip_error(tip_radius_sd, side * _normals(kind, found, points)))
         found, side = fit(shared, tip_radius)
@@ -116,8 +118,7 @@ def _check(
     if size is not None and not (np.isfinite(size) and size > 0 and (kind is not CONE or size < np.pi / 2)):
         most = " below pi/2 rad" if kind is CONE else " [m]"
         raise InputError(f"{name}: expected a positive {kind.size_name}{most}, got {size}.")
-    if not (np.isfinite(size_sd) and size_sd >= 0):
-        raise InputError(f"{name}, size_sd: expected zero or more, got {size_sd}.")
+    check_spread("size_sd", size_sd, name)
     if kind is CIRCLE and tip_radius > 0:
         raise InputError(
             f"{name}: expected points of its rim, got centres of a ball of {1e3 * tip_radius:g} mm, whose contact on "
@@ -153,11 +154,6 @@ def _sided(
     if kind is CIRCLE:
         return found, stated
     side = side_of(_normals(kind, found, points), outward, stated, name)
-    if tip_radius > 0 and side is None:
-        raise SideError(
-            f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got neither "
-            "directions nor normals. Give the direction of each touch (into the material), or convex."
-        )
     if tip_radius > 0 and given is not None and kind is not CONE and side is not None:
         found = fit(side, side * tip_radius)
     return found, side

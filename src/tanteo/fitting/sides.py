@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.errors import SideError
+from tanteo.errors import InputError, SideError
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import FloatArray, Vectors
 
@@ -65,3 +65,26 @@ def side_of(N: Vectors, outward: Vectors, stated: int | None, name: str) -> int 
         got, wanted = ("a boss", "a bore") if side > 0 else ("a bore", "a boss")
         raise SideError(f"{name}: expected {wanted}, got directions or normals of {got}. Check convex, or the columns.")
     return side
+
+
+def require_side(side: int | None, touched: bool, name: str, got: str) -> None:
+    """Refuse a ball that touched from an unknown side.
+
+    Raises:
+        SideError: if it did.
+    """
+    if touched and side is None:
+        raise SideError(
+            f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got {got}. "
+            "Give the direction of each touch (into the material), or convex."
+        )
+
+
+def check_spread(what: str, sd: float, name: str) -> None:
+    """Refuse a standard deviation that is none.
+
+    Raises:
+        InputError: if it is negative or not finite.
+    """
+    if not (np.isfinite(sd) and sd >= 0):
+        raise InputError(f"{name}, {what}: expected zero or more, got {sd}.")
