@@ -20,6 +20,8 @@ from tanteo.typing import FloatArray
 _KINDS = {"Circle": "circle", "CircularArc": "circle", "Cylinder": "cylinder", "Sphere": "sphere", "Cone": "cone"}
 _ENDINGS = ("FeatureMeasurement", "FeatureActual")
 _SIDES = {"INTERNAL": "hole", "EXTERNAL": "boss"}
+_SHARPEST = 1e-6
+"""A cone has a half angle above this [rad]: the apex of another is nowhere."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +106,7 @@ def _cone(
         angle = child(element, name)
         if angle is not None:
             half = share * document.angle * document.number(angle, angle.text, name)
-            if not 0 < half < np.pi / 2:
+            if not _SHARPEST < half < np.pi / 2:
                 document.fail(f"a {name} of a cone", f"{(angle.text or '').strip()}", "Correct it.", angle)
             unit = axis / np.linalg.norm(axis)
             return point - np.nan_to_num(radius) / np.tan(half) * unit, half
