@@ -20,13 +20,22 @@ from scipy.optimize import least_squares
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from round_scenes import RADIUS, constraint_nees, error_of, nees, random_frame, round_points, size_of
-from tanteo.features import KINDS, PLANE, Feature
+from round_scenes import (
+    RADIUS,
+    constraint_nees,
+    error_of,
+    nees,
+    random_frame,
+    round_points,
+    size_of,
+    whole_covariance,
+)
+from tanteo.features import KINDS, PLANE, Feature, SharedError
 from tanteo.fitting import circle_on_plane, fit_plane, fit_round, observable, round_ml
-from tanteo.lie import SE3
+from tanteo.lie import SE3, SO3
 
 KIND_NAMES, ARCS, POINTS, SD = ("circle", "cylinder", "cone", "sphere"), (360, 180, 120, 90, 60, 45, 30), 12, 1e-5
-CHUNK = 500
+CHUNK, SHARED_SD = 500, 1e-5
 
 
 def interval(dof, count):
@@ -109,6 +118,56 @@ def table_of_bores(trials, seed):
     return Table("Bores on a face", text, ("touches", "NEES / dim", "interval"), rows)
 
 
+def turned_tip(rng, away):
+    """An offset of the tip, which the hand carries along as it turns between touches."""
+    return SharedError("tip offset", SHARED_SD**2 * np.eye(3)), SO3.exp(0.7 * rng.normal(size=(len(away), 3)))
+
+
+def larger_ball(rng, away):
+    """A ball that is larger than stated, on bosses."""
+    return SharedError("tip radius", np.array([[SHARED_SD**2]])), -away[..., None]
+
+
+def shared_row(kind, what, make, known, trials, rng):
+    values, errors = [], {True: [], False: []}
+    sd, covs = SHARED_SD / 5, np.tile((SHARED_SD / 5) ** 2 * np.eye(3), (16, 1, 1))
+    for _ in range(trials):
+        T, (q, away) = random_frame(rng), round_points(kind, 200, 16)
+        away = away @ T[:3, :3].T
+        error, J = make(rng, away)
+        points = SE3.apply(T, q) + sd * rng.normal(size=(16, 3)) - J @ (SHARED_SD * rng.normal(size=J.shape[-1]))
+        given = {} if kind == "circle" else {"directions": -away}
+        given |= {"size": size_of(kind)} if known else {}
+        for stated in (True, False):
+            shared = [(error, J)] if stated else []
+            f, _ = fit_round(KINDS[kind], points, covs, shared=shared, **given)
+            e, last = error_of(kind, f.T_world_feature, T, f.size.value, size_of(kind)), -1 if known else None
+            errors[stated].append(e[:last])
+            if stated:
+                values.append(nees(e[:last], whole_covariance(f)[:last, :last]))
+    size = len(errors[True][0])
+    places = [1e6 * np.sqrt(np.mean(np.array(errors[stated])[:, :2] ** 2)) for stated in (True, False)]
+    return (
+        kind, what, f"{np.mean(values) / size:.3f}", interval(size, trials),
+        f"{places[0]:.1f} um", f"{places[1]:.1f} um",
+    )  # fmt: skip
+
+
+def table_of_shared(trials, seed):
+    rng = np.random.default_rng(seed)
+    rows = [shared_row(kind, "tip offset, hand turned", turned_tip, False, trials, rng) for kind in KIND_NAMES]
+    rows += [
+        shared_row(kind, "tip radius, size given", larger_ball, True, trials, rng) for kind in ("cylinder", "sphere")
+    ]
+    text = (
+        f"{trials} trials a row, 16 touches over 200 degrees, 2 um an axis, and an error of 10 um that all share; "
+        "how far the centre (apex, axis) is off, along an axis, and how far if the error is not stated."
+    )
+    return Table(
+        "Errors that touches share", text, ("kind", "error", "NEES / dim", "interval", "off", "not stated"), rows
+    )
+
+
 def table_of_constraints(trials, seed):
     found, dof = constraint_nees(trials, seed)
     rows = []
@@ -176,7 +235,7 @@ if __name__ == "__main__":
     given = [int(word) for word in sys.argv[1:]]
     trials, seed = (*given, *(2000, 1)[len(given) :])
     for one in (
-        table_of_fits(trials, seed), table_of_bores(trials, seed), table_of_constraints(trials, seed),
-        table_of_solvers(min(trials, 50), seed),
+        table_of_fits(trials, seed), table_of_bores(trials, seed), table_of_shared(trials, seed),
+        table_of_constraints(trials, seed), table_of_solvers(min(trials, 50), seed),
     ):  # fmt: skip
         print(one.markdown(), end="\n\n", flush=True)

@@ -216,7 +216,7 @@ def pose_estimate(i: Inputs) -> Outputs:
 
 
 def fuse(i: Inputs) -> Outputs:
-    T, P, chi2 = fuse_features(
+    T, P, chi2, _ = fuse_features(
         feature_kind(i["kind"]), loc_to_matrix(i["x1"]), i["P1"], loc_to_matrix(i["x2"]), i["P2"]
     )
     return {"T": T, "P": P, "chi2": chi2}

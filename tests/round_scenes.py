@@ -62,6 +62,13 @@ def nees(error, covariance):
     return np.sum(error * np.linalg.solve(covariance, error[..., None])[..., 0], axis=-1)
 
 
+def whole_covariance(feature):
+    """Of frame and size, what the feature shares with others included."""
+    gains = [np.vstack([term.jacobian, row]) for term, row in zip(feature.shared, feature.size.shared, strict=True)]
+    shared = (A @ term.error.covariance @ A.T for A, term in zip(gains, feature.shared, strict=True))
+    return sum(shared, feature.full_covariance)
+
+
 def turned(axis, degrees, at):
     return SE3.from_parts(SO3.axis_rotation(axis, np.radians(degrees)), np.asarray(at, dtype=np.float64))
 

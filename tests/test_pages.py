@@ -95,7 +95,7 @@ def round_features(wedge, folder):
     depths = np.outer(np.repeat([2e-3, 6e-3, 10e-3], 4), [0.0, 0.0, -1.0])
     return {
         "centres": 9e-3 * away + depths, "covs": np.tile(1e-10 * np.eye(3), (12, 1, 1)), "touches": away,
-        "top": Feature(PLANE, np.eye(4), np.diag([1e-10, 1e-8, 1e-8]), "top"),
+        "top": Feature(PLANE, np.eye(4), np.diag([1e-10, 1e-8, 1e-8]), "top"), "others": [], "parts": [wedge],
     }  # fmt: skip
 
 

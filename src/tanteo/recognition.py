@@ -17,7 +17,7 @@ from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
 from tanteo.sensors import (
-    CENTRE,
+    CENTRES,
     PointMeasurements,
     Readings,
     Rig,
@@ -172,10 +172,10 @@ def _as_published(
     from tanteo.fitting import fit_labelled
     from tanteo.paper import identify_as_published
 
-    if CENTRE in measured.kinds:
+    if any(kind in CENTRES for kind in measured.kinds):
         raise InputError(
-            "as_published: expected planes, edges and vertices, got centres of circles, which the paper does not have. "
-            "Leave those rows out, or as_published."
+            "as_published: expected planes, edges and vertices, got centres of round features, which the paper does not"
+            " have. Leave those rows out, or as_published."
         )
     sensed = fit_labelled(measured, tolerance)
     _require_labels_alone(unlabelled=bool(len(sensed.unlabelled)), placed=placed)

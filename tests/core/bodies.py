@@ -20,7 +20,7 @@ class Body:
     profiles: np.ndarray
     edges: np.ndarray
     corners: np.ndarray
-    axes: np.ndarray = field(default_factory=lambda: np.zeros((0, 11)))
+    axes: np.ndarray = field(default_factory=lambda: np.zeros((0, 12)))
 
     @property
     def across(self):

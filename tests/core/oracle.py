@@ -74,7 +74,15 @@ class Oracle:
         p = R.T @ (q.points[j] + q.shared_jacobian[j] @ z[:D] - T[:3, 3])
         scale = np.exp(q.scale_sd * z[D]) if q.scale_sd > 0 else 1.0
         C = R.T @ (scale**2 * q.covs[j]) @ R + q.extra[j] * np.eye(3)
-        of_kind = self.on_faces, self.on_edges, self.on_corners, self.on_axes, self.on_faces
+        of_kind = (
+            self.on_faces,
+            self.on_edges,
+            self.on_corners,
+            self.on_axes,
+            self.on_faces,
+            self.on_axes,
+            self.on_axes,
+        )
         hits = of_kind[q.kinds[j]](j, p, C, R)
         least = self.cuts.nothing * q.mean_rate
         hits = [(face, np.exp(log - q.log_outlier[j])) for face, log in hits]
@@ -168,25 +176,38 @@ class Oracle:
         return hits
 
     def on_axes(self, j, p, C, R):
-        """A centre of a circle: normal across the axis of a hole or boss, even along it; its radius, side and axis."""
+        """A centre of a circle: normal across the axis of a hole or boss, even along it; its radius, side and axis.
+
+        That of a sphere, or an apex, is normal about a point; an apex is named by the one end of its axis.
+        """
         hits, (radius, sd, hole), m = [], self.q.circles[j], R.T @ self.q.normals[j]
-        first = -2 - len(self.lengths) - len(self.body.corners)
-        for *ends, least, most, weight, side, number in self.body.axes:
+        first, line = -2 - len(self.lengths) - len(self.body.corners), self.q.kinds[j] == 3
+        for *ends, least, most, weight, side, number, kind in self.body.axes:
+            if kind != self.q.kinds[j]:
+                continue
             a, b = np.array(ends).reshape(2, 3)
+            a, b = (end + self.q.radii[j] * (b - a) / np.linalg.norm(b - a) for end in (a, b))  # beside an apex
             length, d = np.linalg.norm(b - a), (b - a) / np.linalg.norm(b - a)
             frame = np.stack([any_across(d), np.cross(d, any_across(d))])
             x, S = frame @ (p - a), frame @ C @ frame.T
             q, wide, t = x @ np.linalg.solve(S, x), np.sqrt(d @ C @ d), d @ (p - a)
             along = norm.cdf(t / wide) - norm.cdf((t - length) / wide)
             off = radius - np.clip(radius, least, most)
-            if q > self.cuts.reach**2 or along <= 0 or hole * side < 0 or (radius and abs(off) >= self.cuts.reach * sd):
+            outside = line and (q > self.cuts.reach**2 or along <= 0)
+            if outside or hole * side < 0 or (radius and abs(off) >= self.cuts.reach * sd):
                 continue
-            log = -0.5 * q - np.log(2 * np.pi) - 0.5 * np.log(np.linalg.det(S)) + np.log(weight * along / length)
+            if line:
+                log = -0.5 * q - np.log(2 * np.pi) - 0.5 * np.log(np.linalg.det(S)) + np.log(weight * along / length)
+            elif (q := (p - a) @ np.linalg.solve(C, p - a)) <= self.cuts.reach**2:
+                log = -0.5 * q - 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(C)[1] + np.log(weight)
+            else:
+                continue
             log += norm.logpdf(off, scale=sd) if radius else 0.0
             log += np.log(2.0) if hole else 0.0
             if m.any():  # half of the axes are named by their other end
                 tilts = frame @ m
-                log += norm.logpdf(tilts, scale=self.q.normal_sds[j]).sum() + np.log(0.5)
+                log += norm.logpdf(tilts, scale=self.q.normal_sds[j]).sum() + (np.log(0.5) if line else 0.0)
+                log += np.log(BEHIND) if not line and d @ m <= 0 else 0.0
             hits.append((first - int(number), log))
         return hits
 

@@ -1,4 +1,4 @@
-"""Centres of circles on the axes of holes and bosses: the core against the oracle, gradients against differences."""
+"""Centres of circles and spheres, apexes of cones: the core against the oracle, gradients against differences."""
 
 from __future__ import annotations
 
@@ -16,29 +16,32 @@ SD = 5e-4
 
 
 def _body(rng):
-    """A body with axes anywhere: ends, radii, weight, side, number."""
-    ends = rng.uniform(-0.02, 0.02, size=(6, 6))
-    radii = np.sort(rng.uniform(2e-3, 6e-3, size=(6, 2)), axis=1)
+    """A body with axes anywhere, of holes, spheres and cones: ends, sizes, weight, side, number, kind."""
+    n = 12
+    ends = rng.uniform(-0.02, 0.02, size=(n, 6))
+    radii = np.sort(rng.uniform(2e-3, 6e-3, size=(n, 2)), axis=1)
     radii[::2, 1] = radii[::2, 0]
-    sides = np.tile([1.0, -1.0], 3)
+    sides, kinds = np.tile([1.0, -1.0], n // 2), np.repeat([3, 5, 6], n // 3)
     body = flat_bodies()["bracket"]
-    return replace(body, axes=np.column_stack([ends, radii, np.full(6, 1 / 6), sides, np.arange(6) // 2]))
+    return replace(body, axes=np.column_stack([ends, radii, np.full(n, 3 / n), sides, np.arange(n) // 2, kinds]))
 
 
-def _centres(body, rng, n=8):
+def _centres(body, rng, n=12):
     """Centres near the axes, with their axes, radii and sides; of each some that are not told."""
     T, rows = random_pose(rng), rng.integers(len(body.axes), size=n)
     a, b = body.axes[rows, :3], body.axes[rows, 3:6]
-    p = a + rng.uniform(-0.05, 1.05, size=(n, 1)) * (b - a) + SD * rng.normal(size=(n, 3))
-    m = (b - a) / np.linalg.norm(b - a, axis=1)[:, None] * rng.choice([-1, 1], size=(n, 1)) + 0.1 * rng.normal(
-        size=(n, 3)
-    )
+    lines = body.axes[rows, 11:] == 3
+    beside = (body.axes[rows, 11] == 6) * rng.uniform(0, 3e-3, size=n)
+    p = a + lines * rng.uniform(-0.05, 1.05, size=(n, 1)) * (b - a) + SD * rng.normal(size=(n, 3))
+    p += beside[:, None] * (b - a) / np.linalg.norm(b - a, axis=1)[:, None]
+    ways = np.where(lines, rng.choice([-1, 1], size=(n, 1)), 1)
+    m = (b - a) / np.linalg.norm(b - a, axis=1)[:, None] * ways + 0.1 * rng.normal(size=(n, 3))
     m = m / np.linalg.norm(m, axis=1)[:, None] * rng.choice([0, 1], size=(n, 1))
     radii = rng.choice([0, 1], size=n) * (body.axes[rows, 6:8].mean(axis=1) + 3e-4 * rng.normal(size=n))
     circles = np.column_stack([radii, np.full(n, 4e-4), rng.choice([0, 1], size=n) * body.axes[rows, 9]])
     q = replace(
-        asked(p @ T[:3, :3].T + T[:3, 3], SD), kinds=np.full(n, 3, np.int32), circles=circles, normals=m @ T[:3, :3].T,
-        normal_sds=np.full(n, 0.1),
+        asked(p @ T[:3, :3].T + T[:3, 3], SD), kinds=body.axes[rows, 11].astype(np.int32), circles=circles,
+        normals=m @ T[:3, :3].T, normal_sds=np.full(n, 0.1), radii=beside,
     )  # fmt: skip
     return q, np.stack([near_pose(T, rng, 2e-4, 5e-3) for _ in range(3)])
 

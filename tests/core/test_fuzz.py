@@ -34,7 +34,7 @@ def strange_question(body, scale, rng):
         q = replace(q, covs=sd**2 * (A @ np.swapaxes(A, 1, 2)), extra=np.full(n, sd**2 * rng.choice([1e-18, 0.1])))
     some = [rng.normal(size=(n, 3)) * (rng.uniform(size=(n, 1)) < 0.5) for _ in range(2)]
     directions, normals = (s / np.maximum(np.linalg.norm(s, axis=1, keepdims=True), 1e-9) for s in some)
-    kinds = (rng.integers(0, 5, n) if rng.uniform() < 0.3 else np.zeros(n)).astype(np.int32)
+    kinds = (rng.integers(0, 7, n) if rng.uniform() < 0.3 else np.zeros(n)).astype(np.int32)
     q = replace(
         q, directions=directions, normals=normals, normal_sds=10.0 ** rng.integers(-6, 1, n), kinds=kinds,
         circles=rng.choice([0, 1], size=(n, 3)) * [scale * 1e-2, scale * 1e-3, 1] + [0, 1e-9, 0],
@@ -150,7 +150,7 @@ def test_meshes_that_are_none_are_refused(change):
         {"extra": np.full(2, -1.0)},
         {"radii": np.full(2, -1.0)},
         {"normals": np.ones((2, 3)), "normal_sds": np.zeros(2)},
-        {"kinds": np.full(2, 5, np.int32)},
+        {"kinds": np.full(2, 7, np.int32)},
         {"groups": np.full(2, 2, np.int32)},
         {"shared_jacobian": np.zeros((2, 3, 59))},
         {"shared_jacobian": np.zeros((2, 3, 58)), "scale_sd": 0.5},

@@ -11,7 +11,7 @@ from random_parts import write_off
 from scenes import clutter_touch, random_pose, sensed_edge, sensed_planes, sensed_vertex
 from tanteo.answers import Priors
 from tanteo.errors import InputError
-from tanteo.features import PLANE, SPHERE, Feature
+from tanteo.features import HALF_EDGE, PLANE, Feature
 from tanteo.inference import identify_features, prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
@@ -273,9 +273,9 @@ def test_misuse(models):
         identify_features(features, [])
     with pytest.raises(InputError, match="significance"):
         identify_features(features, [models["block"]], significance=1.5)
-    ball = Feature(SPHERE, np.eye(4), 1e-8 * np.eye(3), "ball")
-    with pytest.raises(InputError, match="ball"):
-        identify_features([ball], [models["block"]])
+    half = Feature(HALF_EDGE, np.eye(4), 1e-8 * np.eye(5), "half")
+    with pytest.raises(InputError, match="half"):
+        identify_features([half], [models["block"]])
 
 
 def test_what_parts_are_like_is_a_share():

@@ -184,5 +184,5 @@ def test_circles_and_cylinders_are_features(plate, sign):
 
 
 def test_the_published_method_has_no_circles(plate):
-    with pytest.raises(InputError, match="circle"):
+    with pytest.raises(InputError, match="round features"):
         locate(sensed(FIRST), plate, as_published=True)

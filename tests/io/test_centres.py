@@ -66,8 +66,10 @@ def test_radius_and_side_are_read(tmp_path, column, value):
         ("x_mm,y_mm,z_mm,diameter_mm,sd_mm,feature,kind\n1,2,3,14,0.1,a,circle\n", "hole_diameter_mm"),
         ("x_mm,y_mm,z_mm,hole_radius_mm,sd_mm,feature,kind\n1,2,3,-7,0.1,a,circle\n", "a positive number"),
         ("x_mm,y_mm,z_mm,sd_mm,kind,side\n1,2,3,0.1,circle,inside\n", "one of hole, boss"),
-        ("x_mm,y_mm,z_mm,sd_mm,kind,side\n1,2,3,0.1,point,hole\n", "expected 'centre'"),
+        ("x_mm,y_mm,z_mm,sd_mm,kind,side\n1,2,3,0.1,point,hole\n", "expected one of centre, sphere_centre, apex"),
         ("x_mm,y_mm,z_mm,sd_mm,kind\n1,2,3,0.1,bore\n", "kind circle"),
+        ("x_mm,y_mm,z_mm,sd_mm,kind\n1,2,3,0.1,ball\n", "kind sphere"),
+        ("x_mm,y_mm,z_mm,sd_mm,kind\n1,2,3,0.1,Cone\n", "in small letters"),
         (
             "x_mm,y_mm,z_mm,sd_mm,kind,hole_radius_mm,hole_diameter_mm\n1,2,3,0.1,circle,7,14\n",
             "line 2: expected the radius or the diameter",
@@ -145,3 +147,34 @@ def test_a_diameter_that_is_none_is_refused(tmp_path, diameter):
     text = DMIS.replace(",0,0,1,0.5", f",0,0,1,{diameter}")
     with pytest.raises(ReadingsError, match="line 3"):
         read_readings(table(tmp_path, text))
+
+
+BALLS = (
+    "x_mm,y_mm,z_mm,sd_mm,feature,kind,sphere_diameter_mm,half_angle_deg,side,nx,ny,nz\n"
+    "10,20,-2,0.02,b,sphere,20,,boss,,,\n30,20,-2,0.02,k,cone,,45,hole,0,0,1\n"
+)
+
+
+def test_single_rows_of_spheres_and_cones_are_centres_and_apexes(tmp_path):
+    readings = read_readings(table(tmp_path, BALLS))
+    write_readings(readings, tmp_path / "again.csv")
+    for read in (readings, read_readings(tmp_path / "again.csv")):
+        assert read.kinds == ("sphere_centre", "apex")
+        assert read.material_sides == ("boss", "hole")
+        np.testing.assert_allclose(read.hole_radii, [0.01, np.pi / 4])
+        np.testing.assert_allclose(read.normals, [[np.nan] * 3, [0, 0, 1]])
+    assert any("the centre of a sphere or the apex of a cone (b, k)" in note for note in readings.notes)
+    assert not any("height" in note for note in readings.notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (",45,", ",95,", "half angle of a cone below"),
+        (",20,,boss", ",20,45,boss", "got two of them"),
+        (",45,", ",0,", "positive"),
+    ],
+)
+def test_half_angles_that_are_none_are_refused(tmp_path, old, new, said):
+    with pytest.raises(ReadingsError, match=said):
+        read_readings(table(tmp_path, BALLS.replace(old, new)))

@@ -10,7 +10,7 @@ from scipy.stats import binom, chi2
 
 from scenes import random_pose
 from tanteo.errors import InputError
-from tanteo.features import EDGE, PLANE, VERTEX, Feature, SharedError, SharedTerm
+from tanteo.features import EDGE, KINDS, PLANE, VERTEX, Feature, SharedError, SharedTerm
 from tanteo.lie import SE3, SO3
 from tanteo.localization import (
     RELATIONS,
@@ -357,7 +357,8 @@ def test_fusing_two_estimates_of_one_feature(kind):
         T @ free_motion(kind, rng) @ SE3.exp(rng.multivariate_normal(np.zeros(kind.size), P, size=trials) @ kind.B)
         for P in (P1, P2)
     )
-    fused, P, statistic = fuse_features(kind, T1, P1, T2, P2)
+    fused, P, statistic, size = fuse_features(kind, T1, P1, T2, P2)
+    assert size is None
     f, D = RELATIONS[f"{kind.name}_{kind.name}"].linearize(SE3.inverse(T) @ fused, np.zeros(trials))
     G = D @ kind.B.T
     values = np.einsum("ti,ti->t", f, np.linalg.solve(G @ P @ np.swapaxes(G, 1, 2), f[..., None])[..., 0])
@@ -367,10 +368,38 @@ def test_fusing_two_estimates_of_one_feature(kind):
     assert np.all(np.linalg.eigvalsh(P1 - P) > -1e-15)
 
 
+@pytest.mark.parametrize("name", ["circle", "cylinder", "cone", "sphere"])
+def test_fusing_two_estimates_with_their_sizes(name):
+    """Frame and size go together in each, as on an arc: the fused ones are as uncertain as they say."""
+    rng, trials, kind, size = np.random.default_rng(18), 1000, KINDS[name], 0.01
+    T, m = random_pose(rng), kind.size
+    roots = [
+        1e-5 * np.diag(np.r_[np.where(np.array(kind.rows) < 3, 1.0, 50.0), 1.0]) @ _mixed(m + 1, rng) for _ in "ab"
+    ]
+    P1, P2 = (root @ root.T for root in roots)
+    errors = [rng.normal(size=(trials, m + 1)) @ root.T for root in roots]
+    T1, T2 = (T @ SE3.exp(e[:, :m] @ kind.B) for e in errors)
+    fused, P, statistic, sizes = fuse_features(kind, T1, P1, T2, P2, tuple(size + e[:, m] for e in errors))
+    f, D = RELATIONS[f"{name}_{name}"].linearize(SE3.inverse(T) @ fused, np.zeros(trials))
+    G = np.zeros((trials, m + 1, m + 1))
+    G[:, :m, :m], G[:, m, m] = D @ kind.B.T, 1.0
+    off = np.column_stack([f, sizes - size])
+    values = np.einsum("ti,ti->t", off, np.linalg.solve(G @ P @ np.swapaxes(G, 1, 2), off[..., None])[..., 0])
+    low, high = interval((m + 1) * trials)
+    assert low <= values.sum() <= high
+    assert low <= statistic.sum() <= high
+    with pytest.raises(InputError, match="P1: expected a covariance of"):
+        fuse_features(kind, T1, P1, T2, P2)
+
+
+def _mixed(n, rng):
+    return np.eye(n) + 0.3 * rng.normal(size=(n, n))
+
+
 def test_features_that_are_not_the_same_fail_the_merge_test():
     P = np.diag([1e-4, 1e-3, 1e-3]) ** 2
     T2 = SE3.exp(np.array([0, 0, 1e-3, 0, 0, 0]))
-    _, _, statistic = fuse_features(PLANE, np.eye(4), P, T2, P)
+    statistic = fuse_features(PLANE, np.eye(4), P, T2, P).chi2
     assert chi2.sf(statistic, 3) < 1e-6
 
 

@@ -210,7 +210,7 @@ inline void add_hit(PointSlope& sum, const Hit& h, const Point& point, double we
     const Mat3 stiff = h.tilted ? not_negative(h.stiff) : h.stiff;  // with w, what a tilt adds is not negative by itself
     for (int i = 0; i < 9; ++i) sum.pp.m[i] += weight * stiff.m[i];
     const double scaled = 1 - unscaled * h.per_sd * h.per_sd;  // share of the variance that the noise scale scales
-    const double across = face ? 1 : point.kind == Kind::CORNER ? 3 : 2;
+    const double across = face ? 1 : point.kind == Kind::EDGE || point.kind == Kind::CENTRE ? 2 : 3;
     sum.scaled += weight * scaled;
     sum.by_scale += weight * scaled * (r * r - across + h.spread);
     sum.of_scale += 2 * weight * scaled * scaled * r * r;

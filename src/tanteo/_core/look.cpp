@@ -83,7 +83,7 @@ void Likelihood::look(const State& state, int j, bool with_slope) {
         look_at_edges(point, j, C);
     } else if (point.kind == Kind::CORNER) {
         look_at_corners(point, j, C);
-    } else if (point.kind == Kind::CENTRE) {
+    } else if (point.amid()) {
         look_at_axes(point, j, R, C);
     } else {
         look_at_faces(point, j, R, C, with_slope);

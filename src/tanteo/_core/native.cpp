@@ -27,6 +27,7 @@ void offer_images(nb::module_& m);  // image_door.cpp
 void offer_beams(nb::module_& m);   // beam_door.cpp
 void offer_coarse(nb::module_& m);  // coarse_door.cpp
 void offer_planes(nb::module_& m);  // planes_door.cpp
+void offer_rounds(nb::module_& m);  // rounds_door.cpp
 }
 
 namespace {
@@ -73,12 +74,14 @@ std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, 
         const Vec3 a = load(edges.data() + 6 * k), b = load(edges.data() + 6 * k + 3);
         solid.edges.push_back({a, unit(b - a), norm(b - a)});
     }
-    for (size_t k = 0, known = expect(axes, "axes", {ANY, 11}); k < known; ++k) {
-        const double* x = axes.data() + 11 * k;
+    for (size_t k = 0, known = expect(axes, "axes", {ANY, 12}); k < known; ++k) {
+        const double* x = axes.data() + 12 * k;
         const Vec3 a = load(x), b = load(x + 3);
+        const int kind = static_cast<int>(expect(x[11], "axes", 3, 6));
         if (!(norm(b - a) > 0)) refuse("axes", "expected two ends apart");
-        solid.axes.push_back({a, unit(b - a), norm(b - a), x[6], x[7], expect(x[8], "axes", 0, 1), x[9] > 0 ? 1 : -1,
-                              static_cast<int>(expect(x[10], "axes", 0, MOST_FACES))});
+        solid.axes.push_back({a, unit(b - a), kind == static_cast<int>(Kind::CENTRE) ? norm(b - a) : 0.0, x[6], x[7],
+                              expect(x[8], "axes", 0, 1), x[9] > 0 ? 1 : -1,
+                              static_cast<int>(expect(x[10], "axes", 0, MOST_FACES)), kind});
     }
     solid.corners = vectors(corners, "corners");
     solid.hull = vectors(hull, "hull");
@@ -137,7 +140,7 @@ std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, D
     expect(sides, "sides", {n, 3});
     expect(normals, "normals", {n, 3});
     expect(circles, "circles", {n, 3});
-    const std::vector<int> kind = expect(kinds, "kinds", n, 0, 4), group = expect(groups, "groups", n, -1, int64_t(n) - 1);
+    const std::vector<int> kind = expect(kinds, "kinds", n, 0, 6), group = expect(groups, "groups", n, -1, int64_t(n) - 1);
     problem->shared_jacobian = doubles(shared_jacobian, "shared_jacobian", {n, 3, D});
     problem->scale_sd = expect(scale_sd, "scale_sd", 0, 100);
     if (6 + D + (scale_sd > 0) > MOST_STATES) refuse("shared_jacobian", "expected fewer shared errors, got " + std::to_string(D));
@@ -271,12 +274,12 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
                 const Point& point = problem.points[j];
                 store(s.in_part, row + 9);
                 Vec3 off;
-                const int axis = s.count || point.kind != Kind::CENTRE ? -1 : shape.nearest_axis(point, s.in_part, off);
+                const int axis = s.count || !point.amid() ? -1 : shape.nearest_axis(point, s.in_part, off);
                 if (axis >= 0) {
                     row[2] = norm(off);
                     row[3] = std::sqrt(3 / (point.cov(0, 0) + point.cov(1, 1) + point.cov(2, 2) + 3 * point.extra));
                     row[5] = 0;
-                    faces[k * n + j] = -2 - static_cast<int>(shape.edges.size() + shape.corners.size()) - shape.axes[axis].number;
+                    faces[k * n + j] = shape.number_of(shape.axes[axis]);
                     continue;
                 }
                 if (!s.count) {  // the nearest place of the surface
@@ -589,4 +592,5 @@ NB_MODULE(native, m) {
     offer_beams(m);
     offer_coarse(m);
     offer_planes(m);
+    offer_rounds(m);
 }

@@ -194,6 +194,38 @@ def beams(
     origins: FloatArray,
     directions: FloatArray,
 ) -> tuple[FloatArray, FloatArray, Indices, FloatArray]: ...
+def fit_rounds(
+    kind: int,
+    surface: int,
+    rows: AnyInts,
+    points: FloatArray,
+    covs: FloatArray,
+    normals: FloatArray,
+    normal_sds: FloatArray,
+    outward: FloatArray,
+    side: int,
+    shared_jacobian: FloatArray,
+    size: float,
+    size_sd: float,
+    frame: FloatArray,
+    frame_information: FloatArray,
+    frame_jacobian: FloatArray,
+    limit: float,
+) -> tuple[
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    FloatArray,
+    Indices,
+    FloatArray,
+]: ...
+def round_distances(surface: int, points: FloatArray, size: float) -> tuple[FloatArray, FloatArray, FloatArray]: ...
+def circle_centre(points: FloatArray, rotation: FloatArray) -> FloatArray: ...
 def spreads(derivatives: FloatArray, covariances: FloatArray) -> FloatArray: ...
 def group_information(weights: FloatArray, means: FloatArray, variances: FloatArray, groups: AnyInts) -> FloatArray: ...
 

@@ -6,28 +6,30 @@
 
 namespace tanteo {
 
-// CENTRE: of a circle, on the axis of a hole or boss; ROUND: of a face that is not flat.
-enum class Kind : int { FACE = 0, EDGE = 1, CORNER = 2, CENTRE = 3, ROUND = 4 };
+// CENTRE: of a circle, on the axis of a hole or boss; ROUND: of a face that is not flat; BALL: centre of a sphere;
+// APEX: of a cone.
+enum class Kind : int { FACE = 0, EDGE = 1, CORNER = 2, CENTRE = 3, ROUND = 4, BALL = 5, APEX = 6 };
 
 // A sensed point: of a face, edge or corner of the part, or an outlier.
 struct Point {
     Vec3 at;            // world; of a ball its centre
     Mat3 cov;           // of the sensor alone
     double extra = 0;   // variance that the noise scale leaves alone: the tolerance of the part
-    double radius = 0;  // of the ball
+    double radius = 0;  // of the ball; from an apex how far along the axis
     Vec3 direction;     // of the sensor, into the material; or about into it, where only the side is known; else zero
-    Vec3 normal;        // sensed, outward, or the axis of a circle; zero where it was not
+    Vec3 normal;        // sensed, outward, or the axis of a circle or cone; zero where it was not
     double normal_sd = 1;
     double reach = 0;       // free-space ray before the point along its direction
     double log_outlier = 0; // density if it is an outlier
     double furniture = 0;   // density on what is known to stand around, over that, times the odds of being there
-    double circle = 0, circle_sd = 1;  // radius of the circle of which it is the centre; 0 if nobody knows
+    double circle = 0, circle_sd = 1;  // radius of what it is the centre of, half angle of a cone; 0 if nobody knows
     int hole = 0;                      // 1: of a hole, -1: of a boss
     Kind kind = Kind::FACE;
     int group = -1;  // of rows that share one face
     bool directed = false, sided = false, oriented = false, isotropic = false;
 
     bool on_face() const { return kind == Kind::FACE || kind == Kind::ROUND; }
+    bool amid() const { return kind == Kind::CENTRE || kind == Kind::BALL || kind == Kind::APEX; }  // not on the surface
 };
 
 // A straight path on which nothing was met.

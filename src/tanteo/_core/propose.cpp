@@ -28,17 +28,20 @@ Mat3 attitude(const Axes& world, const Axes& part, double c, double s) {
     return R;
 }
 
-// Capped cost of the centre of a circle: how far it is from the nearest axis, and how far its own is tilted to that.
+// Capped cost of a centre: how far it is from the nearest axis or centre, and how far its own axis is tilted to that.
 double cost_of_centre(const Shape& shape, const Point& point, const Pose& pose, double per, double per_tilt) {
     Vec3 off;
     const int k = shape.nearest_axis(point, into_part(pose, point.at), off);
     if (k < 0) return CAP;
     double cost = squared(off) * per;
-    if (point.oriented) cost += 2 * (1 - std::fabs(dot(pose.R * shape.axes[k].direction, point.normal))) * per_tilt;
+    if (point.oriented) {
+        const double cosine = dot(pose.R * shape.axes[k].direction, point.normal);
+        cost += 2 * (1 - (point.kind == Kind::APEX ? cosine : std::fabs(cosine))) * per_tilt;
+    }
     return std::min(cost, CAP);
 }
 
-// A place of the part where a point may be: on its surface, or on an axis; the normal there, or the axis.
+// A place of the part where a point may be: on its surface, on an axis, a centre; the normal there, or the axis.
 struct Where {
     Vec3 at, normal;
 };
@@ -47,23 +50,26 @@ struct Where {
 class Places {
   public:
     Places(const Shape& shape, const Point& point) : shape(shape), point(point) {
-        if (point.kind != Kind::CENTRE) return;
+        heights = point.kind == Kind::CENTRE ? HEIGHTS : 1;
+        if (!point.amid()) return;
         for (size_t k = 0; k < shape.axes.size(); ++k)
             if (shape.axes[k].may_have(point, 4 * point.circle_sd)) axes.push_back(k);
     }
-    size_t size() const { return point.kind == Kind::CENTRE ? HEIGHTS * axes.size() : shape.samples.size(); }
+    size_t size() const { return point.amid() ? heights * axes.size() : shape.samples.size(); }
     Where operator[](size_t k) const {
-        if (point.kind != Kind::CENTRE) {
+        if (!point.amid()) {
             const Vec3& n = shape.sample_normals[k];
             return {shape.samples[k] + point.radius * n, n};
         }
-        const RoundAxis& axis = shape.axes[axes[k / HEIGHTS]];
+        const RoundAxis& axis = shape.axes[axes[k / heights]];
+        if (heights == 1) return {axis.start(point), axis.direction};
         const double t = static_cast<double>(k % HEIGHTS / 2) / (HEIGHTS / 2 - 1);
         return {axis.a + (t * axis.length) * axis.direction, k % 2 ? -axis.direction : axis.direction};
     }
 
   private:
     static constexpr size_t HEIGHTS = 10;  // five places along an axis, each with both directions
+    size_t heights = 1;
     const Shape& shape;
     const Point& point;
     std::vector<size_t> axes;
@@ -77,7 +83,7 @@ double score(const Shape& shape, const Problem& problem, const std::vector<int>&
     double sum = 0;
     for (const int j : rows) {
         const Point& point = problem.points[j];
-        if (point.kind == Kind::CENTRE) {
+        if (point.amid()) {
             sum += cost_of_centre(shape, point, pose, per, per_tilt);
             if (sum > limit) break;
             continue;
@@ -128,7 +134,7 @@ std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const 
             };
             partners.clear();
             const size_t window = random.next() % seconds.size();  // samples come in no order: some in a row are some of all
-            const size_t some = Q.kind == Kind::CENTRE ? seconds.size() : std::min(WINDOW, seconds.size());
+            const size_t some = Q.amid() ? seconds.size() : std::min(WINDOW, seconds.size());
             for (size_t k = 0; k < some; ++k) {
                 const size_t b = (window + k) % seconds.size();
                 if (fits(seconds[b])) partners.push_back(static_cast<int>(b));

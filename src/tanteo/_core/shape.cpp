@@ -167,7 +167,7 @@ int Shape::nearest_axis(const Point& point, const Vec3& p, Vec3& off) const {
     for (size_t k = 0; k < axes.size(); ++k) {
         const RoundAxis& axis = axes[k];
         if (!axis.may_have(point, 4 * point.circle_sd)) continue;
-        const Vec3 away = p - axis.a;
+        const Vec3 away = p - axis.start(point);
         const Vec3 from = away - std::clamp(dot(away, axis.direction), 0.0, axis.length) * axis.direction;
         if (squared(from) >= least) continue;
         least = squared(from);

@@ -61,14 +61,18 @@ struct Segment {  // a straight sharp edge of the part
     double length;
 };
 
-struct RoundAxis {  // of a hole or boss, from end to end, with the radii that it has and its weight among all of them
+// Of a hole or boss, from end to end, with the radii that it has; or without length the centre of a sphere, the apex of a
+// cone with its half angle. The weight is among all of its kind.
+struct RoundAxis {
     Vec3 a, direction;
     double length, least, most, weight;
-    int hole, number;
+    int hole, number, kind, unused = 0;
 
-    // whether a circle may be of it: of its side, and of its radius within so much
+    // where it begins for a point that may be beside an apex
+    Vec3 start(const Point& point) const { return a + point.radius * direction; }
+    // whether a point may be of it: of its kind and side, and of its size within so much
     bool may_have(const Point& point, double within) const {
-        if (point.hole * hole < 0) return false;
+        if (static_cast<int>(point.kind) != kind || point.hole * hole < 0) return false;
         return !(point.circle > 0) || (point.circle > least - within && point.circle < most + within);
     }
 };
@@ -117,6 +121,10 @@ class Shape : public ShapeNumbers {
     }
     // from the nearest axis of which a circle may be to its centre, in the part; the axis or -1
     int nearest_axis(const Point& point, const Vec3& p, Vec3& off) const;
+    // by which a hit is called: below the numbers of edges and corners
+    int number_of(const RoundAxis& axis) const {
+        return -2 - static_cast<int>(edges.size() + corners.size()) - axis.number;
+    }
     // distance to the surface from the grid, not signed; rough far away
     double field(const Vec3& p, int* flat = nullptr) const;
 

@@ -12,7 +12,7 @@ namespace tanteo {
 
 namespace {
 
-constexpr uint64_t VERSION = 5;  // of what a shape holds and how it is made: raise it whenever either changes
+constexpr uint64_t VERSION = 6;  // of what a shape holds and how it is made: raise it whenever either changes
 constexpr size_t ALIGNED = 64, MOST_ARRAYS = 32;
 
 struct Head {

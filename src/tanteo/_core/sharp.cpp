@@ -48,6 +48,39 @@ double meet_line(const Vec3& a, const Vec3& direction, double length, const Vec3
     return along / length / std::sqrt(det) * fast_exp(-0.5 * q - 2 * HALF_LOG_TWO_PI);
 }
 
+// A covariance, and the density that a point has about a place that is one point of the part.
+struct Whitened {
+    Mat3 info;
+    double log_det = 0;
+    bool possible = false;
+
+    explicit Whitened(const Mat3& C) {
+        double L[9];
+        std::memcpy(L, C.m, sizeof L);
+        if (!cholesky(L, 3)) return;
+        possible = true;
+        log_det = std::log(L[0] * L[4] * L[8]);
+        for (int i = 0; i < 3; ++i) {
+            double column[3] = {0, 0, 0};
+            column[i] = 1;
+            solve_cholesky(L, 3, column);
+            for (int k = 0; k < 3; ++k) info(k, i) = column[k];
+        }
+    }
+    // all but weight and face of the hit; 0 far away
+    double meet(const Vec3& place, const Vec3& p, Hit& hit) const {
+        const Vec3 off = p - place, pull = info * off;
+        const double q = dot(off, pull);
+        if (!possible || q > REACH * REACH) return 0;
+        hit.distance = norm(off);
+        hit.per_sd = hit.distance > 0 ? std::sqrt(q) / hit.distance : 0;
+        hit.normal = {};
+        hit.slope = -pull;
+        hit.stiff = info;
+        return fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - log_det);
+    }
+};
+
 }  // namespace
 
 // A ball that touches one thing must not be inside of another face in front of it: the share of the noise along what it
@@ -158,63 +191,48 @@ void Likelihood::look_at_edges(const Point& point, int j, const Mat3& C) {
     }
 }
 
-// The centre of a circle: normal about the axis of a hole or boss, even along it; with the tilts of a sensed axis, either
-// end of which may be named first, and the radius where it is known.
+// The centre of a circle: normal about the axis of a hole or boss, even along it; that of a sphere, or the apex of a cone,
+// normal about it. With the tilts of a sensed axis, of a circle with either end first, and the size where it is known.
 void Likelihood::look_at_axes(const Point& point, int j, const Mat3& R, const Mat3& C) {
     const Vec3& p = seen[j].in_part;
-    const double nothing = NOTHING * problem.mean_rate, width = std::hypot(point.circle_sd, blur);
+    const bool line = point.kind == Kind::CENTRE, apex = point.kind == Kind::APEX;
+    const double nothing = NOTHING * problem.mean_rate, width = std::hypot(point.circle_sd, apex ? blur_turn : blur);
     const Vec3 m = point.oriented ? transposed_times(R, point.normal) : Vec3{};
     const double tilt_variance = point.normal_sd * point.normal_sd + blur_turn * blur_turn;
+    const Whitened about(C);
     for (const RoundAxis& axis : shape.axes) {
         if (!axis.may_have(point, REACH * width)) continue;
         Hit hit;
         hit.tilted = 0;
-        hit.weight = axis.weight * meet_line(axis.a, axis.direction, axis.length, p, C, hit) * fast_exp(-point.log_outlier);
+        hit.weight = axis.weight * fast_exp(-point.log_outlier) *
+                     (line ? meet_line(axis.a, axis.direction, axis.length, p, C, hit) : about.meet(axis.start(point), p, hit));
         if (point.circle > 0) {
             const double r = (point.circle - std::clamp(point.circle, axis.least, axis.most)) / width;
             hit.weight *= fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI) / width;
         }
         if (point.hole) hit.weight *= 2;  // than where nobody said which
         if (point.oriented && hit.weight >= nothing) {
-            const Vec3 n = dot(axis.direction, m) < 0 ? -axis.direction : axis.direction, u = any_across(n);
+            const Vec3 n = line && dot(axis.direction, m) < 0 ? -axis.direction : axis.direction, u = any_across(n);
             const Vec3 across[2] = {u, cross(n, u)};
             const double bend[2] = {0, 0};
-            hit.weight *= 0.5 * tilt_density(across, bend, n, C, m, tilt_variance, hit);
+            hit.weight *= (line ? 0.5 : 1) * tilt_density(across, bend, n, C, m, tilt_variance, hit);
         }
         if (!(hit.weight >= nothing)) continue;
-        hit.face = -2 - static_cast<int>(shape.edges.size() + shape.corners.size()) - axis.number;
+        hit.face = shape.number_of(axis);
         hits.push_back(hit);
     }
 }
 
 // A point that was sensed on a corner: normal about it, all corners alike.
 void Likelihood::look_at_corners(const Point& point, int j, const Mat3& C) {
-    const Vec3& p = seen[j].in_part;
-    double L[9];
-    std::memcpy(L, C.m, sizeof L);
-    if (!cholesky(L, 3)) return;
-    const double log_det = std::log(L[0] * L[4] * L[8]), nothing = NOTHING * problem.mean_rate;
-    Mat3 info;
-    for (int i = 0; i < 3; ++i) {
-        double column[3] = {0, 0, 0};
-        column[i] = 1;
-        solve_cholesky(L, 3, column);
-        for (int k = 0; k < 3; ++k) info(k, i) = column[k];
-    }
+    const double nothing = NOTHING * problem.mean_rate;
+    const Whitened about(C);
     for (size_t k = 0; k < shape.corners.size(); ++k) {
-        const Vec3 off = p - shape.corners[k], pull = info * off;
-        const double q = dot(off, pull);
-        if (q > REACH * REACH) continue;
         Hit hit;
-        hit.weight = fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - log_det - point.log_outlier) / shape.corners.size();
-        if (!(hit.weight >= nothing)) continue;
-        hit.distance = norm(off);
-        hit.per_sd = hit.distance > 0 ? std::sqrt(q) / hit.distance : 0;
-        hit.normal = {};
-        hit.face = -2 - static_cast<int>(shape.edges.size() + k);
         hit.tilted = 0;
-        hit.slope = -pull;
-        hit.stiff = info;
+        hit.weight = about.meet(shape.corners[k], seen[j].in_part, hit) * fast_exp(-point.log_outlier) / shape.corners.size();
+        if (!(hit.weight >= nothing)) continue;
+        hit.face = -2 - static_cast<int>(shape.edges.size() + k);
         hits.push_back(hit);
     }
 }

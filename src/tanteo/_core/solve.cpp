@@ -58,7 +58,7 @@ double settle_step(const Shape& shape, const Problem& problem, const std::vector
     for (const int j : rows) {
         const Point& point = problem.points[j];
         const Vec3 p = into_part(pose, point.at);
-        if (point.kind == Kind::CENTRE) {
+        if (point.amid()) {
             total += step_of_centre(shape, point, p, per, A, b);
             continue;
         }

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo import _core
-from tanteo.parts import Part, exact_faces, round_features
+from tanteo.parts import CentredFace, Part, centred_faces, exact_faces, round_features
 from tanteo.typing import FloatArray, IntArray, Vectors
 
-SHAPE = "shape4"
+SHAPE = "shape5"
 """Of the bytes beside a part in a cache or catalogue: another number where what is put into a shape changes."""
 
 SAMPLES = 1024
@@ -16,6 +16,9 @@ SAMPLES = 1024
 
 _CELLS = 40
 """Cells of the distance grid along the longest side."""
+
+_CIRCLE, _POINTS = 3, {"sphere": 5, "cone": 6}
+"""What a centre is of, by the numbers that kinds of points have in the core."""
 
 _FEW = 500
 """Vertices up to this number may all be ones on which the part stands."""
@@ -56,11 +59,11 @@ def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray
 
 
 def _axes(part: Part) -> FloatArray:
-    """Axes of holes and bosses for centres of circles ``(K, 11)``: ends, radii, weight, side, number.
+    """Where centres may be ``(K, 12)``: ends, sizes, weight, side, number, kind of point.
 
-    All holes and bosses alike; of each the wall, and with a smaller weight all heights of the part, for some devices
-    move a centre along its axis to a plane of their own. Both go on for a while, as centres that were moved to the rim
-    are no less likely than others.
+    Of circles it is on the axes of holes and bosses, all alike; of each the wall, and with a smaller weight all heights
+    of the part, for some devices move a centre along its axis to a plane of their own. Both go on for a while, as
+    centres that were moved to the rim are no less likely than others. Of spheres and cones it is a point.
     """
     rounds, rows = round_features(part), []
     for number, one in enumerate(rounds):
@@ -72,8 +75,21 @@ def _axes(part: Part) -> FloatArray:
             if share > 0:
                 beside = _ON * (ends[1] - ends[0])
                 ends = ends + np.stack([-beside, beside])
-                rows.append([*ends.ravel(), *rest, share / len(rounds), 1.0 if one.hole else -1.0, number])
-    return _doubles(np.array(rows).reshape(-1, 11))
+                rows.append([*ends.ravel(), *rest, share / len(rounds), 1.0 if one.hole else -1.0, number, _CIRCLE])
+    rows += _points(centred_faces(part), len(rounds))
+    return _doubles(np.array(rows).reshape(-1, 12))
+
+
+def _points(faces: tuple[CentredFace, ...], first: int) -> list[list[float]]:
+    """Rows of centres of spheres and of apexes; of each kind all alike."""
+    rows = []
+    for number, one in enumerate(faces, start=first):
+        share = 1 / sum(other.surface == one.surface for other in faces)
+        side = 1.0 if one.hole else -1.0
+        rows.append(
+            [*one.centre, *(one.centre + one.axis), one.size, one.size, share, side, number, _POINTS[one.surface]]
+        )
+    return rows
 
 
 def _hull(part: Part) -> Vectors:

@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from tanteo.fitting.labelled import LabelledFeatures, fit_labelled
     from tanteo.fitting.on_plane import circle_on_plane, with_named_errors
     from tanteo.fitting.plane import fit_plane, plane_ml
-    from tanteo.fitting.round_estimate import round_ml
+    from tanteo.fitting.round_estimate import RoundEstimate, round_ml
     from tanteo.fitting.round_fit import fit_round
     from tanteo.fitting.round_refusal import arc_of, observable
-    from tanteo.fitting.round_result import RoundEstimate
     from tanteo.fitting.spread import (
         edge_direction_covariance,
         plane_displacement_covariance,
@@ -86,9 +85,8 @@ __getattr__, __dir__ = lazy(
         "labelled": "LabelledFeatures fit_labelled",
         "plane": "fit_plane plane_ml",
         "round_fit": "fit_round",
-        "round_estimate": "round_ml",
+        "round_estimate": "RoundEstimate round_ml",
         "round_refusal": "arc_of observable",
-        "round_result": "RoundEstimate",
         "spread": "edge_direction_covariance plane_displacement_covariance plane_normal_covariance",
         "vertex": "Corner fit_vertex intersect_edges intersect_lines vertex_ml",
     },

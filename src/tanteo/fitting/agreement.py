@@ -15,7 +15,7 @@ import numpy as np
 from tanteo.constraints import chi2_p_value, whitened_test
 from tanteo.features import Feature
 from tanteo.fitting.estimate import FitReport, SharedReadings, p_of_worst
-from tanteo.fitting.round_estimate import DISTANCES
+from tanteo.fitting.round_estimate import round_distances
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
@@ -108,7 +108,7 @@ def residuals_of(feature: Feature, points: Vectors, radius: float = 0.0) -> Resi
     R = feature.T_world_feature[:3, :3]
     local = SE3.apply(SE3.inverse(feature.T_world_feature), points)
     if feature.size is not None:
-        found = DISTANCES[feature.kind.name](local, np.full(1, feature.size.value))
+        found = round_distances(feature.kind, local, feature.size.value)
         side = {True: 1.0, False: -1.0, None: 0.0}[feature.convex]
         turn = SO3.cross(np.broadcast_to(local[:, None], found.G.shape), found.G)
         H = -np.concatenate([found.G, turn], axis=-1)[..., list(feature.kind.rows)]

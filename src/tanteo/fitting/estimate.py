@@ -158,23 +158,30 @@ def shared_terms(
         rows_of_feature: ``B Ad(T^-1)`` ``(size, 6)``.
         shared: errors and Jacobians.
     """
-    n = len(points)
+    terms = []
+    for error, jacobian in shared:
+        M = rigid_error(points, error, jacobian)
+        moved = rows_of_feature @ M if M is not None else np.sum(estimate.shared_jacobian @ jacobian, axis=0)
+        terms.append(SharedTerm(error, moved))
+    return tuple(terms)
+
+
+def rigid_error(points: Vectors, error: SharedError, jacobian: FloatArray) -> FloatArray | None:
+    """The rigid motions ``(6, d)`` of the world that a shared error is to all points ``(n, 3)``; None if it is none.
+
+    Raises:
+        InputError: for a Jacobian of another shape than ``(n, 3, d)``.
+    """
+    n, d, J = len(points), len(error.covariance), np.asarray(jacobian, dtype=np.float64)
+    if J.shape != (n, 3, d):
+        raise InputError(
+            f"shared error {error.name!r}: expected a Jacobian of shape {(n, 3, d)}, got {J.shape}. "
+            "Give one 3 x d block for each point."
+        )
     world = np.zeros((n, 3, 6))
     world[..., :3] = np.eye(3)
     x, y, z = points.T
     world[:, 0, 4], world[:, 0, 5] = z, -y
     world[:, 1, 3], world[:, 1, 5] = -z, x
     world[:, 2, 3], world[:, 2, 4] = y, -x
-    terms = []
-    for error, jacobian in shared:
-        J = np.asarray(jacobian, dtype=np.float64)
-        d = len(error.covariance)
-        if J.shape != (n, 3, d):
-            raise InputError(
-                f"shared error {error.name!r}: expected a Jacobian of shape {(n, 3, d)}, got {J.shape}. "
-                "Give one 3 x d block for each point."
-            )
-        M = rigid_motion(world.reshape(3 * n, 6), J.reshape(3 * n, d))
-        jacobian = rows_of_feature @ M if M is not None else np.sum(estimate.shared_jacobian @ J, axis=0)
-        terms.append(SharedTerm(error, jacobian))
-    return tuple(terms)
+    return rigid_motion(world.reshape(3 * n, 6), J.reshape(3 * n, d))

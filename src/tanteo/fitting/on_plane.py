@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.errors import InputError, SideError
-from tanteo.features import CIRCLE, PLANE, Feature, SharedError, SharedTerm, reframe_near
+from tanteo import _core
+from tanteo.errors import InputError
+from tanteo.features import CIRCLE, CYLINDER, PLANE, Feature, SharedError, SharedTerm, reframe_near, shared_root
 from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, rigid_motion
-from tanteo.fitting.round_estimate import check_positive, solved
-from tanteo.fitting.round_fit import feature_of, outward_vectors, side_of
+from tanteo.fitting.flatness import refuse_flat
+from tanteo.fitting.round_estimate import KnownFrame, RoundEstimate, check_positive, solved
+from tanteo.fitting.round_fit import feature_of, tip_error
 from tanteo.fitting.round_refusal import refuse
-from tanteo.fitting.round_result import RoundEstimate
-from tanteo.fitting.round_start import circle_start, refuse_flat
-from tanteo.fitting.round_steps import RoundProblem
-from tanteo.fitting.round_surface import cylinder
+from tanteo.fitting.sides import check_spread, outward_vectors, require_side, side_of
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
@@ -31,11 +30,14 @@ def circle_on_plane(
     covs: Covariances,
     plane: Feature,
     *,
+    height: float = 0.0,
+    height_sd: float = 0.0,
     size: float | None = None,
     size_sd: float = 0.0,
     convex: bool | None = None,
     directions: Vectors | None = None,
     tip_radius: float = 0.0,
+    tip_radius_sd: float = 0.0,
     label: str = "",
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
@@ -52,11 +54,14 @@ def circle_on_plane(
         plane: the sensed face around it, or a given one (with zero ``P`` if it is exact); z of the circle is its
             outward normal. What it is not known to is carried to the circle, its shared errors by name: where the
             plane and several circles of it are used together, give all of them :func:`with_named_errors` of the plane.
+        height: of the circle over the plane, along its outward normal [m]: a rim in a counterbore, the top of a boss.
+        height_sd: its standard deviation.
         size: the radius [m], where it is known.
         size_sd: its standard deviation; 0 holds it.
         convex: True for a boss, False for a bore; found out of the directions if not given.
         directions: of the touches, into the material ``(n, 3)``; NaN rows where unknown.
         tip_radius: of the tip's ball [m].
+        tip_radius_sd: its standard deviation, of one error for all that the tip touched, as of :func:`fit_round`.
         label: name of the circle.
         readings: ids of the readings.
         shared: errors that the points have in common, beyond ``covs``.
@@ -73,37 +78,89 @@ def circle_on_plane(
         raise InputError(f"{name}, points: expected shape (n, 3), got {points.shape}.")
     check_positive(covs, name)
     refuse_flat(points, 1 if not own else 2, name)
-    side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, tip_radius, name)
+    check_spread("tip_radius_sd", tip_radius_sd, name)
+    touched = tip_radius > 0 or tip_radius_sd > 0
+    side = _side(points, plane, outward_vectors(directions, None, len(points)), convex, touched, name)
     tip = (side or 0) * tip_radius
-    near = reframe_near(plane, circle_start(points, plane.T_world_feature[:3, :3]).c)
-    beside = outward_vectors(directions, None, len(points))
-    found, gain = _solve(points, covs, near, (None if size is None else size + tip, size_sd), beside, side)
+    near = _raised(reframe_near(plane, _centre(points, plane)), height, height_sd, name)
+    beside, given = outward_vectors(directions, None, len(points)), (None if size is None else size + tip, size_sd)
+    errors = _errors(points, near, shared)
+    found, gain = _solve(points, covs, near, given, beside, side, errors)
+    if tip_radius_sd > 0 and side is not None:
+        spokes = _away(points - found.fit.T[:3, 3], found.fit.T[:3, 2])
+        errors = _errors(points, near, (*shared, tip_error(tip_radius_sd, side * spokes)))
+        found, gain = _solve(points, covs, near, given, beside, side, errors)
     refuse(CIRCLE, found, points, name)
     s = float(found.size) - tip
     if not s > 0:
         raise InputError(f"{name}: expected a ball smaller than the bore, got {1e3 * tip_radius:g} mm. Check the tip.")
-    terms = _terms(points, found.fit, near, gain, shared)
-    spokes = SE3.apply(SE3.inverse(found.fit.T), points) * np.array([1.0, 1.0, 0.0])
-    support = points - tip * (spokes / np.linalg.norm(spokes, axis=1, keepdims=True)) @ found.fit.T[:3, :3].T
-    feature = feature_of(CIRCLE, found.fit, s, terms, None if side is None else side > 0, label, support, readings)
-    return replace(feature, tip_radius=tip_radius), make_report(found.fit, readings)
+    terms = _terms(found.fit, gain, errors)
+    support = points - tip * _away(points - found.fit.T[:3, 3], found.fit.T[:3, 2])
+    known = None if side is None else side > 0
+    feature = feature_of(CIRCLE, found.fit, s, terms, known, label, support, readings, tip_radius)
+    return feature, make_report(found.fit, readings)
+
+
+def _centre(points: Vectors, plane: Feature) -> Vectors:
+    """Of the circle that the points seem to be on, seen along the plane's normal."""
+    return _core.circle_centre(np.ascontiguousarray(points), np.ascontiguousarray(plane.T_world_feature[:3, :3]))
+
+
+def _away(off: Vectors, axis: Vectors) -> Vectors:
+    """Unit vectors along places off a centre, across an axis ``(n, 3)``."""
+    across = off @ (np.eye(3) - np.outer(axis, axis))
+    return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300))
+
+
+def _raised(plane: Feature, height: float, sd: float, name: str) -> Feature:
+    """The parallel plane that is so far over another."""
+    check_spread("height_sd", sd, name)
+    if not np.isfinite(height):
+        raise InputError(f"{name}, height: expected a finite length [m], got {height}.")
+    T, P = plane.T_world_feature.copy(), plane.P + np.diag([sd**2, 0.0, 0.0])
+    T[:3, 3] += height * T[:3, 2]
+    return replace(plane, T_world_feature=T, P=P)
 
 
 def _side(
-    points: Vectors, plane: Feature, outward: Vectors, convex: bool | None, tip_radius: float, name: str
+    points: Vectors, plane: Feature, outward: Vectors, convex: bool | None, touched: bool, name: str
 ) -> int | None:
-    start = circle_start(points, plane.T_world_feature[:3, :3])
-    n = plane.T_world_feature[:3, 2]
-    spokes = (points - start.c) @ (np.eye(3) - np.outer(n, n))
-    spokes = spokes / np.maximum(np.linalg.norm(spokes, axis=1, keepdims=True), 1e-300)
     stated = None if convex is None else (1 if convex else -1)
+    spokes = _away(points - _centre(points, plane), plane.T_world_feature[:3, 2])
     side = stated if len(points) < 3 else side_of(spokes, outward, stated, name)
-    if tip_radius > 0 and side is None:
-        raise SideError(
-            f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got no "
-            "directions. Give the direction of each touch (into the material), or convex."
-        )
+    require_side(side, touched, name, "no directions")
     return side
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Error:
+    """What a shared error does to the plane ``(3, d)`` and the points ``(n, 3, d)``.
+
+    ``rigid`` are the motions ``(6, d)`` of the world that it is to all of them; none if it is none.
+    """
+
+    error: SharedError
+    plane: FloatArray
+    points: FloatArray
+    rigid: FloatArray | None
+
+
+def _errors(points: Vectors, plane: Feature, shared: SharedReadings) -> list[_Error]:
+    of_plane = SE3.adjoint_inverse(plane.T_world_feature)[list(PLANE.rows)]
+    of_points = np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=-1)
+    on_plane = {term.error.name: term.jacobian for term in plane.shared}
+    on_points = {error.name: np.asarray(J, dtype=np.float64) for error, J in shared}
+    errors: dict[str, SharedError] = {}
+    for error in (*(term.error for term in plane.shared), *(error for error, _ in shared)):
+        errors.setdefault(error.name, error)
+    found = []
+    for name, error in errors.items():
+        d = len(error.covariance)
+        A = on_plane.get(name, np.zeros((3, d)))
+        J = on_points.get(name, np.zeros((len(points), 3, d)))
+        M = rigid_motion(np.vstack([of_plane, of_points.reshape(-1, 6)]), np.vstack([A, J.reshape(-1, d)]))
+        found.append(_Error(error, A, J, M))
+    return found
 
 
 def _solve(
@@ -113,39 +170,29 @@ def _solve(
     size: tuple[float | None, float],
     outward: Vectors,
     side: int | None,
+    errors: list[_Error],
 ) -> tuple[RoundEstimate, FloatArray]:
     """The estimate, and the gain of the plane's perturbation on it ``(6, 3)``."""
-    T = near.T_world_feature
     information = np.zeros((5, 5))
     information[2:, 2:] = np.linalg.inv(near.P + _EXACT)
-    problem = RoundProblem(
-        cylinder, CIRCLE.rows, points, covs, known_size=None if size[0] is None else size[1], size=size[0] or 0.0,
-        known_frame=(T[:3, :3], T[:3, 3], information),
+    weighing = [(one, shared_root([one.error])) for one in errors if one.rigid is None]
+    of_points = np.concatenate([np.zeros((len(points), 3, 0)), *(one.points @ root for one, root in weighing)], axis=-1)
+    of_plane = np.concatenate([np.zeros((3, 0)), *(one.plane @ root for one, root in weighing)], axis=-1)
+    known = KnownFrame(near.T_world_feature, information, np.vstack([np.zeros((2, of_plane.shape[1])), of_plane]))
+    found = solved(
+        CIRCLE, points, covs, surface=CYLINDER, size=size[0], size_sd=size[1], side=side, known=known,
+        outward=outward if outward.any() else None, shared_jacobian=of_points,
     )  # fmt: skip
-    found = solved(CIRCLE, problem, outward if outward.any() else None, side)
-    return found, found.fit.P[:, 2:5] @ information[2:, 2:]
+    return found, found.frame_gain[:, 2:5]
 
 
-def _terms(
-    points: Vectors, fit: Estimate, plane: Feature, gain: FloatArray, shared: SharedReadings
-) -> tuple[SharedTerm, ...]:
+def _terms(fit: Estimate, gain: FloatArray, errors: list[_Error]) -> tuple[SharedTerm, ...]:
     """What shared errors of plane and points do to the circle and its size; exact for rigid ones."""
     rows = np.vstack([SE3.adjoint_inverse(fit.T)[list(CIRCLE.rows)], np.zeros(6)])
-    of_plane = SE3.adjoint_inverse(plane.T_world_feature)[list(PLANE.rows)]
-    of_points = np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=-1)
-    errors: dict[str, SharedError] = {}
-    on_plane = {term.error.name: term.jacobian for term in plane.shared}
-    on_points = {error.name: np.asarray(J, dtype=np.float64) for error, J in shared}
-    for error in (*(term.error for term in plane.shared), *(error for error, _ in shared)):
-        errors.setdefault(error.name, error)
     terms = []
-    for name, error in errors.items():
-        d = len(error.covariance)
-        A = on_plane.get(name, np.zeros((3, d)))
-        J = on_points.get(name, np.zeros((len(points), 3, d)))
-        M = rigid_motion(np.vstack([of_plane, of_points.reshape(-1, 6)]), np.vstack([A, J.reshape(-1, d)]))
-        through = gain @ A + np.sum(fit.shared_jacobian @ J, axis=0)
-        terms.append(SharedTerm(error, rows @ M if M is not None else through))
+    for one in errors:
+        through = gain @ one.plane + np.sum(fit.shared_jacobian @ one.points, axis=0)
+        terms.append(SharedTerm(one.error, through if one.rigid is None else rows @ one.rigid))
     return tuple(terms)
 
 

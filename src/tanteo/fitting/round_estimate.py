@@ -1,25 +1,71 @@
-"""Round features by maximum likelihood, over batches: the best of several starts, and whether another fits as well."""
+"""Round features by maximum likelihood, over batches: the best of several starts, and whether another fits as well.
+
+The iteration is compiled (``_core``, ``rounds.hpp``); ``math.md`` section 8 derives it.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
+from tanteo import _core
+from tanteo.constraints import chi2_limit
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
-from tanteo.fitting.estimate import check_points
-from tanteo.fitting.round_choice import best_of, grazing_of, squareness_of
-from tanteo.fitting.round_result import RoundEstimate, finish
-from tanteo.fitting.round_start import axis_starts, circle_start, on_either_side, refuse_flat, sphere_start
-from tanteo.fitting.round_steps import RoundProblem, RoundState, settle
-from tanteo.fitting.round_surface import Distance, cone, cylinder, rim, sphere
-from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind, shared_root
+from tanteo.fitting.estimate import Estimate, SharedReadings, check_points, rigid_error
+from tanteo.fitting.flatness import refuse_flat
+from tanteo.limits import SUSPECT
+from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
-DISTANCES: dict[str, Distance] = {"circle": rim, "cylinder": cylinder, "cone": cone, "sphere": sphere}
-_LARGEST_HALF_ANGLE = 1.5
-_TRIAL = 10, 1e-3
-"""So many steps from each start, or steps down to that size, show which is the best."""
+_KINDS = (CIRCLE, CYLINDER, CONE, SPHERE)
+SURFACES = {kind.name: number for number, kind in enumerate(_KINDS)}
+"""Round kinds by their number in the core (``RoundKind``)."""
+
+_ROWS = {kind.name: np.array(kind.rows, dtype=np.int32) for kind in _KINDS}
+_NONE = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundEstimate:
+    """Fitted round features over batches.
+
+    Attributes:
+        fit: frames, with ``P`` and ``shared_jacobian`` over the kind's rows and then the size: one row more.
+        size: radius [m] or half angle [rad] ``(*batch,)``.
+        rival: size of another feature that fits about as well ``(*batch,)``; NaN if there is none.
+        settled: whether the iteration came to rest ``(*batch,)``.
+        condition: least eigenvalue of the information scaled to unit diagonal ``(*batch,)``: zero if the points leave
+            something free.
+        frame_gain: how an error of a frame that was known beforehand moves frame and size ``(*batch, m, m - 1)``.
+    """
+
+    fit: Estimate
+    size: FloatArray
+    rival: FloatArray
+    settled: BoolArray
+    condition: FloatArray
+    frame_gain: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownFrame:
+    """A frame that is known before the points are.
+
+    Attributes:
+        T: the frame ``(4, 4)``.
+        information: of its own error over the kind's rows ``(m, m)``.
+        shared_jacobian: what the whitened shared errors of the points do to it ``(m, D)``.
+    """
+
+    T: Transforms
+    information: FloatArray
+    shared_jacobian: FloatArray
+
+
+_NO_FRAME = KnownFrame(_NONE, _NONE, _NONE)
 
 
 def round_ml(
@@ -32,6 +78,7 @@ def round_ml(
     normals: Vectors | None = None,
     normal_sds: FloatArray | None = None,
     outward: Vectors | None = None,
+    shared: SharedReadings = (),
 ) -> RoundEstimate:
     """Maximum-likelihood circles (rims), cylinders, cones or spheres of ``(*batch, n, 3)`` points.
 
@@ -47,22 +94,34 @@ def round_ml(
         normals: sensed normals away from the axis (centre) ``(*batch, n, 3)``; zero rows where there is none.
         normal_sds: of these [rad] ``(*batch, n)``; infinite where there is none.
         outward: vectors ``(*batch, n, 3)`` that all point away from the axis, or all towards it; zero if unknown.
+        shared: errors that the points of each fit have in common, with Jacobians ``(n, 3, d)``: points that an error
+            moves against each other count less, as the whole covariance of all points says.
 
     Raises:
         InputError: for too few points, or shapes that do not fit.
         DegenerateError: if the points lie on a line, or in a plane where they must not.
     """
-    least = unknowns(kind, size, size_sd)
-    points, covs = check_points(points, covs, least, kind.name)
+    points, covs = check_points(points, covs, unknowns(kind, size, size_sd), kind.name)
     check_positive(covs, kind.name)
     refuse_flat(points, 2 if kind is CIRCLE else 3, kind.name)
-    problem = RoundProblem(
-        DISTANCES[kind.name], kind.rows, points, covs, slides=kind is CYLINDER,
-        largest=_LARGEST_HALF_ANGLE if kind is CONE else np.inf,
-        known_size=None if size is None else size_sd, size=size or 0.0, normals=normals, normal_sds=normal_sds,
-        isotropic=_isotropic(covs),
+    return solved(
+        kind, points, covs, size=size, size_sd=size_sd, normals=normals, normal_sds=normal_sds, outward=outward,
+        shared_jacobian=weighing(points, shared),
     )  # fmt: skip
-    return solved(kind, problem, outward)
+
+
+def weighing(points: Vectors, shared: SharedReadings) -> FloatArray:
+    """What the whitened shared errors do to the points ``(n, 3, D)``, without those that only move all of them at once.
+
+    One rigid motion of all points moves the feature with them: how they are weighed does not matter to it.
+    """
+    n = points.shape[-2]
+    blocks = [
+        np.asarray(J, dtype=np.float64) @ shared_root([error])
+        for error, J in shared
+        if rigid_error(points.reshape(-1, n, 3)[0], error, J) is None
+    ]
+    return np.concatenate([np.zeros((n, 3, 0)), *blocks], axis=-1)
 
 
 def check_positive(covs: Covariances, name: str) -> None:
@@ -79,11 +138,6 @@ def check_positive(covs: Covariances, name: str) -> None:
         ) from None
 
 
-def _isotropic(covs: Covariances) -> bool:
-    s2 = covs[..., :1, :1]
-    return bool(np.all(np.abs(covs - s2 * np.eye(3)) <= 1e-12 * s2))
-
-
 def unknowns(kind: FeatureKind, size: float | None, size_sd: float) -> int:
     """How many points it takes."""
     if kind is CIRCLE:
@@ -92,52 +146,100 @@ def unknowns(kind: FeatureKind, size: float | None, size_sd: float) -> int:
 
 
 def solved(
-    kind: FeatureKind, problem: RoundProblem, outward: Vectors | None = None, side: int | None = None
+    kind: FeatureKind,
+    points: Vectors,
+    covs: Covariances,
+    *,
+    surface: FeatureKind | None = None,
+    size: float | None = None,
+    size_sd: float = 0.0,
+    normals: Vectors | None = None,
+    normal_sds: FloatArray | None = None,
+    outward: Vectors | None = None,
+    side: int | None = None,
+    shared_jacobian: FloatArray = _NONE,
+    known: KnownFrame | None = None,
 ) -> RoundEstimate:
-    """The estimate of a problem; ``side`` is 1 where ``outward`` has to point away from the axis, -1 towards it.
+    """The estimate of checked points.
 
-    It is solved about the mean of the points: far from the world's origin no digits are lost.
+    Args:
+        kind: whose frame and size are unknown.
+        points: ``(*batch, n, 3)``.
+        covs: ``(*batch, n, 3, 3)``.
+        surface: what the points lie on, if it is not the feature itself: the wall of a circle.
+        size: as for :func:`round_ml`, like what follows.
+        size_sd: of it.
+        normals: sensed.
+        normal_sds: of them.
+        outward: away from the axis, or towards it.
+        side: 1 where ``outward`` has to point away from the axis, -1 towards it.
+        shared_jacobian: of the points by whitened errors that they share ``(n, 3, D)``.
+        known: a frame that is known beforehand.
     """
-    mean = problem.points.mean(axis=-2)
-    near = replace(problem, points=problem.points - mean[..., None, :])
-    if problem.known_frame is not None:
-        R, c, information = problem.known_frame
-        near = replace(near, known_frame=(R, c - mean, information))
-    found = _solved(kind, near, outward, side)
-    T = found.fit.T.copy()
-    T[..., :3, 3] += mean
-    return replace(found, fit=replace(found.fit, T=T))
+    surface = surface or kind
+    batch, n = points.shape[:-2], points.shape[-2]
+    sds = _NONE if normal_sds is None else np.where(np.isfinite(normal_sds), normal_sds, 0.0)
+    dof = _dof(kind, surface, n, sds, size, size_sd, known)
+    frame = _NO_FRAME if known is None else known
+    D = shared_jacobian.shape[-1] if shared_jacobian.ndim == 3 else 0
+    Ts, sizes, P, gains, frame_gains, off, standardised, chi2, rivals, settled, conditions = _core.fit_rounds(
+        SURFACES[kind.name], SURFACES[surface.name], _ROWS[kind.name], _rows(points, n, 3), _rows(covs, n, 3, 3),
+        _NONE if normals is None else _rows(np.broadcast_to(normals, points.shape), n, 3),
+        _NONE if normals is None else _rows(np.broadcast_to(sds, points.shape[:-1]), n),
+        _NONE if outward is None else _rows(np.broadcast_to(outward, points.shape), n, 3),
+        side or 0, shared_jacobian if D else np.zeros((n, 3, 0)), 0.0 if size is None else float(size), float(size_sd),
+        frame.T, frame.information, frame.shared_jacobian, _limit(dof),
+    )  # fmt: skip
 
+    def back(array: FloatArray) -> FloatArray:
+        return array.reshape((*batch, *array.shape[1:]))
 
-def _solved(kind: FeatureKind, problem: RoundProblem, outward: Vectors | None, side: int | None) -> RoundEstimate:
-    if kind in (CYLINDER, CONE):
-        starts = axis_starts(kind.name, problem.points, problem.normals)
-    else:
-        start = sphere_start(problem.points) if kind is SPHERE else _circle(problem)
-        if problem.known_size is None:
-            state, at, rest = settle(problem, start)
-            return finish(kind, problem, state, at, rest, np.full(at.chi2.shape, np.nan))
-        starts = RoundState(start.R[..., None, :, :], start.c[..., None, :], start.s[..., None])
-    many = replace(
-        problem,
-        points=problem.points[..., None, :, :],
-        covs=problem.covs[..., None, :, :, :],
-        normals=None if problem.normals is None else problem.normals[..., None, :, :],
-        normal_sds=None if problem.normal_sds is None else problem.normal_sds[..., None, :],
+    fit = Estimate(back(Ts), back(P), back(chi2), dof, back(off), back(standardised), back(gains))
+    return RoundEstimate(
+        fit, back(sizes), back(rivals), settled.reshape(batch) != 0, back(conditions), back(frame_gains)
     )
-    if problem.known_size is not None:
-        starts = starts if kind is CONE else on_either_side(many.points, starts, problem.size, kind is not SPHERE)
-        starts = replace(starts, s=np.full(starts.s.shape, problem.size))
-    found = settle(many, replace(starts, s=np.minimum(starts.s, problem.largest)), *_TRIAL)
-    given = None if outward is None else outward[..., None, :, :]
-    return best_of(kind, problem, *found, (squareness_of(found[1], given, side), grazing_of(outward)))
 
 
-def _circle(problem: RoundProblem) -> RoundState:
-    if problem.known_frame is None:
-        return circle_start(problem.points)
-    R, c, _ = problem.known_frame
-    start = circle_start(problem.points, R)
-    u = R[..., :, 2]
-    height = np.sum((c - start.c) * u, axis=-1)
-    return replace(start, c=start.c + u * height[..., None])
+def _rows(array: FloatArray, *shape: int) -> FloatArray:
+    return np.ascontiguousarray(array, dtype=np.float64).reshape(-1, *shape)
+
+
+def _dof(
+    kind: FeatureKind,
+    surface: FeatureKind,
+    n: int,
+    sds: FloatArray,
+    size: float | None,
+    size_sd: float,
+    known: KnownFrame | None,
+) -> int:
+    """Degrees of freedom: residuals and what is known beforehand, less the unknowns."""
+    residuals = n * (2 if surface is CIRCLE else 1) + 2 * int(np.count_nonzero(sds.reshape(-1, n)[:1]))
+    unknown = kind.size + (size is None or size_sd > 0)
+    frame = 0 if known is None else int(np.any(known.information != 0, axis=-1).sum())
+    return residuals - unknown + frame + (size is not None and size_sd > 0)
+
+
+@lru_cache(maxsize=256)
+def _limit(dof: int) -> float:
+    """Of sums of squares: what is below is not rejected by the joint test."""
+    return float(chi2_limit(SUSPECT, dof)) if dof > 0 else 0.0
+
+
+class RoundDistances(NamedTuple):
+    """How far points are off a round feature, in its frame; ``k`` rows a point, two of a rim.
+
+    Attributes:
+        F: signed distances ``(n, k)`` [m], positive outside of the round body.
+        G: by the points ``(n, k, 3)``; the last is the outward normal of a surface.
+        by_size: by radius or half angle ``(n, k)``.
+    """
+
+    F: FloatArray
+    G: FloatArray
+    by_size: FloatArray
+
+
+def round_distances(kind: FeatureKind, local: Vectors, size: float) -> RoundDistances:
+    """Distances of points ``(n, 3)`` in the frame of a feature of that kind and size."""
+    return RoundDistances(*_core.round_distances(SURFACES[kind.name], np.ascontiguousarray(local), float(size)))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from tanteo.errors import InputError, SideError
-from tanteo.features import CIRCLE, CONE, CYLINDER, Feature, FeatureKind, Round, SharedTerm
+from tanteo.errors import InputError
+from tanteo.features import CIRCLE, CONE, CYLINDER, Feature, FeatureKind, Round, SharedError, SharedTerm
 from tanteo.fitting.estimate import (
     Estimate,
     FitReport,
@@ -17,14 +18,11 @@ from tanteo.fitting.estimate import (
     make_report,
     shared_terms,
 )
-from tanteo.fitting.round_estimate import DISTANCES, round_ml, unknowns
+from tanteo.fitting.round_estimate import SURFACES, RoundEstimate, round_distances, round_ml, unknowns
 from tanteo.fitting.round_refusal import refuse
-from tanteo.fitting.round_result import RoundEstimate
+from tanteo.fitting.sides import check_spread, outward_vectors, require_side, side_of
 from tanteo.lie import SE3
 from tanteo.typing import Covariances, FloatArray, Vectors
-
-_ALONG = 0.05
-"""A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""
 
 
 def fit_round(
@@ -39,6 +37,7 @@ def fit_round(
     normals: Vectors | None = None,
     normal_sds: FloatArray | None = None,
     tip_radius: float = 0.0,
+    tip_radius_sd: float = 0.0,
     label: str = "",
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
@@ -60,9 +59,11 @@ def fit_round(
         normals: sensed outward normals ``(n, 3)``; NaN rows where unknown. Of a circle: of that face.
         normal_sds: of these ``(n,)`` [rad]; without them normals tell the side only.
         tip_radius: of the tip's ball [m].
+        tip_radius_sd: its standard deviation, of one error for all that the tip touched: features share it by its name.
         label: name of the feature.
         readings: ids of the readings.
-        shared: errors that the points have in common, beyond ``covs``.
+        shared: errors that the points have in common, beyond ``covs``. They weigh in the fit: what moves points against
+            each other is told from the feature as far as the points tell it.
 
     Returns:
         The feature, its size with variance and covariance, and how well the points agree.
@@ -82,13 +83,19 @@ def fit_round(
     """
     name = f"{kind.name} {label!r}"
     points, covs = check_points(points, covs, unknowns(kind, size, size_sd), name)
-    _check(kind, points, size, size_sd, tip_radius, name)
+    _check(kind, points, size, size_sd, max(tip_radius, tip_radius_sd), name)
+    check_spread("tip_radius_sd", tip_radius_sd, name)
     outward = outward_vectors(directions, normals, len(points))
     sds = np.full(len(points), np.inf) if normal_sds is None else np.where(np.isfinite(normal_sds), normal_sds, np.inf)
     sensed = outward_vectors(None, normals, len(points))
     sds = np.where(sensed.any(axis=1) & (kind is not CIRCLE), sds, np.inf)
     given = None if size is None else (size, size_sd)
-    found, side = _sided(kind, points, covs, given, convex, (outward, sensed, sds), tip_radius, name)
+    fit = partial(_sided, kind, points, covs, given=given, convex=convex, sides=(outward, sensed, sds), name=name)
+    found, side = fit(shared, tip_radius)
+    require_side(side, tip_radius > 0 or tip_radius_sd > 0, name, "neither directions nor normals")
+    if tip_radius_sd > 0 and side is not None:
+        shared = (*shared, tip_error(tip_radius_sd, side * _normals(kind, found, points)))
+        found, side = fit(shared, tip_radius)
     refuse(kind, found, points, name)
     estimate, size_found = _off_the_ball(kind, found, (side or 0) * tip_radius, name)
     estimate = _directed(kind, estimate, outward)
@@ -97,8 +104,8 @@ def fit_round(
     rows = np.vstack([SE3.adjoint_inverse(estimate.T)[list(kind.rows)], np.zeros(6)])
     terms = shared_terms(points, estimate, rows, shared)
     known = convex if side is None else side > 0
-    feature = feature_of(kind, estimate, size_found, terms, known, label, support, readings)
-    return replace(feature, tip_radius=tip_radius), make_report(estimate, readings)
+    feature = feature_of(kind, estimate, size_found, terms, known, label, support, readings, tip_radius)
+    return feature, make_report(estimate, readings)
 
 
 def _check(
@@ -106,13 +113,12 @@ def _check(
 ) -> None:
     if points.ndim != 2:
         raise InputError(f"{name}, points: expected shape (n, 3), got {points.shape}. Use round_ml for batches.")
-    if kind.name not in DISTANCES:
-        raise InputError(f"kind: expected one of {', '.join(DISTANCES)}, got {kind.name}.")
+    if kind.name not in SURFACES:
+        raise InputError(f"kind: expected one of {', '.join(SURFACES)}, got {kind.name}.")
     if size is not None and not (np.isfinite(size) and size > 0 and (kind is not CONE or size < np.pi / 2)):
         most = " below pi/2 rad" if kind is CONE else " [m]"
         raise InputError(f"{name}: expected a positive {kind.size_name}{most}, got {size}.")
-    if not (np.isfinite(size_sd) and size_sd >= 0):
-        raise InputError(f"{name}, size_sd: expected zero or more, got {size_sd}.")
+    check_spread("size_sd", size_sd, name)
     if kind is CIRCLE and tip_radius > 0:
         raise InputError(
             f"{name}: expected points of its rim, got centres of a ball of {1e3 * tip_radius:g} mm, whose contact on "
@@ -121,26 +127,16 @@ def _check(
         )
 
 
-def outward_vectors(directions: Vectors | None, normals: Vectors | None, n: int) -> Vectors:
-    """Unit vectors out of the material ``(n, 3)``: normals, or against the directions; zero where nothing is known."""
-    for side, sign in ((normals, 1.0), (directions, -1.0)):
-        if side is None:
-            continue
-        vectors = sign * np.nan_to_num(np.asarray(side, dtype=np.float64).reshape(n, 3))
-        length = np.linalg.norm(vectors, axis=1, keepdims=True)
-        if length.any():
-            return np.asarray(vectors / np.where(length > 0, length, 1.0))
-    return np.zeros((n, 3))
-
-
 def _sided(
     kind: FeatureKind,
     points: Vectors,
     covs: Covariances,
+    shared: SharedReadings,
+    tip_radius: float,
+    *,
     given: tuple[float, float] | None,
     convex: bool | None,
     sides: tuple[Vectors, Vectors, FloatArray],
-    tip_radius: float,
     name: str,
 ) -> tuple[RoundEstimate, int | None]:
     """The fit to the points as they are, and 1 for a boss, -1 for a bore, None where that is not known."""
@@ -151,21 +147,21 @@ def _sided(
         size = {} if given is None else {"size": given[0] + moved, "size_sd": given[1]}
         along = None if own is None else sign * sensed
         beside = outward if outward.any() and kind is not CIRCLE else None
-        return round_ml(kind, points, covs, normals=along, normal_sds=own, outward=beside, **size)
+        return round_ml(kind, points, covs, normals=along, normal_sds=own, outward=beside, shared=shared, **size)
 
     stated = None if convex is None else (1 if convex else -1)
     found = fit(stated or _spreading(points, sensed), 0.0)
     if kind is CIRCLE:
         return found, stated
     side = side_of(_normals(kind, found, points), outward, stated, name)
-    if tip_radius > 0 and side is None:
-        raise SideError(
-            f"{name}: expected to know whether the ball touched a boss from outside or a bore from inside, got neither "
-            "directions nor normals. Give the direction of each touch (into the material), or convex."
-        )
     if tip_radius > 0 and given is not None and kind is not CONE and side is not None:
         found = fit(side, side * tip_radius)
     return found, side
+
+
+def tip_error(sd: float, outward: Vectors) -> tuple[SharedError, FloatArray]:
+    """A ball that is larger than stated has touched where one as stated would have been nearer to the surface."""
+    return SharedError("tip radius", np.array([[sd**2]]), "error of the radius of the tip [m]"), -outward[..., None]
 
 
 def _spreading(points: Vectors, normals: Vectors) -> int:
@@ -178,30 +174,7 @@ def _spreading(points: Vectors, normals: Vectors) -> int:
 def _normals(kind: FeatureKind, found: RoundEstimate, points: Vectors) -> Vectors:
     """Unit vectors away from the axis or centre at the points ``(n, 3)``."""
     local = SE3.apply(SE3.inverse(found.fit.T), points)
-    return np.asarray(DISTANCES[kind.name](local, found.size[..., None]).G[..., -1, :] @ found.fit.T[:3, :3].T)
-
-
-def side_of(N: Vectors, outward: Vectors, stated: int | None, name: str) -> int | None:
-    """1 if the outward vectors point away from the axis, -1 if towards it; what is stated if they tell nothing.
-
-    Raises:
-        SideError: if they contradict each other, or what is stated.
-    """
-    known = outward.any(axis=1)
-    along = np.sum(N * outward, axis=1)[known]
-    if not len(along) or np.all(np.abs(along) < _ALONG):
-        return stated
-    mean = float(along.mean())
-    if abs(mean) < _ALONG or np.any(along * np.sign(mean) < -0.2):
-        raise SideError(
-            f"{name}: expected the readings to agree on which side is outside, got vectors with components "
-            f"{along.min():.2f} to {along.max():.2f} away from its axis. Check directions, normals and label."
-        )
-    side = 1 if mean > 0 else -1
-    if stated is not None and side != stated:
-        got, wanted = ("a boss", "a bore") if side > 0 else ("a bore", "a boss")
-        raise SideError(f"{name}: expected {wanted}, got directions or normals of {got}. Check convex, or the columns.")
-    return side
+    return np.asarray(round_distances(kind, local, float(found.size)).G[:, -1] @ found.fit.T[:3, :3].T)
 
 
 def _off_the_ball(kind: FeatureKind, found: RoundEstimate, tip: float, name: str) -> tuple[Estimate, float]:
@@ -250,10 +223,11 @@ def feature_of(
     label: str,
     support: Vectors,
     readings: Sequence[str],
+    tip_radius: float,
 ) -> Feature:
     """The feature of an estimate whose last row is the size."""
     P = 0.5 * (estimate.P + estimate.P.T)
     gains = tuple(term.jacobian[-1:] for term in terms)
     own = tuple(SharedTerm(term.error, term.jacobian[:-1]) for term in terms)
     size_of = Round(size, float(P[-1, -1]), P[:-1, -1], gains, convex)
-    return Feature(kind, estimate.T, P[:-1, :-1], label, own, support, tuple(readings), size=size_of)
+    return Feature(kind, estimate.T, P[:-1, :-1], label, own, support, tuple(readings), tip_radius, size_of)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.errors import DegenerateError
 from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
-from tanteo.fitting.round_result import RoundEstimate
+from tanteo.fitting.round_estimate import RoundEstimate
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, Vectors
 

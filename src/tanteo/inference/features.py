@@ -30,8 +30,8 @@ def identify_features(
     something else). Where the points themselves are at hand, :func:`tanteo.identify` is better: they are all there is.
 
     Args:
-        features: sensed planes, edges, vertices, circles and cylinders in the world; a plane whose outward side is
-            unknown as a pair of both.
+        features: sensed planes, edges, vertices, circles, cylinders, spheres and cones in the world; a plane whose
+            outward side is unknown as a pair of both.
         parts: candidates, as parts or prepared.
         tolerance: sd of the made part's surface against its CAD [m].
         significance: an answer whose joint test has a smaller p-value than this is not accepted.

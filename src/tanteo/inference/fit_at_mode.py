@@ -12,7 +12,7 @@ from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin
 from tanteo.localization import pose_information, weak_motions
 from tanteo.measurements import FreeRays, directions_met
-from tanteo.parts import Part, round_features
+from tanteo.parts import Part, centred_faces, round_features
 from tanteo.typing import FloatArray, Tangents
 
 _HELD, _TOLD = 0.05, 24
@@ -113,13 +113,18 @@ def face_names(one: GoodnessOfFit) -> list[str]:
 
 
 def _name_of(part: Part, number: int) -> str:
-    """What the core calls by a number: a face, or beyond -1 an edge, a vertex, then a hole or boss."""
+    """What the core calls by a number: a face; beyond -1 edges, vertices, holes and bosses, then spheres and cones."""
     k, edges, corners = -2 - number, len(part.edges), len(part.corners)
     if number >= 0:
         return part.faces[number].name
     if k < edges:
         return f"edge {k}"
-    return f"vertex {k - edges}" if k < edges + corners else round_features(part)[k - edges - corners].name
+    if k < edges + corners:
+        return f"vertex {k - edges}"
+    rounds, beyond = round_features(part), k - edges - corners
+    if beyond < len(rounds):
+        return rounds[beyond].name
+    return part.faces[centred_faces(part)[beyond - len(rounds)].face].name
 
 
 def information_by_point(mode: Mode) -> FloatArray:

@@ -1,11 +1,13 @@
-"""Poses from centres of circles: three of them on three axes of holes and bosses that are as far apart.
+"""Poses from centres: three of them on three axes of holes and bosses, spheres or apexes that are as far apart.
 
-The centre of a hole may be at any height along its axis, so two of them are as far apart as places of two axes can be.
+The centre of a hole may be at any height along its axis, so two of them are as far apart as places of two axes can be;
+that of a sphere, or an apex, is an axis without length.
 Of many holes few triples fit that, as few triples of faces fit three labelled planes (``label_tuples.py``).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 
@@ -15,7 +17,8 @@ from tanteo import _core
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints
-from tanteo.parts import RoundFeature, round_features
+from tanteo.parts import CentredFace, RoundFeature, centred_faces, round_features
+from tanteo.sensors import CENTRE, CENTRE_OF
 from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
 
 _SDS, _MADE = 4.0, 5e-5
@@ -29,6 +32,9 @@ _MOST = 1000
 
 _SHARP = 0.1
 """Least height of a triangle over its longest side: centres in a row leave a turn free."""
+
+_TINY = 1e-300
+"""Keeps axes without length from dividing by zero."""
 
 _PARALLEL = 1e-3
 """Axes closer than this are parallel [rad]."""
@@ -47,18 +53,23 @@ _SOME = 32
 
 
 class Axes:
-    """The axes of a part's holes and bosses, as far as places of two of them can be apart.
+    """The axes of a part's holes and bosses and the centres of its spheres and cones, as far as two can be apart.
 
     Attributes:
         ends: of each ``(N, 2, 3)`` [m].
-        radii: least and largest of each ``(N, 2)`` [m].
+        sizes: least and largest radius [m] or half angle [rad] of each ``(N, 2)``.
         sides: 1 of a hole, -1 of a boss ``(N,)``.
+        kinds: of the points that may be there ``(N,)``.
     """
 
-    def __init__(self, rounds: tuple[RoundFeature, ...]) -> None:
-        self.ends = np.array([one.ends for one in rounds]).reshape(-1, 2, 3)
-        self.radii = np.sort(np.array([one.radii for one in rounds]).reshape(-1, 2), axis=1)
-        self.sides = np.array([1.0 if one.hole else -1.0 for one in rounds])
+    def __init__(self, rounds: tuple[RoundFeature, ...], faces: tuple[CentredFace, ...]) -> None:
+        both = [one.ends for one in rounds] + [np.stack([one.centre, one.centre]) for one in faces]
+        self.ends = np.array(both).reshape(-1, 2, 3)
+        sizes = [one.radii for one in rounds] + [np.array([one.size, one.size]) for one in faces]
+        self.sizes = np.sort(np.array(sizes).reshape(-1, 2), axis=1)
+        hollow = [one.hole for one in rounds] + [one.hole for one in faces]
+        self.sides = np.where(np.array(hollow, dtype=bool), 1.0, -1.0)
+        self.kinds = np.array([CENTRE] * len(rounds) + [CENTRE_OF[one.surface] for one in faces])
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -70,7 +81,7 @@ class Axes:
         A centre may be anywhere along an axis, so parallel ones are as near as their lines.
         """
         a, along = self.ends[:, 0], self.ends[:, 1] - self.ends[:, 0]
-        unit = along / np.linalg.norm(along, axis=1)[:, None]
+        unit = along / np.maximum(np.linalg.norm(along, axis=1), _TINY)[:, None]
         corners = np.linalg.norm(self.ends[:, None, :, None] - self.ends[None, :, None], axis=-1)
         off = a[None] - a[:, None]
         beside = np.linalg.norm(off - np.einsum("ijk,jk->ij", off, unit)[..., None] * unit, axis=-1)
@@ -80,10 +91,11 @@ class Axes:
         return np.where(sines > _PARALLEL, skew, np.minimum(beside, beside.T)), corners.max(axis=(2, 3))
 
     def allowed(self, points: ContactPoints) -> BoolArray:
-        """Which axes each centre may be of, by side and radius ``(n, N)``."""
-        radius, sd, side = points.circles.T[..., None]
-        near = (radius > self.radii[:, 0] - _SDS * sd) & (radius < self.radii[:, 1] + _SDS * sd)
-        return np.asarray((side * self.sides >= 0) & ((radius == 0) | near))
+        """Which axes each centre may be of, by kind, side and size ``(n, N)``."""
+        size, sd, side = points.circles.T[..., None]
+        near = (size > self.sizes[:, 0] - _SDS * sd) & (size < self.sizes[:, 1] + _SDS * sd)
+        alike = np.array(points.kinds)[:, None] == self.kinds
+        return np.asarray(alike & (side * self.sides >= 0) & ((size == 0) | near))
 
 
 def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedPart) -> Transforms:
@@ -91,10 +103,11 @@ def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedP
     rows, none = np.flatnonzero(points.centres), np.zeros((0, 4, 4))
     if len(rows) < 3:
         return none
-    axes = Axes(round_features(prepared.part))
+    axes = Axes(round_features(prepared.part), centred_faces(prepared.part))
     if len(axes) < 3:
         return none
     centres = points.take(rows)
+    centres = replace(centres, points=centres.points - centres.radii[:, None] * centres.normals)  # of cones the apex
     found = [_placed(centres, axes, triple) for triple in _triples(centres)]
     Ts = np.concatenate([none, *found])
     Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[:_BEST]]
@@ -148,7 +161,7 @@ def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
 def _on_axes(p: Vectors, ends: FloatArray) -> Transforms:
     """Poses ``(K, 4, 4)`` that bring points ``(3, 3)`` near axes ``(K, 3, 2, 3)``: to the nearest places, in turns."""
     along = ends[:, :, 1] - ends[:, :, 0]
-    squares = np.sum(along**2, axis=-1)
+    squares = np.maximum(np.sum(along**2, axis=-1), _TINY)
     places = ends.mean(axis=2)
     Ts = _aligned(places, p)
     for _ in range(_STEPS):
@@ -172,7 +185,7 @@ def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
     """How far some of the centres are from the axes, in what they may be off, each as one at most ``(S,)``."""
     some = _spread(centres.points, _SOME)
     a, along = axes.ends[:, 0], axes.ends[:, 1] - axes.ends[:, 0]
-    squares, allowed = np.sum(along**2, axis=1), axes.allowed(centres.take(some))
+    squares, allowed = np.maximum(np.sum(along**2, axis=1), _TINY), axes.allowed(centres.take(some))
     within = _SDS * centres.sd[some] + 2 * _MADE
     out = np.zeros(len(Ts))
     for k, T in enumerate(SE3.inverse(Ts)):

@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.features import label_kind
 from tanteo.lie import SO3
 from tanteo.measurements import ContactPoints, is_round
-from tanteo.sensors import CENTRE
+from tanteo.sensors import CENTRES
 from tanteo.special import log_sum
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
@@ -81,7 +81,7 @@ def groups_of(points: ContactPoints) -> IntArray:
     keys = list(zip(points.labels, points.kinds, strict=True))
     for key in keys:
         counts[key] = counts.get(key, 0) + 1
-    several = [key for key, count in counts.items() if key[0] and count > 1 and key[1] != CENTRE]
+    several = [key for key, count in counts.items() if key[0] and count > 1 and key[1] not in CENTRES]
     number = {key: k for k, key in enumerate(several)}
     return np.array([number.get(key, -1) for key in keys], dtype=np.int32)
 

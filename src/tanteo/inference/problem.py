@@ -16,7 +16,7 @@ from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays, directions_met, is_round
 from tanteo.parts import Part
-from tanteo.sensors import CENTRE
+from tanteo.sensors import APEX, BALL, CENTRE
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 
@@ -143,6 +143,10 @@ class Problem:
         return means.reshape(-1, 4, 4), roots.reshape(-1, 6, 6), np.repeat(log, len(turns))
 
 
+_CENTRES = {CENTRE: 3, BALL: 5, APEX: 6}
+"""Numbers in the core (``Kind``) of kinds of points that are not on the surface."""
+
+
 def unplaced(pose: PosePrior) -> PosePrior:
     """What is known of the pose but for its normal density."""
     return replace(pose, T_world_part=None, covariance=None)
@@ -150,7 +154,7 @@ def unplaced(pose: PosePrior) -> PosePrior:
 
 def _number(kind: str) -> int:
     """Of a kind of point, for the core."""
-    return 3 if kind == CENTRE else 4 if is_round(kind) else directions_met(kind) - 1
+    return _CENTRES.get(kind, 4 if is_round(kind) else directions_met(kind) - 1)
 
 
 def _c(values: FloatArray) -> FloatArray:

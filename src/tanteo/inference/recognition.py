@@ -31,6 +31,7 @@ from tanteo.inference.result import as_hypothesis, worst_reading
 from tanteo.inference.search import LeftOut
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
+from tanteo.sensors import CENTRE
 from tanteo.typing import FloatArray
 
 LEAST = 3
@@ -189,17 +190,19 @@ def _too_little(problem: Problem) -> str:
         return f"All {len(problem.points)} readings are on the {of}: sense the part, on several sides."
     if not len(points):
         return f"No reading met anything: sense {LEAST} places or more, better eight, on several sides."
+    line = ", slid along its axis" if CENTRE in points.kinds else ""
     if len(points) == 1 and points.centres.any():
         return (
-            "One centre fits every hole or boss, and leaves free how the part is tilted, turned about it, slid along "
-            "its axis: sense a second one, and a face."
+            f"One centre fits every hole, boss or sphere of its size, and leaves free how the part is tilted, turned "
+            f"about it{line}: sense a second one, and a face."
         )
     if len(points) == 2 and points.centres.all() and not (named or points.oriented.any()):
+        line = " and slid along its holes" if line else ""
         return (
-            "Two centres leave free how the part is turned about their line and slid along its holes: sense a face, at "
-            "three places, or a third centre that is not in line with them."
+            f"Two centres leave free how the part is turned about their line{line}: sense a face, at three places, or "
+            "a third centre that is not in line with them."
         )
-    if len(points) + np.count_nonzero(points.centres) < LEAST:  # a centre is held in two directions
+    if points.held < LEAST:
         few = "1 reading fits" if len(points) == 1 else f"{len(points)} readings fit"
         return f"{few} any part: sense {LEAST} places or more, better eight, on several sides."
     if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:

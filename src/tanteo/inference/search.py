@@ -39,7 +39,7 @@ _BEST = 3
 """Leading parts of which the best pose is tried on the others."""
 
 _FIXED, _ORIENTED = 6, 3
-"""So many points fix a pose, of which centres of circles count twice, or so many sensed normals."""
+"""So many points fix a pose, of which centres count twice or thrice, or so many sensed normals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +103,7 @@ def race(
         _try_on_others(live)
     live = _still_in(live, log_unknown, _BEHIND[1])
     points = problem.points
-    fixed = len(points) + np.count_nonzero(points.centres) >= _FIXED or int(points.oriented.sum()) >= _ORIENTED
+    fixed = points.held >= _FIXED or int(points.oriented.sum()) >= _ORIENTED
     while live and fixed:
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)

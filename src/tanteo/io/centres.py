@@ -1,4 +1,4 @@
-"""Which rows of a table give centres of circles: a single row of kind circle or cylinder, not contacts on the wall."""
+"""Which rows of a table give centres: a single row of a circle, cylinder, sphere or cone, not contacts on its wall."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.sensors import CENTRE, WALLS
+from tanteo.sensors import CENTRE, CENTRE_OF, CENTRES
 from tanteo.typing import BoolArray, Vectors
 
 _AXIS_SD = np.radians(1.0)
@@ -18,10 +18,10 @@ _AXIS_SD = np.radians(1.0)
 def find_centres(
     columns: dict[str, Any], n: int, outward: Vectors | None, source: str, notes: list[str]
 ) -> tuple[BoolArray, Vectors | None]:
-    """Make rows that give the centre of a circle readings of kind ``centre``; what is taken so is said.
+    """Make rows that give the centre of a round feature readings of a kind of :data:`CENTRES`; it is said.
 
-    They are those of kind circle or cylinder that are alone with their label, or that have the radius or the side of
-    the hole or boss. Several rows with one label are contacts on its wall.
+    They are those of kind circle, cylinder, sphere or cone that are alone with their label, or that have the radius or
+    the side of the hole or boss. Several rows with one label are contacts on its wall.
 
     Args:
         columns: of :meth:`Readings.from_columns`, in SI; None where the file has none.
@@ -37,19 +37,15 @@ def find_centres(
         ReadingsError: one of them has a ball's radius.
     """
     kinds = columns["kinds"]
-    if kinds is None or not any(kind in (*WALLS, CENTRE) for kind in kinds):
+    if kinds is None or not any(kind in CENTRE_OF or kind in CENTRES for kind in kinds):
         return np.zeros(n, dtype=np.bool_), outward
     rows = _rows(columns, n)
-    columns["kinds"] = [CENTRE if row else kind for row, kind in zip(rows, kinds, strict=True)]
+    taken = [CENTRE_OF.get(kind, kind) if row else kind for row, kind in zip(rows, kinds, strict=True)]
+    columns["kinds"] = taken
     if not rows.any():
         return rows, outward
     _without_ball(columns, rows, source)
-    names = _named(columns, rows)
-    alone = f"{len(rows[rows])} rows give" if rows.sum() > 1 else "one row gives"
-    notes.append(
-        f"{alone[0].upper()}{alone[1:]} the centre of a hole or boss ({names}); the height along its axis is not used, "
-        "so sense a face as well."
-    )
+    notes += _said(columns, np.array([kind == CENTRE for kind in taken]), rows)
     if outward is None:
         return rows, None
     own = columns["normals"]
@@ -65,8 +61,21 @@ def _rows(columns: dict[str, Any], n: int) -> BoolArray:
     radii, sides = columns.get("hole_radii"), columns.get("material_sides") or [""] * n
     said = np.array([bool(side) for side in sides]) | (False if radii is None else ~np.isnan(radii))
     single = np.array([not label or counts[label] == 1 for label in labels])
-    wall = np.array([kind in WALLS for kind in kinds])
-    return np.asarray((wall & (single | said)) | np.array([kind == CENTRE for kind in kinds]))
+    wall = np.array([kind in CENTRE_OF for kind in kinds])
+    return np.asarray((wall & (single | said)) | np.array([kind in CENTRES for kind in kinds]))
+
+
+def _said(columns: dict[str, Any], circles: BoolArray, rows: BoolArray) -> list[str]:
+    """What rows were taken as: centres of holes and bosses, and those of spheres and cones."""
+    notes = []
+    for some, what in (
+        (circles, "the centre of a hole or boss ({}); the height along its axis is not used, so sense a face as well."),
+        (rows & ~circles, "the centre of a sphere or the apex of a cone ({})."),
+    ):
+        if some.any():
+            alone = f"{some.sum()} rows give" if some.sum() > 1 else "One row gives"
+            notes.append(f"{alone} {what.format(_named(columns, some))}")
+    return notes
 
 
 def _without_ball(columns: dict[str, Any], rows: BoolArray, source: str) -> None:

@@ -27,7 +27,7 @@ NORMAL = ("nx", "ny", "nz")
 OUTWARD = ("i", "j", "k")
 QUATERNION = WAYS[0].names
 HAND = (*PLACE, *QUATERNION)
-ANGLES = ("normal_sd", *HAND_ANGLES)
+ANGLES = ("normal_sd", "half_angle", *HAND_ANGLES)
 _OF_BRANDS = tuple(name for way in WAYS[3:] for name in way.names)
 
 

@@ -25,7 +25,7 @@ _LONGEST = 100
 
 _NO_UNIT = ("", "-", "1", "/")
 _WHOLE = re.compile(r"(?:\w*_)?(position|translation|orientation|rotation|normal|direction)_([xyzw])(_\w+)?")
-_OF_HOLES = re.compile(r"(?:hole|bore|boss|circle|cylinder|feature)_(radius|diameter|diam|dia)(_\w+)?")
+_OF_HOLES = re.compile(r"(?:hole|bore|boss|circle|cylinder|sphere|feature)_(radius|diameter|diam|dia)(_\w+)?")
 _GROUPS = {"position": "hand_", "translation": "hand_", "orientation": "hand_q", "rotation": "hand_q", "normal": "n",
            "direction": "d"}  # fmt: skip
 _ADVICE = (

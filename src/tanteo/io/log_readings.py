@@ -12,7 +12,7 @@ from tanteo.io.poses import pose_from_brand
 from tanteo.io.stated import Stated
 from tanteo.io.units import length_unit
 from tanteo.logs import Log, LogFormat
-from tanteo.sensors import CENTRE, Readings
+from tanteo.sensors import CENTRE_OF, Readings
 
 _EXAMPLES = {
     "--units": "--units mm",
@@ -37,7 +37,7 @@ def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readi
     """
     metre = _metre(log, stated, form, source)
     notes = [*log.notes]
-    touched = log.points is not None and (log.holes is None or bool(np.isnan(log.holes).any()))
+    touched = log.points is not None and (log.kinds is None or "point" in log.kinds)
     if touched and not log.centres and stated.radius is None:
         notes.append("The points are taken as points of the surface; say --radius if they are centres of a ball.")
     if log.normals is not None and stated.normal_sd is None:
@@ -76,9 +76,12 @@ def _columns(log: Log, stated: Stated, metre: float, source: str) -> dict[str, A
         "radii": None if log.radii is None else log.radii * metre, "features": None, "kinds": None,
         "Ts_world_hand": None, "ranges": None, "is_free": None,
     }  # fmt: skip
-    if log.holes is not None:
-        columns["hole_radii"], columns["material_sides"] = log.holes * metre, log.sides
-        columns["kinds"] = ["point" if np.isnan(radius) else CENTRE for radius in log.holes]
+    if log.kinds is not None:
+        columns["kinds"], columns["material_sides"] = [CENTRE_OF.get(kind, kind) for kind in log.kinds], log.sides
+        angles = np.array([kind == "cone" for kind in log.kinds])
+        columns["hole_radii"] = None if log.sizes is None else np.where(angles, log.sizes, log.sizes * metre)
+    if log.sds is not None:
+        columns["sds"] = log.sds * metre
     if log.poses is not None:
         try:
             columns["Ts_world_hand"] = pose_from_brand(log.brand, log.poses)

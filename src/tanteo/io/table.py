@@ -27,9 +27,15 @@ _LARGEST_TIP = 1.0
 _SHORTEST, _LONGEST = 1e-9, 1e9
 """Lengths that a direction may have; their squares are numbers still."""
 
-_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter")
+_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter", "half_angle")
 _QUATERNION_SLACK = 1e-3
-_ROUND = ("hole", "bore", "boss", "arc", "slot")
+_OF_HOLES = "centres of holes and bosses are of kind circle, with side hole or boss"
+_MEANT = {
+    **dict.fromkeys(("hole", "bore", "boss", "arc", "slot"), _OF_HOLES),
+    **dict.fromkeys(("ball", "socket", "dome"), "balls and hollows are of kind sphere, with side boss or hole"),
+    **dict.fromkeys(("countersink", "taper", "chamfer"), "countersinks are of kind cone, with side hole"),
+}
+"""What is written for kinds, and what it is called here."""
 _STATUSES, _SIDES = ("ok", "none"), ("hole", "boss")
 
 
@@ -86,9 +92,9 @@ class Table:
         valid = {"kind": reading_kinds(), "status": _STATUSES, "side": _SIDES}.get(column.base)
         if valid is not None and (strange := set(names) - {*valid, ""}):
             k = next(i for i, name in enumerate(names) if name in strange)
-            round_one = " (centres of holes and bosses are of kind circle, with side hole or boss)"
-            hint = round_one if column.base == "kind" and names[k].lower() in _ROUND else ""
-            self.fail(k, column.base, names[k], f"one of {', '.join(valid)}{hint}")
+            meant = _MEANT.get(names[k].lower(), "") if column.base == "kind" else ""
+            meant = "in small letters" if names[k].lower() in valid else meant
+            self.fail(k, column.base, names[k], f"one of {', '.join(valid)}{f' ({meant})' if meant else ''}")
         return [pool.setdefault(name, name) for name in names]
 
     def _check_ids(self, names: list[str]) -> None:
@@ -293,17 +299,18 @@ class Table:
         return assemble(columns, self.count, stated, str(self.path), notes, outward=vectors(OUTWARD))
 
     def _hole_radii(self, numbers: dict[str, FloatArray]) -> FloatArray | None:
-        """Radii of holes and bosses; both radius and diameter of one row are refused."""
-        radii, diameters = numbers.get("hole_radius"), numbers.get("hole_diameter")
-        if radii is None or diameters is None:
-            return radii if diameters is None else diameters / 2
-        both = ~np.isnan(radii) & ~np.isnan(diameters)
-        if both.any():
+        """Sizes of holes and bosses, half angles of cones; two of one row are refused."""
+        scales = {"hole_radius": 1.0, "hole_diameter": 0.5, "half_angle": 1.0}
+        given = [numbers[name] * scale for name, scale in scales.items() if name in numbers]
+        if not given:
+            return None
+        several = np.sum(~np.isnan(given), axis=0) > 1
+        if several.any():
             raise ReadingsError(
-                f"{self.path}, line {self.line_of(int(np.argmax(both)))}: expected the radius or the diameter of the "
-                "hole, got both. Keep one."
+                f"{self.path}, line {self.line_of(int(np.argmax(several)))}: expected the radius or the diameter of "
+                "the hole, or the half angle of a cone, got two of them. Keep one."
             )
-        return np.where(np.isnan(radii), diameters / 2, radii)
+        return np.asarray(np.fmax.reduce(given))
 
     def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
         """Who writes the hand's rotation so; a matrix that is none is refused."""

@@ -45,7 +45,10 @@ def part_json(part: Part) -> str:
         ],
         "vertices": [{"name": f"vertex {i}", "point_m": p} for i, p in enumerate(part.corners.points)],
         "curved_faces": [
-            {"name": f.name, "surface": f.surface, "area_m2": f.area, "radius_m": f.radius, "convex": f.convex}
+            {
+                "name": f.name, "surface": f.surface, "area_m2": f.area, "radius_m": f.radius, "convex": f.convex,
+                "half_angle_rad": f.half_angle, "centre_m": None if f.surface == "cylinder" else f.axis_point,
+            }
             for f in part.faces
             if f.surface != "plane"
         ],

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
-    from tanteo.localization.fusion import fuse_features
+    from tanteo.localization.fusion import Fused, fuse_features
     from tanteo.localization.observability import describe_motion, unobserved_directions, weak_motions
     from tanteo.localization.pairing import ModelFeature, Pairing, build_blocks
     from tanteo.localization.pose import PoseEstimate, estimate_pose
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = [
     "RELATIONS",
     "Block",
+    "Fused",
     "ModelFeature",
     "Pairing",
     "PoseEstimate",
@@ -49,7 +50,7 @@ __getattr__, __dir__ = lazy(
     __name__,
     {
         "start": "first_pose",
-        "fusion": "fuse_features",
+        "fusion": "Fused fuse_features",
         "observability": "describe_motion unobserved_directions weak_motions",
         "pairing": "ModelFeature Pairing build_blocks",
         "pose": "PoseEstimate estimate_pose",

@@ -1,7 +1,9 @@
 """DMIS output of coordinate measuring machines (ISO 22093): actual points ``FA(name)=FEAT/POINT,CART,x,y,z,i,j,k``.
 
 Actual circles and cylinders, ``FA(name)=FEAT/CIRCLE,INNER,CART,x,y,z,i,j,k,diameter`` (``CYLNDR``; ``OUTER`` of
-bosses), are centres of holes and bosses; so the converters of the QIF community write them. Where a file has neither,
+bosses), are centres of holes and bosses; so the converters of the QIF community write them. Spheres are
+``FA(name)=FEAT/SPHERE,OUTER,CART,x,y,z,diameter``. Cones are left out: which way writers point their axis, and whether
+the angle is half of it, was found in no file. Where a file has neither,
 the points of ``PTDATA`` are taken, and else those of ``PTMEAS`` and of ``F(name)=FEAT/POINT``, which in a program are
 nominal; what was taken is said. ``$`` continues a line, ``$$`` begins a comment.
 """
@@ -16,7 +18,10 @@ from tanteo.logs.contents import Contents
 from tanteo.logs.log import Log, counted, unique
 
 _UNITS = {"MM": "mm", "CM": "cm", "M": "m", "INCH": "in", "FEET": "ft"}
-_ROUND, _SIDES = ("CIRCLE", "CYLNDR"), {"INNER": "hole", "OUTER": "boss"}
+_ROUND = {"CIRCLE": "circle", "CYLNDR": "cylinder", "SPHERE": "sphere"}
+_SIDES = {"INNER": "hole", "OUTER": "boss"}
+_CELLS = 9
+"""Of a round feature; of a point there are six, or three."""
 _FEATURE = re.compile(r"^(FA?)\(([^()]{1,80})\)\s*=\s*FEAT\s*/\s*(\w+)\s*,(.{0,500})", re.IGNORECASE)
 _POINT = re.compile(r"^(PTMEAS|PTDATA)\s*/\s*CART\s*,(.{0,500})", re.IGNORECASE)
 _HINT = re.compile(
@@ -47,8 +52,8 @@ def read(contents: Contents) -> Log:
             kind, name, shape, rest = match[1].upper(), match[2], match[3].upper(), _cells(match[4])
             if shape == "POINT" and rest[:1] == ["CART"]:
                 rows[kind].append((k, name, rest[1:7]))
-            elif kind == "FA" and shape in _ROUND and rest[0] in _SIDES and rest[1:2] == ["CART"] and len(rest) > 8:
-                rows[kind].append((k, name, [*rest[2:9], _SIDES[rest[0]]]))
+            elif kind == "FA" and (cells := _round(shape, rest)):
+                rows[kind].append((k, name, cells))
             else:
                 others += kind == "FA" and shape != "POINT"
         elif match := _POINT.match(line):
@@ -59,8 +64,17 @@ def read(contents: Contents) -> Log:
         contents.fail("measured points (FA(...)=FEAT/POINT, PTDATA or PTMEAS)", left, "Output the points as well.")
     notes = [_CALLED[taken]] if _CALLED[taken] else []
     if others:
-        notes.append(f"{counted(others, 'feature')} of other kinds than POINT, CIRCLE and CYLNDR left out.")
+        notes.append(f"{counted(others, 'feature')} of other kinds than POINT, CIRCLE, CYLNDR and SPHERE left out.")
     return _log(contents, rows[taken], unit, notes)
+
+
+def _round(shape: str, rest: list[str]) -> list[str]:
+    """Place, axis, diameter, side and kind of a round feature; nothing of others."""
+    if shape not in _ROUND or rest[0] not in _SIDES or rest[1:2] != ["CART"]:
+        return []
+    axis = ["0"] * 3 if shape == "SPHERE" else rest[5:8]
+    diameter = rest[5:6] if shape == "SPHERE" else rest[8:9]
+    return [*rest[2:5], *axis, *diameter, _SIDES[rest[0]], _ROUND[shape]] if diameter else []
 
 
 def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str | None, notes: list[str]) -> Log:
@@ -68,20 +82,27 @@ def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str |
     points = contents.numbers([(cells + [""] * 3)[:3] for _, _, cells in rows], lines, "a point")
     scale = {"cm": 10.0, "ft": 12.0}.get(unit or "", 1.0)
     points, unit = points * scale, {"cm": "mm", "ft": "in"}.get(unit or "", unit)
-    round_ones = np.array([len(cells) == 8 for _, _, cells in rows])
+    round_ones = np.array([len(cells) == _CELLS for _, _, cells in rows])
     diameters = [cells[6] if is_round else "1" for (_, _, cells), is_round in zip(rows, round_ones, strict=True)]
     sizes = contents.numbers([[cell] for cell in diameters], lines, "a diameter")[:, 0] * scale
     if not np.all(sizes > 0):
         contents.fail("a positive diameter", f"{sizes.min():g}", "Correct it.", lines[int(np.argmin(sizes))])
     vectors = None
-    if all(len(cells) in (6, 8) for _, _, cells in rows):
+    if all(len(cells) in (6, _CELLS) for _, _, cells in rows):
         vectors = contents.numbers([cells[3:6] for _, _, cells in rows], lines, "a normal")
         vectors[np.linalg.norm(vectors, axis=1) < 0.5] = np.nan
         vectors = None if np.isnan(vectors).all() else vectors
     names = unique([name for _, name, _ in rows])
-    holes = np.where(round_ones, sizes / 2, np.nan) if round_ones.any() else None
-    sides = tuple(cells[7] if len(cells) == 8 else "" for _, _, cells in rows)
-    return Log(points=points, unit=unit, outward=vectors, holes=holes, sides=sides, ids=names, notes=tuple(notes))
+    if not round_ones.any():
+        return Log(points=points, unit=unit, outward=vectors, ids=names, notes=tuple(notes))
+    sides, kinds = (
+        tuple(cells[column] if len(cells) == _CELLS else other for _, _, cells in rows)
+        for column, other in ((7, ""), (8, "point"))
+    )
+    return Log(
+        points=points, unit=unit, outward=vectors, kinds=kinds, sizes=np.where(round_ones, sizes / 2, np.nan),
+        sides=sides, ids=names, notes=tuple(notes),
+    )  # fmt: skip
 
 
 def _statements(contents: Contents) -> list[tuple[int, str]]:

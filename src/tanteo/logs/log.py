@@ -27,8 +27,11 @@ class Log:
         directions: Where the tip moved or the device looked ``(n, 3)``, into the material.
         outward: Vectors ``(n, 3)`` out of the material, as probes are told or reports say them: i, j, k.
         normals: Normals ``(n, 3)`` that were sensed.
-        holes: Of rows that give the centre of a circle, the radius of the hole or boss; NaN of other rows ``(n,)``.
-        sides: Of these ``hole`` or ``boss``, or nothing.
+        kinds: Of rows that give the centre of a round feature its kind (``circle``, ``cylinder``, ``sphere``,
+            ``cone``), of others ``point``.
+        sizes: Of centres the radius, of a cone the half angle [rad]; NaN where it is not said, and of points ``(n,)``.
+        sides: Of centres ``hole`` or ``boss``, or nothing.
+        sds: Standard deviation of each point or centre ``(n,)``; NaN where it is not said.
         ids: Names of the rows, unique.
         brand: Who writes ``poses`` so, a name of ``tanteo.io.BRANDS``.
         poses: Of the hand ``(n, k)``, in the brand's fields and units.
@@ -47,8 +50,10 @@ class Log:
     directions: FloatArray | None = None
     outward: FloatArray | None = None
     normals: FloatArray | None = None
-    holes: FloatArray | None = None
+    kinds: tuple[str, ...] | None = None
+    sizes: FloatArray | None = None
     sides: tuple[str, ...] | None = None
+    sds: FloatArray | None = None
     ids: tuple[str, ...] | None = None
     brand: str = ""
     poses: FloatArray | None = None

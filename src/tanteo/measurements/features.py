@@ -1,26 +1,36 @@
-"""Sensed features as labelled points: planes, edges, vertices, circles, cylinders with their covariance; world, metres.
+"""Sensed features as labelled points, with their covariance; world, metres.
 
 A plane is as good as a few of the points where it was felt, an edge as good as two points of it, with variances that
-give the feature's own covariance; a circle is its centre with its axis, a cylinder two points of its axis. So features
-are measurements like any other.
+give the feature's own covariance; a circle is its centre with its axis, a cylinder two points of its axis, a sphere its
+centre, a cone its apex with its axis. So features are measurements like any other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CYLINDER, EDGE, PLANE, VERTEX, Feature, Sides, collect_shared, shared_root
+from tanteo.features import (
+    CIRCLE,
+    CONE,
+    CYLINDER,
+    EDGE,
+    PLANE,
+    SPHERE,
+    VERTEX,
+    Feature,
+    Sides,
+    collect_shared,
+    shared_root,
+)
 from tanteo.lie import SE3
-from tanteo.measurements.points import MADE, ContactPoints
-from tanteo.sensors import CENTRE
+from tanteo.measurements.points import MADE, MADE_ANGLE, ContactPoints
+from tanteo.sensors import CENTRE_OF, CENTRES
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
-
-_AXES = (CIRCLE.name, CYLINDER.name)
-"""Kinds of feature that are points of an axis."""
 
 _SLIGHT, _CLOSE = 1e-6, 0.05
 """Points that say less than this share of what the one that says most does are left out; so closely, in proportion, the
@@ -31,7 +41,7 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     """The points that say of the part what the features say; rows of one feature have its label as their id.
 
     Args:
-        features: planes, edges, vertices, circles and cylinders.
+        features: planes, edges, vertices, circles, cylinders, spheres and cones.
         tolerance: sd of the made surface against its CAD [m].
 
     Raises:
@@ -44,13 +54,13 @@ def as_labelled_points(features: Sequence[Sides], tolerance: float = 0.0) -> Con
     rows = [_rows(view, name, gain @ root) for view, name, gain in zip(views, names, shared_jacobian, strict=True)]
     kinds, columns = [view[0].kind.name for view in views], rows or [_none(len(root))]
     counts = [len(block[0]) for block in rows]
-    points, covs, sides, normals, sds, gained, circles = (np.concatenate(x) for x in zip(*columns, strict=True))
-    kinds = np.repeat([CENTRE if kind in _AXES else kind for kind in kinds], counts).tolist()
-    surface = np.array([kind != CENTRE for kind in kinds], dtype=bool)[:, None]
+    points, covs, sides, normals, sds, gained, circles, offsets = map(np.concatenate, zip(*columns, strict=True))
+    kinds = np.repeat([CENTRE_OF.get(kind, kind) for kind in kinds], counts).tolist()
+    surface = np.array([kind not in CENTRES for kind in kinds], dtype=bool)[:, None]
     covs, outward = covs + tolerance**2 * np.eye(3), (sides + normals) * surface  # only one of the two is given
     radii = np.repeat([view[0].tip_radius for view in views], counts) * outward.any(axis=1)
     return ContactPoints(
-        tuple(np.repeat(names, counts).tolist()), points + radii[:, None] * outward, covs, radii,
+        tuple(np.repeat(names, counts).tolist()), points + radii[:, None] * outward, covs, radii + offsets,
         np.zeros(points.shape), normals, sds, np.zeros(len(points)), gained,
         np.sqrt(np.linalg.eigvalsh(covs)[:, -1]), tolerance,
         labels=tuple(np.repeat(names, counts).tolist()), kinds=tuple(kinds), sides=sides, circles=circles,
@@ -67,7 +77,9 @@ class FeaturePoints(NamedTuple):
         normals: sensed outward normals, else zero ``(n, 3)``.
         normal_sds: of these, pi where there is none ``(n,)`` [rad].
         shared_jacobian: of the points by the whitened shared errors ``(n, 3, D)``.
-        circles: of centres of circles, radius [m] or 0, its sd [m], and 1 for a hole, -1 for a boss ``(n, 3)``.
+        circles: of centres, radius [m], half angle of an apex [rad], or 0, its sd, and 1 for a hole, -1 for a boss
+            ``(n, 3)``.
+        offsets: of points of a cone's axis, how far they are from the apex, else zero ``(n,)`` [m].
     """
 
     points: Vectors
@@ -77,6 +89,7 @@ class FeaturePoints(NamedTuple):
     normal_sds: FloatArray
     shared_jacobian: FloatArray
     circles: FloatArray
+    offsets: FloatArray
 
 
 ToPoints: TypeAlias = Callable[[tuple[Feature, ...], str, FloatArray], FeaturePoints]
@@ -85,7 +98,7 @@ ToPoints: TypeAlias = Callable[[tuple[Feature, ...], str, FloatArray], FeaturePo
 
 def _none(D: int) -> FeaturePoints:
     none = np.zeros((0, 3))
-    return FeaturePoints(none, np.zeros((0, 3, 3)), none, none, np.zeros(0), np.zeros((0, 3, D)), none)
+    return FeaturePoints(none, np.zeros((0, 3, 3)), none, none, np.zeros(0), np.zeros((0, 3, D)), none, np.zeros(0))
 
 
 def _names(features: Sequence[Feature]) -> list[str]:
@@ -111,7 +124,8 @@ def _rows(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoin
 
 def _plain(points: Vectors, covs: Covariances, shared_jacobian: FloatArray) -> FeaturePoints:
     none = np.zeros(points.shape)
-    return FeaturePoints(points, covs, none, none, np.full(len(points), np.pi), shared_jacobian, none)
+    sds, zeros = np.full(len(points), np.pi), np.zeros(len(points))
+    return FeaturePoints(points, covs, none, none, sds, shared_jacobian, none, zeros)
 
 
 def _of_vertex(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
@@ -148,6 +162,7 @@ def _of_plane(view: tuple[Feature, ...], name: str, gain: FloatArray) -> Feature
         np.array([tilt]),
         _along(normal, lever @ gain),
         np.zeros((1, 3)),
+        np.zeros(1),
     )
 
 
@@ -193,12 +208,29 @@ def _of_edge(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeatureP
     return _of_line(view[0], view[0].T_world_feature, gain)
 
 
-def _of_circle(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
-    """Its centre, with its axis."""
+def _of_sphere(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    """Its centre."""
+    return _of_vertex(view, name, gain)._replace(circles=_size(view[0])[None])
+
+
+def _of_centre(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    """The centre of a circle with its axis."""
     feature, T, R = view[0], view[0].T_world_feature, view[0].T_world_feature[:3, :3]
     tilt = float(np.sqrt(np.linalg.eigvalsh(feature.P[3:, 3:])[-1]))
     centre = _plain(T[None, :3, 3], (R @ feature.P[:3, :3] @ R.T)[None], (R @ gain[:3])[None])
     return centre._replace(normals=R[None, :, 2], normal_sds=np.array([tilt]), circles=_size(feature)[None])
+
+
+def _of_cone(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
+    """A point of its axis, where errors of place and direction are independent, and how far that is from the apex."""
+    feature, T = view[0], view[0].T_world_feature
+    tilts = feature.P[3:, 3:]
+    s = max(float((feature.P[1, 3] - feature.P[0, 4]) / np.trace(tilts)), 0.0)  # at s the place is x + s wy, y - s wx
+    J = np.eye(5)
+    J[0, 4], J[1, 3] = s, -s
+    at = T @ SE3.from_parts(np.eye(3), np.array([0, 0, s]))
+    there = replace(feature, T_world_feature=at, P=J @ feature.P @ J.T, size=None)
+    return _of_centre((there,), name, J @ gain)._replace(offsets=np.array([s]), circles=_size(feature)[None])
 
 
 def _of_cylinder(view: tuple[Feature, ...], name: str, gain: FloatArray) -> FeaturePoints:
@@ -209,12 +241,13 @@ def _of_cylinder(view: tuple[Feature, ...], name: str, gain: FloatArray) -> Feat
 
 
 def _size(feature: Feature) -> FloatArray:
-    """Radius, its standard deviation and the side of the material ``(3,)``; zero where nothing is known."""
+    """Radius or half angle, its standard deviation and the side of the material ``(3,)``; zero where it is unknown."""
     size = getattr(feature, "size", None)
     if size is None:
         return np.zeros(3)
     side = 0.0 if size.convex is None else (-1.0 if size.convex else 1.0)
-    return np.array([size.value, np.hypot(np.sqrt(size.variance), MADE), side])
+    made = MADE_ANGLE if feature.kind is CONE else MADE
+    return np.array([size.value, np.hypot(np.sqrt(size.variance), made), side])
 
 
 def _of_line(feature: Feature, T: Transforms, gain: FloatArray) -> FeaturePoints:
@@ -240,6 +273,6 @@ def _of_line(feature: Feature, T: Transforms, gain: FloatArray) -> FeaturePoints
 
 TO_POINTS: dict[str, ToPoints] = {
     PLANE.name: _of_plane, EDGE.name: _of_edge, VERTEX.name: _of_vertex,
-    CIRCLE.name: _of_circle, CYLINDER.name: _of_cylinder,
+    CIRCLE.name: _of_centre, CYLINDER.name: _of_cylinder, SPHERE.name: _of_sphere, CONE.name: _of_cone,
 }  # fmt: skip
 """How features of each kind become points, by its name."""

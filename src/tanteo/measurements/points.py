@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import label_kind
-from tanteo.sensors import CENTRE, WALLS, PointMeasurements
+from tanteo.sensors import APEX, CENTRES, WALLS, PointMeasurements
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
 _BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
@@ -25,10 +25,13 @@ _OF_CIRCLES = (*WALLS, "cone", "sphere")
 MADE = 1e-4
 """To how much a radius tells what hole or boss it is [m]: they are made no more exactly, or modelled as threads."""
 
+MADE_ANGLE = 0.01
+"""To how much the half angle of a cone tells which it is [rad]."""
+
 
 def directions_met(kind: str) -> int:
     """In how many directions a point of that kind is held by what it was sensed on."""
-    return 2 if kind == CENTRE else 1 if kind in _OF_CIRCLES else label_kind(kind).faces
+    return CENTRES.get(kind, 1 if kind in _OF_CIRCLES else label_kind(kind).faces)
 
 
 def is_round(kind: str) -> bool:
@@ -44,7 +47,7 @@ class ContactPoints:
         ids: names of the readings.
         points: surface points, or centres of the tip's ball where ``radii`` is positive ``(n, 3)``.
         covs: independent covariances, part tolerance included ``(n, 3, 3)``.
-        radii: distance of the point from the surface ``(n,)``.
+        radii: distance of the point from the surface; of an apex, how far along its axis it is from there ``(n,)``.
         directions: into the material ``(n, 3)``; zero where unknown.
         normals: sensed outward normals ``(n, 3)``; zero where not sensed.
         normal_sds: sd of each tilt of the normal ``(n,)`` [rad].
@@ -56,9 +59,9 @@ class ContactPoints:
         labels: names of what the points were sensed on ``(n,)``, '' for none: points of one label share one face.
         kinds: of what was sensed: ``point`` or ``plane`` for faces, ``circle`` and ``cylinder`` for walls of holes and
             bosses, ``edge``, ``vertex``; ``centre`` for points on the axis of a hole or boss, whose normal, if any, is
-            the axis with either sign.
-        circles: of centres, the radius [m] or 0, its standard deviation [m], and 1 for a hole, -1 for a boss, 0 where
-            nobody knows ``(n, 3)``; zero elsewhere, or if not given.
+            the axis with either sign; ``sphere_centre``; ``apex`` of a cone, whose normal is the axis into it.
+        circles: of centres, the radius [m], half angle [rad] of an apex, or 0; its standard deviation; and 1 for a
+            hole, -1 for a boss, 0 where nobody knows ``(n, 3)``; zero elsewhere, or if not given.
         sides: about outward, where only the side of the material is known ``(n, 3)``; zero elsewhere, or if not given.
         directed: whether the direction of approach is known ``(n,)``; follows from ``directions``.
         oriented: whether the normal was sensed ``(n,)``; follows from ``normals``.
@@ -103,8 +106,13 @@ class ContactPoints:
 
     @property
     def centres(self) -> BoolArray:
-        """Which are centres of circles ``(n,)``: beside the surface, not on it."""
-        return np.array([kind == CENTRE for kind in self.kinds], dtype=np.bool_)
+        """Which are centres of circles or spheres, or apexes ``(n,)``: beside the surface, not on it."""
+        return np.array([kind in CENTRES for kind in self.kinds], dtype=np.bool_)
+
+    @property
+    def held(self) -> int:
+        """In how many directions all of them hold the part, a centre in two or three, others in one at least."""
+        return len(self) + sum(CENTRES[kind] - 1 for kind in self.kinds if kind in CENTRES)
 
     @property
     def inward(self) -> Vectors:
@@ -161,18 +169,18 @@ def as_contact_points(
     """
     points, independent, radii = measured.centres()
     for label, kind, radius in zip(measured.features, measured.kinds, radii, strict=True):
-        if kind != CENTRE and directions_met(kind) > 1 and radius > 0:
+        if kind not in CENTRES and directions_met(kind) > 1 and radius > 0:
             raise InputError(
                 f"{kind} {label!r}: expected surface points, got centres of a ball of {1e3 * radius:g} mm, whose "
                 f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."
             )
     directions = np.nan_to_num(measured.directions)
-    centres = np.array([kind == CENTRE for kind in measured.kinds], dtype=np.bool_)
+    centres = np.array([kind in CENTRES for kind in measured.kinds], dtype=np.bool_)
     directions[centres] = 0.0  # how a device came to a centre says nothing of it
     reach = np.zeros(len(measured)) if reach is None else np.where(centres, 0.0, np.nan_to_num(reach))
     covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
     sd = np.sqrt(np.linalg.eigvalsh(covs)[:, -1])
-    made = np.where(measured.circles[:, 0] > 0, np.hypot(sd, MADE), 0.0)
+    made = np.where([kind == APEX for kind in measured.kinds], MADE_ANGLE, np.hypot(sd, MADE))
     return ContactPoints(
         measured.ids,
         points,
@@ -187,7 +195,7 @@ def as_contact_points(
         tolerance,
         labels=measured.features,
         kinds=measured.kinds,
-        circles=np.column_stack([measured.circles[:, 0], made, measured.circles[:, 1]]),
+        circles=np.column_stack([measured.circles[:, 0], made * (measured.circles[:, 0] > 0), measured.circles[:, 1]]),
     )
 
 

@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from tanteo.parts.part import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SurfaceKind, SymmetryGroup
     from tanteo.parts.patterns import HolePattern, hole_patterns
     from tanteo.parts.reading import READABLE, StoredParts, as_part, as_parts, part_named, read_part
-    from tanteo.parts.rounds import Rim, RoundFeature, round_features
+    from tanteo.parts.rounds import CentredFace, Rim, RoundFeature, centred_faces, round_features
     from tanteo.parts.surfaces import exact_faces
     from tanteo.parts.topology import components, mesh_edges, near_groups
 
 __all__ = [
-    "FLOAT32", "LARGEST_FILE", "READABLE", "UNITLESS", "Face", "HolePattern", "ModelEdges", "ModelPlanes",
-    "ModelVertices", "Part", "Rim", "RoundFeature", "StoredParts", "SurfaceKind", "SymmetryGroup", "as_part",
-    "as_parts", "check_file", "components", "exact_faces", "hole_patterns", "mesh_edges", "mirror_part",
-    "near_groups", "part_named", "read_part", "round_features", "unit_name",
+    "FLOAT32", "LARGEST_FILE", "READABLE", "UNITLESS", "CentredFace", "Face", "HolePattern", "ModelEdges",
+    "ModelPlanes", "ModelVertices", "Part", "Rim", "RoundFeature", "StoredParts", "SurfaceKind", "SymmetryGroup",
+    "as_part", "as_parts", "centred_faces", "check_file", "components", "exact_faces", "hole_patterns",
+    "mesh_edges", "mirror_part", "near_groups", "part_named", "read_part", "round_features", "unit_name",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -34,7 +34,7 @@ __getattr__, __dir__ = lazy(
         "part": "Face ModelEdges ModelPlanes ModelVertices Part SurfaceKind SymmetryGroup",
         "reading": "READABLE StoredParts as_part as_parts part_named read_part",
         "patterns": "HolePattern hole_patterns",
-        "rounds": "Rim RoundFeature round_features",
+        "rounds": "CentredFace Rim RoundFeature centred_faces round_features",
         "surfaces": "exact_faces",
         "topology": "components mesh_edges near_groups",
     },

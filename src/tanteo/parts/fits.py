@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.parts.part import SurfaceKind
 from tanteo.typing import FloatArray
 
@@ -14,6 +16,10 @@ NORMAL_TOLERANCE = 0.02
 
 CORNER_TOLERANCE = 0.1
 """How far corners may lie off the fitted surface, relative to how far the facets' centres lie off it (the sagitta)."""
+
+
+_ENOUGH = 200
+"""Corners that tell a cone."""
 
 
 def fit_curved(
@@ -78,20 +84,45 @@ def _cone(
     if ((corners - apex) @ axis).mean() < 0.0:
         axis = -axis
     along, across = (corners - apex) @ axis, _across(corners - apex, axis)
-    half_angle = float(np.arctan2(across.sum(), along.sum()))
-
-    def off(points: FloatArray) -> FloatArray:
-        reach = _across(points - apex, axis) * np.cos(half_angle)
-        return np.asarray(reach - (points - apex) @ axis * np.sin(half_angle))
-
-    if along.min() < -precision or not _passes(off(corners), off(centres), precision):
+    cone = _Cone(apex, axis, float(np.arctan2(across.sum(), along.sum())))
+    if along.min() < -precision:
         return None
+    if not _passes(cone.off(corners), cone.off(centres), precision):
+        cone = _through(corners, cone, float(np.abs(cone.off(centres)).max()) + precision)
+        if not _passes(cone.off(corners), cone.off(centres), precision):
+            return None
     return "cone", {
-        "axis_point": apex,
-        "axis_direction": axis,
-        "half_angle": half_angle,
-        "convex": _outward(centres - apex, normals, axis),
+        "axis_point": cone.apex,
+        "axis_direction": cone.axis,
+        "half_angle": cone.half_angle,
+        "convex": _outward(centres - cone.apex, normals, cone.axis),
     }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Cone:
+    apex: FloatArray
+    axis: FloatArray
+    half_angle: float
+
+    def off(self, points: FloatArray) -> FloatArray:
+        """Distances of points ``(N, 3)``, positive away from the axis."""
+        reach = _across(points - self.apex, self.axis) * np.cos(self.half_angle)
+        return np.asarray(reach - (points - self.apex) @ self.axis * np.sin(self.half_angle))
+
+
+def _through(corners: FloatArray, cone: _Cone, near: float) -> _Cone:
+    """The cone through the corners, if that one is near: facets between rings of unlike corners are turned."""
+    if np.abs(cone.off(corners)).max() > near:
+        return cone
+    some = corners[np.linspace(0, len(corners) - 1, min(len(corners), _ENOUGH)).astype(int)]
+    covs, none = np.tile((1e-3 * near) ** 2 * np.eye(3), (1, len(some), 1, 1)), np.zeros(0)
+    free = np.zeros((len(some), 3, 0))
+    T, half_angle, *_ = _core.fit_rounds(
+        2, 2, np.arange(5), np.ascontiguousarray(some[None]), covs, none, none, none, 0, free, 0.0, 0.0, none, none,
+        none, 0.0,
+    )  # fmt: skip
+    return _Cone(T[0, :3, 3], T[0, :3, 2], float(half_angle[0]))
 
 
 def _sphere(

@@ -1,4 +1,7 @@
-"""Holes and bosses of a part: cylinders and cones that go far enough around, with their rims, and through or blind."""
+"""Holes and bosses of a part: cylinders and cones that go far enough around, with their rims, and through or blind.
+
+Beside them its spheres and cones, for a sphere has a centre and a cone an apex however far they go around.
+"""
 
 from __future__ import annotations
 
@@ -85,6 +88,45 @@ class RoundFeature:
     def centre(self) -> FloatArray:
         """Middle of the axis ``(3,)`` [m]."""
         return np.asarray(self.ends.mean(axis=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CentredFace:
+    """A spherical or conical face, by its centre or apex.
+
+    Attributes:
+        surface: ``sphere`` or ``cone``.
+        face: index into :attr:`Part.faces`.
+        centre: centre or apex in the part frame ``(3,)`` [m].
+        axis: of a cone, into it, unit ``(3,)``; any of a sphere.
+        size: radius [m] or half angle [rad].
+        hole: True of a hollow, False of a ball or a boss.
+    """
+
+    surface: str
+    face: int
+    centre: FloatArray
+    axis: FloatArray
+    size: float
+    hole: bool
+
+
+def centred_faces(part: Part) -> tuple[CentredFace, ...]:
+    """The spheres and cones among the faces of a part, in their order; kept with the part."""
+    if "centred" not in part.derived:
+        part.derived["centred"] = tuple(one for k, face in enumerate(part.faces) if (one := _centred(k, face)))
+    found: tuple[CentredFace, ...] = part.derived["centred"]
+    return found
+
+
+def _centred(k: int, face: Face) -> CentredFace | None:
+    size = {"sphere": face.radius, "cone": face.half_angle}.get(face.surface)
+    if size is None or face.axis_point is None or face.convex is None:
+        return None
+    axis = np.array([0.0, 0.0, 1.0]) if face.surface == "sphere" else face.axis_direction
+    if axis is None:
+        return None
+    return CentredFace(face.surface, k, face.axis_point, axis, size, not face.convex)
 
 
 def round_features(part: Part) -> tuple[RoundFeature, ...]:

@@ -6,7 +6,18 @@ ranges with errors drawn from the very model that ``measure`` assumes.
 This room has never heard of shapes: it knows rays, ranges and covariances.
 """
 
-from tanteo.sensors.checks import CENTRE, WALLS, check_features, reading_kinds, say_repeated, say_stuck
+from tanteo.sensors.checks import (
+    APEX,
+    BALL,
+    CENTRE,
+    CENTRE_OF,
+    CENTRES,
+    WALLS,
+    check_features,
+    reading_kinds,
+    say_repeated,
+    say_stuck,
+)
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
     ErrorModel,
@@ -46,7 +57,11 @@ from tanteo.sensors.readings import Readings, check_readings_kind, concatenate, 
 from tanteo.sensors.rig import Rig, RigSensor
 
 __all__ = [
+    "APEX",
+    "BALL",
     "CENTRE",
+    "CENTRES",
+    "CENTRE_OF",
     "WALLS",
     "Device",
     "ErrorModel",

@@ -22,8 +22,14 @@ _ARRAYS = (
     "points", "directions", "normals", "normal_sds", "sds", "across_sds", "radii", "Ts_world_hand", "ranges",
     "max_ranges", "hole_radii",
 )  # fmt: skip
-WALLS, CENTRE = ("circle", "cylinder"), "centre"
-"""Kinds of contacts on the wall of a hole or boss, and of the centre of a circle."""
+WALLS, CENTRE, BALL, APEX = ("circle", "cylinder"), "centre", "sphere_centre", "apex"
+"""Kinds of contacts on the wall of a hole or boss; of the centre of a circle, of a sphere, and the apex of a cone."""
+
+CENTRES = {CENTRE: 2, BALL: 3, APEX: 3}
+"""Kinds of readings that are in the middle of a round feature, not on it, and in how many directions these are held."""
+
+CENTRE_OF = {"circle": CENTRE, "cylinder": CENTRE, "sphere": BALL, "cone": APEX}
+"""What is in the middle of each round kind of feature."""
 
 _LEAST_ON_WALL = 3
 """Contacts of one wall: of fewer nobody knows whether they are contacts."""
@@ -38,7 +44,7 @@ _LENGTHS = "points", "ranges", "max_ranges", "radii", "hole_radii", "sds", "acro
 def reading_kinds() -> tuple[str, ...]:
     """What a reading can be taken on: a kind of feature, any ``point``; ``free`` is a beam without echo."""
     labelled = (kind.name for kind in KINDS.values() if kind.min_readings)
-    return tuple(dict.fromkeys((*labelled, *WALLS, CENTRE, "point", "free")))
+    return tuple(dict.fromkeys((*labelled, *WALLS, *CENTRES, "point", "free")))
 
 
 def check_readings(readings: Readings) -> None:
@@ -165,20 +171,26 @@ def _check_labels(readings: Readings) -> None:
 
 
 def _check_centres(readings: Readings) -> None:
-    """Only centres of circles have the radius and the side of a hole or boss, and they have no ball."""
+    """Only centres of round features have the size and the side of a hole or boss, and they have no ball."""
     if strange := set(readings.material_sides) - set(_SIDES):
         raise ReadingsError(f"material_sides: expected hole, boss or nothing, got '{min(strange)}'. Correct it.")
-    centre = np.array([kind == CENTRE for kind in readings.kinds], dtype=bool)
+    centre = np.array([kind in CENTRES for kind in readings.kinds], dtype=bool)
     said = ~np.isnan(readings.hole_radii) | np.array([bool(side) for side in readings.material_sides], dtype=bool)
     if who := _first_bad(readings, said & ~centre):
         raise ReadingsError(
-            f"kind of reading {who}: expected '{CENTRE}' of a row with the radius or side of a hole or boss, got "
-            "another. Correct the kind, or leave radius and side of the hole empty."
+            f"kind of reading {who}: expected one of {', '.join(CENTRES)} of a row with the radius or side of a hole "
+            "or boss, got another. Correct the kind, or leave radius and side of the hole empty."
         )
     if who := _first_bad(readings, centre & (readings.radii > 0)):
         raise ReadingsError(
             f"radii of reading {who}: expected none of the centre of a circle, which is no centre of a tip's ball, got "
             "one. The radius of a hole or boss is hole_radii (hole_radius_mm in a file)."
+        )
+    apex = np.array([kind == APEX for kind in readings.kinds], dtype=bool)
+    if who := _first_bad(readings, apex & (readings.hole_radii >= np.pi / 2)):
+        raise ReadingsError(
+            f"hole_radii of reading {who}: expected the half angle of a cone below pi/2 rad, got more. Is it in "
+            "degrees?"
         )
 
 

@@ -39,14 +39,16 @@ class Readings:
         radii: Radius of the tip's ball [m], 0 for none.
         features: Labels: rows with one label were taken on one feature.
         kinds: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder`` (contacts on the wall of a hole or boss),
-            ``centre``, ``point`` or ``free``, one a row. A ``centre`` is that of a circle, on the axis of a hole or
-            boss at any height; its normal, if given, is the axis with either sign, and it has no ball.
+            ``sphere``, ``cone``, ``centre``, ``sphere_centre``, ``apex``, ``point`` or ``free``, one a row. A
+            ``centre`` is that of a circle, on the axis of a hole or boss at any height; its normal, if given, is the
+            axis with either sign; that of an ``apex`` is the axis into the cone. They have no ball.
         Ts_world_hand: Pose of the hand at the reading.
         ranges: Raw ranges along the beam [m].
         sensors: Name of the sensor of the rig that gave the range.
         is_free: The beam met nothing (status ``none``).
         max_ranges: How far a free-space ray was free [m].
-        hole_radii: Radius of the hole or boss of which the row gives the centre [m].
+        hole_radii: Radius of the hole, boss or sphere of which the row gives the centre [m]; half angle of a cone of
+            which it gives the apex [rad].
         material_sides: ``hole``, ``boss`` or ``''`` of the same.
         source: Where the readings come from (a file name), for messages.
         notes: What was left out or taken as something when they were read, a sentence each.

@@ -71,14 +71,16 @@ def _tables(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
         ("vertex", ["x mm", "y", "z"], [[str(i), *_mm(p)] for i, p in enumerate(part.corners.points)]),
         (
             "curved face",
-            ["surface", "area cm2", "radius mm", "side"],
+            ["surface", "area cm2", "radius mm", "half angle deg", "side", "centre x mm", "y", "z"],
             [
                 [
                     f.name,
                     f.surface,
                     f"{f.area * 1e4:.4g}",
                     "" if f.radius is None else f"{1e3 * f.radius:.4g}",
+                    "" if f.half_angle is None else f"{np.degrees(f.half_angle):.4g}",
                     {True: "outer", False: "inner", None: ""}[f.convex],
+                    *([""] * 3 if f.surface == "cylinder" or f.axis_point is None else _mm(f.axis_point)),
                 ]
                 for f in part.faces
                 if f.surface != "plane"

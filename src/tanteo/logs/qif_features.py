@@ -1,0 +1,123 @@
+"""Measured circles, cylinders, spheres and cones of QIF documents, as their centres and apexes.
+
+``CircleFeatureMeasurement`` (``Location``, ``Normal``, ``Diameter``), ``CircularArc...`` (``Radius``), ``Cylinder...``
+(``Axis`` of a point and a direction), ``Sphere...`` and ``Cone...`` (``Axis`` into the expanding end, the diameter at
+its point, ``HalfAngle`` or ``FullAngle``) of version 3, the same as ``...Actual`` of version 2 (Features.xsd of
+``QualityInformationFramework/qif-community``). The side of the material is ``InternalExternal`` of the definition that
+the feature's item refers to, through its nominal. ``combinedUncertainty`` is a standard deviation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tanteo.logs.qif_elements import Document, child, tag
+from tanteo.typing import FloatArray
+
+_KINDS = {"Circle": "circle", "CircularArc": "circle", "Cylinder": "cylinder", "Sphere": "sphere", "Cone": "cone"}
+_ENDINGS = ("FeatureMeasurement", "FeatureActual")
+_SIDES = {"INTERNAL": "hole", "EXTERNAL": "boss"}
+_SHARPEST = 1e-6
+"""A cone has a half angle above this [rad]: the apex of another is nowhere."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoundRow:
+    """One round feature: where its centre or apex is, along what, how large, on which side.
+
+    Attributes:
+        name: of the feature.
+        kind: circle, cylinder, sphere or cone.
+        point: centre, any point of a cylinder's axis, or apex ``(3,)``; NaN if it was not measured.
+        axis: ``(3,)``; NaN without one.
+        size: radius, or half angle of a cone [rad]; NaN if it was not measured.
+        side: ``hole``, ``boss`` or nothing.
+        sd: of the point; NaN if it is not said.
+    """
+
+    name: str
+    kind: str
+    point: FloatArray
+    axis: FloatArray
+    size: float
+    side: str
+    sd: float
+
+
+def round_kind(element: Any) -> str | None:
+    """What round feature an element is a measurement of; None if of none."""
+    name = tag(element)
+    ending = next((end for end in _ENDINGS if name.endswith(end)), None)
+    return None if ending is None else _KINDS.get(name.removesuffix(ending))
+
+
+def round_row(document: Document, element: Any, kind: str) -> RoundRow | None:
+    """A round feature that was measured; None of one that was set, not measured."""
+    item = document.by_id(element, "FeatureItemId")
+    mode = child(item, "DeterminationMode")
+    if mode is not None and child(mode, "Set") is not None:
+        return None
+    point, axis, sd = _placed(document, element)
+    size = _radius(document, element)
+    if size < 0 or (size == 0 and kind != "cone"):
+        document.fail("a positive diameter", f"{2 * size:g}", "Correct it.", element)
+    if kind == "cone":
+        point, size = _cone(document, element, point, axis, size)
+    name = child(item, "FeatureName")
+    called = ((name.text if name is not None else "") or "").strip() or element.get("label") or element.get("id") or ""
+    return RoundRow(called, kind, point, axis, size, _side(document, item), sd)
+
+
+def _placed(document: Document, element: Any) -> tuple[FloatArray, FloatArray, float]:
+    """Centre or a point of the axis, the axis, and the standard deviation of the point."""
+    axis = child(element, "Axis")
+    holder, names = (element, ("Location", "Normal")) if axis is None else (axis, ("AxisPoint", "Direction"))
+    point, direction = (document.three(holder, name) for name in names)
+    if np.linalg.norm(direction) < 0.5:
+        direction = np.full(3, np.nan)
+    place = child(holder, names[0])
+    return point, direction, float("nan") if place is None else uncertainty(document, place)
+
+
+def uncertainty(document: Document, place: Any) -> float:
+    """Standard deviation of a measured point in any one direction, as its attributes say it; NaN where none does."""
+    whole = ("combinedUncertainty", "xCombinedUncertainty", "yCombinedUncertainty", "zCombinedUncertainty")
+    values = [document.number(place, place.get(name), name) for name in whole if place.get(name) is not None]
+    values = [value for value in (values[1:] if len(values) == 4 else values) if value > 0]
+    return float(np.sqrt(np.mean(np.square(values)))) if values else float("nan")
+
+
+def _radius(document: Document, element: Any) -> float:
+    for name, share in (("Diameter", 0.5), ("Radius", 1.0)):
+        size = child(element, name)
+        if size is not None:
+            return share * document.number(size, size.text, name)
+    return float("nan")
+
+
+def _cone(
+    document: Document, element: Any, point: FloatArray, axis: FloatArray, radius: float
+) -> tuple[FloatArray, float]:
+    """Apex and half angle: its point has a radius, from which the apex is one over the slope away."""
+    for name, share in (("HalfAngle", 1.0), ("FullAngle", 0.5)):
+        angle = child(element, name)
+        if angle is not None:
+            half = share * document.angle * document.number(angle, angle.text, name)
+            if not _SHARPEST < half < np.pi / 2:
+                document.fail(f"a {name} of a cone", f"{(angle.text or '').strip()}", "Correct it.", angle)
+            unit = axis / np.linalg.norm(axis)
+            return point - np.nan_to_num(radius) / np.tan(half) * unit, half
+    if radius == 0:  # at the apex
+        return point, float("nan")
+    return np.full(3, np.nan), float("nan")
+
+
+def _side(document: Document, item: Any) -> str:
+    """On which side of the wall the material is, as the definition says."""
+    nominal = document.by_id(item, "FeatureNominalId")
+    definition = document.by_id(nominal, "FeatureDefinitionId")
+    side = child(definition, "InternalExternal")
+    return _SIDES.get(((side.text if side is not None else "") or "").strip(), "")
