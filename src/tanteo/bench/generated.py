@@ -8,7 +8,7 @@ from importlib.resources import as_file, files
 
 import numpy as np
 
-from tanteo.bench.sets import BenchScene, BenchSet
+from tanteo.bench.sets import BenchScene, BenchSet, Candidate
 from tanteo.errors import InputError
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part, read_part
@@ -134,7 +134,7 @@ def _unit(v: Vectors) -> Vectors:
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
-def surface_points(part: Part, n: int, rng: np.random.Generator) -> tuple[Vectors, Vectors]:
+def surface_points(part: Part | Candidate, n: int, rng: np.random.Generator) -> tuple[Vectors, Vectors]:
     """Places even over the mesh of a part and its outward normals there, part frame ``(n, 3)`` [m]."""
     corners = part.vertices[part.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tanteo.bench.generated import surface_points
 from tanteo.bench.sets import BenchScene, Candidate, Placement
 from tanteo.errors import MissingExtraError
 from tanteo.lie import SE3, SO3
@@ -76,7 +77,7 @@ def opencv(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Pla
     cv2.setNumThreads(1)
     detectors = []
     for one in candidates:
-        points, normals = _sampled(one, np.random.default_rng(1))
+        points, normals = surface_points(one, CLOUD, np.random.default_rng(1))
         detector = cv2.ppf_match_3d.PPF3DDetector(0.08, 0.05, 30)  # finer sampling takes minutes to train
         detector.trainModel(np.hstack([_MM * points, normals]).astype(np.float32))
         detectors.append(detector)
@@ -100,7 +101,7 @@ def open3d(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Pla
     module = _installed("open3d")
     clouds = []
     for one in candidates:
-        points, normals = _sampled(one, np.random.default_rng(0))
+        points, normals = surface_points(one, CLOUD, np.random.default_rng(0))
         cloud = module.geometry.PointCloud(module.utility.Vector3dVector(points))
         cloud.normals = module.utility.Vector3dVector(normals)
         clouds.append((points.mean(axis=0), cloud))
@@ -145,19 +146,8 @@ def _installed(name: str, package: str = "") -> Any:
         ) from error
 
 
-def _sampled(one: Candidate, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Points even over the mesh and their normals."""
-    corners = one.vertices[one.triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(across, axis=1)
-    rows = rng.choice(len(corners), size=CLOUD, p=areas / areas.sum())
-    u, v = np.sort(rng.uniform(size=(2, CLOUD, 1)), axis=0)
-    a, b, c = corners[rows].transpose(1, 0, 2)
-    return u * a + (v - u) * b + (1 - v) * c, across[rows] / areas[rows, None]
-
-
 def _cloud(module: Any, one: Candidate) -> tuple[FloatArray, Any, Any]:
-    points = _MM * _sampled(one, np.random.default_rng(0))[0]
+    points = _MM * surface_points(one, CLOUD, np.random.default_rng(0))[0]
     return points.mean(axis=0), *module.preprocess_points(points, downsampling_resolution=0.5, num_neighbors=10)
 
 
