@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tanteo.errors import ReadingsError, check_kind
-from tanteo.io.bag_messages import BagOptions
-from tanteo.io.bags import BAG, is_bag, read_bag
+from tanteo.io.bags import is_bag, read_bag
 from tanteo.io.log_readings import readings_of
 from tanteo.io.readings_csv import read_table
+from tanteo.io.ros_messages import RosOptions
+from tanteo.io.ros_readings import BAG
 from tanteo.io.stated import Direction, Stated, as_brand, as_direction, as_pose
 from tanteo.logs import FORMATS, Contents, LogFormat, format_named, recognise
 from tanteo.sensors import Readings
@@ -84,10 +85,10 @@ def read_readings(
         tool=as_pose("tool", tool), hand=as_pose("hand", hand), device=device, max_points=max_points,
     )  # fmt: skip
     named = format_named(format) if format not in (None, BAG) else None
-    of_bag = BagOptions(tuple(topics or ()), world, latency or 0.0)
+    of_bag = RosOptions(tuple(topics or ()), world, latency or 0.0)
     if format == BAG or (format is None and is_bag(path)):
         return read_bag(path, stated, of_bag)
-    if of_bag != BagOptions():
+    if of_bag != RosOptions():
         raise ReadingsError(f"{path}: expected a recording of ROS with topics, world or latency, got none. Drop these.")
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
