@@ -12,7 +12,7 @@ from tanteo.io.broken_bags import STARTS, Raw, files_of, until_broken
 from tanteo.io.ros_messages import RosMessages, RosOptions, wanted_topics
 from tanteo.io.ros_readings import ros_readings
 from tanteo.io.stated import Stated
-from tanteo.sensors import Readings
+from tanteo.sensors import Readings, concatenate
 
 
 def is_bag(path: Path) -> bool:
@@ -35,9 +35,25 @@ def read_bag(path: Path, stated: Stated, options: RosOptions) -> Readings:
         MissingExtraError: rosbags is not installed.
         ReadingsError: nothing of it can be read, it has no topic of readings, or frames that do not hang together.
     """
+    if not options.topics and (told := _told(path)) is not None:
+        return told
     messages, notes = messages_of(path, options)
     readings = ros_readings(messages, str(path), stated, options)
     return replace(readings, notes=(*notes, *readings.notes)) if notes else readings
+
+
+def _told(path: Path) -> Readings | None:
+    """What a session was told whose record is in the file; None if there is none."""
+    from tanteo.io.session_mcap import RECORD, has_record
+    from tanteo.io.session_record import load_record
+
+    if not has_record(path):
+        return None
+    told = [one.readings for one in (o.observation() for o in load_record(path).observations) if one.readings]
+    if not told:
+        raise ReadingsError(f"{path}: expected a session that was told readings, got one without. Record one.")
+    note = f"Readings are those that the session of {RECORD} was told, as it was told them; others with --topic."
+    return replace(concatenate(told), source=str(path), notes=(note,))
 
 
 def messages_of(path: Path, options: RosOptions) -> tuple[RosMessages, list[str]]:
