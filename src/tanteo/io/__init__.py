@@ -38,10 +38,25 @@ if TYPE_CHECKING:
         sight_json,
     )
     from tanteo.io.rig_checks import suspect_metres
+    from tanteo.io.ros_answers import (
+        DIAGNOSTICS,
+        MARKERS,
+        OK,
+        POSE_COVARIANCE,
+        WARN,
+        Placed,
+        diagnostics_message,
+        marker_message,
+        pose,
+        pose_message,
+        ros_header,
+    )
+    from tanteo.io.ros_messages import POINT, POSE, RANGE, TF, RosMessages, RosOptions, Row, wanted_topics
+    from tanteo.io.ros_readings import placing, ros_readings
     from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
     from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
-    from tanteo.io.stated import Direction, as_pose, parse_direction
+    from tanteo.io.stated import Direction, Stated, as_pose, parse_direction
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
     from tanteo.io.whole_text import parse_density, parse_mass, parse_size
     from tanteo.io.work_frames import WorkFrame, WrittenFrame, parse_work_frame, write_work_frame
@@ -57,12 +72,26 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BRANDS",
+    "DIAGNOSTICS",
     "EMPTY",
+    "MARKERS",
+    "OK",
+    "POINT",
+    "POSE",
+    "POSE_COVARIANCE",
     "POSE_NAMES",
+    "RANGE",
+    "TF",
+    "WARN",
     "Brand",
     "Direction",
+    "Placed",
+    "RosMessages",
+    "RosOptions",
+    "Row",
     "SceneFile",
     "SessionRecord",
+    "Stated",
     "WorkFrame",
     "WrittenFrame",
     "WrittenPose",
@@ -71,6 +100,7 @@ __all__ = [
     "brand_word",
     "calibration_document",
     "check_pose_name",
+    "diagnostics_message",
     "differences",
     "distinction_json",
     "document_json",
@@ -78,6 +108,7 @@ __all__ = [
     "explanation_document",
     "format_names",
     "load_record",
+    "marker_message",
     "parse_angle",
     "parse_box",
     "parse_density",
@@ -93,10 +124,13 @@ __all__ = [
     "part_file",
     "part_json",
     "parts_of",
+    "placing",
     "plan_csv",
     "plan_json",
+    "pose",
     "pose_as_brand",
     "pose_from_brand",
+    "pose_message",
     "prior_brand",
     "read_camera",
     "read_furniture",
@@ -112,11 +146,14 @@ __all__ = [
     "resumed",
     "rig_document",
     "rig_text",
+    "ros_header",
+    "ros_readings",
     "sensed_json",
     "session_document",
     "shipped_rigs",
     "sight_json",
     "suspect_metres",
+    "wanted_topics",
     "write_image",
     "write_pose",
     "write_readings",
@@ -142,10 +179,14 @@ __getattr__, __dir__ = lazy(
         "pose_syntax": "brand_word parse_pose",
         "readings_csv": "write_readings",
         "readings_file": "format_names read_readings",
-        "stated": "Direction as_pose parse_direction",
+        "stated": "Direction Stated as_pose parse_direction",
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",
         "rig_checks": "suspect_metres",
+        "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose pose_message "
+        "ros_header",
+        "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row wanted_topics",
+        "ros_readings": "placing ros_readings",
         "rig_file": "read_rig rig_text shipped_rigs write_rig",
         "scene_file": "SceneFile read_scene",
         "record_tables": "SessionRecord",

@@ -9,7 +9,7 @@ from typing import Any
 
 from tanteo.errors import MissingExtraError, ReadingsError
 from tanteo.io.broken_bags import STARTS, Raw, files_of, until_broken
-from tanteo.io.ros_messages import RosMessages, RosOptions, wanted_topics
+from tanteo.io.ros_messages import RosMessages, RosOptions, check_topics, wanted_topics
 from tanteo.io.ros_readings import ros_readings
 from tanteo.io.stated import Stated
 from tanteo.sensors import Readings, concatenate
@@ -81,7 +81,8 @@ def messages_of(path: Path, options: RosOptions) -> tuple[RosMessages, list[str]
 
 def _of_whole(reader: Any, path: Path, options: RosOptions) -> RosMessages:
     there = {c.topic: c.msgtype for c in reader.connections}
-    messages = RosMessages(kinds=wanted_topics(there, options, str(path)))
+    check_topics(there, options, str(path))
+    messages = RosMessages(kinds=wanted_topics(there, options))
     for connection, received, raw in reader.messages([c for c in reader.connections if c.topic in messages.kinds]):
         messages.take(connection.topic, 1e-9 * received, reader.deserialize(raw, connection.msgtype))
     return messages
@@ -92,7 +93,9 @@ def _of_broken(path: Path, options: RosOptions, why: str) -> tuple[RosMessages, 
     raws = list(until_broken(path))
     if not raws:
         raise ReadingsError(f"{path}: expected a recording of ROS, got one that cannot be read: {why}. Record it again.")
-    messages = RosMessages(kinds=wanted_topics({raw.topic: raw.kind for raw in raws}, options, str(path)))
+    there = {raw.topic: raw.kind for raw in raws}
+    check_topics(there, options, str(path))
+    messages = RosMessages(kinds=wanted_topics(there, options))
     for raw, message in _parsed(raws, messages):
         messages.take(raw.topic, raw.received, message)
     seconds = raws[-1].received - raws[0].received

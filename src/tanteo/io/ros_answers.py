@@ -37,7 +37,7 @@ class Placed(NamedTuple):
     probability: float
 
 
-def header(stamp: int, frame: str) -> dict[str, Any]:
+def ros_header(stamp: int, frame: str) -> dict[str, Any]:
     """``std_msgs/Header`` of a moment [ns]."""
     return {"stamp": time_of(stamp), "frame_id": frame}
 
@@ -63,7 +63,7 @@ def pose_message(T: Transforms, covariance: Covariances, stamp: int, frame: str)
         [1e-06, 0.0]
     """
     numbers = as_ros_covariance(UncertainFrame(T, covariance)).tolist()
-    return {"header": header(stamp, frame), "pose": {"pose": pose(T), "covariance": numbers}}
+    return {"header": ros_header(stamp, frame), "pose": {"pose": pose(T), "covariance": numbers}}
 
 
 def pose(T: Transforms) -> dict[str, Any]:
@@ -76,18 +76,18 @@ def transform(T: Transforms, parent: str, child: str, stamp: int) -> dict[str, A
     """``tf2_msgs/TFMessage`` of one frame in another."""
     placed = pose(T)
     moved = {"translation": placed["position"], "rotation": placed["orientation"]}
-    return {"transforms": [{"header": header(stamp, parent), "child_frame_id": child, "transform": moved}]}
+    return {"transforms": [{"header": ros_header(stamp, parent), "child_frame_id": child, "transform": moved}]}
 
 
 def point_message(p_world: Vectors, stamp: int, frame: str) -> dict[str, Any]:
     """``geometry_msgs/PointStamped``."""
-    return {"header": header(stamp, frame), "point": _named("xyz", np.asarray(p_world).tolist())}
+    return {"header": ros_header(stamp, frame), "point": _named("xyz", np.asarray(p_world).tolist())}
 
 
 def range_message(distance: float, most: float, sd: float, stamp: int, frame: str) -> dict[str, Any]:
     """``sensor_msgs/Range``; infinite where nothing was met, ``sd`` NaN where it is not known [m]."""
     variance = {} if np.isnan(sd) else {"variance": sd * sd}
-    return {"header": header(stamp, frame), "range": distance, "max_range": most, **variance}
+    return {"header": ros_header(stamp, frame), "range": distance, "max_range": most, **variance}
 
 
 def marker_message(
@@ -102,7 +102,7 @@ def marker_message(
         frame: name of the world.
         size: of a point [m].
     """
-    common = {"header": header(stamp, frame), "ns": "tanteo", "pose": pose(np.eye(4))}
+    common = {"header": ros_header(stamp, frame), "ns": "tanteo", "pose": pose(np.eye(4))}
     markers: list[dict[str, Any]] = [{**common, "action": _DELETE_ALL}]
     for k, one in enumerate(placed):
         faint = _color(_COLORS[k % len(_COLORS)], 0.25 + 0.75 * one.probability)
@@ -140,7 +140,7 @@ def diagnostics_message(
     """``diagnostic_msgs/DiagnosticArray`` of one status."""
     pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     status = {"level": level, "name": name, "message": message, "hardware_id": "", "values": pairs}
-    return {"header": header(stamp, ""), "status": [status]}
+    return {"header": ros_header(stamp, ""), "status": [status]}
 
 
 def _named(names: str, values: Sequence[float]) -> dict[str, float]:

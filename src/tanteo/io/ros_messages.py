@@ -31,7 +31,7 @@ class RosOptions:
     """What messages do not say themselves.
 
     Attributes:
-        topics: of the readings; guessed if there are none.
+        topics: of the readings, and of the hand's poses; guessed if none is named.
         world: name of the world's frame; the root of the frames above the readings' if not given.
         latency: how much older the readings are than their stamps [s].
     """
@@ -137,24 +137,28 @@ class RosMessages:
         del self.lags[:-1000]
 
 
-def wanted_topics(there: Mapping[str, str], options: RosOptions, source: str) -> dict[str, str]:
-    """Which topics matter, with their types, of those that are there.
+def wanted_topics(there: Mapping[str, str], options: RosOptions) -> dict[str, str]:
+    """Which topics matter, with their types, of those that are there: named ones alone, where one of its sort is."""
+    named = [topic for topic in options.topics if topic in there]
+    hands = [topic for topic in named if there[topic] == POSE]
+    readings = [topic for topic in named if topic not in hands]
 
-    Raises:
-        ReadingsError: one that is named is not there.
-    """
+    def matters(topic: str, kind: str) -> bool:
+        if kind == POSE:
+            return not hands or topic in hands
+        return kind in TF or (kind in (RANGE, POINT) and (not readings or topic in readings))
+
+    return {topic: kind for topic, kind in there.items() if matters(topic, kind)}
+
+
+def check_topics(there: Mapping[str, str], options: RosOptions, source: str) -> None:
+    """Raises ReadingsError where a topic that is named is not there."""
     for topic in options.topics:
         if topic not in there:
             known = ", ".join(sorted(there)) or "none"
             raise ReadingsError(
                 f"{source}, --topic: expected one of {known}, got '{topic}'.{did_you_mean(topic, there)}"
             )
-    return {t: kind for t, kind in there.items() if kind in (*TF, POSE) or is_reading(t, kind, options)}
-
-
-def is_reading(topic: str, kind: str, options: RosOptions) -> bool:
-    """Whether a topic has readings that are wanted."""
-    return kind in (RANGE, POINT) and (not options.topics or topic in options.topics)
 
 
 def topics_of(messages: RosMessages, options: RosOptions, source: str) -> tuple[list[str], list[str]]:

@@ -94,6 +94,7 @@ class Placing:
         known: at which rows these are known ``(n,)``.
         hand: topic of the hand's poses; None where transforms place the frames.
         way: from which frame to which, in words.
+        world: name of the frame that the poses are in.
         notes: what is taken as something.
     """
 
@@ -101,6 +102,7 @@ class Placing:
     known: BoolArray
     hand: str | None
     way: str
+    world: str
     notes: tuple[str, ...] = ()
 
 
@@ -117,15 +119,16 @@ def placing(
     loose = ", ".join(frame for frame in frames if frame not in tree.parents)
     if beams and loose and options.world is None:
         topic = _hand_topic(messages, loose, source)
-        Ts, known = Track.of([(row.stamp, pose_in(row)) for row in messages.rows[topic]]).at(times)
+        poses = messages.rows[topic]
+        Ts, known = Track.of([(row.stamp, pose_in(row)) for row in poses]).at(times)
         note = f"Hand poses are taken of {topic}; the sensors {loose} have to be in --rig."
-        return Placing(Ts, known, topic, topic, (note,))
+        return Placing(Ts, known, topic, topic, poses[-1].frame, (note,))
     world, notes = _world(tree, frames, source, options)
     Ts, known = np.zeros((len(rows), 4, 4)), np.zeros(len(rows), dtype=bool)
     for frame in frames:
         mine = np.array([row.frame == frame for row in rows])
         Ts[mine], known[mine] = tree.pose(world, frame, times[mine])
-    return Placing(Ts, known, None, f"/tf from '{world}' to {', '.join(frames)}", notes)
+    return Placing(Ts, known, None, f"/tf from '{world}' to {', '.join(frames)}", world, notes)
 
 
 def _hand_topic(messages: RosMessages, loose: str, source: str) -> str:

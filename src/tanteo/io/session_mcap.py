@@ -164,7 +164,8 @@ def _of_step(session: Session, step: Step, readings: Readings | None, stamp: int
     yield Sent(_SPREAD, _NUMBER, {"data": float(step.corner_sd)})
     names = [target.part.name for target in session.start.targets]
     values = {f"probability {name}": f"{p:.4f}" for name, p in zip(names, step.probabilities, strict=True)}
-    values |= {"probability unknown object": f"{step.unknown:.4f}", "largest corner sd [mm]": f"{1e3 * step.corner_sd:.4f}"}
+    values["probability unknown object"] = f"{step.unknown:.4f}"
+    values["largest corner sd [mm]"] = f"{1e3 * step.corner_sd:.4f}"
     said = step.note or ", ".join(step.ids)
     yield Sent("/diagnostics", DIAGNOSTICS, diagnostics_message(WARN if step.note else OK, said, values, stamp))
 

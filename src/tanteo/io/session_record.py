@@ -1,4 +1,4 @@
-"""A session as a record file (``tanteo.session/1``, JSON or in MCAP), and the same session from it (``docs/formats.md``)."""
+"""A session as a record (``tanteo.session/1``, JSON or in MCAP), and the same session from it (``docs/formats.md``)."""
 
 from __future__ import annotations
 
