@@ -52,7 +52,7 @@ if TYPE_CHECKING:
         ros_header,
     )
     from tanteo.io.ros_messages import POINT, POSE, RANGE, TF, RosMessages, RosOptions, Row, wanted_topics
-    from tanteo.io.ros_readings import placing, ros_readings
+    from tanteo.io.ros_readings import placing, readings_of_messages
     from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
     from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
@@ -147,7 +147,7 @@ __all__ = [
     "rig_document",
     "rig_text",
     "ros_header",
-    "ros_readings",
+    "readings_of_messages",
     "sensed_json",
     "session_document",
     "shipped_rigs",
@@ -186,7 +186,7 @@ __getattr__, __dir__ = lazy(
         "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose pose_message "
         "ros_header",
         "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row wanted_topics",
-        "ros_readings": "placing ros_readings",
+        "ros_readings": "placing readings_of_messages",
         "rig_file": "read_rig rig_text shipped_rigs write_rig",
         "scene_file": "SceneFile read_scene",
         "record_tables": "SessionRecord",

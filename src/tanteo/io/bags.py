@@ -10,7 +10,7 @@ from typing import Any
 from tanteo.errors import MissingExtraError, ReadingsError
 from tanteo.io.broken_bags import STARTS, Raw, files_of, until_broken
 from tanteo.io.ros_messages import RosMessages, RosOptions, check_topics, wanted_topics
-from tanteo.io.ros_readings import ros_readings
+from tanteo.io.ros_readings import readings_of_messages
 from tanteo.io.stated import Stated
 from tanteo.sensors import Readings, concatenate
 
@@ -38,7 +38,7 @@ def read_bag(path: Path, stated: Stated, options: RosOptions) -> Readings:
     if not options.topics and (told := _told(path)) is not None:
         return told
     messages, notes = messages_of(path, options)
-    readings = ros_readings(messages, str(path), stated, options)
+    readings = readings_of_messages(messages, str(path), stated, options)
     return replace(readings, notes=(*notes, *readings.notes)) if notes else readings
 
 

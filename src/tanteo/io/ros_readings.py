@@ -25,7 +25,7 @@ BAG = "bag"
 _FORM = LogFormat(BAG, "a recording of ROS", lambda contents: False, lambda contents: Log())
 
 
-def ros_readings(messages: RosMessages, source: str, stated: Stated, options: RosOptions) -> Readings:
+def readings_of_messages(messages: RosMessages, source: str, stated: Stated, options: RosOptions) -> Readings:
     """Readings of messages, in the world at their stamps; notes of them say what was left out or taken as something.
 
     Args:

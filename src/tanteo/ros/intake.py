@@ -180,7 +180,7 @@ class Intake:
         batch = io.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
         topics = replace(self.options, topics=())
         try:
-            readings = io.ros_readings(batch, _SOURCE, self.stated, topics)
+            readings = io.readings_of_messages(batch, _SOURCE, self.stated, topics)
         except ReadingsError as error:
             if "that can be used" not in str(error):
                 raise
