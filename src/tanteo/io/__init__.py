@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         pose,
         pose_message,
         ros_header,
+        transform,
     )
     from tanteo.io.ros_messages import POINT, POSE, RANGE, TF, RosMessages, RosOptions, Row, wanted_topics
     from tanteo.io.ros_readings import placing, readings_of_messages
@@ -153,6 +154,7 @@ __all__ = [
     "shipped_rigs",
     "sight_json",
     "suspect_metres",
+    "transform",
     "wanted_topics",
     "write_image",
     "write_pose",
@@ -184,7 +186,7 @@ __getattr__, __dir__ = lazy(
         "recognition_json sight_json",
         "rig_checks": "suspect_metres",
         "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose pose_message "
-        "ros_header",
+        "ros_header transform",
         "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row wanted_topics",
         "ros_readings": "placing readings_of_messages",
         "rig_file": "read_rig rig_text shipped_rigs write_rig",

@@ -58,9 +58,16 @@ def opened(settings: Settings) -> Iterator[Any]:
         from rclpy.signals import SignalHandlerOptions
     except ImportError:
         raise MissingExtraError(NEEDS_ROS) from None
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     sim = Parameter("use_sim_time", Parameter.Type.BOOL, settings.simulated)
-    node = rclpy.create_node(settings.name, parameter_overrides=[sim])
+    try:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        node = rclpy.create_node(settings.name, parameter_overrides=[sim])
+    except RuntimeError as error:  # of rclpy, all of them
+        rclpy.try_shutdown()
+        raise InputError(
+            f"ROS 2: expected a node on its network, got: {str(error).splitlines()[0]}. Look at RMW_IMPLEMENTATION, "
+            "ROS_DOMAIN_ID and ROS_LOG_DIR."
+        ) from None
     try:
         yield node
     finally:
