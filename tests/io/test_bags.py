@@ -184,17 +184,130 @@ def test_sensors_that_nothing_places_are_refused(tmp_path):
         read_readings(recording.write(tmp_path))
 
 
+def stored_in(path: Path) -> Path:
+    return path if path.is_file() else next(p for p in path.iterdir() if p.suffix in (".mcap", ".db3"))
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_recordings_are_refused_with_a_reason(kind, tmp_path):
+def test_damaged_recordings_are_read_as_far_as_they_hold(kind, tmp_path):
+    recording = Recording(kind).moving()
+    for k in range(3000):
+        recording.range(0.5 + 1e-4 * k, 0.2)
+    path = recording.write(tmp_path)
+    file = stored_in(path)
+    before, whole = read_readings(path), file.read_bytes()
+    file.write_bytes(whole[: int(0.7 * len(whole))])
+    readings = read_readings(path)
+    n = len(readings)
+    assert 500 < n < 3000
+    assert {tuple(p) for p in readings.points.tolist()} < {tuple(p) for p in before.points.tolist()}
+    assert "not whole" in readings.notes[0]
+    assert "are lost" in readings.notes[0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_recordings_of_which_nothing_holds_are_refused(kind, tmp_path):
     recording = Recording(kind).moving()
     recording.range(0.5, 0.2)
-    path = recording.write(tmp_path)
-    file = path if path.is_file() else next(p for p in path.iterdir() if p.suffix in (".mcap", ".db3"))
+    file = stored_in(recording.write(tmp_path))
     whole = file.read_bytes()
-    for size in (20, len(whole) // 2):
+    for size in (20, 100):
         file.write_bytes(whole[:size])
-        with pytest.raises(ReadingsError, match="expected"):
-            read_readings(path)
+        with pytest.raises(ReadingsError, match="cannot be read"):
+            read_readings(file)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_spoiled_bytes_never_end_in_a_traceback(kind, tmp_path):
+    recording = Recording(kind).moving()
+    for k in range(50):
+        recording.range(0.5 + 0.01 * k, 0.2)
+    file = stored_in(recording.write(tmp_path))
+    whole, rng = file.read_bytes(), np.random.default_rng(1)
+    for _ in range(15):
+        spoiled = bytearray(whole)
+        for at in rng.integers(0, len(whole), 5):
+            spoiled[at] = rng.integers(256)
+        file.write_bytes(spoiled)
+        try:
+            assert len(read_readings(file)) <= 50
+        except ReadingsError as error:
+            assert "expected" in str(error)  # noqa: PT017  either is right
+
+
+def test_a_recorder_that_was_killed_leaves_a_folder(tmp_path):
+    recording = Recording("mcap").moving()
+    recording.range(0.5, 0.2)
+    folder = recording.write(tmp_path)
+    (folder / "metadata.yaml").unlink()
+    assert len(read_readings(folder)) == 1
+
+
+def test_nothing_is_known_within_a_gap_of_transforms(tmp_path):
+    recording = Recording("mcap").moving()
+    recording.rows = [row for row in recording.rows if not (row[0] == "/tf" and 0.55 < row[2] < 1.45)]
+    for t in (0.3, 1.0, 1.7):
+        recording.range(t, 0.2)
+    readings = read_readings(recording.write(tmp_path))
+    assert len(readings) == 2
+    assert any("1 of 3 readings were left out: no transform" in note for note in readings.notes)
+
+
+def test_a_hand_that_rests_over_a_gap_is_where_it_was(tmp_path):
+    recording = Recording("mcap")
+    for t in (0.0, 0.1, 0.2, 2.0, 2.1):
+        recording.transform("/tf", t, "base", "sensor", T_HAND_SENSOR)
+    recording.range(1.0, 0.2)
+    assert len(read_readings(recording.write(tmp_path))) == 1
+
+
+def test_a_clock_that_was_set_back_makes_stamps_doubtful(tmp_path):
+    recording = Recording("mcap").moving()
+    recording.range(0.2, 0.2)
+    recording.range(1.9, 0.3)
+    for t in TIMES[:5] + 0.5:  # the clock goes back to 0.5 s, and the hand is elsewhere by now
+        recording.transform("/tf", t, "base", "hand", hand(5 + t))
+    recording.range(0.7, 0.25)
+    late = [(*row[:2], row[2] + 5, row[3]) for row in recording.rows[-6:]]  # the recorder has another clock
+    recording.rows[-6:] = late
+    readings = read_readings(recording.write(tmp_path))
+    assert readings.ranges.tolist() == pytest.approx([0.2])
+    assert any("set back by 1.5 s" in note for note in readings.notes)
+
+
+def test_what_came_twice_counts_once(tmp_path):
+    recording = Recording("mcap").moving()
+    for t in (0.3, 0.3, 0.4, 0.4):
+        recording.range(t, 0.2)
+    readings = read_readings(recording.write(tmp_path))
+    assert len(readings) == 2
+    assert any("2 of 4 readings came twice" in note for note in readings.notes)
+
+
+def test_numbers_that_are_none_are_left_out(tmp_path):
+    recording = Recording("mcap").moving()
+    recording.transform("/tf", 0.55, "base", "hand", np.full((4, 4), np.nan))
+    recording.range(0.55, 0.2)
+    for k, value in enumerate((np.nan, -np.inf, 0.0, -0.1, 0.01)):  # the sensor begins at 0.02
+        recording.range(0.6 + 0.01 * k, value)
+    readings = read_readings(recording.write(tmp_path))
+    assert len(readings) == 1
+    assert np.allclose(readings.directions[0], (hand(0.55) @ T_HAND_SENSOR)[:3, 0], atol=1e-6)
+    notes = " ".join(readings.notes)
+    assert "5 of 6 ranges are too near or none" in notes
+    assert "1 messages have numbers that are no pose" in notes
+
+
+def test_of_two_topics_of_hand_poses_one_is_named(tmp_path):
+    recording = Recording("mcap")
+    for t in TIMES:
+        recording.pose(t, hand(t))
+    recording.rows += [("/other", kind, t, message) for _, kind, t, message in recording.rows]
+    recording.range(0.55, 0.2, frame="tof_left")
+    path = recording.write(tmp_path)
+    with pytest.raises(ReadingsError, match="/hand, /other"):
+        read_readings(path)
+    assert len(read_readings(path, topics=["/hand"])) == 1
 
 
 def test_a_recording_without_readings_says_so(tmp_path):

@@ -99,26 +99,36 @@ def _of_broken(path: Path, options: RosOptions, why: str) -> tuple[RosMessages, 
     for raw, message in _parsed(raws, messages):
         messages.take(raw.topic, raw.received, message)
     seconds = raws[-1].received - raws[0].received
-    held = f"{len(raws)} messages of {seconds:.1f} s could be read from its beginning on"
-    return messages, [f"The recording is not whole ({why.rstrip('.')}): {held}, and what came after them is lost."]
+    held = f"{len(raws)} messages over {seconds:.1f} s could be read"
+    return messages, [f"The recording is not whole ({why.rstrip('.')}): {held}, all others are lost."]
 
 
 def _parsed(raws: list[Raw], messages: RosMessages) -> Iterator[tuple[Raw, Any]]:
     """Messages as objects, by the definitions that are stored with them, or else those of ROS 2 Humble."""
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_typestore
 
-    stores = dict[str, Any]()
+    standard, readers = get_typestore(Stores.ROS2_HUMBLE), dict[str, Any]()
     for raw in raws:
         if raw.topic not in messages.kinds:
             continue
-        if raw.topic not in stores:
-            stores[raw.topic] = get_typestore(Stores.EMPTY if raw.definition else Stores.ROS2_HUMBLE)
-            if raw.definition:
-                stores[raw.topic].register(get_types_from_msg(raw.definition, raw.kind))
-        read = stores[raw.topic].deserialize_ros1 if raw.ros1 else stores[raw.topic].deserialize_cdr
+        if raw.topic not in readers:
+            readers[raw.topic] = _store(raw) or standard
+        store = readers[raw.topic]
         try:
-            message = read(raw.data, raw.kind)
-        except Exception:  # noqa: BLE001  the same of one message
+            message = (store.deserialize_ros1 if raw.ros1 else store.deserialize_cdr)(raw.data, raw.kind)
+        except Exception:  # noqa: BLE001  what is spoiled fails in any way
             messages.broken += 1
             continue
         yield raw, message
+
+
+def _store(raw: Raw) -> Any:
+    """The types of the definition that is stored with a message; None where that is missing or spoiled."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(raw.definition, raw.kind))
+    except Exception:  # noqa: BLE001  the same of a definition
+        return None
+    return store if raw.definition else None

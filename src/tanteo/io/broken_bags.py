@@ -15,10 +15,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from tanteo.errors import MissingExtraError
-
-NEEDS_MCAP = "MCAP: expected the package mcap, got none. Install it: pip install 'tanteo[bags]'."
-"""What is said where it is missing."""
 STARTS = {b"#ROSBAG V": "bag", b"\x89MCAP0\r\n": "mcap", b"SQLite format 3\0": "db3"}
 """What the files of each format begin with."""
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
@@ -59,36 +55,100 @@ def _nothing(path: Path) -> Iterator[Raw]:
 
 
 def _mcap(path: Path) -> Iterator[Raw]:
-    try:
-        from mcap.records import Channel, Message, Schema
-        from mcap.stream_reader import StreamReader
-    except ImportError:
-        raise MissingExtraError(NEEDS_MCAP) from None
-
-    schemas, channels = dict[int, Schema](), dict[int, Channel]()
+    schemas, channels = dict[int, tuple[str, str, str]](), dict[int, tuple[int, str]]()
     with path.open("rb") as file:
-        for record in _while_it_goes(StreamReader(file, record_size_limit=_LARGEST).records):
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-            elif isinstance(record, Message) and (channel := channels.get(record.channel_id)) is not None:
-                schema = schemas.get(channel.schema_id)
-                if schema is not None and schema.encoding == "ros2msg":
-                    text = schema.data.decode(errors="replace")
-                    yield Raw(channel.topic, schema.name, 1e-9 * record.log_time, record.data, text)
+        file.read(8)
+        for op, data in _mcap_records(file):
+            try:
+                number, *more = _MCAP_PARTS[op](data)
+            except (struct.error, IndexError):
+                return
+            if op == _SCHEMA:
+                schemas[number] = more[0], more[1], more[2]
+            elif op == _CHANNEL:
+                channels[number] = more[0], more[1]
+            elif number in channels and channels[number][0] in schemas:
+                schema, topic = channels[number]
+                name, encoding, text = schemas[schema]
+                if encoding == "ros2msg":
+                    yield Raw(topic, name, 1e-9 * more[0], more[1], text)
 
 
-def _while_it_goes(records: Iterator[Any]) -> Iterator[Any]:
+def _mcap_records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Schemas, channels and messages, those in chunks too; of a chunk that is cut, what is there."""
+    while len(head := file.read(9)) == 9:
+        op, length = struct.unpack("<BQ", head)
+        if length > _LARGEST:
+            return
+        data = file.read(length)
+        if op == _MCAP_CHUNK:
+            yield from _mcap_records(BytesIO(_mcap_chunk(data)))
+        elif op in _MCAP_PARTS and len(data) == length:
+            yield op, data
+
+
+def _mcap_chunk(data: bytes) -> bytes:
+    """The records of a chunk, up to where they are cut or spoiled."""
+    at = 28  # times, size, checksum
+    if len(data) < at + 4:
+        return b""
+    length = struct.unpack_from("<I", data, at)[0]
+    compression, packed = data[at + 4 : at + 4 + length], data[at + 4 + length + 8 :]
+    return _unpacked_bytes(compression, packed)
+
+
+def _unpacked_bytes(compression: bytes, data: bytes) -> bytes:
+    """What compressed bytes hold, up to where they are cut; nothing of what is spoiled."""
     try:
-        yield from records
-    except Exception:  # noqa: BLE001  a damaged file fails in any way, and here it ends
-        return
+        if compression == b"bz2":
+            return bz2.BZ2Decompressor().decompress(data)
+        if compression == b"lz4":
+            from lz4.frame import LZ4FrameDecompressor
+
+            return bytes(LZ4FrameDecompressor().decompress(data))
+        if compression == b"zstd":
+            from zstandard import ZstdDecompressor, ZstdError
+
+            try:
+                return bytes(ZstdDecompressor().decompressobj().decompress(data))
+            except ZstdError:
+                return b""
+    except (OSError, RuntimeError, EOFError):
+        return b""
+    return data
+
+
+def _text(data: bytes, at: int) -> tuple[str, int]:
+    """A text at a place, and where it ends."""
+    length = struct.unpack_from("<I", data, at)[0]
+    return data[at + 4 : at + 4 + length].decode(errors="replace"), at + 4 + length
+
+
+def _schema(data: bytes) -> tuple[Any, ...]:
+    name, at = _text(data, 2)
+    encoding, at = _text(data, at)
+    return struct.unpack_from("<H", data)[0], name, encoding, _text(data, at)[0]
+
+
+def _channel(data: bytes) -> tuple[Any, ...]:
+    number, schema = struct.unpack_from("<HH", data)
+    return number, schema, _text(data, 4)[0]
+
+
+def _mcap_message(data: bytes) -> tuple[Any, ...]:
+    number, _, logged = struct.unpack_from("<HIQ", data)
+    return number, logged, data[22:]
+
+
+_SCHEMA, _CHANNEL, _MCAP_CHUNK = 3, 4, 6
+_MCAP_PARTS: dict[int, Any] = {_SCHEMA: _schema, _CHANNEL: _channel, 5: _mcap_message}
+"""Records of MCAP, each with what takes it apart."""
 
 
 def _database(path: Path) -> Iterator[Raw]:
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as base:
         try:
+            base.execute("PRAGMA writable_schema = ON")  # else SQLite refuses a file that is shorter than it says
             topics = {k: (name, kind) for k, name, kind in base.execute("SELECT id, name, type FROM topics")}
             for topic, stamp, data in base.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
                 if topic in topics:
@@ -125,17 +185,7 @@ def _message(fields: dict[bytes, bytes], data: bytes, connections: dict[int, tup
 
 def _unpacked(header: dict[bytes, bytes], data: bytes) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
     """The records of a chunk, of which the end may be missing."""
-    compression = header.get(b"compression", b"none")
-    try:
-        if compression == b"bz2":
-            data = bz2.BZ2Decompressor().decompress(data)
-        elif compression == b"lz4":
-            from lz4.frame import LZ4FrameDecompressor
-
-            data = LZ4FrameDecompressor().decompress(data)
-    except (OSError, RuntimeError, EOFError):
-        return
-    yield from _records(BytesIO(data))
+    yield from _records(BytesIO(_unpacked_bytes(header.get(b"compression", b"none"), data)))
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[dict[bytes, bytes], bytes]]:

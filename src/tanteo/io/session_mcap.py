@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
-from tanteo.io.broken_bags import NEEDS_MCAP, STARTS
+from tanteo.io.broken_bags import STARTS
 from tanteo.io.ros_answers import (
     DIAGNOSTICS,
     MARKERS,
@@ -37,6 +37,8 @@ from tanteo.replaced import replaced
 from tanteo.sensors import Readings
 from tanteo.session import Session, Step
 
+NEEDS_MCAP = "MCAP: expected the packages mcap and rosbags, got none. Install them: pip install 'tanteo[bags]'."
+"""What is said where one is missing."""
 SUFFIX = ".mcap"
 """Of a record that is written so."""
 RECORD = "/tanteo/record"
@@ -203,9 +205,7 @@ def _typestore() -> Any:
     try:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise MissingExtraError(
-            "MCAP: expected the package rosbags, got none. Install it: pip install 'tanteo[bags]'."
-        ) from None
+        raise MissingExtraError(NEEDS_MCAP) from None
     return get_typestore(Stores.ROS2_JAZZY)
 
 
