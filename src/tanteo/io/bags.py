@@ -92,7 +92,9 @@ def _of_broken(path: Path, options: RosOptions, why: str) -> tuple[RosMessages, 
     """What can be read of a recording that is not whole."""
     raws = list(until_broken(path))
     if not raws:
-        raise ReadingsError(f"{path}: expected a recording of ROS, got one that cannot be read: {why}. Record it again.")
+        raise ReadingsError(
+            f"{path}: expected a recording of ROS, got one that cannot be read: {why}. Record it again."
+        )
     there = {raw.topic: raw.kind for raw in raws}
     check_topics(there, options, str(path))
     messages = RosMessages(kinds=wanted_topics(there, options))

@@ -216,4 +216,3 @@ def _fields(data: bytes) -> dict[bytes, bytes]:
             out[name] = value
         at += 4 + length
     return out
-

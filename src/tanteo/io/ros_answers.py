@@ -130,7 +130,9 @@ def edges(part: Part) -> FloatArray:
     ends = part.edges.ends
     if 0 < len(ends) <= _MANY:
         return ends
-    corners = np.array([[part.box[i, 0], part.box[j, 1], part.box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    corners = np.array(
+        [[part.box[i, 0], part.box[j, 1], part.box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
     return corners[np.array(_BOX)]
 
 

@@ -48,8 +48,8 @@ _SPREAD = "/tanteo/corner_sd"
 """Topic that has one message a step."""
 _BLANK = {"string": "", "bool": False}
 """Defaults of what is no number."""
-_APART = 1000
-"""Between the readings of a step [ns]: of each the frame of the probe is another."""
+_STEP, _APART = 1_000_000, 1000
+"""Least time between two steps, and time between the readings of a step [ns]: of each the probe's frame is another."""
 _WORLD, _PROBE = "world", "tanteo_probe"
 
 
@@ -72,7 +72,7 @@ def write_mcap(session: Session, document: dict[str, Any], path: str | Path) -> 
         from mcap.writer import Writer
     except ImportError:
         raise MissingExtraError(NEEDS_MCAP) from None
-    stamps = [*_stamps_before(Path(path), document), *[_now()] * len(session.steps)][: len(session.steps)]
+    stamps = _stamps(Path(path), document, len(session.steps))
     with replaced(path) as name, name.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="tanteo")
@@ -140,6 +140,14 @@ def _now() -> int:
 def _told(session: Session) -> Iterator[Readings | None]:
     for one in session.observations:
         yield one.readings
+
+
+def _stamps(path: Path, document: dict[str, Any], count: int) -> list[int]:
+    """Of each step, as it is in the file already, or now [ns]; no two are alike."""
+    stamps = _stamps_before(path, document)[:count]
+    while len(stamps) < count:
+        stamps.append(max(_now(), stamps[-1] + _STEP if stamps else 0))
+    return stamps
 
 
 def _stamps_before(path: Path, document: dict[str, Any]) -> list[int]:
