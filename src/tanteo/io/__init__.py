@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table, read_furniture
     from tanteo.io.readings_csv import write_readings
-    from tanteo.io.readings_file import format_names, read_readings
+    from tanteo.io.readings_file import format_names, read_readings, read_shifted
     from tanteo.io.record_tables import SessionRecord
     from tanteo.io.result_json import (
         EMPTY,
@@ -142,6 +142,7 @@ __all__ = [
     "read_record",
     "read_rig",
     "read_scene",
+    "read_shifted",
     "recognition_document",
     "recognition_json",
     "resumed",
@@ -180,13 +181,13 @@ __getattr__, __dir__ = lazy(
         "whole_text": "parse_density parse_mass parse_size",
         "pose_syntax": "brand_word parse_pose",
         "readings_csv": "write_readings",
-        "readings_file": "format_names read_readings",
+        "readings_file": "format_names read_readings read_shifted",
         "stated": "Direction Stated as_pose parse_direction",
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",
         "rig_checks": "suspect_metres",
-        "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose pose_message "
-        "ros_header transform",
+        "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose "
+        "pose_message ros_header transform",
         "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row wanted_topics",
         "ros_readings": "placing readings_of_messages",
         "rig_file": "read_rig rig_text shipped_rigs write_rig",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 from tanteo.errors import MissingExtraError, ReadingsError
 from tanteo.io.broken_bags import STARTS, Raw, files_of, until_broken
 from tanteo.io.ros_messages import RosMessages, RosOptions, check_topics, wanted_topics
-from tanteo.io.ros_readings import readings_of_messages
+from tanteo.io.ros_readings import readings_at, readings_of_messages
 from tanteo.io.stated import Stated
 from tanteo.sensors import Readings, concatenate
 
@@ -42,12 +42,28 @@ def read_bag(path: Path, stated: Stated, options: RosOptions) -> Readings:
     return replace(readings, notes=(*notes, *readings.notes)) if notes else readings
 
 
+def shifted(path: Path, stated: Stated, options: RosOptions, shifts: Sequence[float]) -> tuple[Readings, ...]:
+    """The same readings of a recording, as they would be if they were older by several times [s]; as :func:`read_bag`.
+
+    Empty where a session was told them: then it is not known how the sensor moved.
+    """
+    if not options.topics and _is_session(path):
+        return ()
+    return readings_at(messages_of(path, options)[0], str(path), stated, options, shifts)
+
+
+def _is_session(path: Path) -> bool:
+    from tanteo.io.session_mcap import has_record
+
+    return has_record(path)
+
+
 def _told(path: Path) -> Readings | None:
     """What a session was told whose record is in the file; None if there is none."""
-    from tanteo.io.session_mcap import RECORD, has_record
+    from tanteo.io.session_mcap import RECORD
     from tanteo.io.session_record import load_record
 
-    if not has_record(path):
+    if not _is_session(path):
         return None
     told = [one.readings for one in (o.observation() for o in load_record(path).observations) if one.readings]
     if not told:

@@ -7,7 +7,7 @@ The beam of ``sensor_msgs/Range`` runs along +x of its frame; minus infinity is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,15 +37,34 @@ def readings_of_messages(messages: RosMessages, source: str, stated: Stated, opt
     Raises:
         ReadingsError: there is no topic of readings, or frames do not hang together.
     """
+    return readings_at(messages, source, stated, options, (0.0,))[0]
+
+
+def readings_at(
+    messages: RosMessages, source: str, stated: Stated, options: RosOptions, shifts: Sequence[float]
+) -> tuple[Readings, ...]:
+    """The same readings, as they would be if they were older by several times [s]; as above."""
     topics, notes = topics_of(messages, options, source)
     beams = messages.kinds[topics[0]] == RANGE
-    rows = _usable(messages, topics, source, notes)
-    place = placing(messages, messages.tree(), rows, beams, source, options)
-    notes += [*_said(messages, options), *place.notes]
-    rows, Ts = _kept(rows, place, source, notes)
+    rows = _drawn(_usable(messages, topics, source, notes), stated, notes)
+    tree, later = messages.tree(), [replace(options, latency=options.latency + shift) for shift in shifts]
+    places = [placing(messages, tree, rows, beams, source, one) for one in later]
+    notes += [*_said(messages, options), *places[0].notes]
+    kept = _kept(np.logical_and.reduce([place.known for place in places]), places[0], source, notes)
+    rows, ids = [rows[k] for k in kept], tuple(str(k + 1) for k in kept)
     if not beams:
-        return _points(rows, Ts, source, stated, notes)
-    return _beams(rows, Ts, source, notes) if place.hand is None else _on_hand(rows, Ts, source, notes)
+        return tuple(_points(rows, ids, place.Ts[kept], source, stated, notes) for place in places)
+    made = _beams if places[0].hand is None else _on_hand
+    return tuple(made(rows, ids, place.Ts[kept], source, notes) for place in places)
+
+
+def _drawn(rows: list[Row], stated: Stated, notes: list[str]) -> list[Row]:
+    """Of very many rows, some at about equal distances: more of a dense recording say little more."""
+    most = stated.max_points
+    if most is None or len(rows) <= most:
+        return rows
+    notes.append(f"{most} of {len(rows)} readings are used, evenly chosen; more with --max-points.")
+    return [rows[k] for k in np.linspace(0, len(rows) - 1, most).round().astype(int)]
 
 
 def _said(messages: RosMessages, options: RosOptions) -> list[str]:
@@ -161,18 +180,19 @@ def _world(tree: FrameTree, frames: Sequence[str], source: str, options: RosOpti
     return root, (f"The world is the frame '{root}'; another with --world.",)
 
 
-def _kept(rows: list[Row], place: Placing, source: str, notes: list[str]) -> tuple[list[Row], Transforms]:
-    """The rows whose place is known, with it."""
-    if not place.known.any():
+def _kept(known: BoolArray, place: Placing, source: str, notes: list[str]) -> list[int]:
+    """Indices of the rows whose place is known."""
+    if not known.any():
         raise ReadingsError(
             f"{source}: expected poses at the readings' stamps, got none of {place.way}. Record them from before the "
             "first reading to after the last (/tf_static, too), by one clock."
         )
-    lost = int((~place.known).sum())
+    lost = int((~known).sum())
     if lost:
         what = "transform" if place.hand is None else "hand pose"
-        notes.append(f"{lost} of {len(rows)} readings were left out: no {what} is known at their stamps.")
-    return [row for row, known in zip(rows, place.known, strict=True) if known], place.Ts[place.known]
+        notes.append(f"{lost} of {len(known)} readings were left out: no {what} is known at their stamps.")
+    kept: list[int] = np.flatnonzero(known).tolist()
+    return kept
 
 
 def _values(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray | None]:
@@ -183,32 +203,31 @@ def _values(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, BoolArray, Flo
     return ranges, most, (limited & (ranges > most)) | np.isinf(ranges), sds
 
 
-def _beams(rows: Sequence[Row], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
+def _beams(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
     ranges, most, free, sds = _values(rows)
     axes, origins = Ts[:, :3, 0], Ts[:, :3, 3]
     points = origins + np.where(free, 0.0, ranges)[:, None] * axes
     return Readings.from_columns(
-        points, ids=_ids(len(rows)), directions=axes, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,
+        points, ids=ids, directions=axes, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,
         max_ranges=np.where(free, most, np.nan), source=source, notes=notes,
     )  # fmt: skip
 
 
-def _on_hand(rows: Sequence[Row], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
+def _on_hand(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
     """Ranges of sensors on a hand: a rig says where they sit."""
     ranges, most, free, sds = _values(rows)
     return Readings.from_columns(
-        n=len(rows), ids=_ids(len(rows)), ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,
+        n=len(rows), ids=ids, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,
         max_ranges=np.where(free, most, np.nan), Ts_world_hand=Ts, sensors=[row.frame for row in rows],
         source=source, notes=notes,
     )  # fmt: skip
 
 
-def _points(rows: Sequence[Row], Ts: Transforms, source: str, stated: Stated, notes: Sequence[str]) -> Readings:
+def _points(
+    rows: Sequence[Row], ids: tuple[str, ...], Ts: Transforms, source: str, stated: Stated, notes: Sequence[str]
+) -> Readings:
     local = np.array([row.values for row in rows])
     points = np.einsum("nij,nj->ni", Ts[:, :3, :3], local) + Ts[:, :3, 3]
-    log = Log(points=points, unit="m", ids=_ids(len(rows)), notes=tuple(notes))
+    log = Log(points=points, unit="m", ids=ids, notes=tuple(notes))
     return readings_of(log, stated, _FORM, source)
 
-
-def _ids(n: int) -> tuple[str, ...]:
-    return tuple(str(k) for k in range(1, n + 1))

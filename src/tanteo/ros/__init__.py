@@ -12,12 +12,13 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.ros.intake import Intake, Patience
     from tanteo.ros.knowledge import Anywhere, Knowledge, Prior
+    from tanteo.ros.latency import STEP, Latency, estimate_latency
     from tanteo.ros.node import RosNode, Settings, opened
     from tanteo.ros.said import next_document, next_pose, state_message
     from tanteo.ros.types import NEEDS_ROS, filled
 
 __all__ = [
-    "NEEDS_ROS", "Anywhere", "Intake", "Knowledge", "Patience", "Prior", "RosNode", "Settings", "filled",
+    "NEEDS_ROS", "STEP", "Anywhere", "Intake", "Knowledge", "Latency", "Patience", "Prior", "RosNode", "Settings", "estimate_latency", "filled",
     "next_document", "next_pose", "opened", "state_message",
 ]  # fmt: skip
 
@@ -28,6 +29,7 @@ __getattr__, __dir__ = lazy(
     {
         "intake": "Intake Patience",
         "knowledge": "Anywhere Knowledge Prior",
+        "latency": "STEP Latency estimate_latency",
         "node": "RosNode Settings opened",
         "said": "next_document next_pose state_message",
         "types": "NEEDS_ROS filled",
