@@ -49,8 +49,10 @@ class Recording:
         one = types["geometry_msgs/msg/TransformStamped"](self.header(t, parent), child, moved)
         self.add(topic, "tf2_msgs/msg/TFMessage", t, [one])
 
-    def range(self, t: float, value: float, frame: str = "sensor", topic: str = "/range") -> None:
-        self.add(topic, "sensor_msgs/msg/Range", t, self.header(t, frame), 1, 0.01, 0.02, 0.5, value)
+    def range(
+        self, t: float, value: float, frame: str = "sensor", topic: str = "/range", least: float = 0.02, most: float = 0.5
+    ) -> None:
+        self.add(topic, "sensor_msgs/msg/Range", t, self.header(t, frame), 1, 0.01, least, most, value)
 
     def point(self, t: float, place, frame: str = "base", topic: str = "/touch") -> None:
         at = self.types["geometry_msgs/msg/Point"](*map(float, place))

@@ -38,7 +38,12 @@ def read_bag(path: Path, stated: Stated, options: RosOptions) -> Readings:
     if not options.topics and (told := _told(path)) is not None:
         return told
     messages, notes = messages_of(path, options)
-    readings = readings_of_messages(messages, str(path), stated, options)
+    try:
+        readings = readings_of_messages(messages, str(path), stated, options)
+    except ReadingsError as error:
+        if notes:  # what is missing may be in the part that is lost
+            raise ReadingsError(" ".join([str(error), *notes])) from None
+        raise
     return replace(readings, notes=(*notes, *readings.notes)) if notes else readings
 
 
