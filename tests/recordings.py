@@ -50,7 +50,13 @@ class Recording:
         self.add(topic, "tf2_msgs/msg/TFMessage", t, [one])
 
     def range(
-        self, t: float, value: float, frame: str = "sensor", topic: str = "/range", least: float = 0.02, most: float = 0.5
+        self,
+        t: float,
+        value: float,
+        frame: str = "sensor",
+        topic: str = "/range",
+        least: float = 0.02,
+        most: float = 0.5,
     ) -> None:
         self.add(topic, "sensor_msgs/msg/Range", t, self.header(t, frame), 1, 0.01, least, most, value)
 

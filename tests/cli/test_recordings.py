@@ -15,7 +15,7 @@ from tanteo.shapes import Surface
 pytest.importorskip("rosbags", reason="the extra tanteo[bags] is not installed")
 pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")
 
-from recordings import T_HAND_SENSOR, Recording  # noqa: E402
+from recordings import T_HAND_SENSOR, Recording
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 T_WORLD_PART = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.42, -0.13, 0.035]))

@@ -13,7 +13,7 @@ from tof_planes import FOLDER, run
 
 pytest.importorskip("rosbags", reason="the extra tanteo[bags] is not installed")
 
-from recordings import Recording  # noqa: E402
+from recordings import Recording
 
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
 

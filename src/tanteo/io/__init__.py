@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         sight_json,
     )
     from tanteo.io.rig_checks import suspect_metres
+    from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
     from tanteo.io.ros_answers import (
         DIAGNOSTICS,
         MARKERS,
@@ -54,7 +55,6 @@ if TYPE_CHECKING:
     )
     from tanteo.io.ros_messages import POINT, POSE, RANGE, TF, RosMessages, RosOptions, Row, wanted_topics
     from tanteo.io.ros_readings import placing, readings_of_messages
-    from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
     from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
     from tanteo.io.stated import Direction, Stated, as_pose, parse_direction
@@ -143,13 +143,13 @@ __all__ = [
     "read_rig",
     "read_scene",
     "read_shifted",
+    "readings_of_messages",
     "recognition_document",
     "recognition_json",
     "resumed",
     "rig_document",
     "rig_text",
     "ros_header",
-    "readings_of_messages",
     "sensed_json",
     "session_document",
     "shipped_rigs",

@@ -22,6 +22,8 @@ TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 """Types of transforms."""
 _SET_BACK = 1.0
 """Stamps of one publisher that go back further than this are of a clock that was set back [s]; less is disorder."""
+_LAGS = 1000
+"""Of so many messages it is kept how late they came, where old ones are dropped."""
 _LATEST = 60.0
 """A message that comes later than this after its stamp has been stamped by another clock [s]."""
 
@@ -126,15 +128,17 @@ class RosMessages:
             tree.tracks[child] = Track.of(samples, static=child in self.static)
         return tree
 
-    def forget(self, before: float) -> None:
-        """Drop what is older [s], but the last transform of each frame."""
-        for key, samples in self.samples.items():
-            kept = [one for one in samples if one[0] >= before]
-            self.samples[key] = kept or samples[-1:]
-        for topic, rows in self.rows.items():
-            self.rows[topic] = [row for row in rows if row.stamp >= before]
-        self.overlaps = [one for one in self.overlaps if one[1] >= before]
-        del self.lags[:-1000]
+    def since(self, moment: float) -> RosMessages:
+        """The same without what is older [s], but for the last transform of each frame before it."""
+        samples = {}
+        for key, known in self.samples.items():
+            older = [one for one in known if one[0] < moment]
+            samples[key] = older[-1:] + [one for one in known if one[0] >= moment]
+        rows = {topic: [row for row in known if row.stamp >= moment] for topic, known in self.rows.items()}
+        overlaps = [one for one in self.overlaps if one[1] >= moment]
+        return RosMessages(
+            samples, self.static, rows, self.kinds, self.lags[-_LAGS:], overlaps, self.broken, self.latest
+        )  # fmt: skip
 
 
 def wanted_topics(there: Mapping[str, str], options: RosOptions) -> dict[str, str]:

@@ -230,4 +230,3 @@ def _points(
     points = np.einsum("nij,nj->ni", Ts[:, :3, :3], local) + Ts[:, :3, 3]
     log = Log(points=points, unit="m", ids=ids, notes=tuple(notes))
     return readings_of(log, stated, _FORM, source)
-

@@ -15,6 +15,8 @@ from tanteo.sensors import Readings
 
 _HISTORY = 30.0
 """How long moving frames are remembered [s]."""
+_MARGIN = 2.0
+"""How much before the first reading that waits transforms matter [s]."""
 _AHEAD = 1.0
 """A stamp that is later than now by more is of another clock [s]."""
 _SOURCE = "tanteo ros"
@@ -70,6 +72,7 @@ class Intake:
     _waiting: list[Waiting] = field(default_factory=list)
     _last: dict[str, float] = field(default_factory=dict)
     _begun: float = np.nan
+    _forgotten: float = np.nan
 
     def hear(self, topic: str, kind: str) -> None:
         """A topic from which messages may come."""
@@ -88,10 +91,11 @@ class Intake:
         """A message of a topic that was heard of, and when it came [s]."""
         messages = self._messages
         messages.take(topic, now, message)
-        if messages.overlaps:
-            self._set_back()
         if messages.kinds[topic] not in (io.RANGE, io.POINT):
+            if messages.overlaps:
+                self._set_back()
             return
+        messages.overlaps.clear()  # one sensor's stamps say nothing of the frames
         for row in messages.rows.pop(topic, ()):
             self._admit(Waiting(topic, row, now))
 
@@ -109,8 +113,7 @@ class Intake:
 
     def _admit(self, one: Waiting) -> None:
         stamp, kinds = one.row.stamp, self._messages.kinds
-        if np.isnan(self._begun):
-            self._begun = one.came
+        self._begun = float(np.fmin(self._begun, one.came))  # a simulated clock may be set back
         if kinds[one.topic] != io.RANGE and io.RANGE in kinds.values():
             self.dropped["of another type than the ranges"] += 1
         elif one.came - stamp > self.patience.age:
@@ -131,7 +134,7 @@ class Intake:
         Raises:
             ReadingsError: what the messages say cannot be a reading: what is missing has to be said beside them.
         """
-        self._messages.forget(now - _HISTORY - self.options.latency)
+        self._forget(now)
         if not self._waiting or now - self._begun < self.patience.settle:
             return None
         known = self._placed()
@@ -146,16 +149,26 @@ class Intake:
 
     def _placed(self) -> list[bool]:
         """Which of the rows that wait can be placed; one frame that nothing places holds up no other."""
-        tree = self._messages.tree()
+        recent = self._recent(self._waiting)
+        tree = recent.tree()
         known = [False] * len(self._waiting)
         for frame in dict.fromkeys(one.row.frame for one in self._waiting):
             mine = [k for k, one in enumerate(self._waiting) if one.row.frame == frame]
-            for k, is_known in zip(mine, self._of_frame(tree, [self._waiting[k] for k in mine]), strict=True):
+            for k, is_known in zip(mine, self._of_frame(recent, tree, [self._waiting[k] for k in mine]), strict=True):
                 known[k] = is_known
         return known
 
-    def _of_frame(self, tree: Any, rows: list[Waiting]) -> list[bool]:
-        messages = self._messages
+    def _recent(self, rows: list[Waiting]) -> io.RosMessages:
+        """What matters for some rows."""
+        return self._messages.since(min(one.row.stamp for one in rows) - self.options.latency - _MARGIN)
+
+    def _forget(self, now: float) -> None:
+        """Drop what is older than any reading can be."""
+        if not now - self._forgotten < _HISTORY / 10:
+            self._forgotten = now
+            self._messages = self._messages.since(now - _HISTORY - self.options.latency)
+
+    def _of_frame(self, messages: io.RosMessages, tree: Any, rows: list[Waiting]) -> list[bool]:
         beams = io.RANGE in messages.kinds.values()
         try:
             place = io.placing(messages, tree, [one.row for one in rows], beams, _SOURCE, self.options)
@@ -175,7 +188,7 @@ class Intake:
         of_topic: dict[str, list[io.Row]] = {}
         for one in told:
             of_topic.setdefault(one.topic, []).append(one.row)
-        heard = self._messages
+        heard = self._recent(told)
         poses = {topic: rows for topic, rows in heard.rows.items() if heard.kinds[topic] == io.POSE}
         batch = io.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
         topics = replace(self.options, topics=())

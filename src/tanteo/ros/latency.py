@@ -59,7 +59,9 @@ class Latency:
                 f"By the motion of the sensor, readings are {1e3 * abs(self.seconds):.1f} ms (sd "
                 f"{1e3 * self.sd:.1f} ms) {more} than taken: say --latency {total:.1f}ms, or stamp them when sensed."
             )
-        return f"By the motion of the sensor, readings are {total:.1f} ms (sd {1e3 * self.sd:.1f} ms) older than stamped."
+        return (
+            f"By the motion of the sensor, readings are {total:.1f} ms (sd {1e3 * self.sd:.1f} ms) older than stamped."
+        )
 
 
 def estimate_latency(
