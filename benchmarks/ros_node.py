@@ -73,10 +73,8 @@ def loopback():
 
     from tanteo.ros import filled
 
-    part, readings = (
-        ROOT / "examples/parts/bracket_left.step",
-        io.read_readings(ROOT / "examples/readings/bracket_left.csv"),
-    )
+    part = ROOT / "examples/parts/bracket_left.step"
+    readings = io.read_readings(ROOT / "examples/readings/bracket_left.csv")
     near = "421,-131,35mm 0,0,34deg +- 3mm 3deg"
     for name, more in (("with --pose-prior", ["--pose-prior", near]), ("anywhere", [])):
         words = ["-m", "tanteo", "ros", "--parts", str(part), "--sd", "0.1mm", *more]

@@ -55,6 +55,7 @@ class Recording:
         value: float,
         frame: str = "sensor",
         topic: str = "/range",
+        *,
         least: float = 0.02,
         most: float = 0.5,
     ) -> None:

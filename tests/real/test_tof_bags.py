@@ -1,4 +1,4 @@
-"""The real time-of-flight runs as recordings of ROS: read from a bag they are calibrated as they are from their tables."""
+"""The real time-of-flight runs as recordings of ROS: from a bag they are calibrated as from their tables."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ REST, BETWEEN = 10.0, 0.1
 
 
 def recorded(readings, kind, folder):
-    """The wrist rests at each place while the sensor repeats its reading; its pose comes at 10 Hz, between the readings."""
+    """The wrist rests at each place while the sensor repeats its reading; its pose comes between the readings."""
     recording, begin, before = Recording(kind), 0.0, None
     for k, T in enumerate(readings.Ts_world_hand):
         if before is None or not np.array_equal(T, before):

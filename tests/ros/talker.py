@@ -1,7 +1,7 @@
-"""Another process on the network of the node: a sensor on a hand that comes to rest before each reading, and a listener.
+"""Another process on the network of the node: a sensor on a hand that rests before each reading, and a listener.
 
-``talker.py PLAN.json``: ``static`` is the sensor on the hand, ``steps`` are pairs of the hand's pose and a range. It prints what
-the node said as one JSON document.
+``talker.py PLAN.json``: ``static`` is the sensor on the hand, ``steps`` are pairs of the hand's pose and a range. It
+prints what the node said as one JSON document.
 """
 
 from __future__ import annotations
@@ -82,8 +82,8 @@ def main(plan: dict) -> dict:
     talker.until(lambda: False, 0.2)
     pose = talker.poses[-1] if talker.poses else None
     out = {
-        "heard": heard, "reset": reset, "enough": enough, "next": talker.asked("/tanteo/next"), "state": str(talker.states[-1]),
-        "markers": len(talker.markers[-1].markers), "poses": len(talker.poses),
+        "heard": heard, "reset": reset, "enough": enough, "next": talker.asked("/tanteo/next"),
+        "state": str(talker.states[-1]), "markers": len(talker.markers[-1].markers), "poses": len(talker.poses),
     }  # fmt: skip
     if pose is not None:
         p, q = pose.pose.pose.position, pose.pose.pose.orientation

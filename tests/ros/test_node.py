@@ -1,4 +1,4 @@
-"""The node and another process on the loopback: a hand that moves, its frames and ranges; poses and what is asked next."""
+"""The node and another process on the loopback: frames of a hand and ranges; poses, and what is asked next."""
 
 from __future__ import annotations
 

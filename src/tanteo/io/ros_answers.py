@@ -111,7 +111,7 @@ def marker_message(
             **common, "id": 2 * k, "type": _LINES, "pose": pose(one.T), "scale": {"x": 0.4 * size}, "color": faint,
             "points": lines,
         })  # fmt: skip
-        above = one.T @ np.append(one.part.centroid + [0, 0, one.part.radius], 1.0)
+        above = one.T @ np.append(one.part.centroid + np.array([0.0, 0.0, one.part.radius]), 1.0)
         markers.append({
             **common, "id": 2 * k + 1, "type": _TEXT, "scale": {"z": max(5 * size, 0.2 * one.part.radius)},
             "color": faint, "text": f"{one.part.name} {one.probability:.1%}",

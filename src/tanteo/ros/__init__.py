@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from tanteo.ros.types import NEEDS_ROS, filled
 
 __all__ = [
-    "NEEDS_ROS", "STEP", "Anywhere", "Intake", "Knowledge", "Latency", "Patience", "Prior", "RosNode", "Settings", "estimate_latency", "filled",
-    "next_document", "next_pose", "opened", "state_message",
+    "NEEDS_ROS", "STEP", "Anywhere", "Intake", "Knowledge", "Latency", "Patience", "Prior", "RosNode", "Settings",
+    "estimate_latency", "filled", "next_document", "next_pose", "opened", "state_message",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]

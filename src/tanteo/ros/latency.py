@@ -1,7 +1,7 @@
 """How much older readings are than their stamps, from the motion of the sensor and a part that stands still.
 
-A sensor that moves by ``v`` and is late by ``t`` says points that are off by ``v t``. Where readings were made in motion
-in several directions, no pose of the part explains that, and ``t`` is estimated together with it.
+A sensor that moves by ``v`` and is late by ``t`` says points that are off by ``v t``. Where readings were made in
+motion in several directions, no pose of the part explains that, and ``t`` is estimated together with it.
 """
 
 from __future__ import annotations
