@@ -65,7 +65,7 @@ def _is_session(path: Path) -> bool:
 
 def _told(path: Path) -> Readings | None:
     """What a session was told whose record is in the file; None if there is none."""
-    from tanteo.io.session_mcap import RECORD
+    from tanteo.io.session_messages import RECORD
     from tanteo.io.session_record import load_record
 
     if not _is_session(path):
