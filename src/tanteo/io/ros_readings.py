@@ -94,7 +94,7 @@ def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: li
         )
         rows = [row for row, is_twice in zip(rows, twice, strict=True) if not is_twice]
     if messages.kinds[topics[0]] == RANGE:
-        ranges = [row for row in rows if row.values[0] > 0 and row.values[0] >= row.values[1]]  # NaN is neither
+        ranges = [row for row in rows if _is_range(row)]
         if len(ranges) < len(rows):
             notes.append(f"{len(rows) - len(ranges)} of {len(rows)} ranges are too near or none, and were left out.")
         rows = ranges
@@ -102,6 +102,12 @@ def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: li
         why = " ".join(note for note in notes if "left out" in note)
         raise ReadingsError(f"{source}: expected readings that can be used, got none. {why} Look at the sensor.")
     return rows
+
+
+def _is_range(row: Row) -> bool:
+    """Whether a range says something: nothing met says how far nothing is, which needs a field that somebody filled."""
+    distance, least, most, _ = row.values
+    return distance > 0 and distance >= least and (np.isfinite(distance) or most > 0)  # NaN is neither
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +27,6 @@ from tanteo.io.ros_messages import POINT, RANGE, TF
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings
 from tanteo.session import Session, Step
-from tanteo.typing import Vectors
 
 RECORD, SPREAD = "/tanteo/record", "/tanteo/corner_sd"
 """Topics of the record, ``tanteo.session/1``, as text, and of a number that comes once a step."""
@@ -54,9 +54,10 @@ def of_step(session: Session, step: Step, readings: Readings | None, stamp: int)
         readings: that were new then; None if none were.
         stamp: moment of the step [ns].
     """
-    points, directions = (None, None) if readings is None else _in_world(session, readings)
-    if readings is not None and points is not None and directions is not None:
-        yield from _sensed(readings, points, directions, stamp)
+    placed = None if readings is None else _in_world(session, readings)
+    points = None if placed is None else placed.points
+    if placed is not None:
+        yield from _sensed(placed, stamp)
     if step.part >= 0:
         part = session.start.targets[step.part].part
         pose = pose_message(step.T_world_part, step.covariance, stamp, _WORLD)
@@ -77,26 +78,27 @@ def of_end(session: Session, document: dict[str, Any], stamp: int) -> Iterator[S
     """All that is possible at the end, and the document of the record."""
     parts = {target.part.name: target.part for target in session.start.targets}
     placed = [Placed(parts[h.part], h.T_world_part, h.probability) for h in session.answer().hypotheses]
-    points = None if session.readings is None else _in_world(session, session.readings)[0]
+    points = None if session.readings is None else _in_world(session, session.readings).points
     yield Sent(stamp, "/tanteo/hypotheses", MARKERS, marker_message(placed, points, stamp, _WORLD))
     yield Sent(stamp, RECORD, TEXT, {"data": json.dumps(document, allow_nan=False, separators=(",", ":"))})
 
 
-def _in_world(session: Session, readings: Readings) -> tuple[Vectors, Vectors]:
-    """Points and directions of readings; of those of a sensor on a hand, as the session's rig places them."""
-    points, directions = readings.points.copy(), readings.directions.copy()
-    if not np.isnan(points).any():
-        return points, directions
+def _in_world(session: Session, readings: Readings) -> Readings:
+    """Readings with points, directions and reach; of a sensor on a hand, as the session's rig has them."""
+    if not np.isnan(readings.points).any():
+        return readings
+    points, directions, most = readings.points.copy(), readings.directions.copy(), readings.max_ranges.copy()
     measured = session.sensing.measured(readings)
     points[measured.rows], directions[measured.rows] = measured.points, measured.directions
     rows = [readings.ids.index(name) for name in measured.free.ids]
     points[rows], directions[rows] = measured.free.origins, measured.free.directions
-    return points, directions
+    most[rows] = measured.free.lengths
+    return replace(readings, points=points, directions=directions, max_ranges=most)
 
 
-def _sensed(readings: Readings, points: Vectors, directions: Vectors, begin: int) -> Iterator[Sent]:
+def _sensed(readings: Readings, begin: int) -> Iterator[Sent]:
     """Touches as points, the centres of the ball; ranges along the x axis of a frame of the probe."""
-    for k, (point, direction) in enumerate(zip(points, directions, strict=True)):
+    for k, (point, direction) in enumerate(zip(readings.points, readings.directions, strict=True)):
         stamp, distance, free = begin + k * _APART, float(readings.ranges[k]), bool(readings.is_free[k])
         if np.isnan(direction).any() or readings.radii[k] > 0 or (np.isnan(distance) and not free):
             yield Sent(stamp, "/tanteo/touch", POINT, point_message(point, stamp, _WORLD))
