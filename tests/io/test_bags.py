@@ -207,6 +207,14 @@ def test_what_came_twice_counts_once(tmp_path):
     assert any("2 of 4 readings came twice" in note for note in readings.notes)
 
 
+def test_a_frame_with_two_parents_is_said(tmp_path):
+    recording = Recording("mcap").moving()
+    recording.transform("/tf_static", 0.0, "flange", "sensor", T_HAND_SENSOR)
+    recording.range(0.5, 0.2)
+    notes = read_readings(recording.write(tmp_path)).notes
+    assert any("The frame 'sensor' is in 'hand' and in 'flange'" in note for note in notes)
+
+
 def test_numbers_that_are_none_are_left_out(tmp_path):
     recording = Recording("mcap").moving()
     recording.transform("/tf", 0.55, "base", "hand", np.full((4, 4), np.nan))

@@ -173,3 +173,20 @@ def test_what_is_too_near_is_counted(moving):
         moving.take("/range", 100.5 + 0.01 * k, reading(100.5 + 0.01 * k, value))
     assert len(moving.ready(100.9)) == 1
     assert dict(moving.left_out()) == {"too near, or no number": 2}
+
+
+def test_a_root_that_comes_late_is_said(moving):
+    moving.take("/range", 100.6, reading(100.55, 0.2))
+    moving.ready(101.0)
+    moving.take("/tf_static", 101.0, frame(0.0, np.eye(4), "map", "base"))
+    moving.take("/range", 100.7, reading(100.65, 0.2))
+    assert len(moving.ready(101.0)) == 1
+    assert moving.world == "base"
+    assert any("'map' has come above the world 'base'" in note for note in moving.notes)
+
+
+def test_what_is_missing_is_said_once(moving):
+    for t in np.arange(100.0, 104.0, 0.3):
+        moving.take("/range", t, reading(t, 0.2, "lost"))
+        moving.ready(t)
+    assert sum("'lost'" in note or "of lost" in note for note in moving.notes) == 1

@@ -53,7 +53,17 @@ if TYPE_CHECKING:
         ros_header,
         transform,
     )
-    from tanteo.io.ros_messages import POINT, POSE, RANGE, TF, RosMessages, RosOptions, Row, wanted_topics
+    from tanteo.io.ros_messages import (
+        POINT,
+        POSE,
+        RANGE,
+        TF,
+        RosMessages,
+        RosOptions,
+        Row,
+        says_something,
+        wanted_topics,
+    )
     from tanteo.io.ros_readings import placing, readings_of_messages
     from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
@@ -150,6 +160,7 @@ __all__ = [
     "rig_document",
     "rig_text",
     "ros_header",
+    "says_something",
     "sensed_json",
     "session_document",
     "shipped_rigs",
@@ -188,7 +199,7 @@ __getattr__, __dir__ = lazy(
         "rig_checks": "suspect_metres",
         "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose "
         "pose_message ros_header transform",
-        "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row wanted_topics",
+        "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row says_something wanted_topics",
         "ros_readings": "placing readings_of_messages",
         "rig_file": "read_rig rig_text shipped_rigs write_rig",
         "scene_file": "SceneFile read_scene",

@@ -192,6 +192,14 @@ def unique(rows: Sequence[Row]) -> Iterator[Row]:
             yield row
 
 
+def says_something(kind: str, row: Row) -> bool:
+    """Whether a row is a reading; of a range that met nothing, somebody has to have said how far that would be."""
+    if kind != RANGE:
+        return True
+    distance, least, most, _ = row.values
+    return distance > 0 and distance >= least and (np.isfinite(distance) or most > 0)  # NaN is none of it
+
+
 def pose_in(row: Row) -> Transforms:
     """The pose of a row ``(4, 4)``."""
     return np.array(row.values).reshape(4, 4)

@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.io.log_readings import readings_of
-from tanteo.io.ros_messages import POSE, RANGE, RosMessages, RosOptions, Row, pose_in, topics_of, unique
+from tanteo.io.ros_messages import POSE, RANGE, RosMessages, RosOptions, Row, pose_in, says_something, topics_of, unique
 from tanteo.io.stated import Stated
 from tanteo.io.transforms import FrameTree, Track
 from tanteo.logs import Log, LogFormat
@@ -74,6 +74,11 @@ def _said(messages: RosMessages, options: RosOptions) -> list[str]:
         out.append(f"Messages were recorded {typical:.1f} ms after their stamp (median; at most {most:.1f}).")
     if messages.broken:
         out.append(f"{messages.broken} messages have numbers that are no pose or point, and were left out.")
+    parents = dict[str, str]()
+    for child, parent in messages.samples:
+        if parents.setdefault(child, parent) != parent:
+            out.append(f"The frame '{child}' is in '{parents[child]}' and in '{parent}': the last one counts.")
+            parents[child] = parent
     if options.latency:
         out.append(f"Readings are taken as {1e3 * options.latency:g} ms older than their stamps.")
     return out
@@ -93,21 +98,14 @@ def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: li
             "their stamps came twice."
         )
         rows = [row for row, is_twice in zip(rows, twice, strict=True) if not is_twice]
-    if messages.kinds[topics[0]] == RANGE:
-        ranges = [row for row in rows if _is_range(row)]
-        if len(ranges) < len(rows):
-            notes.append(f"{len(rows) - len(ranges)} of {len(rows)} ranges are too near or none, and were left out.")
-        rows = ranges
+    said = [row for row in rows if says_something(messages.kinds[topics[0]], row)]
+    if len(said) < len(rows):
+        notes.append(f"{len(rows) - len(said)} of {len(rows)} ranges are too near or none, and were left out.")
+        rows = said
     if not rows:
         why = " ".join(note for note in notes if "left out" in note)
         raise ReadingsError(f"{source}: expected readings that can be used, got none. {why} Look at the sensor.")
     return rows
-
-
-def _is_range(row: Row) -> bool:
-    """Whether a range says something: nothing met says how far nothing is, which needs a field that somebody filled."""
-    distance, least, most, _ = row.values
-    return distance > 0 and distance >= least and (np.isfinite(distance) or most > 0)  # NaN is neither
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -71,8 +71,12 @@ class Intake:
     _messages: io.RosMessages = field(default_factory=io.RosMessages)
     _waiting: list[Waiting] = field(default_factory=list)
     _last: dict[str, float] = field(default_factory=dict)
+    _said_world: bool = field(init=False)
     _begun: float = np.nan
     _forgotten: float = np.nan
+
+    def __post_init__(self) -> None:
+        self._said_world = self.options.world is not None
 
     def hear(self, topic: str, kind: str) -> None:
         """A topic from which messages may come."""
@@ -116,6 +120,8 @@ class Intake:
         self._begun = float(np.fmin(self._begun, one.came))  # a simulated clock may be set back
         if kinds[one.topic] != io.RANGE and io.RANGE in kinds.values():
             self.dropped["of another type than the ranges"] += 1
+        elif not io.says_something(kinds[one.topic], one.row):
+            self.dropped["too near, or no number"] += 1
         elif one.came - stamp > self.patience.age:
             self.dropped["older than --max-age when it came"] += 1
         elif stamp - one.came > _AHEAD:
@@ -137,7 +143,7 @@ class Intake:
         self._forget(now)
         if not self._waiting or now - self._begun < self.patience.settle:
             return None
-        known = self._placed()
+        known = self._placed(now)
         told = [one for one, is_known in zip(self._waiting, known, strict=True) if is_known]
         late = [now - one.came > self.patience.transform for one in self._waiting]
         lost = sum(is_late and not is_known for is_late, is_known in zip(late, known, strict=True))
@@ -147,14 +153,15 @@ class Intake:
         ]
         return self._readings(told) if told else None
 
-    def _placed(self) -> list[bool]:
+    def _placed(self, now: float) -> list[bool]:
         """Which of the rows that wait can be placed; one frame that nothing places holds up no other."""
         recent = self._recent(self._waiting)
         tree = recent.tree()
         known = [False] * len(self._waiting)
         for frame in dict.fromkeys(one.row.frame for one in self._waiting):
             mine = [k for k, one in enumerate(self._waiting) if one.row.frame == frame]
-            for k, is_known in zip(mine, self._of_frame(recent, tree, [self._waiting[k] for k in mine]), strict=True):
+            placed = self._of_frame(recent, tree, [self._waiting[k] for k in mine], now)
+            for k, is_known in zip(mine, placed, strict=True):
                 known[k] = is_known
         return known
 
@@ -168,12 +175,12 @@ class Intake:
             self._forgotten = now
             self._messages = self._messages.since(now - _HISTORY - self.options.latency)
 
-    def _of_frame(self, messages: io.RosMessages, tree: Any, rows: list[Waiting]) -> list[bool]:
+    def _of_frame(self, messages: io.RosMessages, tree: Any, rows: list[Waiting], now: float) -> list[bool]:
         beams = io.RANGE in messages.kinds.values()
         try:
             place = io.placing(messages, tree, [one.row for one in rows], beams, _SOURCE, self.options)
         except ReadingsError as error:
-            if rows[-1].came - rows[0].came > self.patience.transform:
+            if now - rows[0].came > self.patience.transform:
                 self.say(str(error))
             return [False] * len(rows)
         if place.known.any():
@@ -182,9 +189,11 @@ class Intake:
                 self.options = replace(self.options, world=place.world)
         for note in place.notes:
             self.say(note)
+        if place.hand is None and (root := tree.chain(place.world)[-1]) != place.world and not self._said_world:
+            self.say(f"The frame '{root}' has come above the world '{place.world}': begin anew if that one moves.")
         return place.known.tolist()
 
-    def _readings(self, told: list[Waiting]) -> Readings | None:
+    def _readings(self, told: list[Waiting]) -> Readings:
         of_topic: dict[str, list[io.Row]] = {}
         for one in told:
             of_topic.setdefault(one.topic, []).append(one.row)
@@ -192,14 +201,7 @@ class Intake:
         poses = {topic: rows for topic, rows in heard.rows.items() if heard.kinds[topic] == io.POSE}
         batch = io.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
         topics = replace(self.options, topics=())
-        try:
-            readings = io.readings_of_messages(batch, _SOURCE, self.stated, topics)
-        except ReadingsError as error:
-            if "that can be used" not in str(error):
-                raise
-            self.dropped["too near, or no number"] += len(told)
-            return None
-        self.dropped["too near, or no number"] += len(told) - len(readings)
+        readings = io.readings_of_messages(batch, _SOURCE, self.stated, topics)
         first = self.taken + 1
         self.taken += len(readings)
         return replace(readings, ids=tuple(str(k) for k in range(first, first + len(readings))))
