@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 from tanteo.active import Probe, Stop, from_hypotheses
 from tanteo.answers import Answer, Priors
@@ -34,9 +34,13 @@ class Knowledge(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Prior:
-    """A session: where the part may be is known beforehand."""
+    """A session: where the part may be is known beforehand.
 
-    make: Any
+    Attributes:
+        make: a new one.
+    """
+
+    make: Callable[[], Session]
     _session: Session = field(init=False)
 
     def __post_init__(self) -> None:
@@ -88,8 +92,8 @@ class Anywhere:
         joined = readings if self._readings is None else concatenate([self._readings, readings])
         self._answer = identify(
             joined, self.parts, sensor=sensing.sensor, sd=sensing.sd, tolerance=sensing.tolerance,
-            robot=sensing.robot, bias_sd=sensing.bias_sd, rig=sensing.rig, priors=self.priors, seed=self.seed,
-            conventions=False,
+            robot=sensing.robot, tip_sd=sensing.tip_sd, bias_sd=sensing.bias_sd, rig=sensing.rig, priors=self.priors,
+            seed=self.seed, conventions=False,
         )  # fmt: skip
         self._readings = joined
         return self._answer

@@ -15,12 +15,13 @@ import numpy as np
 
 from tanteo import io
 from tanteo.answers import Answer
-from tanteo.errors import InputError, MissingExtraError
+from tanteo.errors import InputError, MissingExtraError, TanteoError
 from tanteo.parts import Part
 from tanteo.ros.intake import Intake
 from tanteo.ros.knowledge import Knowledge
 from tanteo.ros.said import next_document, next_pose, state_message
 from tanteo.ros.types import NEEDS_ROS, filled, type_named
+from tanteo.session import Done
 
 _LOOK, _TELL, _SAY = 0.5, 0.05, 1.0
 """How often topics are looked for, readings told, and diagnostics sent at least [s]."""
@@ -265,7 +266,10 @@ class RosNode:
     def _next(self, request: Any, response: Any) -> Any:
         """``~/next``: the next reading, as JSON."""
         with self._telling:
-            asked = self.knowledge.ask()
+            try:
+                asked = self.knowledge.ask()
+            except TanteoError as error:
+                asked = Done(False, str(error))
         frame = self.intake.world or self.intake.options.world or ""
         document = next_document(asked, frame)
         response.success = document["status"] == "ask"
