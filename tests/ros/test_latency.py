@@ -41,17 +41,17 @@ def ranges_of(part, times):
     return surface.cast(Ts[:, :3, 3], Ts[:, :3, 0]).distances
 
 
-def read(part, times, ranges):
+def read(part, times, ranges, noise=0.0):
     Ts = np.stack([sensor_at(t, part) for t in times])
     return Readings.from_columns(
-        Ts[:, :3, 3] + ranges[:, None] * Ts[:, :3, 0], directions=Ts[:, :3, 0], ranges=ranges,
+        Ts[:, :3, 3] + ranges[:, None] * Ts[:, :3, 0] + noise, directions=Ts[:, :3, 0], ranges=ranges,
         ids=[str(k) for k in range(len(times))],
     )  # fmt: skip
 
 
-def estimated(part, moments, ranges):
+def estimated(part, moments, ranges, noise=0.0):
     """Where the stamps are taken to be the moments of the readings."""
-    shifted = [read(part, moments - shift, ranges) for shift in (0.0, -STEP, STEP)]
+    shifted = [read(part, moments - shift, ranges, noise) for shift in (0.0, -STEP, STEP)]
     hypothesis = SimpleNamespace(T_world_part=T_WORLD_PART, outliers=())
     return estimate_latency(shifted, STEP, partial(measure, sd=SD), hypothesis, part)
 
@@ -62,7 +62,7 @@ def test_the_delay_has_the_spread_that_is_said(part):
     sensed, true = sensed[true < 0.5], true[true < 0.5]
     errors = []
     for _ in range(TRIALS):
-        found = estimated(part, sensed + DELAY, true + SD * rng.normal(size=len(true)))
+        found = estimated(part, sensed + DELAY, true, SD * rng.normal(size=(len(true), 3)))
         assert found.contradicts
         errors.append((found.seconds - DELAY) / found.sd)
     low, high = chi2.ppf([0.001, 0.999], TRIALS)

@@ -16,7 +16,7 @@ from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.sensors import PointMeasurements, Readings
 from tanteo.shapes import Surface
-from tanteo.typing import FloatArray, Vectors
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 STEP = 2e-3
 """By how much readings are shifted to see how they move [s]."""
@@ -88,13 +88,12 @@ def estimate_latency(
     if int(kept.sum()) < _LEAST:
         return None
     velocity = (after.points - before.points)[kept] / (2 * step)
-    sds = np.sqrt(np.linalg.eigvalsh(points.covs)[:, 0])[kept]
-    found = _fitted(points.points[kept], velocity, sds, points.radii[kept], hypothesis.T_world_part, part)
+    found = _fitted(points.points[kept], velocity, points.covs[kept], points.radii[kept], hypothesis.T_world_part, part)
     return found if found is not None and found.sd < _TOLD else None
 
 
 def _fitted(
-    points: Vectors, velocity: Vectors, sds: FloatArray, radii: FloatArray, T: FloatArray, part: Part
+    points: Vectors, velocity: Vectors, covs: Covariances, radii: FloatArray, T: Transforms, part: Part
 ) -> Latency | None:
     """Gauss-Newton over the latency and six motions of the part."""
     surface, t = Surface(part.vertices, part.triangles), 0.0
@@ -105,6 +104,8 @@ def _fitted(
         local, moving = SE3.apply(inverse, points + t * velocity), velocity @ T[:3, :3]
         near = surface.closest(local)
         normals = surface.normals[near.triangles]
+        along = normals @ T[:3, :3].T
+        sds = np.sqrt(np.einsum("ni,nij,nj->n", along, covs, along))
         r = (np.einsum("ni,ni->n", normals, local - near.points) - radii) / sds
         weights = 1 / np.maximum(1.0, np.abs(r) / 3)  # of Huber: a reading beside an edge may have another face
         J = np.c_[np.einsum("ni,ni->n", normals, moving), -normals, -np.cross(local, normals)] / sds[:, None]
