@@ -21,6 +21,7 @@ from tanteo.ros.intake import Intake
 from tanteo.ros.knowledge import Knowledge
 from tanteo.ros.said import next_document, next_pose, state_message
 from tanteo.ros.types import NEEDS_ROS, filled, type_named
+from tanteo.sensors import Readings
 from tanteo.session import Done
 
 _LOOK, _TELL, _SAY = 0.5, 0.05, 1.0
@@ -224,16 +225,28 @@ class RosNode:
                 self._note(f"{self.settings.max_measurements} readings are told; more are left out until ~/reset.")
                 self.intake.dropped["more than --max-measurements"] += len(readings) - max(room, 0)
                 readings = readings.take(np.arange(max(room, 0)))
-            if not len(readings):
-                return False
-            try:
-                self.answer = self.knowledge.tell(readings)
-            except InputError as error:
-                self._note(f"Readings {readings.ids[0]} to {readings.ids[-1]} were left out: {error}")
-                return False
+            answer = self._answer_to(readings)
+        if answer is None:
+            return False
+        self.answer = answer
         self._publish(self.answer, round(1e9 * stamp))
         self._delays.append(self._now() - stamp)
         return True
+
+    def _answer_to(self, readings: Readings) -> Answer | None:
+        """What the readings make of it, without those that cannot be; None if nothing new can."""
+        if not len(readings):
+            return None
+        try:
+            return self.knowledge.tell(readings)
+        except InputError as error:
+            if len(readings) > 1:  # one of them spoils no other
+                answers = [self._answer_to(readings.take(np.array([k]))) for k in range(len(readings))]
+                return next((answer for answer in reversed(answers) if answer is not None), None)
+            self.intake.dropped["refused"] += 1
+            if self.intake.dropped["refused"] == 1:
+                self._note(f"A reading was left out, and more like it are counted only: {error}")
+            return None
 
     def _publish(self, answer: Answer, stamp: int) -> None:
         world, readings = self.intake.world, self.knowledge.readings()
