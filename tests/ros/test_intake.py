@@ -68,6 +68,7 @@ def test_a_range_is_placed_at_its_stamp(moving):
     T = hand(100.55) @ T_HAND_SENSOR
     assert np.allclose(told.points[0], T[:3, 3] + 0.2 * T[:3, 0], atol=1e-6)
     assert moving.world == "base"
+    assert moving.latest == pytest.approx(100.55)
     assert moving.ready(101.0) is None
 
 

@@ -59,6 +59,7 @@ class Intake:
         notes: what a person should know, each once.
         taken: readings that came of it.
         world: name of the frame that they are in; empty until it is known.
+        latest: the last stamp of them [s]; NaN before.
     """
 
     options: io.RosOptions
@@ -68,6 +69,7 @@ class Intake:
     notes: list[str] = field(default_factory=list)
     taken: int = 0
     world: str = ""
+    latest: float = np.nan
     _messages: io.RosMessages = field(default_factory=io.RosMessages)
     _waiting: list[Waiting] = field(default_factory=list)
     _last: dict[str, float] = field(default_factory=dict)
@@ -202,6 +204,7 @@ class Intake:
         batch = io.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
         topics = replace(self.options, topics=())
         readings = io.readings_of_messages(batch, _SOURCE, self.stated, topics)
+        self.latest = max(one.row.stamp for one in told)
         first = self.taken + 1
         self.taken += len(readings)
         return replace(readings, ids=tuple(str(k) for k in range(first, first + len(readings))))
@@ -214,7 +217,3 @@ class Intake:
     def left_out(self) -> Iterator[tuple[str, int]]:
         """Why readings were left out, and how many."""
         return ((why, count) for why, count in self.dropped.items() if count)
-
-    def latest(self) -> float:
-        """The last stamp that was told or waits [s]; NaN before."""
-        return max(self._last.values(), default=np.nan)

@@ -215,7 +215,7 @@ class RosNode:
         with self._lock:
             now = self._now()
             readings = self.intake.ready(now) if now > 0 else None  # 0: the simulated clock has not begun
-            stamp = self.intake.latest()
+            stamp = self.intake.latest
         if readings is None:
             return False
         with self._telling:
