@@ -44,7 +44,8 @@ EXTRAS = {
     "vision": ("cv2", "parts in images (tanteo see)"),
     "viewer": ("viser", "the live page (tanteo view)"),
     "machines": ("serial", "machines on a serial port (tanteo probe)"),
-    "bags": ("rosbags", "recordings of ROS"),
+    "bags": ("rosbags", "recordings of ROS, sessions as MCAP"),
+    "ros": ("rclpy", "a node of ROS 2 (tanteo ros)"),
     "cluster": ("distributed", "work spread over many machines (--scheduler)"),
 }
 """Extra: a module that it brings, and what it is for."""

@@ -7,6 +7,7 @@ import re
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,6 +18,7 @@ from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
+from tanteo.errors import ReadingsError
 
 if TYPE_CHECKING:
     from tanteo.parts import Part
@@ -95,6 +97,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         result = ask(given.readings, given.parts)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
+    _say_latency(readings, result, given, options, file)
     if not options.json:  # a person reads while it is thought about what may be wrong; a document has it all
         print_answer(result, known, verbose=options.verbose, aside=bool(words))
     if not options.as_published:
@@ -106,6 +109,33 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     if options.report is not None:
         _report(options.report, result, given, options, known)
     leave(decided=result.status == "recognized")
+
+
+def _say_latency(path: str, answer: answers.Answer, given: Given, options: Options, file: FileOptions) -> None:
+    """Of a recording: how much older the readings are than their stamps, by the motion of the sensor."""
+    if answer.best is None:
+        return
+    from tanteo.parts import part_named
+    from tanteo.ros import STEP, estimate_latency
+    from tanteo.sensors import measure
+
+    shifted: tuple[Readings, ...] = ()
+    with suppress(ReadingsError):  # of single poses it is not known how the sensor moved
+        shifted = io.read_shifted(
+            path, (0.0, -STEP, STEP), latency=file.latency, topics=file.topics, world=file.world, radius=file.radius,
+            direction=file.direction, max_points=file.max_points,
+        )  # fmt: skip
+    if not shifted:
+        return
+    measured = partial(
+        measure, sensor=options.sensor, robot=options.robot, sd=options.sd, tip_sd=options.tip_sd,
+        bias_sd=options.bias_sd, rig=given.rig,
+    )  # fmt: skip
+    found = estimate_latency(shifted, STEP, measured, answer.best, part_named(given.parts, answer.best.part))
+    if found is not None and found.contradicts:
+        complain("warning", found.words(file.latency or 0.0))
+    elif found is not None and options.verbose:
+        say(found.words(file.latency or 0.0), sys.stderr)
 
 
 def _whole(options: Options) -> answers.WholeObject | None:

@@ -25,6 +25,7 @@ from tanteo.cli import (
     plan,
     probe,
     replay,
+    ros,
     see,
     sense,
     sensor,
@@ -177,6 +178,7 @@ _add(app, "locate", answer.locate)
 _add(app, "see", see.see)
 _add(app, "plan", plan.plan, plan.check_plan)
 _add(app, "probe", probe.probe)
+_add(app, "ros", ros.ros)
 _add(app, "check-cell", cell.check_cell)
 app.add_typer(_sense, name="sense")
 _add(_sense, "plane", sense.sense_plane)

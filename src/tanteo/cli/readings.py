@@ -25,7 +25,8 @@ MAX_POINTS = 1000
 _file = partial(option, rich_help_panel="File of readings")
 
 
-def _radius(text: str) -> float:
+def parse_radius(text: str) -> float:
+    """Of a ball [m], or zero."""
     value = io.parse_length(text, "--radius")
     if not 0 <= value <= 1:
         raise InputError(f"--radius: expected a length of zero to 1 m, got '{text}'. Write it as 1.5mm.")
@@ -39,7 +40,8 @@ def _format(name: str) -> str:
     return name
 
 
-def _direction(text: str) -> Any:
+def parse_direction(text: str) -> Any:
+    """Where a tip moved."""
     return io.parse_direction(text, "--direction")
 
 
@@ -47,15 +49,21 @@ def _normal_sd(text: str) -> float:
     return io.parse_angle(text, "--normal-sd")
 
 
-def _latency(text: str) -> float:
+def parse_time(name: str, least: float, most: float, text: str) -> float:
+    """A time [s]."""
     number, unit = (text[:-2], 1e-3) if text.endswith("ms") else (text[:-1], 1.0)
     try:
         value = unit * float(number) if text.endswith("s") else float("nan")
     except ValueError:
         value = float("nan")
-    if not -10 <= value <= 10:
-        raise InputError(f"--latency: expected a time up to 10 s, got '{text}'. Write it as 5ms.")
+    if not least <= value <= most:
+        raise InputError(f"{name}: expected a time from {least:g} to {most:g} s, got '{text}'. Write it as 5ms.")
     return value
+
+
+def parse_latency(text: str) -> float:
+    """How much older readings are than their stamps [s]."""
+    return parse_time("--latency", -10, 10, text)
 
 
 def _pose(name: str, attitude: bool, text: str) -> Any:
@@ -83,12 +91,12 @@ class FileOptions:
         Words(_format),
     ] = None
     radius: Annotated[
-        float | None, _file("--radius", "LENGTH", "Radius of the tip's ball, as 1.5mm."), Words(_radius)
+        float | None, _file("--radius", "LENGTH", "Radius of the tip's ball, as 1.5mm."), Words(parse_radius)
     ] = None
     direction: Annotated[
         Direction | None,
         _file("--direction", "DIRECTION", "Where the tip moved: down, -z, 0,0,-1, ijk, -ijk, tool, from:0,0,500mm."),
-        Words(_direction),
+        Words(parse_direction),
     ] = None
     normal_sd: Annotated[
         float | None,
@@ -118,7 +126,7 @@ class FileOptions:
     latency: Annotated[
         float | None,
         _file("--latency", "TIME", "Of the same: how much older readings are than their stamps, as 5ms."),
-        Words(_latency),
+        Words(parse_latency),
     ] = None
     max_points: Annotated[
         int,

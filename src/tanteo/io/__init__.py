@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table, read_furniture
     from tanteo.io.readings_csv import write_readings
-    from tanteo.io.readings_file import format_names, read_readings
+    from tanteo.io.readings_file import format_names, read_readings, read_shifted
     from tanteo.io.record_tables import SessionRecord
     from tanteo.io.result_json import (
         EMPTY,
@@ -39,9 +39,35 @@ if TYPE_CHECKING:
     )
     from tanteo.io.rig_checks import suspect_metres
     from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
+    from tanteo.io.ros_answers import (
+        DIAGNOSTICS,
+        MARKERS,
+        OK,
+        POSE_COVARIANCE,
+        WARN,
+        Placed,
+        diagnostics_message,
+        marker_message,
+        pose,
+        pose_message,
+        ros_header,
+        transform,
+    )
+    from tanteo.io.ros_messages import (
+        POINT,
+        POSE,
+        RANGE,
+        TF,
+        RosMessages,
+        RosOptions,
+        Row,
+        says_something,
+        wanted_topics,
+    )
+    from tanteo.io.ros_readings import placing, readings_of_messages
     from tanteo.io.scene_file import SceneFile, read_scene
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
-    from tanteo.io.stated import Direction, as_pose, parse_direction
+    from tanteo.io.stated import Direction, Stated, as_pose, parse_direction
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
     from tanteo.io.whole_text import parse_density, parse_mass, parse_size
     from tanteo.io.work_frames import WorkFrame, WrittenFrame, parse_work_frame, write_work_frame
@@ -57,12 +83,26 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BRANDS",
+    "DIAGNOSTICS",
     "EMPTY",
+    "MARKERS",
+    "OK",
+    "POINT",
+    "POSE",
+    "POSE_COVARIANCE",
     "POSE_NAMES",
+    "RANGE",
+    "TF",
+    "WARN",
     "Brand",
     "Direction",
+    "Placed",
+    "RosMessages",
+    "RosOptions",
+    "Row",
     "SceneFile",
     "SessionRecord",
+    "Stated",
     "WorkFrame",
     "WrittenFrame",
     "WrittenPose",
@@ -71,6 +111,7 @@ __all__ = [
     "brand_word",
     "calibration_document",
     "check_pose_name",
+    "diagnostics_message",
     "differences",
     "distinction_json",
     "document_json",
@@ -78,6 +119,7 @@ __all__ = [
     "explanation_document",
     "format_names",
     "load_record",
+    "marker_message",
     "parse_angle",
     "parse_box",
     "parse_density",
@@ -93,10 +135,13 @@ __all__ = [
     "part_file",
     "part_json",
     "parts_of",
+    "placing",
     "plan_csv",
     "plan_json",
+    "pose",
     "pose_as_brand",
     "pose_from_brand",
+    "pose_message",
     "prior_brand",
     "read_camera",
     "read_furniture",
@@ -107,16 +152,22 @@ __all__ = [
     "read_record",
     "read_rig",
     "read_scene",
+    "read_shifted",
+    "readings_of_messages",
     "recognition_document",
     "recognition_json",
     "resumed",
     "rig_document",
     "rig_text",
+    "ros_header",
+    "says_something",
     "sensed_json",
     "session_document",
     "shipped_rigs",
     "sight_json",
     "suspect_metres",
+    "transform",
+    "wanted_topics",
     "write_image",
     "write_pose",
     "write_readings",
@@ -141,11 +192,15 @@ __getattr__, __dir__ = lazy(
         "whole_text": "parse_density parse_mass parse_size",
         "pose_syntax": "brand_word parse_pose",
         "readings_csv": "write_readings",
-        "readings_file": "format_names read_readings",
-        "stated": "Direction as_pose parse_direction",
+        "readings_file": "format_names read_readings read_shifted",
+        "stated": "Direction Stated as_pose parse_direction",
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",
         "rig_checks": "suspect_metres",
+        "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose "
+        "pose_message ros_header transform",
+        "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row says_something wanted_topics",
+        "ros_readings": "placing readings_of_messages",
         "rig_file": "read_rig rig_text shipped_rigs write_rig",
         "scene_file": "SceneFile read_scene",
         "record_tables": "SessionRecord",

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tanteo.errors import ReadingsError, check_kind
-from tanteo.io.bag_messages import BagOptions
-from tanteo.io.bags import BAG, is_bag, read_bag
+from tanteo.io.bags import is_bag, read_bag, shifted
 from tanteo.io.log_readings import readings_of
 from tanteo.io.readings_csv import read_table
+from tanteo.io.ros_messages import RosOptions
+from tanteo.io.ros_readings import BAG
 from tanteo.io.stated import Direction, Stated, as_brand, as_direction, as_pose
 from tanteo.logs import FORMATS, Contents, LogFormat, format_named, recognise
 from tanteo.sensors import Readings
@@ -84,10 +85,10 @@ def read_readings(
         tool=as_pose("tool", tool), hand=as_pose("hand", hand), device=device, max_points=max_points,
     )  # fmt: skip
     named = format_named(format) if format not in (None, BAG) else None
-    of_bag = BagOptions(tuple(topics or ()), world, latency or 0.0)
+    of_bag = RosOptions(tuple(topics or ()), world, latency or 0.0)
     if format == BAG or (format is None and is_bag(path)):
         return read_bag(path, stated, of_bag)
-    if of_bag != BagOptions():
+    if of_bag != RosOptions():
         raise ReadingsError(f"{path}: expected a recording of ROS with topics, world or latency, got none. Drop these.")
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
@@ -106,6 +107,36 @@ def read_readings(
         raise ReadingsError(
             f"{path}: expected a readings file, got: {error.strerror or error}. Check the path."
         ) from None
+
+
+def read_shifted(
+    path: str | Path, shifts: Sequence[float], *, latency: float | None = None, topics: Sequence[str] | None = None,
+    world: str | None = None, radius: float | None = None, direction: str | Vectors | Direction | None = None,
+    max_points: int | None = None,
+) -> tuple[Readings, ...]:  # fmt: skip
+    """The same readings of a recording of ROS, as they would be if they were older by several times.
+
+    Args:
+        path: The file.
+        shifts: Times [s].
+        latency: As of :func:`read_readings`, and so are the others.
+        topics: Of the readings.
+        world: Frame of the answer.
+        radius: Of the tip's ball [m].
+        direction: Where the tip moved.
+        max_points: Readings that are kept.
+
+    Returns:
+        One of each shift, all of the same readings; none where the file is no recording, or the readings of a session.
+
+    Raises:
+        ReadingsError: As of :func:`read_readings`.
+    """
+    path = Path(path)
+    if not is_bag(path):
+        return ()
+    stated = Stated(radius=radius, direction=as_direction(direction), max_points=max_points)
+    return shifted(path, stated, RosOptions(tuple(topics or ()), world, latency or 0.0), shifts)
 
 
 def _beginning(path: Path) -> bytes:

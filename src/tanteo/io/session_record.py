@@ -1,4 +1,4 @@
-"""A session as a record file (JSON, ``tanteo.session/1``), and the same session from it (``docs/formats.md``)."""
+"""A session as a record (``tanteo.session/1``, JSON or in MCAP), and the same session from it (``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from tanteo.io.part_files import part_file, parts_of
 from tanteo.io.record_tables import HERE, ObservationTable, PosePriors, SensingTable, SessionRecord
 from tanteo.io.result_json import recognition_document
 from tanteo.io.schema import as_plain
+from tanteo.io.session_mcap import SUFFIX, is_mcap, record_text, write_mcap
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.session import Observation, Sensing, Session
@@ -29,11 +30,18 @@ _POLICIES: dict[str, Any] = {type(policy).__name__: type(policy) for policy in P
 def write_record(session: Session, path: str | Path) -> None:
     """Write all of a session to a file, which is replaced whole or not at all.
 
+    A file whose name ends in ``.mcap`` has messages of ROS 2 beside the record (``docs/ros.md``).
+
     Raises:
         InputError: the session's policy is none of those that can be named.
+        MissingExtraError: what writes MCAP is not installed.
         OSError: the file cannot be written.
     """
-    text = json.dumps(session_document(session), allow_nan=False, separators=(",", ":"))
+    document = session_document(session)
+    if Path(path).suffix.lower() == SUFFIX:
+        write_mcap(session, document, path)
+        return
+    text = json.dumps(document, allow_nan=False, separators=(",", ":"))
     with replaced(path) as file:
         file.write_text(text + "\n", encoding="utf-8")
 
@@ -70,7 +78,9 @@ def load_record(path: str | Path) -> SessionRecord:
     Raises:
         InputError: the file cannot be read, or is not a whole record; the message names file and key.
     """
-    record = load_json(Path(path), "session", SessionRecord, SCHEMA, "Take the record as it was written.")
+    path = Path(path)
+    content = record_text(path).encode() if is_mcap(path) else None
+    record = load_json(path, "session", SessionRecord, SCHEMA, "Take the record as it was written.", content)
     _policy(record)
     observations = [one.observation() for one in record.observations]
     actions = [*(one.action for one in observations), record.asked, *record.refused]

@@ -9,8 +9,12 @@ import numpy as np
 from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
-_GAP = 1e-9
+_ONE = 1e-9
 """Moments nearer than this are one [s]."""
+_GAP, _PERIODS = 0.5, 5.0
+"""The longest time between two samples over which a motion is interpolated: [s], or times the usual one."""
+_STILL = 1e-6
+"""A frame that is within this of where it was has not moved over a gap [m, rad]."""
 
 
 @dataclass(slots=True, eq=False)
@@ -32,18 +36,25 @@ class Track:
         """Sorted; of samples at one moment the last holds."""
         order = sorted(range(len(samples)), key=lambda k: (samples[k][0], k))
         times = np.array([samples[k][0] for k in order])
-        last = np.append(np.diff(times) > _GAP, True)
+        last = np.append(np.diff(times) > _ONE, True)
         return cls(times[last], np.stack([samples[k][1] for k in order])[last], static)
 
     def at(self, times: FloatArray) -> tuple[Transforms, BoolArray]:
-        """Poses at moments ``(m, 4, 4)``, and at which of them it is known: between the first sample and the last."""
+        """Poses at moments ``(m, 4, 4)``, and at which of them it is known.
+
+        It is known between the first sample and the last, but not within a gap in which it may have moved anywhere.
+        """
         if self.static or len(self.times) == 1:
-            known = np.full(len(times), self.static) | (np.abs(times - self.times[-1]) < _GAP)
+            known = np.full(len(times), self.static) | (np.abs(times - self.times[-1]) < _ONE)
             return np.repeat(self.Ts[-1:], len(times), axis=0), known
         k = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
+        period = np.diff(self.times)
         share = (times - self.times[k]) / (self.times[k + 1] - self.times[k])
         step = SE3.log(SE3.inverse(self.Ts[k]) @ self.Ts[k + 1])
-        known = (times >= self.times[0] - _GAP) & (times <= self.times[-1] + _GAP)
+        known = (times >= self.times[0] - _ONE) & (times <= self.times[-1] + _ONE)
+        gap = period[k] > max(_GAP, _PERIODS * float(np.median(period)))
+        moved = np.abs(step).max(axis=-1) > _STILL
+        known &= ~(gap & moved & (share > 0) & (share < 1))
         return self.Ts[k] @ SE3.exp(np.clip(share, 0, 1)[:, None] * step), known
 
 

@@ -1,0 +1,218 @@
+"""``tanteo ros``: a node of ROS 2 that takes readings from topics and gives poses to topics, until it is ended."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tanteo import answers, io, text
+from tanteo.cli import arguments as args
+from tanteo.cli import files
+from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
+from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
+
+if TYPE_CHECKING:
+    from tanteo.active import Probe
+    from tanteo.io import Direction
+    from tanteo.parts import Part
+    from tanteo.ros import Intake, Knowledge, RosNode
+else:  # the parser resolves annotations, and has to load nothing for that
+    Direction = Any
+
+_topics = partial(args.option, rich_help_panel="Topics and frames")
+
+
+def _time(name: str, most: float = 3600.0) -> Any:
+    return partial(parse_time, name, 0.0, most)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopicOptions:
+    """Where readings come from, and when."""
+
+    topics: Annotated[
+        list[str] | None,
+        _topics("--topic", "NAME", "Of readings, or of the hand's poses; may be repeated. Guessed if not said."),
+    ] = None
+    world: Annotated[
+        str | None, _topics("--world", "FRAME", "The frame that answers are in; the root of the frames if not said.")
+    ] = None
+    latency: Annotated[
+        float | None,
+        _topics("--latency", "TIME", "How much older readings are than their stamps, as 5ms."),
+        args.Words(parse_latency),
+    ] = None
+    radius: Annotated[
+        float | None,
+        _topics("--radius", "LENGTH", "Of the tip's ball, where points are its centres, as 1.5mm."),
+        args.Words(parse_radius),
+    ] = None
+    direction: Annotated[
+        Direction | None,
+        _topics("--direction", "DIRECTION", "Where the tip moved, as down, -z, from:0,0,500mm."),
+        args.Words(parse_direction),
+    ] = None
+    patience: Annotated[
+        float,
+        _topics("--patience", "TIME", "How long transforms at the stamp of a reading are waited for."),
+        args.Words(_time("--patience"), str, "1s"),
+    ]
+    max_age: Annotated[
+        float,
+        _topics("--max-age", "TIME", "A reading that is older when it comes is left out."),
+        args.Words(_time("--max-age"), str, "10s"),
+    ]
+    every: Annotated[
+        float,
+        _topics("--every", "TIME", "Least time between two readings of a topic that count."),
+        args.Words(_time("--every"), str, "0.1s"),
+    ]
+    node: Annotated[str, _topics("--node", "NAME", "Of the node, before its topics and services.")] = "tanteo"
+    sim_time: Annotated[bool, _topics("--sim-time", None, "Take the time from /clock, as of a simulation or bag.")] = (
+        False
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Options of ``ros``."""
+
+    parts: args.PartPaths
+    pose_prior: args.PosePriorAt = None
+    units: args.Units = None
+    sensor: args.Sensor = None
+    sd: args.Sd = None
+    robot: args.Robot = None
+    tip_sd: args.TipSd = None
+    bias_sd: args.BiasSd = None
+    rig: args.RigPath = None
+    outlier_rate: args.OutlierRate = None
+    unknown_prior: args.UnknownPrior = None
+    tolerance: Annotated[
+        float | None,
+        args.option("--tolerance", "LENGTH", "~/next asks until all corners are placed within it, as 0.5mm."),
+        args.Words(partial(args.length, "--tolerance", "0.5mm")),
+    ] = None
+    max_measurements: Annotated[
+        int,
+        args.option("--max-measurements", None, "Readings that count; later ones are left out until ~/reset."),
+        args.Words(partial(args.at_least, "--max-measurements", 1, "Use 300"), int),
+    ] = 300
+    standoff: args.Standoff = None
+    once: Annotated[bool, args.option("--once", None, "End when the part is recognized.")] = False
+    seed: args.Seed = 0
+    json: args.Json = False
+    verbose: args.Verbose = False
+
+    def __post_init__(self) -> None:
+        if self.sensor is not None and self.sd is not None:
+            raise MisuseError("--sensor, --sd: expected one of the two, got both. Say --sensor NAME.")
+        if self.sensor is None and self.sd is None:
+            raise MisuseError("--sensor, --sd: expected one of the two, got neither. Say --sd 0.3mm.")
+
+
+def ros(options: Options, topics: TopicOptions) -> None:
+    """Recognise and locate as a node of ROS 2: ranges and touches from topics, poses with covariance to topics."""
+    from tanteo.ros import RosNode, Settings, opened
+
+    settings = Settings(topics.node, topics.sim_time, options.max_measurements, options.once)
+    with _named(topics.node), opened(settings) as node:
+        parts = files.read_all_parts(options.parts, options.units, quiet=True)
+        known = _knowledge(parts, options, topics)
+        server = RosNode(
+            node, _intake(topics), known, {part.name: part for part in parts}, settings,
+            lambda note: complain("warning", note), partial(_heard, options),
+        )  # fmt: skip
+        say(f"Listening as node /{topics.node}; Ctrl-C ends it.", sys.stderr)
+        with _ended_by_signals(server):
+            answer = server.run()
+    _print(answer, options)
+
+
+@contextmanager
+def _named(name: str) -> Iterator[None]:
+    if not (name.isidentifier() and name.isascii()):
+        raise MisuseError(f"--node: expected letters, digits and _, got '{name}'. Say --node tanteo.")
+    yield
+
+
+def _intake(topics: TopicOptions) -> Intake:
+    from tanteo.ros import Intake, Patience
+
+    stated = io.Stated(radius=topics.radius, direction=topics.direction)
+    wanted = io.RosOptions(tuple(topics.topics or ()), topics.world, topics.latency or 0.0)
+    return Intake(wanted, stated, Patience(topics.patience, topics.patience, topics.max_age, topics.every))
+
+
+def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) -> Knowledge:
+    """A session where a pose is known beforehand, else all readings together."""
+    import numpy as np
+
+    from tanteo.active import Start, Stop
+    from tanteo.inference import prepare_all
+    from tanteo.ros import Anywhere, Prior
+    from tanteo.session import Sensing, Session
+
+    rig = None if options.rig is None else files.read_asked_rig(options.rig)
+    sensing = Sensing(
+        sensor=options.sensor, sd=options.sd, robot=options.robot, tip_sd=options.tip_sd, bias_sd=options.bias_sd,
+        rig=rig,
+    )  # fmt: skip
+    said: dict[str, Any] = {"outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
+    with misuse():
+        priors = answers.Priors(**{name: value for name, value in said.items() if value is not None})
+    stop = Stop(tolerance=options.tolerance, max_measurements=options.max_measurements)
+    probe = _probe(options, topics)
+    if options.pose_prior is None:
+        return Anywhere(parts, probe, sensing, stop, priors, options.seed)
+    n, near = len(parts), options.pose_prior
+    Ts, Cs = np.repeat(near.T[None], n, axis=0), np.repeat(near.C[None], n, axis=0)
+    start = Start(tuple(prepare_all("parts", parts)), np.arange(n), Ts, Cs, np.ones(n), priors)
+    return Prior(lambda: Session(start, probe, sensing, stop=stop, seed=options.seed))
+
+
+def _probe(options: Options, topics: TopicOptions) -> Probe:
+    """What senses, as choosing needs it."""
+    from tanteo.active import probe_of
+
+    where: dict[str, Any] = {} if options.standoff is None else {"standoff": options.standoff}
+    if topics.radius is not None:
+        where |= {"contact": True, "radius": topics.radius}
+    with misuse():
+        return probe_of(options.sensor or options.sd or 0.0, options.robot, **where)
+
+
+@contextmanager
+def _ended_by_signals(server: RosNode) -> Iterator[None]:
+    """An order to end, or Ctrl-C, ends the node and nothing else: the answer is still printed."""
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, lambda *_: server.ended.set()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+def _heard(options: Options, answer: answers.Answer) -> None:
+    """One line an answer, for a person who watches."""
+    if options.verbose:
+        say(text.answer_lines(answer, layout=layout())[0], sys.stderr)
+
+
+def _print(answer: answers.Answer | None, options: Options) -> None:
+    if answer is None:
+        complain("warning", "no reading came that could be used: look at the topics and their types (ros2 topic list).")
+        leave(decided=False)
+        return
+    if options.json:
+        put(io.document_json(io.recognition_document(answer), warned()))
+    else:
+        emit(text.answer_lines(answer, verbose=options.verbose, layout=layout()))
+    leave(decided=answer.status == "recognized")

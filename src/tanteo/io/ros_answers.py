@@ -1,0 +1,153 @@
+"""Answers as messages of ROS, in plain dictionaries by the names of their fields; whoever sends them makes the types.
+
+A field that is missing has its default. Covariances are in the order and frame of ROS (``docs/conventions.md``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tanteo.frames import UncertainFrame, as_ros_covariance
+from tanteo.io.poses import pose_as_brand
+from tanteo.parts import Part
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+
+POSE_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+MARKERS, DIAGNOSTICS = "visualization_msgs/msg/MarkerArray", "diagnostic_msgs/msg/DiagnosticArray"
+"""Types of what is sent."""
+OK, WARN, ERROR, STALE = range(4)
+"""Levels of diagnostic_msgs/DiagnosticStatus."""
+_SPHERES, _LINES, _TEXT, _DELETE_ALL = 7, 5, 9, 3
+"""Numbers of visualization_msgs/Marker."""
+_COLORS = ((0.0, 0.45, 0.7), (0.9, 0.6, 0.0), (0.0, 0.6, 0.5), (0.8, 0.4, 0.7), (0.35, 0.7, 0.9))
+_MANY = 2000
+"""Edges beyond which the box of a part is drawn in place of it."""
+_BOX = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7))
+"""Corners of a box that its edges connect, x the slowest."""
+
+
+class Placed(NamedTuple):
+    """A part at a pose, with the probability of that."""
+
+    part: Part
+    T: Transforms
+    probability: float
+
+
+def ros_header(stamp: int, frame: str) -> dict[str, Any]:
+    """``std_msgs/Header`` of a moment [ns]."""
+    return {"stamp": time_of(stamp), "frame_id": frame}
+
+
+def time_of(stamp: int) -> dict[str, int]:
+    """``builtin_interfaces/Time`` of a moment [ns]."""
+    return {"sec": stamp // 10**9, "nanosec": stamp % 10**9}
+
+
+def pose_message(T: Transforms, covariance: Covariances, stamp: int, frame: str) -> dict[str, Any]:
+    """``geometry_msgs/PoseWithCovarianceStamped``.
+
+    Args:
+        T: ``T_world_part`` ``(4, 4)`` [m].
+        covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        stamp: moment [ns].
+        frame: name of the world.
+
+    Example:
+        >>> import numpy as np
+        >>> message = pose_message(np.eye(4), 1e-6 * np.eye(6), 0, "base")
+        >>> message["pose"]["covariance"][:2]
+        [1e-06, 0.0]
+    """
+    numbers = as_ros_covariance(UncertainFrame(T, covariance)).tolist()
+    return {"header": ros_header(stamp, frame), "pose": {"pose": pose(T), "covariance": numbers}}
+
+
+def pose(T: Transforms) -> dict[str, Any]:
+    """``geometry_msgs/Pose``."""
+    values = pose_as_brand("ros", T).tolist()
+    return {"position": _named("xyz", values[:3]), "orientation": _named("xyzw", values[3:])}
+
+
+def transform(T: Transforms, parent: str, child: str, stamp: int) -> dict[str, Any]:
+    """``tf2_msgs/TFMessage`` of one frame in another."""
+    placed = pose(T)
+    moved = {"translation": placed["position"], "rotation": placed["orientation"]}
+    return {"transforms": [{"header": ros_header(stamp, parent), "child_frame_id": child, "transform": moved}]}
+
+
+def point_message(p_world: Vectors, stamp: int, frame: str) -> dict[str, Any]:
+    """``geometry_msgs/PointStamped``."""
+    return {"header": ros_header(stamp, frame), "point": _named("xyz", np.asarray(p_world).tolist())}
+
+
+def range_message(distance: float, most: float, sd: float, stamp: int, frame: str) -> dict[str, Any]:
+    """``sensor_msgs/Range``; infinite where nothing was met, ``sd`` NaN where it is not known [m]."""
+    variance = {} if np.isnan(sd) else {"variance": sd * sd}
+    return {"header": ros_header(stamp, frame), "range": distance, "max_range": most, **variance}
+
+
+def marker_message(
+    placed: Sequence[Placed], points: Vectors | None, stamp: int, frame: str, size: float = 2e-3
+) -> dict[str, Any]:
+    """``visualization_msgs/MarkerArray``: each hypothesis by its edges and its name, the readings by points.
+
+    Args:
+        placed: the hypotheses, best first; what is less probable is fainter.
+        points: of the readings, world ``(n, 3)`` [m]; None without any.
+        stamp: moment [ns].
+        frame: name of the world.
+        size: of a point [m].
+    """
+    common = {"header": ros_header(stamp, frame), "ns": "tanteo", "pose": pose(np.eye(4))}
+    markers: list[dict[str, Any]] = [{**common, "action": _DELETE_ALL}]
+    for k, one in enumerate(placed):
+        faint = _color(_COLORS[k % len(_COLORS)], 0.25 + 0.75 * one.probability)
+        lines = [_named("xyz", p) for p in edges(one.part).reshape(-1, 3).tolist()]
+        markers.append({
+            **common, "id": 2 * k, "type": _LINES, "pose": pose(one.T), "scale": {"x": 0.4 * size}, "color": faint,
+            "points": lines,
+        })  # fmt: skip
+        above = one.T @ np.append(one.part.centroid + np.array([0.0, 0.0, one.part.radius]), 1.0)
+        markers.append({
+            **common, "id": 2 * k + 1, "type": _TEXT, "scale": {"z": max(5 * size, 0.2 * one.part.radius)},
+            "color": faint, "text": f"{one.part.name} {one.probability:.1%}",
+            "pose": {"position": _named("xyz", above[:3].tolist()), "orientation": {"w": 1.0}},
+        })  # fmt: skip
+    if points is not None and len(points):
+        markers.append({
+            **common, "ns": "tanteo readings", "type": _SPHERES, "scale": _named("xyz", [size] * 3),
+            "color": _color((0.85, 0.1, 0.1), 1.0), "points": [_named("xyz", p) for p in np.asarray(points).tolist()],
+        })  # fmt: skip
+    return {"markers": markers}
+
+
+def edges(part: Part) -> FloatArray:
+    """Ends of lines that show a part ``(n, 2, 3)`` [m]: its straight edges, or its box."""
+    ends = part.edges.ends
+    if 0 < len(ends) <= _MANY:
+        return ends
+    corners = np.array(
+        [[part.box[i, 0], part.box[j, 1], part.box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    )
+    return corners[np.array(_BOX)]
+
+
+def diagnostics_message(
+    level: int, message: str, values: Mapping[str, object], stamp: int, name: str = "tanteo"
+) -> dict[str, Any]:
+    """``diagnostic_msgs/DiagnosticArray`` of one status."""
+    pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
+    status = {"level": level, "name": name, "message": message, "hardware_id": "", "values": pairs}
+    return {"header": ros_header(stamp, ""), "status": [status]}
+
+
+def _named(names: str, values: Sequence[float]) -> dict[str, float]:
+    return dict(zip(names, map(float, values), strict=True))
+
+
+def _color(rgb: Sequence[float], alpha: float) -> dict[str, float]:
+    return _named("rgba", [*rgb, min(alpha, 1.0)])

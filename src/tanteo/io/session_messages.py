@@ -1,0 +1,110 @@
+"""What a session says as messages of ROS 2: each reading, what came of each step, and all of it at the end."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tanteo.io.ros_answers import (
+    DIAGNOSTICS,
+    MARKERS,
+    OK,
+    POSE_COVARIANCE,
+    WARN,
+    Placed,
+    diagnostics_message,
+    marker_message,
+    point_message,
+    pose_message,
+    range_message,
+    transform,
+)
+from tanteo.io.ros_messages import POINT, RANGE, TF
+from tanteo.lie import SE3, SO3
+from tanteo.sensors import Readings
+from tanteo.session import Session, Step
+
+RECORD, SPREAD = "/tanteo/record", "/tanteo/corner_sd"
+"""Topics of the record, ``tanteo.session/1``, as text, and of a number that comes once a step."""
+TEXT, _NUMBER = "std_msgs/msg/String", "std_msgs/msg/Float64"
+_WORLD, _PROBE = "world", "tanteo_probe"
+_APART = 1000
+"""Time between the readings of a step [ns]: of each the frame of the probe is another."""
+
+
+class Sent(NamedTuple):
+    """A message: its moment [ns], its topic, its type, its fields."""
+
+    stamp: int
+    topic: str
+    kind: str
+    fields: dict[str, Any]
+
+
+def of_step(session: Session, step: Step, readings: Readings | None, stamp: int) -> Iterator[Sent]:
+    """What was sensed at a step, and what came of it.
+
+    Args:
+        session: that was told.
+        step: of it.
+        readings: that were new then; None if none were.
+        stamp: moment of the step [ns].
+    """
+    placed = None if readings is None else _in_world(session, readings)
+    points = None if placed is None else placed.points
+    if placed is not None:
+        yield from _sensed(placed, stamp)
+    if step.part >= 0:
+        part = session.start.targets[step.part].part
+        pose = pose_message(step.T_world_part, step.covariance, stamp, _WORLD)
+        yield Sent(stamp, "/tanteo/pose", POSE_COVARIANCE, pose)
+        best = Placed(part, step.T_world_part, float(step.probabilities[step.part]))
+        yield Sent(stamp, "/tanteo/hypotheses", MARKERS, marker_message([best], points, stamp, _WORLD))
+    yield Sent(stamp, SPREAD, _NUMBER, {"data": float(step.corner_sd)})
+    names = [target.part.name for target in session.start.targets]
+    values = {f"probability {name}": f"{p:.4f}" for name, p in zip(names, step.probabilities, strict=True)}
+    values["probability unknown object"] = f"{step.unknown:.4f}"
+    values["largest corner sd [mm]"] = f"{1e3 * step.corner_sd:.4f}"
+    said = step.note or ", ".join(step.ids)
+    state = diagnostics_message(WARN if step.note else OK, said, values, stamp)
+    yield Sent(stamp, "/diagnostics", DIAGNOSTICS, state)
+
+
+def of_end(session: Session, document: dict[str, Any], stamp: int) -> Iterator[Sent]:
+    """All that is possible at the end, and the document of the record."""
+    parts = {target.part.name: target.part for target in session.start.targets}
+    placed = [Placed(parts[h.part], h.T_world_part, h.probability) for h in session.answer().hypotheses]
+    points = None if session.readings is None else _in_world(session, session.readings).points
+    yield Sent(stamp, "/tanteo/hypotheses", MARKERS, marker_message(placed, points, stamp, _WORLD))
+    yield Sent(stamp, RECORD, TEXT, {"data": json.dumps(document, allow_nan=False, separators=(",", ":"))})
+
+
+def _in_world(session: Session, readings: Readings) -> Readings:
+    """Readings with points, directions and reach; of a sensor on a hand, as the session's rig has them."""
+    if not np.isnan(readings.points).any():
+        return readings
+    points, directions, most = readings.points.copy(), readings.directions.copy(), readings.max_ranges.copy()
+    measured = session.sensing.measured(readings)
+    points[measured.rows], directions[measured.rows] = measured.points, measured.directions
+    rows = [readings.ids.index(name) for name in measured.free.ids]
+    points[rows], directions[rows] = measured.free.origins, measured.free.directions
+    most[rows] = measured.free.lengths
+    return replace(readings, points=points, directions=directions, max_ranges=most)
+
+
+def _sensed(readings: Readings, begin: int) -> Iterator[Sent]:
+    """Touches as points, the centres of the ball; ranges along the x axis of a frame of the probe."""
+    for k, (point, direction) in enumerate(zip(readings.points, readings.directions, strict=True)):
+        stamp, distance, free = begin + k * _APART, float(readings.ranges[k]), bool(readings.is_free[k])
+        if np.isnan(direction).any() or readings.radii[k] > 0 or (np.isnan(distance) and not free):
+            yield Sent(stamp, "/tanteo/touch", POINT, point_message(point, stamp, _WORLD))
+            continue
+        T = SE3.from_parts(SO3.frame_from_axis(direction, 0), point if free else point - distance * direction)
+        yield Sent(stamp, "/tf", TF[0], transform(T, _WORLD, _PROBE, stamp))
+        most = float(np.nan_to_num(readings.max_ranges[k]))
+        fields = range_message(np.inf if free else distance, most, float(readings.sds[k]), stamp, _PROBE)
+        yield Sent(stamp, "/tanteo/range", RANGE, fields)

@@ -1,0 +1,219 @@
+"""Messages as they come to readings, once the frames are known at their stamps; what cannot become one is counted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tanteo import io
+from tanteo.errors import ReadingsError
+from tanteo.sensors import Readings
+
+_HISTORY = 30.0
+"""How long moving frames are remembered [s]."""
+_MARGIN = 2.0
+"""How much before the first reading that waits transforms matter [s]."""
+_AHEAD = 1.0
+"""A stamp that is later than now by more is of another clock [s]."""
+_SOURCE = "tanteo ros"
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """What is waited for, and what is too late.
+
+    Attributes:
+        settle: until the frames that are there are all that will be, from the first reading on [s].
+        transform: for the transforms at the stamp of a reading [s].
+        age: of a reading when it comes [s]: what is older is not told.
+        every: least time between two readings of a topic that are told [s].
+    """
+
+    settle: float = 1.0
+    transform: float = 1.0
+    age: float = 10.0
+    every: float = 0.0
+
+
+class Waiting(NamedTuple):
+    """A row of a topic, and when it came [s]."""
+
+    topic: str
+    row: io.Row
+    came: float
+
+
+@dataclass(slots=True, eq=False)
+class Intake:
+    """Rows that wait for their frames.
+
+    Attributes:
+        options: topics, world, latency; the world is guessed once, after :attr:`Patience.settle`.
+        stated: what is known beside the messages.
+        patience: what is waited for.
+        dropped: how many readings were left out, by why.
+        notes: what a person should know, each once.
+        taken: readings that came of it.
+        world: name of the frame that they are in; empty until it is known.
+        latest: the last stamp of them [s]; NaN before.
+    """
+
+    options: io.RosOptions
+    stated: io.Stated
+    patience: Patience = field(default_factory=Patience)
+    dropped: Counter[str] = field(default_factory=Counter)
+    notes: list[str] = field(default_factory=list)
+    taken: int = 0
+    world: str = ""
+    latest: float = np.nan
+    _messages: io.RosMessages = field(default_factory=io.RosMessages)
+    _waiting: list[Waiting] = field(default_factory=list)
+    _last: dict[str, float] = field(default_factory=dict)
+    _said_world: bool = field(init=False)
+    _begun: float = np.nan
+    _forgotten: float = np.nan
+
+    def __post_init__(self) -> None:
+        self._said_world = self.options.world is not None
+
+    def hear(self, topic: str, kind: str) -> None:
+        """A topic from which messages may come."""
+        self._messages.kinds[topic] = kind
+        kinds = {kind for kind in self._messages.kinds.values() if kind in (io.RANGE, io.POINT)}
+        if len(kinds) > 1 and self.options.topics:
+            raise ReadingsError(
+                f"{_SOURCE}, --topic: expected topics of one type, got ranges and points. Name those of one."
+            )
+        if kind in (io.RANGE, io.POINT) and not self.options.topics:
+            self.say(f"Readings are taken of {topic}; others with --topic.")
+        if len(kinds) > 1:
+            self.say("Ranges and points come: the ranges are taken; others with --topic.")
+
+    def take(self, topic: str, now: float, message: Any) -> None:
+        """A message of a topic that was heard of, and when it came [s]."""
+        messages = self._messages
+        messages.take(topic, now, message)
+        if messages.kinds[topic] not in (io.RANGE, io.POINT):
+            if messages.overlaps:
+                self._set_back()
+            return
+        messages.overlaps.clear()  # one sensor's stamps say nothing of the frames
+        for row in messages.rows.pop(topic, ()):
+            self._admit(Waiting(topic, row, now))
+
+    def _set_back(self) -> None:
+        messages = self._messages
+        self.say("A clock was set back: what had been heard of moving frames is forgotten, and what waited for them.")
+        self.dropped["a clock was set back"] += len(self._waiting)
+        self._waiting.clear()
+        self._last.clear()
+        messages.overlaps.clear()
+        messages.rows = {topic: rows[-1:] for topic, rows in messages.rows.items()}
+        for key, samples in messages.samples.items():
+            if key[0] not in messages.static:
+                messages.samples[key] = samples[-1:]
+
+    def _admit(self, one: Waiting) -> None:
+        stamp, kinds = one.row.stamp, self._messages.kinds
+        self._begun = float(np.fmin(self._begun, one.came))  # a simulated clock may be set back
+        if kinds[one.topic] != io.RANGE and io.RANGE in kinds.values():
+            self.dropped["of another type than the ranges"] += 1
+        elif not io.says_something(kinds[one.topic], one.row):
+            self.dropped["too near, or no number"] += 1
+        elif one.came - stamp > self.patience.age:
+            self.dropped["older than --max-age when it came"] += 1
+        elif stamp - one.came > _AHEAD:
+            self.dropped["stamped later than now: clocks differ"] += 1
+        elif any(w.row == one.row for w in self._waiting) or stamp == self._last.get(one.topic):
+            self.dropped["came twice"] += 1
+        elif stamp - self._last.get(one.topic, -np.inf) < self.patience.every:
+            self.dropped["sooner than --every after another"] += 1
+        else:
+            self._last[one.topic] = stamp
+            self._waiting.append(one)
+
+    def ready(self, now: float) -> Readings | None:
+        """Readings whose place is known by now, each once; None if there are none.
+
+        Raises:
+            ReadingsError: what the messages say cannot be a reading: what is missing has to be said beside them.
+        """
+        self._forget(now)
+        if not self._waiting or now - self._begun < self.patience.settle:
+            return None
+        known = self._placed(now)
+        told = [one for one, is_known in zip(self._waiting, known, strict=True) if is_known]
+        late = [now - one.came > self.patience.transform for one in self._waiting]
+        lost = sum(is_late and not is_known for is_late, is_known in zip(late, known, strict=True))
+        self.dropped["no transform known at its stamp"] += lost
+        self._waiting = [
+            one for one, k, is_late in zip(self._waiting, known, late, strict=True) if not k and not is_late
+        ]
+        return self._readings(told) if told else None
+
+    def _placed(self, now: float) -> list[bool]:
+        """Which of the rows that wait can be placed; one frame that nothing places holds up no other."""
+        recent = self._recent(self._waiting)
+        tree = recent.tree()
+        known = [False] * len(self._waiting)
+        for frame in dict.fromkeys(one.row.frame for one in self._waiting):
+            mine = [k for k, one in enumerate(self._waiting) if one.row.frame == frame]
+            placed = self._of_frame(recent, tree, [self._waiting[k] for k in mine], now)
+            for k, is_known in zip(mine, placed, strict=True):
+                known[k] = is_known
+        return known
+
+    def _recent(self, rows: list[Waiting]) -> io.RosMessages:
+        """What matters for some rows."""
+        return self._messages.since(min(one.row.stamp for one in rows) - self.options.latency - _MARGIN)
+
+    def _forget(self, now: float) -> None:
+        """Drop what is older than any reading can be."""
+        if not now - self._forgotten < _HISTORY / 10:
+            self._forgotten = now
+            self._messages = self._messages.since(now - _HISTORY - self.options.latency)
+
+    def _of_frame(self, messages: io.RosMessages, tree: Any, rows: list[Waiting], now: float) -> list[bool]:
+        beams = io.RANGE in messages.kinds.values()
+        try:
+            place = io.placing(messages, tree, [one.row for one in rows], beams, _SOURCE, self.options)
+        except ReadingsError as error:
+            if now - rows[0].came > self.patience.transform:
+                self.say(str(error))
+            return [False] * len(rows)
+        if place.known.any():
+            self.world = place.world
+            if place.hand is None:  # guessed once: a later root is another frame
+                self.options = replace(self.options, world=place.world)
+        for note in place.notes:
+            self.say(note)
+        if place.hand is None and (root := tree.chain(place.world)[-1]) != place.world and not self._said_world:
+            self.say(f"The frame '{root}' has come above the world '{place.world}': begin anew if that one moves.")
+        return place.known.tolist()
+
+    def _readings(self, told: list[Waiting]) -> Readings:
+        of_topic: dict[str, list[io.Row]] = {}
+        for one in told:
+            of_topic.setdefault(one.topic, []).append(one.row)
+        heard = self._recent(told)
+        poses = {topic: rows for topic, rows in heard.rows.items() if heard.kinds[topic] == io.POSE}
+        batch = io.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
+        topics = replace(self.options, topics=())
+        readings = io.readings_of_messages(batch, _SOURCE, self.stated, topics)
+        self.latest = max(one.row.stamp for one in told)
+        first = self.taken + 1
+        self.taken += len(readings)
+        return replace(readings, ids=tuple(str(k) for k in range(first, first + len(readings))))
+
+    def say(self, note: str) -> None:
+        """What a person should know, once."""
+        if note not in self.notes:
+            self.notes.append(note)
+
+    def left_out(self) -> Iterator[tuple[str, int]]:
+        """Why readings were left out, and how many."""
+        return ((why, count) for why, count in self.dropped.items() if count)

@@ -1,0 +1,301 @@
+"""The node: messages in, answers out. Everything else about them is decided by rooms that know nothing of rclpy."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tanteo import io
+from tanteo.answers import Answer
+from tanteo.errors import InputError, MissingExtraError, TanteoError
+from tanteo.parts import Part
+from tanteo.ros.intake import Intake
+from tanteo.ros.knowledge import Knowledge
+from tanteo.ros.said import next_document, next_pose, state_message
+from tanteo.ros.types import NEEDS_ROS, filled, type_named
+from tanteo.sensors import Readings
+from tanteo.session import Done
+
+_LOOK, _TELL, _SAY = 0.5, 0.05, 1.0
+"""How often topics are looked for, readings told, and diagnostics sent at least [s]."""
+_DEPTH = 1000
+"""Messages that wait while a callback runs."""
+
+
+@dataclass(slots=True, eq=False)
+class Settings:
+    """How the node appears.
+
+    Attributes:
+        name: of the node.
+        simulated: the time is that of ``/clock``.
+        max_measurements: readings that are told; later ones are left out until it is reset.
+        once: end when the answer is decided.
+    """
+
+    name: str = "tanteo"
+    simulated: bool = False
+    max_measurements: int = 300
+    once: bool = False
+
+
+@contextmanager
+def opened(settings: Settings) -> Iterator[Any]:
+    """A node of rclpy, which leaves the network at the end.
+
+    Raises:
+        MissingExtraError: rclpy or a message package is missing.
+    """
+    try:
+        import rclpy
+        from rclpy.parameter import Parameter
+        from rclpy.signals import SignalHandlerOptions
+    except ImportError:
+        raise MissingExtraError(NEEDS_ROS) from None
+    sim = Parameter("use_sim_time", Parameter.Type.BOOL, settings.simulated)
+    try:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        node = rclpy.create_node(settings.name, parameter_overrides=[sim])
+    except RuntimeError as error:  # of rclpy, all of them
+        rclpy.try_shutdown()
+        raise InputError(
+            f"ROS 2: expected a node on its network, got: {str(error).splitlines()[0]}. Look at RMW_IMPLEMENTATION, "
+            "ROS_DOMAIN_ID and ROS_LOG_DIR."
+        ) from None
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@dataclass(slots=True, eq=False)
+class RosNode:
+    """Readings of topics to a posterior, and what is known of it to topics.
+
+    Attributes:
+        node: of rclpy.
+        intake: of its messages.
+        knowledge: that is told.
+        parts: that it may be.
+        settings: how it appears.
+        say: called with what a person should know.
+        heard: called with every answer.
+    """
+
+    node: Any
+    intake: Intake
+    knowledge: Knowledge
+    parts: dict[str, Part]
+    settings: Settings
+    say: Callable[[str], None]
+    heard: Callable[[Answer], None] = lambda answer: None
+    answer: Answer | None = None
+    ended: threading.Event = field(default_factory=threading.Event)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _telling: threading.Lock = field(default_factory=threading.Lock)
+    _subscribed: dict[str, Any] = field(default_factory=dict)
+    _out: dict[str, Any] = field(default_factory=dict)
+    _delays: deque[float] = field(default_factory=lambda: deque(maxlen=200))
+    _said: int = 0
+    _failed: BaseException | None = None
+
+    def run(self) -> Answer | None:
+        """Listen and answer until :attr:`ended` is set; the last answer.
+
+        Raises:
+            TanteoError: what comes cannot be read without more that has to be said.
+        """
+        from rclpy.executors import MultiThreadedExecutor
+
+        self._offer()
+        executor = MultiThreadedExecutor(num_threads=2)
+        executor.add_node(self.node)
+        worker = threading.Thread(target=self._work, name="tanteo", daemon=True)
+        worker.start()
+        looked = -np.inf
+        try:
+            while not self.ended.is_set():
+                if time.monotonic() - looked > _LOOK:
+                    looked = time.monotonic()
+                    self._look()
+                executor.spin_once(timeout_sec=_TELL)
+        finally:
+            self.ended.set()
+            worker.join()
+            executor.shutdown()
+        if self._failed is not None:
+            raise self._failed
+        return self.answer
+
+    def _offer(self) -> None:
+        """Topics and services of the node."""
+        from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        for topic, kind, profile in (
+            ("~/pose", io.POSE_COVARIANCE, kept), ("~/hypotheses", io.MARKERS, kept),
+            ("~/next_reading", io.POSE, kept), ("/diagnostics", io.DIAGNOSTICS, 10),
+        ):  # fmt: skip
+            self._out[topic] = self.node.create_publisher(type_named(kind), topic, profile), kind
+        try:
+            from std_srvs.srv import Trigger
+        except ImportError:
+            raise MissingExtraError("std_srvs/srv/Trigger: expected the ROS package std_srvs, got none.") from None
+        group = MutuallyExclusiveCallbackGroup()
+        self.node.create_service(Trigger, "~/next", self._next, callback_group=group)
+        self.node.create_service(Trigger, "~/reset", self._reset, callback_group=group)
+
+    def _look(self) -> None:
+        """Subscribe to what matters of the topics that have come."""
+        there = {topic: kinds[0] for topic, kinds in self.node.get_topic_names_and_types()}
+        there = {topic: kind for topic, kind in there.items() if not topic.startswith(f"/{self.settings.name}/")}
+        for topic, kind in io.wanted_topics(there, self.intake.options).items():
+            if topic in self._subscribed:
+                continue
+            self._subscribed[topic] = None
+            self._subscribe(topic, kind)
+
+    def _subscribe(self, topic: str, kind: str) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+        try:
+            message = type_named(kind)
+        except MissingExtraError as error:
+            self._note(f"{topic} cannot be read. {error}")
+            return
+        static = topic.endswith("tf_static")
+        # best effort meets publishers of both sorts; what is sent once and kept needs a reliable reader
+        profile = QoSProfile(
+            depth=_DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if static else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if static else DurabilityPolicy.VOLATILE,
+        )
+        with self._lock:
+            self.intake.hear(topic, kind)
+        self._subscribed[topic] = self.node.create_subscription(
+            message, topic, lambda one, topic=topic: self._take(topic, one), profile
+        )
+
+    def _take(self, topic: str, message: Any) -> None:
+        with self._lock:
+            self.intake.take(topic, self._now(), message)
+
+    def _now(self) -> float:
+        return 1e-9 * float(self.node.get_clock().now().nanoseconds)
+
+    def _note(self, words: str) -> None:
+        with self._lock:
+            self.intake.say(words)
+
+    def _work(self) -> None:
+        """Tell what is ready, and send what came of it, until the end."""
+        said = -np.inf
+        try:
+            while not self.ended.wait(_TELL):
+                told = self._tell()
+                self._say_notes()
+                if told or time.monotonic() - said > _SAY:
+                    said = time.monotonic()
+                    self._diagnose()
+        except BaseException as error:  # noqa: BLE001  raised again where the node runs
+            self._failed = error
+            self.ended.set()
+
+    def _tell(self) -> bool:
+        with self._lock:
+            now = self._now()
+            readings = self.intake.ready(now) if now > 0 else None  # 0: the simulated clock has not begun
+            stamp = self.intake.latest
+        if readings is None:
+            return False
+        with self._telling:
+            before = self.knowledge.readings()
+            room = self.settings.max_measurements - (0 if before is None else len(before))
+            if len(readings) > room:
+                self._note(f"{self.settings.max_measurements} readings are told; more are left out until ~/reset.")
+                self.intake.dropped["more than --max-measurements"] += len(readings) - max(room, 0)
+                readings = readings.take(np.arange(max(room, 0)))
+            answer = self._answer_to(readings)
+        if answer is None:
+            return False
+        self.answer = answer
+        self._publish(self.answer, round(1e9 * stamp))
+        self._delays.append(self._now() - stamp)
+        return True
+
+    def _answer_to(self, readings: Readings) -> Answer | None:
+        """What the readings make of it, without those that cannot be; None if nothing new can."""
+        if not len(readings):
+            return None
+        try:
+            return self.knowledge.tell(readings)
+        except InputError as error:
+            if len(readings) > 1:  # one of them spoils no other
+                answers = [self._answer_to(readings.take(np.array([k]))) for k in range(len(readings))]
+                return next((answer for answer in reversed(answers) if answer is not None), None)
+            self.intake.dropped["refused"] += 1
+            if self.intake.dropped["refused"] == 1:
+                self._note(f"A reading was left out, and more like it are counted only: {error}")
+            return None
+
+    def _publish(self, answer: Answer, stamp: int) -> None:
+        world, readings = self.intake.world, self.knowledge.readings()
+        if answer.status == "recognized" and answer.best is not None:
+            pose = io.pose_message(answer.best.T_world_part, answer.best.covariance, stamp, world)
+            self._send("~/pose", pose)
+        placed = [io.Placed(self.parts[h.part], h.T_world_part, h.probability) for h in answer.hypotheses]
+        points = None if readings is None else readings.points[~np.isnan(readings.points).any(axis=1)]
+        self._send("~/hypotheses", io.marker_message(placed, points, stamp, world))
+        self.heard(answer)
+        if self.settings.once and answer.status == "recognized":
+            self.ended.set()
+
+    def _diagnose(self) -> None:
+        with self._lock:
+            left_out, taken = dict(self.intake.left_out()), self.intake.taken
+        state = state_message(self.answer, taken, left_out, list(self._delays), self.node.get_clock().now().nanoseconds)
+        self._send("/diagnostics", state)
+
+    def _say_notes(self) -> None:
+        with self._lock:
+            fresh, self._said = self.intake.notes[self._said :], len(self.intake.notes)
+        for note in fresh:
+            self.say(note)
+
+    def _send(self, topic: str, fields: dict[str, Any]) -> None:
+        publisher, kind = self._out[topic]
+        publisher.publish(filled(kind, fields))
+
+    def _next(self, request: Any, response: Any) -> Any:
+        """``~/next``: the next reading, as JSON."""
+        with self._telling:
+            try:
+                asked = self.knowledge.ask()
+            except TanteoError as error:
+                asked = Done(False, str(error))
+        frame = self.intake.world or self.intake.options.world or ""
+        document = next_document(asked, frame)
+        response.success = document["status"] == "ask"
+        response.message = json.dumps(document)
+        if response.success:
+            stamp = self.node.get_clock().now().nanoseconds
+            self._send("~/next_reading", next_pose(asked, stamp, frame))
+        return response
+
+    def _reset(self, request: Any, response: Any) -> Any:
+        """``~/reset``: forget all readings."""
+        with self._telling:
+            self.knowledge.reset()
+            self.answer = None
+        response.success, response.message = True, "All readings are forgotten."
+        return response

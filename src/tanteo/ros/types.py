@@ -1,0 +1,52 @@
+"""Messages of plain dictionaries as those of rclpy; what is missing has its default."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from tanteo.errors import MissingExtraError
+
+NEEDS_ROS = (
+    "tanteo ros: expected ROS 2 for Python (rclpy), got none. Source your ROS 2 (/opt/ros/DISTRO/setup.bash) and start "
+    "tanteo with its Python, or install wheels of it: pip install 'tanteo[ros]'."
+)
+"""What is said where rclpy is missing."""
+
+
+def type_named(kind: str) -> Any:
+    """The class of a type, as ``sensor_msgs/msg/Range``.
+
+    Raises:
+        MissingExtraError: its package is not installed.
+    """
+    package, _, name = kind.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except ImportError:
+        raise MissingExtraError(f"{kind}: expected the ROS package {package}, got none. Install it.") from None
+
+
+def filled(kind: str, fields: Mapping[str, Any]) -> Any:
+    """A message of a type.
+
+    Args:
+        kind: its type, as ``geometry_msgs/msg/Pose``.
+        fields: by name; messages in it are dictionaries, too.
+    """
+    message = type_named(kind)()
+    types = message.get_fields_and_field_types()
+    for name, value in fields.items():
+        setattr(message, name, _value(types[name], value))
+    return message
+
+
+def _value(kind: str, value: Any) -> Any:
+    many = re.fullmatch(r"sequence<(.+?)(?:, \d+)?>|(.+?)\[\d+\]", kind)
+    if many is not None and "/" in kind:
+        return [_value(many[1] or many[2], one) for one in value]
+    if "/" in kind:
+        return filled(kind.replace("/", "/msg/", 1), value)
+    return bytes([value]) if kind == "octet" else value

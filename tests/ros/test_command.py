@@ -1,0 +1,38 @@
+"""The command of the node where there is no ROS, and what it refuses before it looks for it."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import pytest
+
+from tanteo.cli import main
+
+
+def said(capsys, *words):
+    with pytest.raises(SystemExit) as end:
+        main(["ros", "--parts", "parts", *words])
+    return end.value.code, capsys.readouterr().err
+
+
+@pytest.mark.skipif(find_spec("rclpy") is not None, reason="ROS 2 is here")
+def test_without_ros_it_says_how_to_get_it(capsys):
+    code, err = said(capsys, "--sd", "0.3mm")
+    assert code == 1
+    assert "pip install 'tanteo[ros]'" in err
+    assert "setup.bash" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ((), "--sensor, --sd: expected one of the two, got neither"),
+        (("--sd", "0.3mm", "--sensor", "keyence_il300"), "expected one of the two, got both"),
+        (("--sd", "0.3mm", "--node", "a b"), "--node: expected letters"),
+        (("--sd", "0.3mm", "--every", "soon"), "--every: expected a time from 0"),
+    ],
+)
+def test_misuse_is_said_first(words, expected, capsys):
+    code, err = said(capsys, *words)
+    assert code == 2
+    assert expected in err
