@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from tanteo.machines.grbl_fake import GrblFake
     from tanteo.machines.journal import Journal, reading_of
     from tanteo.machines.link import Link, SerialLink, TcpLink
+    from tanteo.machines.linuxcnc import LinuxCncMachine
+    from tanteo.machines.linuxcnc_fake import LinuxCncFake
     from tanteo.machines.protocol import (
         ContactError,
         Facts,
@@ -46,6 +48,8 @@ _NAMES = {
     "grbl_fake": "GrblFake",
     "journal": "Journal reading_of",
     "link": "Link SerialLink TcpLink",
+    "linuxcnc": "LinuxCncMachine",
+    "linuxcnc_fake": "LinuxCncFake",
     "protocol": "ContactError Facts LateError LinkLostError Machine MachineError MachineStatus RefusedError Sensed "
     "StoppedError",
     "replay": "ReplayMachine",
@@ -58,7 +62,7 @@ _NAMES = {
 }
 __all__ = [
     "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal",
-    "LateError", "Link", "LinkLostError", "Machine", "MachineError", "MachineLimits", "MachineStatus", "Probed",
+    "LateError", "Link", "LinkLostError", "LinuxCncFake", "LinuxCncMachine", "Machine", "MachineError", "MachineLimits", "MachineStatus", "Probed",
     "RefusedError", "ReplayMachine", "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake",
     "UrMachine", "Ways", "World", "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
 ]  # fmt: skip

@@ -30,6 +30,11 @@ def told(text: str) -> dict[str, dict[str, float]]:
     return found
 
 
+def number_of(slot: str) -> int:
+    """1 of ``G54``, and so on."""
+    return _SLOTS.index(slot) + 1
+
+
 def check(name: str, slot: str, wanted: dict[str, float], has: Vectors) -> None:
     """Whether the controller has what it was told ``(4,)``: x, y, z [mm] and the turn [deg].
 

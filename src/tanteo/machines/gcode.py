@@ -1,0 +1,103 @@
+"""What fakes of controllers of G-code know of it: modes, offsets, where a block goes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.typing import Vectors
+
+_WORD = re.compile(r"([A-Z])\s*([-+]?\d*\.?\d+)")
+_MOTIONS = ("0", "1", "38.2", "38.3")
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A line of G-code.
+
+    Attributes:
+        codes: of ``G``, as typed.
+        words: the other letters.
+    """
+
+    codes: frozenset[str]
+    words: Mapping[str, float]
+
+    @property
+    def sets(self) -> bool:
+        """Whether it sets an offset."""
+        return "10" in self.codes
+
+    @property
+    def moves(self) -> bool:
+        """Whether an axis is told where to go."""
+        return not self.sets and any(axis in self.words for axis in "XYZ")
+
+
+@dataclass(slots=True)
+class Modal:
+    """What stays from block to block.
+
+    Attributes:
+        offsets: of the work coordinates, by number, ``(3,)`` [m].
+        active: which of them.
+        absolute: ``G90``.
+        unit: of lengths [m].
+        feed: [m/s].
+        motion: the last of ``G0``, ``G1``, ``G38.2``, ``G38.3``.
+    """
+
+    offsets: dict[int, Vectors] = field(default_factory=dict)
+    active: int = 1
+    absolute: bool = True
+    unit: float = 1e-3
+    feed: float = 0.0
+    motion: str = "0"
+
+    @property
+    def offset(self) -> Vectors:
+        """Of the coordinates in use ``(3,)`` [m]."""
+        return self.offsets.get(self.active, np.zeros(3))
+
+    def read(self, line: str) -> Block:
+        """A line, and the modes that it sets."""
+        found = _WORD.findall(re.sub(r"\([^)]*\)", "", line.upper()))
+        block = Block(
+            frozenset(value for letter, value in found if letter == "G"),
+            {letter: float(value) for letter, value in found if letter != "G"},
+        )
+        for code in block.codes:
+            self._mode(code)
+        if "F" in block.words:
+            self.feed = block.words["F"] * self.unit / 60
+        return block
+
+    def goal(self, block: Block, place: Vectors) -> Vectors:
+        """Where a block goes ``(3,)`` from a place, in machine coordinates [m]."""
+        goal = place.copy()
+        base = self.offset if self.absolute else place
+        for k, axis in enumerate("XYZ"):
+            if axis in block.words:
+                goal[k] = self.unit * block.words[axis] + base[k]
+        return goal
+
+    def set_offset(self, block: Block) -> None:
+        """``G10 L2 P1``."""
+        number = int(block.words.get("P", 0)) or self.active
+        place = self.offsets.get(number, np.zeros(3)).copy()
+        for k, axis in enumerate("XYZ"):
+            place[k] = self.unit * block.words[axis] if axis in block.words else place[k]
+        self.offsets[number] = place
+
+    def _mode(self, code: str) -> None:
+        if code in _MOTIONS:
+            self.motion = code
+        elif code in ("20", "21"):
+            self.unit = 25.4e-3 if code == "20" else 1e-3
+        elif code in ("90", "91"):
+            self.absolute = code == "90"
+        elif code in ("54", "55", "56", "57", "58", "59"):
+            self.active = int(code) - 53

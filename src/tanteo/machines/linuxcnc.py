@@ -1,0 +1,288 @@
+r"""LinuxCNC over linuxcncrsh: ``G38.3`` by MDI, the place of a contact from the interpreter's own parameters.
+
+Read for it: ``src/emc/usr_intf/emcrsh.cc`` and ``docs/src/man/man1/linuxcncrsh.1.adoc`` (LinuxCNC/linuxcnc), of 2.9 and
+of its master: requests end in a line break, replies in ``\\r\\n``, or ``\\n\\r`` after ``SET`` in 2.9; a ``SET`` is
+acknowledged where ``VERBOSE`` is on; ``ENABLE`` gives one client control. No request gives parameters, but the message
+of ``(debug, #5061)`` comes back by ``GET OPERATOR_DISPLAY``. Messages go to whoever asks first, so another display may
+take one: it is asked for again.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+
+import numpy as np
+
+from tanteo.machines import offsets
+from tanteo.machines.latch import Latch
+from tanteo.machines.link import Link
+from tanteo.machines.protocol import (
+    Facts,
+    LinkLostError,
+    MachineError,
+    MachineState,
+    MachineStatus,
+    Sensed,
+    StoppedError,
+    place_of,
+)
+from tanteo.typing import FloatArray, Transforms, Vectors
+
+PORT = 5007
+CONNECT, ENABLE = "EMC", "EMCTOO"
+"""The passwords that linuxcncrsh has if it is not told others."""
+_PERIOD = 0.1
+"""Between two questions for the status [s]."""
+_AGAIN = 0.5
+"""After which a message is asked for again [s]."""
+_STILL = 1e-6
+_ASKED = ("ESTOP", "MACHINE", "PROGRAM_STATUS", "PROBE_VALUE", "ABS_ACT_POS")
+"""What its status is made of, the place last."""
+_STATES: dict[str, MachineState] = {"RUNNING": "moving", "PAUSED": "held"}
+_INCHES = 25.4
+
+
+class LinuxCncMachine:
+    """A machine of LinuxCNC with a touch probe on ``motion.probe-input``.
+
+    Attributes:
+        facts: what does not change.
+
+    Raises:
+        StoppedError: it is in emergency stop, off, or runs a program; none of these is changed from here.
+        LinkLostError: nobody answers, or not with these passwords.
+    """
+
+    def __init__(self, link: Link, passwords: tuple[str, str] = (CONNECT, ENABLE), seconds: float = 10.0) -> None:
+        self._link = link
+        self._said: dict[str, tuple[str, float]] = {}
+        self._closed, self._number, self._busy = False, 0, threading.Lock()
+        self._offset, self._unit, self._begun = np.zeros(3), 1.0, False
+        self._latch = Latch("LinuxCNC", "Clear it there", self.abort)
+        self.facts = Facts("LinuxCNC", "linuxcnc")
+        self._listener = threading.Thread(target=self._listen, daemon=True, name="linuxcncrsh")
+        self._listener.start()
+        try:
+            self._begin(passwords, time.monotonic() + seconds)
+        except MachineError:
+            self.close()
+            raise
+
+    def status(self) -> MachineStatus:
+        """What was heard last."""
+        place, at = self._said.get("ABS_ACT_POS", ("", -np.inf))
+        if not place:
+            return MachineStatus(self._latch.state("idle"))
+        probe = self._said.get("PROBE_VALUE", ("", at))[0]
+        words = ", ".join(f"{key} {self._said[key][0]}" for key in _ASKED[:3] if key in self._said)
+        return MachineStatus(
+            self._latch.state(self._state()), 1e-3 * _numbers(place), probe == "1", time.monotonic() - at, words
+        )
+
+    def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
+        """Straight there, as a probe cycle that should meet nothing."""
+        if self._probe(T_world_probe[:3, 3], speed, seconds) is not None:
+            raise self._latch.met(place_of(self))
+
+    def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
+        """Straight there; nothing stops it but the controller."""
+        deadline = time.monotonic() + seconds
+        self._mdi(f"G1 {self._words(T_world_probe[:3, 3])} F{60e3 * speed:.4g}", deadline)
+        self._settled(deadline)
+
+    def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
+        """``G38.3`` along the direction."""
+        begun, start = time.monotonic(), place_of(self)
+        met = self._probe(start + reach * direction, speed, seconds)
+        distance = np.inf if met is None else float((met - start) @ direction)
+        return Sensed(start, direction, distance, reach, time.monotonic() - begun)
+
+    def abort(self) -> None:
+        """``SET ABORT``; from any thread, never waits, never raises."""
+        self._latch.stop("it was told to stop")
+        self._latch.send(self._link, b"set abort\r\n")
+
+    def write_frame(self, text: str, seconds: float) -> None:
+        """Its lines one by one; what they set is read back.
+
+        Raises:
+            MachineError: the controller has another frame than it was told.
+        """
+        deadline = time.monotonic() + seconds
+        for line in offsets.commands(text):
+            self._mdi(line, deadline)
+        self._settled(deadline)
+        for slot, wanted in offsets.told(text).items():
+            first = 5201 + 20 * offsets.number_of(slot)
+            has = self._parameters(*range(first, first + 3), first + 9, deadline=deadline)
+            offsets.check(self.facts.name, slot, wanted, np.array([*(self._unit * has[:3]), has[3]]))
+        self._read_offsets(deadline)
+
+    def close(self) -> None:
+        """Stop what moves, and let go; never raises."""
+        if self.status().state == "moving":
+            self.abort()
+            time.sleep(2 * _PERIOD)
+        self._closed = True
+        self._listener.join(0.5)
+        self._latch.send(self._link, b"quit\r\n")
+        self._link.close()
+
+    def _state(self) -> MachineState:
+        if self._unsafe():
+            return "stopped"
+        return _STATES.get(self._said.get("PROGRAM_STATUS", ("IDLE", 0.0))[0], "idle")
+
+    def _unsafe(self) -> str:
+        """Why it may not move by its own word; empty if it may."""
+        if self._said.get("ESTOP", ("OFF", 0.0))[0] != "OFF":
+            return "an emergency stop"
+        return "" if self._said.get("MACHINE", ("ON", 0.0))[0] == "ON" else "it is switched off"
+
+    def _begin(self, passwords: tuple[str, str], deadline: float) -> None:
+        """Control, millimetres, absolute, ``G54`` without tool length from here on."""
+        connect, enable = passwords
+        version = self._asked(f"hello {connect} tanteo 1.0", "HELLO", deadline)
+        if not version.startswith("ACK"):
+            raise LinkLostError(f"{self._link.name}: expected its connect password, got one that it refuses. Say it.")
+        self._latch.send(self._link, f"set echo off\r\nset enable {enable}\r\nset verbose on\r\n".encode("ascii"))
+        if self._asked("get enable", "ENABLE", deadline) != "ON":
+            raise LinkLostError(f"{self._link.name}: expected control of it, got none. Check its enable password.")
+        self._fresh(deadline)
+        self._begun = True
+        if why := self._unsafe():
+            raise StoppedError(f"{self._link.name}: expected a machine that is on, got {why}. Clear it there.")
+        if (state := self._state()) != "idle":
+            raise StoppedError(f"{self._link.name}: expected an idle machine, got one that is {state}. End it there.")
+        self._set("linear_unit_conversion mm", deadline)
+        self._set("mode mdi", deadline)
+        self._mdi("G21 G90 G94 G54 G40 G49 G80", deadline)
+        self._settled(deadline)
+        self._read_offsets(deadline)
+        self._fresh(deadline)
+
+    def _read_offsets(self, deadline: float) -> None:
+        """Of ``G54`` and ``G92``, in the machine's own unit, which the interpreter knows.
+
+        Raises:
+            StoppedError: ``G54`` is turned: a straight way there is another one here.
+        """
+        *values, turn, shifted, metric = self._parameters(
+            5221, 5222, 5223, 5211, 5212, 5213, 5230, 5210, "<_metric_machine>", deadline=deadline
+        )
+        if abs(turn) > 1e-9:
+            raise StoppedError(
+                f"{self.facts.name}: expected G54 without a turn, got R{turn:g}. Set it to R0 there (G10 L2 P1 R0)."
+            )
+        self._unit = 1.0 if metric else _INCHES
+        own, g92 = np.array(values[:3]), np.array(values[3:]) * bool(shifted)
+        self._offset = 1e-3 * self._unit * (own + g92)
+
+    def _probe(self, goal: Vectors, speed: float, seconds: float) -> Vectors | None:
+        """A probe cycle: where it met something ``(3,)`` [m]; None for nothing."""
+        deadline = time.monotonic() + seconds
+        self._latch.check()
+        if np.linalg.norm(goal - place_of(self)) < _STILL:
+            return None
+        if self.status().tripped:
+            raise self._latch.in_contact()
+        self._mdi(f"G38.3 {self._words(goal)} F{60e3 * speed:.4g}", deadline)
+        self._settled(deadline)
+        met, *place = self._parameters(5070, 5061, 5062, 5063, deadline=deadline)
+        return 1e-3 * np.array(place) + self._offset if met else None
+
+    def _words(self, place: Vectors) -> str:
+        """A place of the machine in the coordinates of ``G54``."""
+        return " ".join(f"{axis}{1e3 * v + 0.0:.5f}" for axis, v in zip("XYZ", place - self._offset, strict=True))
+
+    def _parameters(self, *names: int | str, deadline: float) -> FloatArray:
+        """Parameters of the interpreter, once all before is done."""
+        while True:
+            self._number += 1
+            mark = f"TANTEO{self._number}"
+            self._mdi(f"(debug,{mark} " + " ".join(f"#{name}" for name in names) + ")", deadline)
+            again = min(deadline, time.monotonic() + _AGAIN)
+            while time.monotonic() < again:
+                said = self._asked("get operator_display", "OPERATOR_DISPLAY", deadline)
+                if said.startswith(mark + " "):
+                    return _numbers(said[len(mark) :], len(names))
+                time.sleep(0.005)
+            self._latch.late(deadline, "the message that it was told to show: has another display taken it?")
+
+    def _mdi(self, line: str, deadline: float) -> None:
+        """One block; its error, if it has one, stops."""
+        self._set(f"mdi {line}", deadline)
+
+    def _set(self, what: str, deadline: float) -> None:
+        key = "SET " + what.partition(" ")[0].upper()
+        if self._asked(f"set {what}", key, deadline) != "ACK":
+            raise self._latch.failed(f"a refusal of '{what}'")
+
+    def _settled(self, deadline: float) -> None:
+        """Wait until it has done all, and see that it did it without an error."""
+        while True:
+            self._fresh(deadline)
+            if self._said["PROGRAM_STATUS"][0] == "IDLE":
+                break
+            self._latch.late(deadline, "it to come to rest")
+            time.sleep(0.005)
+        if (error := self._asked("get error", "ERROR", deadline)) != "OK":
+            raise self._latch.failed(f"'{error}'")
+        self._fresh(deadline)
+
+    def _fresh(self, deadline: float) -> None:
+        """A status that was asked for from now on."""
+        asked = "".join(f"get {key.lower()}\r\n" for key in _ASKED)
+        self._heard(asked[:-2], _ASKED[-1], deadline)
+
+    def _asked(self, request: str, key: str, deadline: float) -> str:
+        """A request, and the answer to it."""
+        with self._busy:
+            return self._heard(request, key, deadline)
+
+    def _heard(self, request: str, key: str, deadline: float) -> str:
+        begun = time.monotonic()
+        self._latch.check()
+        self._latch.send(self._link, request.encode("ascii") + b"\r\n")
+        while True:
+            self._latch.check()
+            said, at = self._said.get(key, ("", -np.inf))
+            if at > begun:
+                return said
+            self._latch.late(deadline, f"an answer to '{request.splitlines()[-1]}'")
+            time.sleep(0.001)
+
+    def _listen(self) -> None:
+        """The thread that reads, and that asks for the status."""
+        rest, asked = b"", 0.0
+        poll = "".join(f"get {key.lower()}\r\n" for key in _ASKED).encode("ascii")
+        while not self._closed and self._latch.lost is None:
+            now = time.monotonic()
+            if self._begun and now - asked > _PERIOD:
+                asked = now
+                self._latch.send(self._link, poll)
+            try:
+                rest += self._link.read(0.05)
+            except LinkLostError as error:
+                self._latch.lose(error)
+                return
+            *rows, rest = re.split(rb"[\r\n]+", rest)
+            for row in rows:
+                self._hear(row.decode("ascii", "replace").strip())
+
+    def _hear(self, row: str) -> None:
+        key, _, said = row.partition(" ")
+        if key.upper() == "SET":
+            name, _, said = said.partition(" ")
+            key = f"SET {name}"
+        if key:
+            self._said[key.upper()] = (said.strip(), time.monotonic())
+            if key.upper() in ("ESTOP", "MACHINE") and self._begun and (why := self._unsafe()):
+                self._latch.stop(why)
+
+
+def _numbers(text: str, count: int = 3) -> FloatArray:
+    """The first numbers of an answer."""
+    return np.array([float(v) for v in text.split()[:count]])
