@@ -37,6 +37,14 @@ def _address(text: str) -> Address:
     return parse_machine(text)
 
 
+def _box(text: str) -> FloatArray:
+    return io.parse_box(text, "--workspace")
+
+
+def _radius(text: str) -> float:
+    return io.parse_length(text, "--tip-radius")
+
+
 _machine = partial(args.option, rich_help_panel="Machine")
 
 
@@ -52,7 +60,7 @@ class MachineOptions:
     workspace: Annotated[
         FloatArray | None,
         _machine("--workspace", "LOW,HIGH", "Where the tip may be, as 0,0,-50,300,200,120mm; not asked of a fake."),
-        args.Words(lambda text: io.parse_box(text, "--workspace")),
+        args.Words(_box),
     ] = None
     forbid: Annotated[
         list[Any] | None,
@@ -62,7 +70,7 @@ class MachineOptions:
     tip_radius: Annotated[
         float | None,
         _machine("--tip-radius", "LENGTH", "Of the ball of the touch probe, as 1.5mm; 0mm of a sharp tip."),
-        args.Words(lambda text: io.parse_length(text, "--tip-radius")),
+        args.Words(_radius),
     ] = None
     feed: Annotated[
         float,
