@@ -15,7 +15,6 @@ from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
 from tanteo.cli.machine import MachineOptions, ask, check_record
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
-from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start
@@ -23,6 +22,8 @@ if TYPE_CHECKING:
     from tanteo.parts import Part
     from tanteo.session import Session
 
+_TAKES_FRAMES = {"grbl": "grbl:G54", "linuxcnc": "G54"}
+"""Machines that set a frame, and how their frames are typed."""
 _ABOVE = 0.02
 """How far over the highest start the tip of a fake begins [m]."""
 
@@ -81,6 +82,7 @@ def probe(options: Options, machine: MachineOptions) -> None:
     files.check_different(("--record", options.record), ("--report", options.report), parts=[options.part])
     files.require_file("--part", options.part)
     check_record(options.record, resume=options.resume, dry=machine.dry_run or machine.machine.fake)
+    _check_frame(words, options, machine)
     machine.said()
     part = files.read_all_parts([options.part], options.units, quiet=options.json)[0]
     start = _start(part, options)
@@ -89,13 +91,32 @@ def probe(options: Options, machine: MachineOptions) -> None:
     with _moved(start, session, options, machine) as safe:
         done = _run(session, safe, options)
         answer = session.answer()
-        _print(session, done, safe, words, part, options)
+        lines = _print(session, done, safe, words, part, options)
         if options.write and not safe.dry_run:
-            _write(words, answer, part, safe)
+            _write(words, lines or words.text(answer, [part]), done, safe)
     if options.report is not None:
         facts = [("Machine", safe.facts.name), ("Why it ended", done.end.why)]
         files.report_session(options.report, session, *facts, as_json=options.json)
     leave(decided=answer.status == "recognized" and done.end.reached and not machine.dry_run)
+
+
+def _check_frame(words: controller.Words, options: Options, machine: MachineOptions) -> None:
+    """Whether the frame of ``--wcs`` is one that this machine takes, before anything moves."""
+    if words.wcs is None:
+        return
+    if words.wcs.within:
+        raise MisuseError(
+            f"--wcs: expected a frame in machine coordinates, got one within {words.wcs.within}. A machine says where "
+            f"its tip is in machine coordinates: say --wcs {words.wcs.slot}."
+        )
+    kind = machine.machine.kind
+    if options.write and kind not in _TAKES_FRAMES:
+        raise MisuseError(
+            f"--write: expected a machine that takes a frame over the wire ({', '.join(_TAKES_FRAMES)}), got {kind}. "
+            "Leave it out: the lines are printed."
+        )
+    if options.write and words.wcs.controller != kind:
+        raise MisuseError(f"--write: expected --wcs of {kind}, as {_TAKES_FRAMES[kind]}, got another. Correct it.")
 
 
 def _start(part: Part, options: Options) -> Start:
@@ -178,13 +199,13 @@ def _run(session: Session, safe: SafeMachine, options: Options) -> Probed:
 
 def _print(
     session: Session, done: Probed, safe: SafeMachine, words: controller.Words, part: Part, options: Options
-) -> None:
-    """The answer, for a person or a program."""
+) -> str:
+    """The answer, for a person or a program; the lines of the controller, if they were printed."""
     answer = session.answer()
     if safe.dry_run:
         moves = len(done.turns)
         say(f"Dry run: {moves} touches, all inside of the limits; nothing was sent. {done.end.why}", sys.stderr)
-        return
+        return ""
     if options.json:
         sensing = {
             "machine": safe.facts.name, "reached": done.end.reached, "why": done.end.why, "stopped": done.stopped,
@@ -192,26 +213,29 @@ def _print(
         }  # fmt: skip
         more = words.document(answer, [part]) if words else {}
         put(io.document_json({**io.recognition_document(answer), "sensing": sensing, **more}, warned()))
-        return
+        return ""
     lines = text.probed_lines(
         answer, done.end, safe.facts.name, session.count, verbose=options.verbose, layout=layout()
     )
     emit(lines, sys.stderr if words else None)
-    if words:
-        put(words.text(answer, [part]))
+    if not words:
+        return ""
+    made = words.text(answer, [part])
+    if made and not done.end.reached:
+        complain("warning", f"{words.option}: the tolerance was not reached: these lines are of what is known so far.")
+    put(made)
+    return made
 
 
-def _write(words: controller.Words, answer: Any, part: Part, safe: SafeMachine) -> None:
+def _write(words: controller.Words, lines: str, done: Probed, safe: SafeMachine) -> None:
     """The frame, to the controller, after a yes."""
-    if why := words.refused(answer):
-        complain("warning", f"--write: {why}")
+    if not lines:
         return
-    if words.wcs is None or words.wcs.controller != safe.facts.controller:
-        named = safe.facts.controller or "one that takes a frame over the wire"
-        raise InputError(f"--write: expected --wcs of {named}, got another. Copy the lines to the controller.")
-    lines = words.text(answer, [part])
-    if ask(f"{lines}Have {safe.facts.name} run these lines"):
+    if not done.end.reached:
+        complain("warning", "--write: the tolerance was not reached: nothing was written.")
+        return
+    if ask(f"Have {safe.facts.name} run these lines"):
         safe.write_frame(lines)
-        say("The frame was sent, and the machine took it.", sys.stderr)
+        say("The frame was sent, and read back as it was sent.", sys.stderr)
     else:
         say("Nothing was written.", sys.stderr)

@@ -62,8 +62,9 @@ _NAMES = {
 }
 __all__ = [
     "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal",
-    "LateError", "Link", "LinkLostError", "LinuxCncFake", "LinuxCncMachine", "Machine", "MachineError", "MachineLimits", "MachineStatus", "Probed",
-    "RefusedError", "ReplayMachine", "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake",
-    "UrMachine", "Ways", "World", "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
+    "LateError", "Link", "LinkLostError", "LinuxCncFake", "LinuxCncMachine", "Machine", "MachineError",
+    "MachineLimits", "MachineStatus", "Probed", "RefusedError", "ReplayMachine", "SafeMachine", "Sensed",
+    "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake", "UrMachine", "Ways", "World", "opened",
+    "parse_machine", "probe_part", "reading_of", "turns_of",
 ]  # fmt: skip
 __getattr__, __dir__ = lazy(__name__, _NAMES)

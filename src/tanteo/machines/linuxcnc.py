@@ -218,6 +218,7 @@ class LinuxCncMachine:
     def _set(self, what: str, deadline: float) -> None:
         key = "SET " + what.partition(" ")[0].upper()
         if self._asked(f"set {what}", key, deadline) != "ACK":
+            self._fresh(deadline)  # an emergency stop, if that is why
             raise self._latch.failed(f"a refusal of '{what}'")
 
     def _settled(self, deadline: float) -> None:

@@ -78,7 +78,7 @@ class SafeMachine:
     Attributes:
         machine: the driver.
         limits: what it may do.
-        confirm: asked in words before every motion; False refuses it.
+        confirm: asked in words before every motion; False to a touch refuses that place, to a way ends the run.
         dry_run: motions are checked and shown, and none is sent.
         show: told in words of every motion.
     """
@@ -201,9 +201,17 @@ class SafeMachine:
             which = f"the forbidden box '{crossed[0]}'" if crossed else workspace.limits[int(np.argmin(rooms))]
             raise RefusedError(f"{what}: expected a way that keeps its limits, got one past {which}. Nothing was sent.")
         if self.confirm is not None and not self.dry_run and not self.confirm(what):
-            raise RefusedError(f"{what}: expected a yes, got no. Nothing was sent.")
+            self._refused(what)
         if self.show is not None:
             self.show(what)
+
+    def _refused(self, what: str) -> None:
+        """A no to a touch is one to that place, a no to a way ends the run: each other place begins with a way."""
+        no = f"{what}: expected a yes, got no. Nothing was sent."
+        if what.startswith("touch"):
+            raise RefusedError(no)
+        self._stopped = self._stopped or "you said no to a motion"
+        raise StoppedError(no)
 
     def _only_shown(self, goal: Vectors) -> bool:
         if self.dry_run:
