@@ -42,12 +42,6 @@ def undisturbed(block):
     return pose(ended(block, SHORT)[1])
 
 
-@pytest.fixture(scope="module")
-def whole(block):
-    """The pose after one that reaches its goal."""
-    return pose(ended(block, WHOLE)[1])
-
-
 def test_a_session_ends_as_it_was_asked_to(block):
     done, one = ended(block, WHOLE)
     assert done.end.reached
@@ -63,10 +57,10 @@ def test_every_driver_ends_at_the_same_pose(name, block):
     assert np.linalg.norm(pose(one)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
 
 
-def interrupted(block, fault: Faults, most: int, record, undisturbed) -> None:
+def interrupted(block, fault: Faults, most: int, record, undisturbed, name: str = "fake:grbl") -> None:
     """A session that a fault ends, taken up again: the same pose, and no reading made twice or lost."""
     there, one = world_of(block), session(block, most=most)
-    with driver("fake:grbl", there, ABOVE, fault) as machine:
+    with driver(name, there, ABOVE, fault) as machine:
         done = probe_part(one, SafeMachine(machine, LIMITS), record)
         place = machine.status().place
         assert done.stopped
@@ -74,7 +68,7 @@ def interrupted(block, fault: Faults, most: int, record, undisturbed) -> None:
         assert np.array_equal(machine.status().place, place)
     resumed = read_record(record, [one.start.targets[0].part])
     assert resumed.count >= one.count
-    with driver("fake:grbl", there, ABOVE) as machine:
+    with driver(name, there, ABOVE) as machine:
         probe_part(resumed, SafeMachine(machine, LIMITS), record)
     assert np.array_equal(pose(resumed), undisturbed)
     assert resumed.count == most or most > SHORT
@@ -88,11 +82,35 @@ def test_no_fault_loses_a_reading(fault, block, undisturbed, tmp_path):
     interrupted(block, fault, SHORT, tmp_path / "run.json", undisturbed)
 
 
+@pytest.fixture(scope="module")
+def poses(block):
+    """The pose after a whole session of each driver, made when it is asked for."""
+    kept = dict[str, np.ndarray]()
+
+    def of(name: str) -> np.ndarray:
+        if name not in kept:
+            kept[name] = pose(ended(block, WHOLE, name)[1])
+        return kept[name]
+
+    return of
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("step", range(1, 28))
-@pytest.mark.parametrize("kind", ["drop_before", "drop_after", "stop_at"])
-def test_no_fault_at_any_step_loses_a_reading(kind, step, block, whole, tmp_path):
-    interrupted(block, Faults(**{kind: step}), WHOLE, tmp_path / "run.json", whole)
+@pytest.mark.parametrize("kind", ["drop_before", "drop_after", "stop_at", "silent"])
+@pytest.mark.parametrize("name", ["fake:grbl", "fake:linuxcnc", "fake:ur"])
+def test_no_fault_at_any_step_loses_a_reading(name, kind, step, block, poses, tmp_path):
+    interrupted(block, Faults(**{kind: step}), WHOLE, tmp_path / "run.json", poses(name), name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fake:grbl", "fake:linuxcnc", "fake:ur"])
+def test_late_answers_change_nothing(name, block, poses):
+    for step in range(1, 28, 5):
+        one = session(block, most=WHOLE)
+        with driver(name, world_of(block), ABOVE, Faults(late=step, seconds=0.3)) as machine:
+            assert probe_part(one, SafeMachine(machine, LIMITS)).end.reached
+        assert np.array_equal(pose(one), poses(name))
 
 
 def test_power_lost_between_touch_and_record(block, undisturbed, tmp_path, monkeypatch):

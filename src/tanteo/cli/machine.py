@@ -97,16 +97,19 @@ class MachineOptions:
     confirm: Annotated[bool, _machine("--confirm", None, "Ask before every motion.")] = False
 
     def __post_init__(self) -> None:
-        if self.machine.fake or self.machine.kind == "replay":
-            return
-        if self.tip_radius is None:
+        if self.tip_radius is None and not self.machine.fake:
             raise MisuseError(
                 "--tip-radius: expected the ball of the machine's probe, got none. Say --tip-radius 1.5mm."
             )
-        if self.workspace is None:
+        if self.workspace is None and self.moves:
             raise MisuseError(
                 "--workspace: expected where the machine's tip may be, got none. Say --workspace 0,0,-50,300,200,120mm."
             )
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is a machine that moves: no fake, no log."""
+        return not self.machine.fake and self.machine.kind != "replay"
 
     @property
     def radius(self) -> float:
@@ -157,6 +160,8 @@ class MachineOptions:
         """What is taken as something, on standard error."""
         if self.machine.fake:
             say(f"A fake: nothing moves. Its ball has a radius of {1e3 * self.radius:g} mm.", sys.stderr)
+        if self.machine.kind == "replay":
+            say(f"A log: nothing moves. Its ball is taken to have a radius of {1e3 * self.radius:g} mm.", sys.stderr)
         if self.dry_run:
             say(
                 "Dry run: motions are checked and shown, none is sent; touches are taken to be as expected.", sys.stderr

@@ -81,7 +81,7 @@ def probe(options: Options, machine: MachineOptions) -> None:
     files.check_target("--record", options.record)
     files.check_different(("--record", options.record), ("--report", options.report), parts=[options.part])
     files.require_file("--part", options.part)
-    check_record(options.record, resume=options.resume, dry=machine.dry_run or machine.machine.fake)
+    check_record(options.record, resume=options.resume, dry=machine.dry_run or not machine.moves)
     _check_frame(words, options, machine)
     machine.said()
     part = files.read_all_parts([options.part], options.units, quiet=options.json)[0]
