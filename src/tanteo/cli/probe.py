@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -13,6 +13,7 @@ from tanteo import inference, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.looking import page_of, stay
 from tanteo.cli.machine import MachineOptions, ask, check_record
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 
@@ -66,6 +67,10 @@ class Options:
         bool, args.option("--write", None, "Have the machine's controller set the frame of --wcs, after a yes.")
     ] = False
     report: args.Report = None
+    live: Annotated[
+        bool, args.option("--live", None, "Show the session on a page of this computer as it goes; it moves nothing.")
+    ] = False
+    no_open: Annotated[bool, args.option("--no-open", None, "Do not open the page in a browser.")] = False
     json: args.Json = False
     verbose: args.Verbose = False
 
@@ -88,12 +93,14 @@ def probe(options: Options, machine: MachineOptions) -> None:
     start = _start(part, options)
     with misuse(always=False):
         session = _session(start, options, machine)
-    with _moved(start, session, options, machine) as safe:
-        done = _run(session, safe, options)
-        answer = session.answer()
-        lines = _print(session, done, safe, words, part, options)
-        if options.write and not safe.dry_run:
-            _write(words, lines or words.text(answer, [part]), done, safe)
+    with page_of(session, live=options.live, show=not options.no_open) as draw:
+        with _moved(start, session, options, machine) as safe:
+            done = _run(session, safe, options, draw)
+            answer = session.answer()
+            lines = _print(session, done, safe, words, part, options)
+            if options.write and not safe.dry_run:
+                _write(words, lines or words.text(answer, [part]), done, safe)
+        stay(live=options.live)
     if options.report is not None:
         facts = [("Machine", safe.facts.name), ("Why it ended", done.end.why)]
         files.report_session(options.report, session, *facts, as_json=options.json)
@@ -181,13 +188,14 @@ def _fake(start: Start, session: Session, options: Options, machine: MachineOpti
     return World(Surface(part.vertices, part.triangles), T, machine.radius, sd, options.seed), place
 
 
-def _run(session: Session, safe: SafeMachine, options: Options) -> Probed:
+def _run(session: Session, safe: SafeMachine, options: Options, draw: Callable[[str], None]) -> Probed:
     from tanteo.machines import probe_part
 
     def watch(turn: Turn) -> None:
         leader = session.state.target(0).part.name if len(session.state.weights) else ""
         distance = None if turn.sensed is None else turn.sensed.distance
         say(text.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
+        draw(turn.note)
 
     done = probe_part(session, safe, options.record, watch)
     if done.resumed:
