@@ -55,6 +55,7 @@ class Options:
     sd: args.Sd = None
     robot: args.Robot = None
     bias_sd: args.BiasSd = None
+    noise_factor: args.NoiseFactor = None
     units: args.Units = None
     seed: args.Seed = 0
     record: Annotated[str | None, args.option("--record", "FILE", "Keep the session (JSON), reading by reading.")] = (
@@ -129,15 +130,16 @@ def _check_frame(words: controller.Words, options: Options, machine: MachineOpti
 def _start(part: Part, options: Options) -> Start:
     """Where the part may be."""
     from tanteo.active import at_origin, at_pose
+    from tanteo.answers import Priors
 
-    target = inference.prepare(part)
+    target, priors = inference.prepare(part), Priors(noise_factor=options.noise_factor)
     if options.pose_prior is not None:
-        return at_pose(target, options.pose_prior.T, options.pose_prior.C)
+        return at_pose(target, options.pose_prior.T, options.pose_prior.C, priors)
     say(
         "Nobody says where the part is: its frame is taken to be at the machine's origin +- 5 mm 3 deg (--pose-prior).",
         sys.stderr,
     )
-    return at_origin(target)
+    return at_origin(target, priors=priors)
 
 
 def _session(start: Start, options: Options, machine: MachineOptions) -> Session:

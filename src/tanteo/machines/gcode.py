@@ -1,4 +1,4 @@
-"""What fakes of controllers of G-code know of it: modes, offsets, where a block goes."""
+"""G-code: the words that drivers send, and what fakes of controllers know: modes, offsets, where a block goes."""
 
 from __future__ import annotations
 
@@ -12,6 +12,16 @@ from tanteo.typing import Vectors
 
 _WORD = re.compile(r"([A-Z])\s*([-+]?\d*\.?\d+)")
 _MOTIONS = ("0", "1", "38.2", "38.3")
+
+
+def place_words(place: Vectors) -> str:
+    """``X1.0000 Y2.0000 Z3.0000`` of a place ``(3,)`` [m], in millimetres."""
+    return " ".join(f"{axis}{1e3 * v + 0.0:.4f}" for axis, v in zip("XYZ", place, strict=True))
+
+
+def feed_word(speed: float) -> str:
+    """``F120.000`` of a speed [m/s], in millimetres a minute."""
+    return f"F{60e3 * speed:.3f}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +73,15 @@ class Modal:
         return self.offsets.get(self.active, np.zeros(3))
 
     def read(self, line: str) -> Block:
-        """A line, and the modes that it sets."""
-        found = _WORD.findall(re.sub(r"\([^)]*\)", "", line.upper()))
+        """A line, and the modes that it sets.
+
+        Raises:
+            ValueError: it is not made of letters with numbers; a number has no exponent.
+        """
+        said = re.sub(r"\([^)]*\)", "", line.upper())
+        found = _WORD.findall(said)
+        if _WORD.sub("", said).strip():
+            raise ValueError(line)
         block = Block(
             frozenset(value for letter, value in found if letter == "G"),
             {letter: float(value) for letter, value in found if letter != "G"},

@@ -16,6 +16,7 @@ from contextlib import suppress
 import numpy as np
 
 from tanteo.machines import offsets
+from tanteo.machines.gcode import feed_word, place_words
 from tanteo.machines.grbl_words import ALARMS, STATES, Report, offsets_of, probed, report_of
 from tanteo.machines.latch import Latch
 from tanteo.machines.link import Link
@@ -83,7 +84,7 @@ class GrblMachine:
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
         """Straight there; nothing stops it but the controller."""
         deadline = time.monotonic() + seconds
-        self._command(f"G1 {self._words(T_world_probe[:3, 3])} F{self._feed(speed)}", deadline)
+        self._command(f"G1 {place_words(T_world_probe[:3, 3] - self._offset)} {feed_word(speed)}", deadline)
         self._settled(deadline)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
@@ -164,20 +165,12 @@ class GrblMachine:
             return None
         if self.status().tripped:
             raise self._latch.in_contact()
-        rows = self._command(f"G38.3 {self._words(goal)} F{self._feed(speed)}", deadline)
+        rows = self._command(f"G38.3 {place_words(goal - self._offset)} {feed_word(speed)}", deadline)
         found = probed(rows)
         if found is None:
             raise self._latch.failed("no [PRB:...] after a probe cycle")
         self._settled(deadline)
         return self._unit * found[0] if found[1] else None
-
-    def _words(self, place: Vectors) -> str:
-        """A place of the machine in the coordinates of ``G54``."""
-        return " ".join(f"{axis}{1e3 * v + 0.0:.4f}" for axis, v in zip("XYZ", place - self._offset, strict=True))
-
-    @staticmethod
-    def _feed(speed: float) -> str:
-        return f"{60e3 * speed:.4g}"
 
     def _command(self, line: str, deadline: float) -> list[str]:
         """One line, and what is said until ``ok``."""

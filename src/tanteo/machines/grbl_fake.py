@@ -183,7 +183,11 @@ class GrblFake:
         if self._alarm:
             self._say("error:9")
             return
-        block = self.modal.read(line)
+        try:
+            block = self.modal.read(line)
+        except ValueError:
+            self._say("error:2")
+            return
         if block.sets and "R" in block.words:
             self._say("error:20")
         elif block.sets:

@@ -16,6 +16,7 @@ import time
 import numpy as np
 
 from tanteo.machines import offsets
+from tanteo.machines.gcode import feed_word, place_words
 from tanteo.machines.latch import Latch
 from tanteo.machines.link import Link
 from tanteo.machines.protocol import (
@@ -89,7 +90,7 @@ class LinuxCncMachine:
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
         """Straight there; nothing stops it but the controller."""
         deadline = time.monotonic() + seconds
-        self._mdi(f"G1 {self._words(T_world_probe[:3, 3])} F{60e3 * speed:.4g}", deadline)
+        self._mdi(f"G1 {place_words(T_world_probe[:3, 3] - self._offset)} {feed_word(speed)}", deadline)
         self._settled(deadline)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
@@ -188,14 +189,10 @@ class LinuxCncMachine:
             return None
         if self.status().tripped:
             raise self._latch.in_contact()
-        self._mdi(f"G38.3 {self._words(goal)} F{60e3 * speed:.4g}", deadline)
+        self._mdi(f"G38.3 {place_words(goal - self._offset)} {feed_word(speed)}", deadline)
         self._settled(deadline)
         met, *place = self._parameters(5070, 5061, 5062, 5063, deadline=deadline)
         return 1e-3 * np.array(place) + self._offset if met else None
-
-    def _words(self, place: Vectors) -> str:
-        """A place of the machine in the coordinates of ``G54``."""
-        return " ".join(f"{axis}{1e3 * v + 0.0:.5f}" for axis, v in zip("XYZ", place - self._offset, strict=True))
 
     def _parameters(self, *names: int | str, deadline: float) -> FloatArray:
         """Parameters of the interpreter, once all before is done."""

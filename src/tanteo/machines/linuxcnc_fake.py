@@ -159,7 +159,11 @@ class LinuxCncFake:
         if line.lower().startswith("(debug,"):
             self._debug(line[7:].rstrip(")"))
             return
-        block = self.modal.read(line)
+        try:
+            block = self.modal.read(line)
+        except ValueError:
+            self._error = f"Bad number format in '{line}'"
+            return
         if block.sets:
             self.modal.set_offset(block)
             self._turns[int(block.words.get("P", 1))] = block.words.get("R", 0.0)
