@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import os
 import queue
+import select
 import socket
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -57,19 +57,21 @@ class GrblFake:
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
         self.motions, self.heard = 0, list[str]()
         self._inches, self._work_positions, self._alarm = inches, work_positions, alarm
-        self._send: Callable[[bytes], None] = lambda data: None
-        self._drop: Callable[[], None] = lambda: None
+        self._send: Callable[[bytes], None] = _nowhere
+        self._drop: Callable[[], None] = _nobody
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._runs = 0
-        self._silent = False
+        self._silent = self._closed = False
         self._server = Server(self._serve, port)
         self.port = self._server.port
         self.ports = (self.port,)
 
     def close(self) -> None:
         """Switch it off."""
+        self._closed = True
         self._lines.put(None)
         self._server.close()
+        self._send, self._drop = _nowhere, _nobody  # nothing holds what it was connected to
 
     def press_stop(self) -> None:
         """The emergency stop: the drives lose power, the controller resets."""
@@ -90,10 +92,13 @@ class GrblFake:
             with suppress(OSError):
                 os.write(ours, data)
 
-        def run() -> None:
-            self._talk(lambda: os.read(ours, 4096), write, lambda: os.close(ours))
+        def read() -> bytes:
+            while not self._closed:
+                if select.select([ours], [], [], 0.05)[0]:
+                    return os.read(ours, 4096)
+            return b""
 
-        threading.Thread(target=run, daemon=True, name="fake port").start()
+        self._server.start(self._talk, read, write, lambda: os.close(ours))
         return os.ttyname(theirs)
 
     def _serve(self, client: socket.socket) -> None:
@@ -273,3 +278,11 @@ class GrblFake:
             self._say("[MSG:Caution: Unlocked]", "ok")
         else:
             self._say("error:3")
+
+
+def _nowhere(data: bytes) -> None:
+    """Nobody is connected."""
+
+
+def _nobody() -> None:
+    """Nobody is connected."""
