@@ -185,3 +185,16 @@ def test_a_log_answers_as_the_machine_did(block, undisturbed, tmp_path):
         probe_part(again, SafeMachine(machine, LIMITS))
         assert not machine.left
     assert np.allclose(pose(again), undisturbed, atol=1e-7)
+
+
+def test_a_log_answers_whatever_is_asked(block, tmp_path):
+    """The touches of one session answer another, which asks elsewhere: the same part, placed as well."""
+    record, one = tmp_path / "run.json", session(block, most=WHOLE)
+    with driver("fake:direct", world_of(block), ABOVE) as machine:
+        probe_part(one, SafeMachine(machine, LIMITS), record)
+    again = session(block, most=WHOLE)
+    again.seed = 5
+    with opened(parse_machine(f"replay:{record}")) as machine:
+        probe_part(again, SafeMachine(machine, LIMITS))
+    assert again.count >= one.count
+    assert np.linalg.norm(pose(again)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3

@@ -46,4 +46,9 @@ def stay(*, live: bool) -> None:
     if live:
         say("The machine is let go. The page stays until Ctrl-C.", sys.stderr)
         with suppress(KeyboardInterrupt):
-            threading.Event().wait()
+            until_interrupted()
+
+
+def until_interrupted() -> None:
+    """Wait for Ctrl-C."""
+    threading.Event().wait()

@@ -267,10 +267,7 @@ class GrblFake:
         elif line == "$$":
             self._say("$10=1", f"$13={int(self._inches)}", "$20=0", "$22=0", "$110=6000.000", "ok")
         elif line == "$#":
-            rows = [
-                f"[G54:{self._shown(self.modal.offset)}]",
-                *(f"[G{n}:{self._shown(np.zeros(3))}]" for n in range(55, 60)),
-            ]
+            rows = [f"[G{53 + n}:{self._shown(self.modal.offsets.get(n, np.zeros(3)))}]" for n in range(1, 7)]
             self._say(*rows, f"[G92:{self._shown(np.zeros(3))}]", "[TLO:0.000]", "ok")
         elif line == "$X":
             self._alarm = ""
