@@ -42,7 +42,8 @@ _STILL = 1e-6
 _ASKED = ("ESTOP", "MACHINE", "PROGRAM_STATUS", "PROBE_VALUE", "ABS_ACT_POS")
 """What its status is made of, the place last."""
 _STATES: dict[str, MachineState] = {"RUNNING": "moving", "PAUSED": "held"}
-_INCHES = 25.4
+_UNITS = {"MM": 1e-3, "INCH": 25.4e-3, "CM": 1e-2}
+"""Of a machine: positions and offsets are in it, whatever the program is in; probed places are in the program's [m]."""
 
 
 class LinuxCncMachine:
@@ -60,7 +61,7 @@ class LinuxCncMachine:
         self._link = link
         self._said: dict[str, tuple[str, float]] = {}
         self._closed, self._number, self._busy = False, 0, threading.Lock()
-        self._offset, self._unit, self._begun = np.zeros(3), 1.0, False
+        self._offset, self._unit, self._begun = np.zeros(3), 1e-3, False
         self._latch = Latch("LinuxCNC", "Clear it there", self.abort)
         self.facts = Facts("LinuxCNC", "linuxcnc")
         self._listener = threading.Thread(target=self._listen, daemon=True, name="linuxcncrsh")
@@ -79,7 +80,7 @@ class LinuxCncMachine:
         probe = self._said.get("PROBE_VALUE", ("", at))[0]
         words = ", ".join(f"{key} {self._said[key][0]}" for key in _ASKED[:3] if key in self._said)
         return MachineStatus(
-            self._latch.state(self._state()), 1e-3 * _numbers(place), probe == "1", time.monotonic() - at, words
+            self._latch.state(self._state()), self._unit * _numbers(place), probe == "1", time.monotonic() - at, words
         )
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
@@ -118,7 +119,7 @@ class LinuxCncMachine:
         for slot, wanted in offsets.told(text).items():
             first = 5201 + 20 * offsets.number_of(slot)
             has = self._parameters(*range(first, first + 3), first + 9, deadline=deadline)
-            offsets.check(self.facts.name, slot, wanted, np.array([*(self._unit * has[:3]), has[3]]))
+            offsets.check(self.facts.name, slot, wanted, offsets.padded(1e3 * self._unit * has[:3], has[3]))
         self._read_offsets(deadline)
 
     def close(self) -> None:
@@ -151,13 +152,20 @@ class LinuxCncMachine:
         self._latch.send(self._link, f"set echo off\r\nset enable {enable}\r\nset verbose on\r\n".encode("ascii"))
         if self._asked("get enable", "ENABLE", deadline) != "ON":
             raise LinkLostError(f"{self._link.name}: expected control of it, got none. Check its enable password.")
+        unit = self._asked("get user_linear_units", "USER_LINEAR_UNITS", deadline)
+        if unit not in _UNITS:
+            raise StoppedError(
+                f"{self._link.name}: expected a machine in mm, inch or cm, got {unit}. Set it in its INI."
+            )
+        self._unit = _UNITS[unit]
         self._fresh(deadline)
         self._begun = True
         if why := self._unsafe():
             raise StoppedError(f"{self._link.name}: expected a machine that is on, got {why}. Clear it there.")
         if (state := self._state()) != "idle":
             raise StoppedError(f"{self._link.name}: expected an idle machine, got one that is {state}. End it there.")
-        self._set("linear_unit_conversion mm", deadline)
+        while self._asked("get error", "ERROR", deadline) != "OK":
+            self._latch.late(deadline, "an end of old error messages")
         self._set("mode mdi", deadline)
         self._mdi("G21 G90 G94 G54 G40 G49 G80", deadline)
         self._settled(deadline)
@@ -165,21 +173,18 @@ class LinuxCncMachine:
         self._fresh(deadline)
 
     def _read_offsets(self, deadline: float) -> None:
-        """Of ``G54`` and ``G92``, in the machine's own unit, which the interpreter knows.
+        """Of ``G54`` and ``G92``, which the interpreter keeps in the machine's own unit.
 
         Raises:
             StoppedError: ``G54`` is turned: a straight way there is another one here.
         """
-        *values, turn, shifted, metric = self._parameters(
-            5221, 5222, 5223, 5211, 5212, 5213, 5230, 5210, "<_metric_machine>", deadline=deadline
-        )
+        *values, turn, shifted = self._parameters(5221, 5222, 5223, 5211, 5212, 5213, 5230, 5210, deadline=deadline)
         if abs(turn) > 1e-9:
             raise StoppedError(
                 f"{self.facts.name}: expected G54 without a turn, got R{turn:g}. Set it to R0 there (G10 L2 P1 R0)."
             )
-        self._unit = 1.0 if metric else _INCHES
         own, g92 = np.array(values[:3]), np.array(values[3:]) * bool(shifted)
-        self._offset = 1e-3 * self._unit * (own + g92)
+        self._offset = self._unit * (own + g92)
 
     def _probe(self, goal: Vectors, speed: float, seconds: float) -> Vectors | None:
         """A probe cycle: where it met something ``(3,)`` [m]; None for nothing."""
@@ -194,7 +199,7 @@ class LinuxCncMachine:
         met, *place = self._parameters(5070, 5061, 5062, 5063, deadline=deadline)
         return 1e-3 * np.array(place) + self._offset if met else None
 
-    def _parameters(self, *names: int | str, deadline: float) -> FloatArray:
+    def _parameters(self, *names: int, deadline: float) -> FloatArray:
         """Parameters of the interpreter, once all before is done."""
         while True:
             self._number += 1

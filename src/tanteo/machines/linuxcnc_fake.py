@@ -52,7 +52,7 @@ class LinuxCncFake:
         self.faults = faults or Faults()
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
         self.motions, self.heard = 0, list[str]()
-        self._metric, self._turns, self._thief = metric, {1: turn}, thief
+        self._unit, self._turns, self._thief = _MM if metric else 25.4e-3, {1: turn}, thief
         self._estop, self._on, self._mode, self._error = False, on, "MANUAL", ""
         self._display, self._silent, self._running = list[str](), False, False
         self._probed = np.zeros(4)
@@ -104,7 +104,8 @@ class LinuxCncFake:
             "ESTOP": lambda: _on(self._estop), "MACHINE": lambda: _on(self._on), "MODE": lambda: self._mode,
             "ENABLE": lambda: _on(client.enabled), "PROBE_VALUE": lambda: str(int(self._tripped())),
             "PROGRAM_STATUS": lambda: "RUNNING" if self._running or not self._blocks.empty() else "IDLE",
-            "ABS_ACT_POS": lambda: " ".join(f"{v:.6f}" for v in (*(1e3 * self.tip.place + 0.0), 0.0, 0.0, 0.0)),
+            "ABS_ACT_POS": lambda: " ".join(f"{v:.6f}" for v in (*(self.tip.place / self._unit + 0.0), 0.0, 0.0, 0.0)),
+            "USER_LINEAR_UNITS": lambda: "MM" if self._unit == _MM else "INCH",
             "OPERATOR_DISPLAY": self._message, "ERROR": self._told_error,
         }  # fmt: skip
         return fixed[name]() if name in fixed else None
@@ -137,7 +138,7 @@ class LinuxCncFake:
             if self._estop or not self._on or self._mode != "MDI":
                 return False
             self._blocks.put(value)
-        return name in ("abort", "mode", "mdi", "linear_unit_conversion")
+        return name in ("abort", "mode", "mdi")
 
     def _abort(self) -> None:
         while not self._blocks.empty():
@@ -176,12 +177,10 @@ class LinuxCncFake:
         if self._thief:  # another display asked first
             self._thief -= 1
             return
-        self._display.append(re.sub(r"#(\d+|<\w+>)", lambda found: f"{self._parameter(found[1]):.6f}", text))
+        self._display.append(re.sub(r"#(\d+)", lambda found: f"{self._parameter(found[1]):.6f}", text))
 
     def _parameter(self, name: str) -> float:
         """As the interpreter has it: contacts in the block's unit, offsets in the machine's."""
-        if name == "<_metric_machine>":
-            return float(self._metric)
         number = int(name)
         if number == 5070:
             return float(self._probed[3])
@@ -189,7 +188,7 @@ class LinuxCncFake:
             return float((self._probed[number - 5061] - self.modal.offset[number - 5061]) / self.modal.unit)
         slot, k = divmod(number - 5201, 20)
         if slot >= 1 and k < 3:
-            return float(self.modal.offsets.get(slot, np.zeros(3))[k] / (1e-3 if self._metric else 25.4e-3))
+            return float(self.modal.offsets.get(slot, np.zeros(3))[k] / self._unit)
         return self._turns.get(slot, 0.0) if k == 9 and slot >= 1 else 0.0
 
     def _move(self, goal: Vectors) -> None:
@@ -228,4 +227,5 @@ def _on(state: bool) -> str:
     return "ON" if state else "OFF"
 
 
+_MM = 1e-3
 _KNOWN = frozenset({"0", "1", "10", "20", "21", "38.2", "38.3", "40", "49", "54", "80", "90", "91", "94"})
