@@ -20,7 +20,7 @@ from tanteo.session import Action, Done, Session, Step
 _REFUSED = 25
 """Questions in a row that the machine cannot answer before the run ends."""
 _SDS, _LEAST_OVERTRAVEL = 3.0, 2e-3
-"""How far beyond the expected contact a touch goes: sds of the part's worst corner, and the least way [m]."""
+"""How far beyond the expected contact a touch goes: times the part's largest corner sd, and the least way [m]."""
 
 
 class Turn(NamedTuple):
