@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -81,11 +82,9 @@ def test_an_unreached_tolerance_is_not_written(run, tmp_path):
 def test_a_session_is_followed_on_a_page(run, monkeypatch):
     """The page is drawn after every reading, and ends with Ctrl-C; standard output stays the machine's."""
     pytest.importorskip("viser", reason="the extra tanteo[viewer] is not installed")
-    from tanteo.viewer.page import LivePage
-
     said = []
-    say = LivePage.say
-    monkeypatch.setattr(LivePage, "say", lambda page, *words: said.append(words) or say(page, *words))
+    say = import_module("tanteo.viewer.page").LivePage.say
+    monkeypatch.setattr("tanteo.viewer.page.LivePage.say", lambda page, *words: said.append(words) or say(page, *words))
     monkeypatch.setattr("tanteo.cli.looking.until_interrupted", lambda: None)
     result = probe(run, "fake:direct", "--live", "--no-open", "--pose-prior", PRIOR, "--as", "matrix")
     assert result.code == 0

@@ -21,7 +21,6 @@ from tanteo.machines import (
     StoppedError,
     TcpLink,
 )
-from tanteo.machines.gcode import Modal
 
 OFFSET = np.array([0.1, -0.2, 0.05])
 FRAME = "(block)\nG21 G90\nG10 L2 P2 X12.5000 Y-3.0000 Z4.2500\n"
@@ -92,7 +91,7 @@ def test_a_frame_is_read_back(cell, monkeypatch):
     with cell() as (machine, fake):
         machine.write_frame(FRAME, 5.0)
         assert np.allclose(fake.modal.offsets[2], [0.0125, -0.003, 0.00425])
-        monkeypatch.setattr(Modal, "set_offset", lambda modal, block: None)  # it says ok and does nothing
+        monkeypatch.setattr(type(fake.modal), "set_offset", lambda modal, block: None)  # it says ok and does nothing
         with pytest.raises(MachineError, match="read back"):
             machine.write_frame(FRAME.replace("12.5", "13.5"), 5.0)
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tanteo.machines.grbl import GrblMachine
     from tanteo.machines.grbl_fake import GrblFake
     from tanteo.machines.journal import Journal, reading_of
+    from tanteo.machines.limits import MachineLimits
     from tanteo.machines.link import Link, SerialLink, TcpLink
     from tanteo.machines.linuxcnc import LinuxCncMachine
     from tanteo.machines.linuxcnc_fake import LinuxCncFake
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     )
     from tanteo.machines.replay import ReplayMachine
     from tanteo.machines.run import Probed, Turn, probe_part
-    from tanteo.machines.safe import MachineLimits, SafeMachine
+    from tanteo.machines.safe import SafeMachine
     from tanteo.machines.ur import UrMachine
     from tanteo.machines.ur_fake import UrFake
     from tanteo.machines.ways import Ways
@@ -47,6 +48,7 @@ _NAMES = {
     "grbl": "GrblMachine",
     "grbl_fake": "GrblFake",
     "journal": "Journal reading_of",
+    "limits": "MachineLimits",
     "link": "Link SerialLink TcpLink",
     "linuxcnc": "LinuxCncMachine",
     "linuxcnc_fake": "LinuxCncFake",
@@ -54,7 +56,7 @@ _NAMES = {
     "StoppedError",
     "replay": "ReplayMachine",
     "run": "Probed Turn probe_part",
-    "safe": "MachineLimits SafeMachine",
+    "safe": "SafeMachine",
     "ur": "UrMachine",
     "ur_fake": "UrFake",
     "ways": "Ways",

@@ -110,7 +110,7 @@ class GrblMachine:
         for line in offsets.commands(text):
             self._command(line, deadline)
         there = self._read_offsets(deadline)
-        for slot, wanted in offsets.told(text).items():
+        for slot, wanted in offsets.frames_in(text).items():
             offsets.check(self.facts.name, slot, wanted, offsets.padded(1e3 * self._unit * there[slot]))
 
     def close(self) -> None:

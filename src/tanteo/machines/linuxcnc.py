@@ -1,16 +1,12 @@
-r"""LinuxCNC over linuxcncrsh: ``G38.3`` by MDI, the place of a contact from the interpreter's own parameters.
+"""LinuxCNC under linuxcncrsh: ``G38.3`` by MDI, the place of a contact from the interpreter's own parameters.
 
-Read for it: ``src/emc/usr_intf/emcrsh.cc`` and ``docs/src/man/man1/linuxcncrsh.1.adoc`` (LinuxCNC/linuxcnc), of 2.9 and
-of its master: requests end in a line break, replies in ``\\r\\n``, or ``\\n\\r`` after ``SET`` in 2.9; a ``SET`` is
-acknowledged where ``VERBOSE`` is on; ``ENABLE`` gives one client control. No request gives parameters, but the message
-of ``(debug, #5061)`` comes back by ``GET OPERATOR_DISPLAY``. Messages go to whoever asks first, so another display may
-take one: it is asked for again.
+No request gives parameters, but the message of ``(debug, #5061)`` comes back by ``GET OPERATOR_DISPLAY``. Messages go
+to whoever asks first, so another display may take one: it is asked for again. ``G38`` and ``#5061`` to ``#5070`` are as
+in ``docs/src/gcode`` of LinuxCNC/linuxcnc.
 """
 
 from __future__ import annotations
 
-import re
-import threading
 import time
 
 import numpy as np
@@ -19,6 +15,7 @@ from tanteo.machines import offsets
 from tanteo.machines.gcode import feed_word, place_words
 from tanteo.machines.latch import Latch
 from tanteo.machines.link import Link
+from tanteo.machines.linuxcncrsh import RshClient
 from tanteo.machines.protocol import (
     Facts,
     LinkLostError,
@@ -34,8 +31,8 @@ from tanteo.typing import FloatArray, Transforms, Vectors
 PORT = 5007
 CONNECT, ENABLE = "EMC", "EMCTOO"
 """The passwords that linuxcncrsh has if it is not told others."""
-_PERIOD = 0.1
-"""Between two questions for the status [s]."""
+_BRAKE = 0.2
+"""From an abort to letting go [s]."""
 _AGAIN = 0.5
 """After which a message is asked for again [s]."""
 _STILL = 1e-6
@@ -53,19 +50,16 @@ class LinuxCncMachine:
         facts: what does not change.
 
     Raises:
-        StoppedError: it is in emergency stop, off, or runs a program; none of these is changed from here.
+        StoppedError: it is in emergency stop, off, or runs a program; that is changed there, not from here.
         LinkLostError: nobody answers, or not with these passwords.
     """
 
     def __init__(self, link: Link, passwords: tuple[str, str] = (CONNECT, ENABLE), seconds: float = 10.0) -> None:
         self._link = link
-        self._said: dict[str, tuple[str, float]] = {}
-        self._closed, self._number, self._busy = False, 0, threading.Lock()
-        self._offset, self._unit, self._begun = np.zeros(3), 1e-3, False
+        self._number, self._offset, self._unit = 0, np.zeros(3), 1e-3
         self._latch = Latch("LinuxCNC", "Clear it there", self.abort)
         self.facts = Facts("LinuxCNC", "linuxcnc")
-        self._listener = threading.Thread(target=self._listen, daemon=True, name="linuxcncrsh")
-        self._listener.start()
+        self._rsh = RshClient(link, self._latch, _ASKED, self._heard)
         try:
             self._begin(passwords, time.monotonic() + seconds)
         except MachineError:
@@ -74,14 +68,12 @@ class LinuxCncMachine:
 
     def status(self) -> MachineStatus:
         """What was heard last."""
-        place, at = self._said.get("ABS_ACT_POS", ("", -np.inf))
-        if not place:
+        place, words = self._place, ", ".join(f"{name} {self._rsh.said(name)}" for name in _ASKED[:3])
+        if place is None:
             return MachineStatus(self._latch.state("idle"))
-        probe = self._said.get("PROBE_VALUE", ("", at))[0]
-        words = ", ".join(f"{key} {self._said[key][0]}" for key in _ASKED[:3] if key in self._said)
-        return MachineStatus(
-            self._latch.state(self._state()), self._unit * _numbers(place), probe == "1", time.monotonic() - at, words
-        )
+        state = "stopped" if self._unsafe() else _STATES.get(self._rsh.said("PROGRAM_STATUS"), "idle")
+        tripped, age = self._rsh.said("PROBE_VALUE") == "1", self._rsh.age(_ASKED[-1])
+        return MachineStatus(self._latch.state(state), place, tripped, age, words)
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
         """Straight there, as a probe cycle that should meet nothing."""
@@ -104,7 +96,7 @@ class LinuxCncMachine:
     def abort(self) -> None:
         """``SET ABORT``; from any thread, never waits, never raises."""
         self._latch.stop("it was told to stop")
-        self._latch.send(self._link, b"set abort\r\n")
+        self._rsh.send("set abort")
 
     def write_frame(self, text: str, seconds: float) -> None:
         """Its lines one by one; what they set is read back.
@@ -116,7 +108,7 @@ class LinuxCncMachine:
         for line in offsets.commands(text):
             self._mdi(line, deadline)
         self._settled(deadline)
-        for slot, wanted in offsets.told(text).items():
+        for slot, wanted in offsets.frames_in(text).items():
             first = 5201 + 20 * offsets.number_of(slot)
             has = self._parameters(*range(first, first + 3), first + 9, deadline=deadline)
             offsets.check(self.facts.name, slot, wanted, offsets.padded(1e3 * self._unit * has[:3], has[3]))
@@ -126,51 +118,56 @@ class LinuxCncMachine:
         """Stop what moves, and let go; never raises."""
         if self.status().state == "moving":
             self.abort()
-            time.sleep(2 * _PERIOD)
-        self._closed = True
-        self._listener.join(0.5)
-        self._latch.send(self._link, b"quit\r\n")
-        self._link.close()
+            time.sleep(_BRAKE)
+        self._rsh.close()
 
-    def _state(self) -> MachineState:
-        if self._unsafe():
-            return "stopped"
-        return _STATES.get(self._said.get("PROGRAM_STATUS", ("IDLE", 0.0))[0], "idle")
+    @property
+    def _place(self) -> Vectors | None:
+        """Where it said it is ``(3,)`` [m]; None before it has, or if it said no numbers."""
+        try:
+            return self._unit * _numbers(self._rsh.said("ABS_ACT_POS"))
+        except ValueError:
+            return None
+
+    def _heard(self, name: str) -> None:
+        """Of each answer, by the thread that reads."""
+        if name in ("ESTOP", "MACHINE") and (why := self._unsafe()):
+            self._latch.stop(why)
 
     def _unsafe(self) -> str:
         """Why it may not move by its own word; empty if it may."""
-        if self._said.get("ESTOP", ("OFF", 0.0))[0] != "OFF":
+        if self._rsh.said("ESTOP", "OFF") != "OFF":
             return "an emergency stop"
-        return "" if self._said.get("MACHINE", ("ON", 0.0))[0] == "ON" else "it is switched off"
+        return "" if self._rsh.said("MACHINE", "ON") == "ON" else "it is switched off"
 
     def _begin(self, passwords: tuple[str, str], deadline: float) -> None:
         """Control, millimetres, absolute, ``G54`` without tool length from here on."""
         connect, enable = passwords
-        version = self._asked(f"hello {connect} tanteo 1.0", "HELLO", deadline)
+        version = self._rsh.ask(f"hello {connect} tanteo 1.0", "HELLO", deadline)
         if not version.startswith("ACK"):
             raise LinkLostError(f"{self._link.name}: expected its connect password, got one that it refuses. Say it.")
-        self._latch.send(self._link, f"set echo off\r\nset enable {enable}\r\nset verbose on\r\n".encode("ascii"))
-        if self._asked("get enable", "ENABLE", deadline) != "ON":
+        self._rsh.send(f"set echo off\r\nset enable {enable}\r\nset verbose on")
+        if self._rsh.ask("get enable", "ENABLE", deadline) != "ON":
             raise LinkLostError(f"{self._link.name}: expected control of it, got none. Check its enable password.")
-        unit = self._asked("get user_linear_units", "USER_LINEAR_UNITS", deadline)
+        unit = self._rsh.ask("get user_linear_units", "USER_LINEAR_UNITS", deadline)
         if unit not in _UNITS:
             raise StoppedError(
                 f"{self._link.name}: expected a machine in mm, inch or cm, got {unit}. Set it in its INI."
             )
         self._unit = _UNITS[unit]
-        self._fresh(deadline)
-        self._begun = True
+        self._rsh.fresh(deadline)
+        self._rsh.polling = True
         if why := self._unsafe():
             raise StoppedError(f"{self._link.name}: expected a machine that is on, got {why}. Clear it there.")
-        if (state := self._state()) != "idle":
+        if (state := self.status().state) != "idle":
             raise StoppedError(f"{self._link.name}: expected an idle machine, got one that is {state}. End it there.")
-        while self._asked("get error", "ERROR", deadline) != "OK":
+        while self._rsh.ask("get error", "ERROR", deadline) != "OK":
             self._latch.late(deadline, "an end of old error messages")
         self._set("mode mdi", deadline)
         self._mdi("G21 G90 G94 G54 G40 G49 G80", deadline)
         self._settled(deadline)
         self._read_offsets(deadline)
-        self._fresh(deadline)
+        self._rsh.fresh(deadline)
 
     def _read_offsets(self, deadline: float) -> None:
         """Of ``G54`` and ``G92``, which the interpreter keeps in the machine's own unit.
@@ -207,7 +204,7 @@ class LinuxCncMachine:
             self._mdi(f"(debug,{mark} " + " ".join(f"#{name}" for name in names) + ")", deadline)
             again = min(deadline, time.monotonic() + _AGAIN)
             while time.monotonic() < again:
-                said = self._asked("get operator_display", "OPERATOR_DISPLAY", deadline)
+                said = self._rsh.ask("get operator_display", "OPERATOR_DISPLAY", deadline)
                 if said.startswith(mark + " "):
                     return _numbers(said[len(mark) :], len(names))
                 time.sleep(0.005)
@@ -218,74 +215,26 @@ class LinuxCncMachine:
         self._set(f"mdi {line}", deadline)
 
     def _set(self, what: str, deadline: float) -> None:
-        key = "SET " + what.partition(" ")[0].upper()
-        if self._asked(f"set {what}", key, deadline) != "ACK":
-            self._fresh(deadline)  # an emergency stop, if that is why
+        if not self._rsh.set(what, deadline):
+            self._rsh.fresh(deadline)  # an emergency stop, if that is why
             raise self._latch.failed(f"a refusal of '{what}'")
 
     def _settled(self, deadline: float) -> None:
         """Wait until it has done all, and see that it did it without an error."""
         while True:
-            self._fresh(deadline)
-            if self._said["PROGRAM_STATUS"][0] == "IDLE":
+            self._rsh.fresh(deadline)
+            if self._rsh.said("PROGRAM_STATUS") == "IDLE":
                 break
             self._latch.late(deadline, "it to come to rest")
             time.sleep(0.005)
-        if (error := self._asked("get error", "ERROR", deadline)) != "OK":
+        if (error := self._rsh.ask("get error", "ERROR", deadline)) != "OK":
             raise self._latch.failed(f"'{error}'")
-        self._fresh(deadline)
-
-    def _fresh(self, deadline: float) -> None:
-        """A status that was asked for from now on."""
-        asked = "".join(f"get {key.lower()}\r\n" for key in _ASKED)
-        self._heard(asked[:-2], _ASKED[-1], deadline)
-
-    def _asked(self, request: str, key: str, deadline: float) -> str:
-        """A request, and the answer to it."""
-        with self._busy:
-            return self._heard(request, key, deadline)
-
-    def _heard(self, request: str, key: str, deadline: float) -> str:
-        begun = time.monotonic()
-        self._latch.check()
-        self._latch.send(self._link, request.encode("ascii") + b"\r\n")
-        while True:
-            self._latch.check()
-            said, at = self._said.get(key, ("", -np.inf))
-            if at > begun:
-                return said
-            self._latch.late(deadline, f"an answer to '{request.splitlines()[-1]}'")
-            time.sleep(0.001)
-
-    def _listen(self) -> None:
-        """The thread that reads, and that asks for the status."""
-        rest, asked = b"", 0.0
-        poll = "".join(f"get {key.lower()}\r\n" for key in _ASKED).encode("ascii")
-        while not self._closed and self._latch.lost is None:
-            now = time.monotonic()
-            if self._begun and now - asked > _PERIOD:
-                asked = now
-                self._latch.send(self._link, poll)
-            try:
-                rest += self._link.read(0.05)
-            except LinkLostError as error:
-                self._latch.lose(error)
-                return
-            *rows, rest = re.split(rb"[\r\n]+", rest)
-            for row in rows:
-                self._hear(row.decode("ascii", "replace").strip())
-
-    def _hear(self, row: str) -> None:
-        key, _, said = row.partition(" ")
-        if key.upper() == "SET":
-            name, _, said = said.partition(" ")
-            key = f"SET {name}"
-        if key:
-            self._said[key.upper()] = (said.strip(), time.monotonic())
-            if key.upper() in ("ESTOP", "MACHINE") and self._begun and (why := self._unsafe()):
-                self._latch.stop(why)
+        self._rsh.fresh(deadline)
 
 
 def _numbers(text: str, count: int = 3) -> FloatArray:
-    """The first numbers of an answer."""
-    return np.array([float(v) for v in text.split()[:count]])
+    """The first numbers of an answer; ValueError if it has fewer."""
+    values = [float(v) for v in text.split()[:count]]
+    if len(values) < count:
+        raise ValueError(text)
+    return np.array(values)

@@ -20,7 +20,7 @@ def commands(text: str) -> Iterator[str]:
     return (row for row in text.splitlines() if row.strip() and not row.lstrip().startswith("("))
 
 
-def told(text: str) -> dict[str, dict[str, float]]:
+def frames_in(text: str) -> dict[str, dict[str, float]]:
     """Of ``G10 L2 P1 X1 Y2 Z3`` lines: letters and numbers of each frame, as typed."""
     found = dict[str, dict[str, float]]()
     for row in commands(text):
