@@ -25,10 +25,10 @@ from tanteo.machines.protocol import (
     MachineStatus,
     RefusedError,
     Sensed,
-    StoppedError,
     place_of,
 )
 from tanteo.machines.rtde import RtdeClient
+from tanteo.machines.ur_dashboard import ready_version
 from tanteo.machines.ur_script import MET, NUMBER, PLACE, PUSHED, RESULT, STOP, TRIPPED
 from tanteo.typing import Transforms, Vectors
 
@@ -143,19 +143,7 @@ class UrMachine:
         return "" if mode == _RUNNING else f"robot_mode {mode}, which is not running"
 
     def _begin(self, deadline: float) -> None:
-        self._line(deadline)  # its greeting
-        version = self._asked("PolyscopeVersion", deadline)
-        for question, good, advice in (
-            ("robotmode", "RUNNING", "Start it at the pendant"),
-            ("safetystatus", "NORMAL", "Clear the stop at the pendant"),
-            ("is in remote control", "true", "Switch it to remote control at the pendant"),
-        ):
-            said = self._asked(question, deadline)
-            if good.lower() not in said.lower():
-                raise StoppedError(f"{self._dashboard.name}: expected {question}: {good}, got '{said}'. {advice}.")
-        self.facts = Facts(
-            f"Universal Robot, PolyScope {version.split(' ')[-1] if ' ' in version else version}", turns=True
-        )
+        self.facts = Facts(f"Universal Robot, PolyScope {ready_version(self._dashboard, deadline)}", turns=True)
         self._latch.name = self.facts.name
         self._rtde = RtdeClient(self._data, _OUTPUTS, _FREQUENCY, deadline)
         self._listener = threading.Thread(target=self._listen, daemon=True, name="rtde")
@@ -165,18 +153,6 @@ class UrMachine:
             if time.monotonic() > deadline:
                 raise LinkLostError(f"{self._data.name}: expected data of RTDE, got none. Check the connection.")
             time.sleep(0.002)
-
-    def _asked(self, question: str, deadline: float) -> str:
-        self._dashboard.write(f"{question}\n".encode("ascii"))
-        return self._line(deadline)
-
-    def _line(self, deadline: float) -> str:
-        row = b""
-        while not row.endswith(b"\n"):
-            if time.monotonic() > deadline:
-                raise LinkLostError(f"{self._dashboard.name}: expected an answer of the dashboard, got none. Check it.")
-            row += self._dashboard.read(0.1)
-        return row.decode("utf-8", "replace").strip()
 
     @property
     def _values(self) -> dict[str, Any]:
