@@ -7,10 +7,24 @@ import json
 import numpy as np
 import pytest
 
-from machines.cells import ABOVE, driver, drivers, session, world_of
+from machines.cells import ABOVE, DOWN, PLACE, SD, SPREAD, driver, drivers, session, world_of
+from tanteo.active import Stop, at_pose, probe_of
 from tanteo.errors import InputError
 from tanteo.io import read_record
-from tanteo.machines import Faults, Journal, MachineLimits, SafeMachine, Sensed, opened, parse_machine, probe_part
+from tanteo.lie import SE3
+from tanteo.machines import (
+    DirectMachine,
+    Faults,
+    Journal,
+    MachineLimits,
+    RangingMachine,
+    SafeMachine,
+    Sensed,
+    opened,
+    parse_machine,
+    probe_part,
+)
+from tanteo.session import Sensing, Session
 
 LIMITS = MachineLimits(travel=0.2, reach=0.1, stale=1.0, grace=2.0)
 
@@ -198,3 +212,24 @@ def test_a_log_answers_whatever_is_asked(block, tmp_path):
         probe_part(again, SafeMachine(machine, LIMITS))
     assert again.count >= one.count
     assert np.linalg.norm(pose(again)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
+
+
+def test_a_point_laser_on_a_machine_places_the_part(block):
+    """From above alone: what a beam from there can see is placed, nothing is touched, and the tool stays above."""
+    there = world_of(block)
+    machine = DirectMachine(there, ABOVE)
+
+    def read() -> float:
+        place, along = (
+            SE3.apply(SE3.inverse(there.T_world_body), p) for p in (machine.tip.place, machine.tip.place + DOWN)
+        )
+        return float(there.surface.cast(place[None], (along - place)[None]).distances[0])
+
+    probe = probe_of(SD, approach=DOWN, cone=0.0, standoff=0.08, clearance=0.02, max_range=0.3)
+    one = Session(at_pose(block, PLACE, SPREAD), probe, Sensing(sd=SD), stop=Stop(tolerance=1e-3, max_measurements=3))
+    done = probe_part(one, SafeMachine(RangingMachine(machine, read), LIMITS))
+    assert not done.stopped
+    assert one.count == 3
+    assert min(place[2] for place in machine.tip.travelled) > 0.1
+    sd = np.sqrt(one.answer().hypotheses[0].covariance[2, 2])
+    assert sd < 2e-4  # across its top face

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         Sensed,
         StoppedError,
     )
+    from tanteo.machines.ranging import RangingMachine
     from tanteo.machines.replay import ReplayMachine
     from tanteo.machines.run import Probed, Turn, probe_part
     from tanteo.machines.safe import SafeMachine
@@ -54,6 +55,7 @@ _NAMES = {
     "linuxcnc_fake": "LinuxCncFake",
     "protocol": "ContactError Facts LateError LinkLostError Machine MachineError MachineStatus RefusedError Sensed "
     "StoppedError",
+    "ranging": "RangingMachine",
     "replay": "ReplayMachine",
     "run": "Probed Turn probe_part",
     "safe": "SafeMachine",
@@ -65,8 +67,8 @@ _NAMES = {
 __all__ = [
     "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal",
     "LateError", "Link", "LinkLostError", "LinuxCncFake", "LinuxCncMachine", "Machine", "MachineError",
-    "MachineLimits", "MachineStatus", "Probed", "RefusedError", "ReplayMachine", "SafeMachine", "Sensed",
-    "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake", "UrMachine", "Ways", "World", "opened",
+    "MachineLimits", "MachineStatus", "Probed", "RangingMachine", "RefusedError", "ReplayMachine", "SafeMachine",
+    "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake", "UrMachine", "Ways", "World", "opened",
     "parse_machine", "probe_part", "reading_of", "turns_of",
 ]  # fmt: skip
 __getattr__, __dir__ = lazy(__name__, _NAMES)

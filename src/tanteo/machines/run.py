@@ -140,7 +140,9 @@ class _Run:
         self.before = action
 
     def _reach(self, action: Action) -> float:
-        """How far to look [m]."""
+        """How far to look [m]; a range sensor as far as it sees."""
+        if not self.machine.facts.contact:
+            return action.max_range
         beyond = max(_LEAST_OVERTRAVEL, _SDS * largest_corner_sd(self.session.state))
         reach = min(action.expected + beyond, action.max_range, self.machine.limits.reach)
         return float(np.maximum(reach, 1e-4))

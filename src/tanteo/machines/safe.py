@@ -98,15 +98,21 @@ class SafeMachine:
         self._last = T_world_probe
 
     def sense(self, direction: Vectors, reach: float) -> Sensed:
-        """From here along a direction until something is met; what follows should be inside :meth:`touching`."""
-        if not 0 < reach <= self.limits.reach:
+        """From here along a direction until something is met; what follows should be inside :meth:`touching`.
+
+        A range sensor looks along it from where it rests.
+        """
+        contact = self.facts.contact
+        if not 0 < reach <= (self.limits.reach if contact else np.inf):
             raise RefusedError(
                 f"reach: expected up to {1e3 * self.limits.reach:g} mm, got {1e3 * reach:.3g} mm. "
                 "Know the place better, or allow more."
             )
         here = self.place()
-        goal = here + reach * direction
-        self._allow(here, goal, f"touch along {_numbers(direction)}, {1e3 * reach:.2f} mm at most")
+        goal = here + reach * direction if contact else here
+        self._allow(
+            here, goal, f"{'touch' if contact else 'range'} along {_numbers(direction)}, {1e3 * reach:.2f} mm at most"
+        )
         if self._only_shown(here):
             return Sensed(here, direction, np.inf, reach)
         speed = self.limits.touch
@@ -125,7 +131,7 @@ class SafeMachine:
         try:
             yield
         finally:
-            if start is not None and not self._stopped and not self.dry_run:
+            if start is not None and self.facts.contact and not self._stopped and not self.dry_run:
                 self._go_back(start)
 
     def abort(self, why: str = "it was told to stop") -> None:
@@ -172,7 +178,7 @@ class SafeMachine:
     def _refused(self, what: str) -> None:
         """A no to a touch is one to that place, a no to a way ends the run: each other place begins with a way."""
         no = f"{what}: expected a yes, got no. Nothing was sent."
-        if what.startswith("touch"):
+        if what.startswith(("touch", "range")):
             raise RefusedError(no)
         self._stopped = self._stopped or "you said no to a motion"
         raise StoppedError(no)
