@@ -27,8 +27,10 @@ class RangingMachine:
 
     Example:
         >>> import numpy as np
-        >>> from tanteo.machines import DirectMachine, RangingMachine
-        >>> driver = DirectMachine(None, np.array([0.0, 0.0, 0.2]))
+        >>> from tanteo.machines import DirectMachine, RangingMachine, World
+        >>> from tanteo.shapes import Surface
+        >>> there = Surface(np.eye(3), np.array([[0, 1, 2]]))
+        >>> driver = DirectMachine(World(there, np.eye(4)), np.array([0.0, 0.0, 0.2]))
         >>> RangingMachine(driver, lambda: 0.05).sense(np.array([0.0, 0.0, -1.0]), 0.3, 0.01, 1.0).distance
         0.05
     """
