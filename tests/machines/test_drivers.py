@@ -52,7 +52,7 @@ def grbl(**how):
 
 @pytest.mark.parametrize("metric", [True, False], ids=["mm", "inch"])
 def test_linuxcnc_touches_with_offsets_in_its_own_unit(metric):
-    with linuxcnc(metric=metric, offset=OFFSET) as (machine, _):
+    with linuxcnc(metric=metric, offset=OFFSET, turn=30.0) as (machine, _):
         machine.move(at(10, 5, 30), 0.1, 5.0)
         assert machine.sense(DOWN, 0.02, 0.01, 5.0).distance == pytest.approx(0.009, abs=3e-6)
 
@@ -70,10 +70,18 @@ def test_a_display_that_takes_all_messages_stops_it():
             machine.move(at(10, 5, 30), 0.1, 1.5)
 
 
-@pytest.mark.parametrize(("how", "words"), [({"turn": 30.0}, "without a turn"), ({"on": False}, "switched off")])
-def test_linuxcnc_is_refused_as_it_stands(how, words):
-    with pytest.raises(StoppedError, match=words), linuxcnc(**how):
+def test_linuxcnc_that_is_off_stays_off():
+    with pytest.raises(StoppedError, match="switched off"), linuxcnc(on=False):
         pass
+
+
+def test_a_turned_frame_in_use_moves_no_goal():
+    with linuxcnc() as (machine, fake):
+        machine.write_frame("G10 L2 P1 X100 Y50 Z-20 R40\n", 5.0)
+        assert fake.modal.turns[1] == pytest.approx(np.radians(40))
+        machine.move(at(10, 5, 30), 0.1, 5.0)
+        assert np.allclose(machine.status().place, [0.01, 0.005, 0.03], atol=2e-6)
+        assert machine.sense(DOWN, 0.02, 0.01, 5.0).distance == pytest.approx(0.009, abs=3e-6)
 
 
 def test_a_wrong_password_is_said():

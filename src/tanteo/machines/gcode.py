@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tanteo.lie import SO3
 from tanteo.typing import Vectors
 
 _WORD = re.compile(r"([A-Z])\s*([-+]?\d*\.?\d+)")
@@ -53,6 +54,7 @@ class Modal:
 
     Attributes:
         offsets: of the work coordinates, by number, ``(3,)`` [m].
+        turns: of them about z, by number [rad].
         active: which of them.
         absolute: ``G90``.
         unit: of lengths [m].
@@ -61,6 +63,7 @@ class Modal:
     """
 
     offsets: dict[int, Vectors] = field(default_factory=dict)
+    turns: dict[int, float] = field(default_factory=dict)
     active: int = 1
     absolute: bool = True
     unit: float = 1e-3
@@ -94,12 +97,19 @@ class Modal:
 
     def goal(self, block: Block, place: Vectors) -> Vectors:
         """Where a block goes ``(3,)`` from a place, in machine coordinates [m]."""
-        goal = place.copy()
-        base = self.offset if self.absolute else place
+        here = self.program(place)
+        goal = here.copy() if self.absolute else np.zeros(3)
         for k, axis in enumerate("XYZ"):
-            if axis in block.words:
-                goal[k] = self.unit * block.words[axis] + base[k]
-        return goal
+            goal[k] = self.unit * block.words.get(axis, goal[k] / self.unit)
+        return self._turn @ (goal if self.absolute else here + goal) + self.offset
+
+    def program(self, place: Vectors) -> Vectors:
+        """A place of the machine ``(3,)`` in the coordinates in use [m]."""
+        return np.asarray(self._turn.T @ (place - self.offset))
+
+    @property
+    def _turn(self) -> Vectors:
+        return np.asarray(SO3.axis_rotation(2, self.turns.get(self.active, 0.0)))
 
     def set_offset(self, block: Block) -> None:
         """``G10 L2 P1``."""
@@ -108,6 +118,8 @@ class Modal:
         for k, axis in enumerate("XYZ"):
             place[k] = self.unit * block.words[axis] if axis in block.words else place[k]
         self.offsets[number] = place
+        if "R" in block.words:
+            self.turns[number] = np.radians(block.words["R"])
 
     def _mode(self, code: str) -> None:
         if code in _MOTIONS:

@@ -111,7 +111,9 @@ class GrblMachine:
             self._command(line, deadline)
         there = self._read_offsets(deadline)
         for slot, wanted in offsets.frames_in(text).items():
-            offsets.check(self.facts.name, slot, wanted, offsets.padded(1e3 * self._unit * there[slot]))
+            offsets.check(
+                self.facts.name, slot, wanted, offsets.padded(1e3 * self._unit * there.get(slot, np.full(3, np.nan)))
+            )
 
     def close(self) -> None:
         """Stop what moves, and let go; never raises."""

@@ -11,6 +11,7 @@ import time
 
 import numpy as np
 
+from tanteo.lie import SO3
 from tanteo.machines import offsets
 from tanteo.machines.gcode import feed_word, place_words
 from tanteo.machines.latch import Latch
@@ -56,7 +57,8 @@ class LinuxCncMachine:
 
     def __init__(self, link: Link, passwords: tuple[str, str] = (CONNECT, ENABLE), seconds: float = 10.0) -> None:
         self._link = link
-        self._number, self._offset, self._unit = 0, np.zeros(3), 1e-3
+        self._number, self._unit = 0, 1e-3
+        self._offset, self._shift, self._turn = np.zeros(3), np.zeros(3), np.eye(3)
         self._latch = Latch("LinuxCNC", "Clear it there", self.abort)
         self.facts = Facts("LinuxCNC", "linuxcnc")
         self._rsh = RshClient(link, self._latch, _ASKED, self._heard)
@@ -83,7 +85,7 @@ class LinuxCncMachine:
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
         """Straight there; nothing stops it but the controller."""
         deadline = time.monotonic() + seconds
-        self._mdi(f"G1 {place_words(T_world_probe[:3, 3] - self._offset)} {feed_word(speed)}", deadline)
+        self._mdi(f"G1 {self._words(T_world_probe[:3, 3])} {feed_word(speed)}", deadline)
         self._settled(deadline)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
@@ -170,18 +172,15 @@ class LinuxCncMachine:
         self._rsh.fresh(deadline)
 
     def _read_offsets(self, deadline: float) -> None:
-        """Of ``G54`` and ``G92``, which the interpreter keeps in the machine's own unit.
-
-        Raises:
-            StoppedError: ``G54`` is turned: a straight way there is another one here.
-        """
+        """Of ``G54``, its turn, and ``G92``: the interpreter keeps lengths in the machine's own unit."""
         *values, turn, shifted = self._parameters(5221, 5222, 5223, 5211, 5212, 5213, 5230, 5210, deadline=deadline)
-        if abs(turn) > 1e-9:
-            raise StoppedError(
-                f"{self.facts.name}: expected G54 without a turn, got R{turn:g}. Set it to R0 there (G10 L2 P1 R0)."
-            )
-        own, g92 = np.array(values[:3]), np.array(values[3:]) * bool(shifted)
-        self._offset = self._unit * (own + g92)
+        self._offset = self._unit * np.array(values[:3])
+        self._shift = self._unit * np.array(values[3:]) * bool(shifted)
+        self._turn = SO3.axis_rotation(2, np.radians(turn))
+
+    def _words(self, place: Vectors) -> str:
+        """A place of the machine in the coordinates of ``G54``: ``machine = turn (program + G92) + G54``."""
+        return place_words(self._turn.T @ (place - self._offset) - self._shift)
 
     def _probe(self, goal: Vectors, speed: float, seconds: float) -> Vectors | None:
         """A probe cycle: where it met something ``(3,)`` [m]; None for nothing."""
@@ -191,10 +190,10 @@ class LinuxCncMachine:
             return None
         if self.status().tripped:
             raise self._latch.in_contact()
-        self._mdi(f"G38.3 {place_words(goal - self._offset)} {feed_word(speed)}", deadline)
+        self._mdi(f"G38.3 {self._words(goal)} {feed_word(speed)}", deadline)
         self._settled(deadline)
         met, *place = self._parameters(5070, 5061, 5062, 5063, deadline=deadline)
-        return 1e-3 * np.array(place) + self._offset if met else None
+        return self._turn @ (1e-3 * np.array(place) + self._shift) + self._offset if met else None
 
     def _parameters(self, *names: int, deadline: float) -> FloatArray:
         """Parameters of the interpreter, once all before is done."""

@@ -52,7 +52,8 @@ class LinuxCncFake:
         self.faults = faults or Faults()
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
         self.motions, self.heard = 0, list[str]()
-        self._unit, self._turns, self._thief = _MM if metric else 25.4e-3, {1: turn}, thief
+        self._unit, self._thief = _MM if metric else 25.4e-3, thief
+        self.modal.turns[1] = np.radians(turn)
         self._estop, self._on, self._mode, self._error = False, on, "MANUAL", ""
         self._display, self._silent, self._running = list[str](), False, False
         self._probed = np.zeros(4)
@@ -167,7 +168,6 @@ class LinuxCncFake:
             return
         if block.sets:
             self.modal.set_offset(block)
-            self._turns[int(block.words.get("P", 1))] = block.words.get("R", 0.0)
         elif block.moves:
             self._move(self.modal.goal(block, self.tip.place))
         elif unknown := block.codes - _KNOWN:
@@ -185,11 +185,11 @@ class LinuxCncFake:
         if number == 5070:
             return float(self._probed[3])
         if 5061 <= number <= 5063:
-            return float((self._probed[number - 5061] - self.modal.offset[number - 5061]) / self.modal.unit)
+            return float(self.modal.program(self._probed[:3])[number - 5061] / self.modal.unit)
         slot, k = divmod(number - 5201, 20)
         if slot >= 1 and k < 3:
             return float(self.modal.offsets.get(slot, np.zeros(3))[k] / self._unit)
-        return self._turns.get(slot, 0.0) if k == 9 and slot >= 1 else 0.0
+        return float(np.degrees(self.modal.turns.get(slot, 0.0))) if k == 9 and slot >= 1 else 0.0
 
     def _move(self, goal: Vectors) -> None:
         self.motions += 1
