@@ -54,7 +54,11 @@ class MachineOptions:
 
     machine: Annotated[
         Address,
-        _machine("--machine", "ADDRESS", "What moves the probe: grbl://HOST:PORT, grbl:/dev/ttyUSB0, ur://HOST, .. ."),
+        _machine(
+            "--machine",
+            "ADDRESS",
+            "What moves the probe: grbl:/dev/ttyUSB0, grbl://HOST, linuxcnc://HOST, ur://HOST, fake:grbl ..",
+        ),
         args.Words(_address, str),
     ]
     workspace: Annotated[

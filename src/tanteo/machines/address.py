@@ -16,7 +16,7 @@ from tanteo.machines.protocol import LinkLostError, Machine
 from tanteo.machines.world import World
 from tanteo.typing import Vectors
 
-_EXAMPLES = "grbl://192.168.0.7:23, grbl:/dev/ttyUSB0 or fake:grbl"
+_EXAMPLES = "grbl://192.168.0.7:23, grbl:/dev/ttyUSB0, linuxcnc://192.168.0.7 or fake:grbl"
 
 
 @dataclass(frozen=True, slots=True)
