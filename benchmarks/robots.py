@@ -27,16 +27,17 @@ SPREAD = np.diag([2e-3] * 3 + [np.radians(1)] * 3) ** 2
 ABOVE = np.array([0.15, 0.15, 0.25])
 LIMITS = MachineLimits(travel=0.2, reach=0.1)
 SD, TOLERANCE = 2e-5, 0.4e-3
+USUAL = Priors()
 HEADS = ("ended", "of these off", "median", "worst", "NEES", "readings", "s")
 MACHINES = ("fake:direct", "fake:grbl", "fake:linuxcnc", "fake:ur")
 
 
-def session(part, noise: float | None, *, turns: bool) -> Session:
+def session(part, priors: Priors, *, turns: bool) -> Session:
     held = {"stylus_behind": True} if turns else {"stylus": -DOWN}
     where = {"contact": True, "radius": 1e-3, "approach": DOWN, "cone": np.pi / 2, "standoff": 0.02, "clearance": 0.005}
     stop = Stop(tolerance=TOLERANCE, confidence=0.95, max_measurements=20)
     return Session(
-        at_pose(part, PLACE, SPREAD, Priors(noise_factor=noise)),
+        at_pose(part, PLACE, SPREAD, priors),
         probe_of(SD, **where, **held),
         Sensing(sd=SD),
         stop=stop,
@@ -48,11 +49,11 @@ def drawn(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).standard_normal(6)
 
 
-def one(part, surface, name: str, seed: int, noise: float | None = None) -> tuple[bool, float, float, int]:
+def one(part, surface, name: str, seed: int, priors: Priors = USUAL) -> tuple[bool, float, float, int]:
     """Whether it ended as asked; the largest error of a corner [m]; NEES; readings."""
     T = PLACE @ SE3.exp(np.linalg.cholesky(SPREAD) @ drawn(seed))
     with opened(parse_machine(name), World(surface, T, 1e-3, SD, seed), ABOVE) as machine:
-        asked = session(part, noise, turns=machine.facts.turns)
+        asked = session(part, priors, turns=machine.facts.turns)
         done = probe_part(asked, SafeMachine(machine, LIMITS))
     best = asked.answer().hypotheses[0]
     corners = tanteo.answers.box_corners(part)
@@ -71,14 +72,15 @@ def sessions(count: int) -> None:
     heads = (f"{head:>{width}}" for head, width in zip(HEADS, (6, 12, 10, 10, 6, 9, 6), strict=True))
     print(f"{'machine':28}", *heads)
     for name in MACHINES:
-        told(name, name, None, part, surface, count)
-    told("fake:direct, noise as stated", "fake:direct", 1.0, part, surface, count)
+        told(name, name, USUAL, part, surface, count)
+    told("direct, noise as stated", "fake:direct", Priors(noise_factor=1.0), part, surface, count)
+    told("direct, and no outliers", "fake:direct", Priors(noise_factor=1.0, outlier_rate=1e-6), part, surface, count)
 
 
-def told(label: str, name: str, noise: float | None, part, surface, count: int) -> None:
+def told(label: str, name: str, priors: Priors, part, surface, count: int) -> None:
     """One line of the table."""
     begun = time.perf_counter()
-    rows = np.array([one(part, surface, name, seed, noise) for seed in range(count)], dtype=float)
+    rows = np.array([one(part, surface, name, seed, priors) for seed in range(count)], dtype=float)
     spent = (time.perf_counter() - begun) / count
     ended, off, nees, readings = rows.T
     done = ended.astype(bool)
