@@ -51,7 +51,7 @@ def grbl_on_a_port(there: World, start: np.ndarray, faults: Faults, hurry: float
         fake.close()
 
 
-DRIVERS = ["fake:direct", "fake:grbl", "fake:ur", "grbl on a serial port"]
+DRIVERS = ["fake:direct", "fake:grbl", "fake:linuxcnc", "fake:ur", "grbl on a serial port"]
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from machines.cells import DOWN, START, at, driver, drivers, world
 from tanteo.machines import ContactError, Faults, LateError, LinkLostError, MachineError, StoppedError
 
 FAST, SECONDS = 0.05, 5.0
+START_POSE = at(30, 20, 100)
 WIRED = [name for name in drivers() if name != "fake:direct"]
 
 
@@ -36,6 +37,15 @@ def test_a_motion_ends_where_it_was_sent(machine):
     assert status.state == "idle"
     assert status.age < 0.5
     assert status.tripped is not True
+
+
+@pytest.mark.parametrize("name", drivers())
+def test_a_fast_motion_is_as_fast_as_asked(name):
+    with driver(name, world(), hurry=1.0) as machine:
+        begun = time.monotonic()
+        machine.move(at(10, 5, 60), 0.4, SECONDS)  # 24,000 mm/min: no controller reads 2.4e+04
+        machine.back(START_POSE, 0.4, SECONDS)
+        assert time.monotonic() - begun < 2.0
 
 
 def test_a_touch_tells_the_way_to_the_contact(machine):

@@ -7,10 +7,24 @@ import json
 import numpy as np
 import pytest
 
-from machines.cells import ABOVE, driver, drivers, session, world_of
+from machines.cells import ABOVE, DOWN, PLACE, SD, SPREAD, driver, drivers, session, world_of
+from tanteo.active import Stop, at_pose, probe_of
 from tanteo.errors import InputError
 from tanteo.io import read_record
-from tanteo.machines import Faults, Journal, MachineLimits, SafeMachine, Sensed, opened, parse_machine, probe_part
+from tanteo.lie import SE3
+from tanteo.machines import (
+    DirectMachine,
+    Faults,
+    Journal,
+    MachineLimits,
+    RangingMachine,
+    SafeMachine,
+    Sensed,
+    opened,
+    parse_machine,
+    probe_part,
+)
+from tanteo.session import Sensing, Session
 
 LIMITS = MachineLimits(travel=0.2, reach=0.1, stale=1.0, grace=2.0)
 
@@ -42,12 +56,6 @@ def undisturbed(block):
     return pose(ended(block, SHORT)[1])
 
 
-@pytest.fixture(scope="module")
-def whole(block):
-    """The pose after one that reaches its goal."""
-    return pose(ended(block, WHOLE)[1])
-
-
 def test_a_session_ends_as_it_was_asked_to(block):
     done, one = ended(block, WHOLE)
     assert done.end.reached
@@ -63,10 +71,10 @@ def test_every_driver_ends_at_the_same_pose(name, block):
     assert np.linalg.norm(pose(one)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
 
 
-def interrupted(block, fault: Faults, most: int, record, undisturbed) -> None:
+def interrupted(block, fault: Faults, most: int, record, undisturbed, name: str = "fake:grbl") -> None:
     """A session that a fault ends, taken up again: the same pose, and no reading made twice or lost."""
     there, one = world_of(block), session(block, most=most)
-    with driver("fake:grbl", there, ABOVE, fault) as machine:
+    with driver(name, there, ABOVE, fault) as machine:
         done = probe_part(one, SafeMachine(machine, LIMITS), record)
         place = machine.status().place
         assert done.stopped
@@ -74,7 +82,7 @@ def interrupted(block, fault: Faults, most: int, record, undisturbed) -> None:
         assert np.array_equal(machine.status().place, place)
     resumed = read_record(record, [one.start.targets[0].part])
     assert resumed.count >= one.count
-    with driver("fake:grbl", there, ABOVE) as machine:
+    with driver(name, there, ABOVE) as machine:
         probe_part(resumed, SafeMachine(machine, LIMITS), record)
     assert np.array_equal(pose(resumed), undisturbed)
     assert resumed.count == most or most > SHORT
@@ -88,11 +96,35 @@ def test_no_fault_loses_a_reading(fault, block, undisturbed, tmp_path):
     interrupted(block, fault, SHORT, tmp_path / "run.json", undisturbed)
 
 
+@pytest.fixture(scope="module")
+def poses(block):
+    """The pose after a whole session of each driver, made when it is asked for."""
+    kept = dict[str, np.ndarray]()
+
+    def of(name: str) -> np.ndarray:
+        if name not in kept:
+            kept[name] = pose(ended(block, WHOLE, name)[1])
+        return kept[name]
+
+    return of
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("step", range(1, 28))
-@pytest.mark.parametrize("kind", ["drop_before", "drop_after", "stop_at"])
-def test_no_fault_at_any_step_loses_a_reading(kind, step, block, whole, tmp_path):
-    interrupted(block, Faults(**{kind: step}), WHOLE, tmp_path / "run.json", whole)
+@pytest.mark.parametrize("kind", ["drop_before", "drop_after", "stop_at", "silent"])
+@pytest.mark.parametrize("name", ["fake:grbl", "fake:linuxcnc", "fake:ur"])
+def test_no_fault_at_any_step_loses_a_reading(name, kind, step, block, poses, tmp_path):
+    interrupted(block, Faults(**{kind: step}), WHOLE, tmp_path / "run.json", poses(name), name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fake:grbl", "fake:linuxcnc", "fake:ur"])
+def test_late_answers_change_nothing(name, block, poses):
+    for step in range(1, 28, 5):
+        one = session(block, most=WHOLE)
+        with driver(name, world_of(block), ABOVE, Faults(late=step, seconds=0.3)) as machine:
+            assert probe_part(one, SafeMachine(machine, LIMITS)).end.reached
+        assert np.array_equal(pose(one), poses(name))
 
 
 def test_power_lost_between_touch_and_record(block, undisturbed, tmp_path, monkeypatch):
@@ -167,3 +199,37 @@ def test_a_log_answers_as_the_machine_did(block, undisturbed, tmp_path):
         probe_part(again, SafeMachine(machine, LIMITS))
         assert not machine.left
     assert np.allclose(pose(again), undisturbed, atol=1e-7)
+
+
+def test_a_log_answers_whatever_is_asked(block, tmp_path):
+    """The touches of one session answer another, which asks elsewhere: the same part, placed as well."""
+    record, one = tmp_path / "run.json", session(block, most=WHOLE)
+    with driver("fake:direct", world_of(block), ABOVE) as machine:
+        probe_part(one, SafeMachine(machine, LIMITS), record)
+    again = session(block, most=WHOLE)
+    again.seed = 5
+    with opened(parse_machine(f"replay:{record}")) as machine:
+        probe_part(again, SafeMachine(machine, LIMITS))
+    assert again.count >= one.count
+    assert np.linalg.norm(pose(again)[:3, 3] - world_of(block).T_world_body[:3, 3]) < 0.4e-3
+
+
+def test_a_point_laser_on_a_machine_places_the_part(block):
+    """From above alone: what a beam from there can see is placed, nothing is touched, and the tool stays above."""
+    there = world_of(block)
+    machine = DirectMachine(there, ABOVE)
+
+    def read() -> float:
+        place, along = (
+            SE3.apply(SE3.inverse(there.T_world_body), p) for p in (machine.tip.place, machine.tip.place + DOWN)
+        )
+        return float(there.surface.cast(place[None], (along - place)[None]).distances[0])
+
+    probe = probe_of(SD, approach=DOWN, cone=0.0, standoff=0.08, clearance=0.02, max_range=0.3)
+    one = Session(at_pose(block, PLACE, SPREAD), probe, Sensing(sd=SD), stop=Stop(tolerance=1e-3, max_measurements=3))
+    done = probe_part(one, SafeMachine(RangingMachine(machine, read), LIMITS))
+    assert not done.stopped
+    assert one.count == 3
+    assert min(place[2] for place in machine.tip.travelled) > 0.1
+    sd = np.sqrt(one.answer().hypotheses[0].covariance[2, 2])
+    assert sd < 2e-4  # across its top face

@@ -82,6 +82,15 @@ def test_a_no_sends_nothing():
     assert "touch along (0.000, 0.000, -1.000), 20.00 mm at most" in asked[1]
 
 
+def test_a_no_to_a_way_ends_the_run():
+    one = safe(confirm=lambda what: False)
+    with pytest.raises(StoppedError, match="expected a yes"):
+        one.move(at(30, 20, 60))
+    with pytest.raises(StoppedError, match="you said no"):
+        one.sense(DOWN, 0.02)
+    assert one.machine.tip.travelled == []
+
+
 def test_a_dry_run_sends_nothing_and_keeps_limits():
     shown = list[str]()
     one = safe(dry_run=True, show=shown.append)

@@ -29,6 +29,8 @@ _STEPS = 4
 _DRAWS, _LEAST_DRAWS = 64, 8
 """Poses of all modes that a way must keep clear of, and the least of each."""
 
+_SHARP = 1e-5
+"""A sharp tip ends so far before the surface that it touches, which then does not hide its stylus [m]."""
 _TILT_SDS = 3.0
 """Standard deviations of the part's attitude by which it may lean on the stylus."""
 
@@ -116,7 +118,7 @@ def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -
     ok &= np.abs(first - ranges) < 1e-6 + 1e-3 * ranges
     if probe.stylus is not None or probe.stylus_behind:
         tilt = _TILT_SDS * float(np.sqrt(np.linalg.eigvalsh(state.covariances[k][3:, 3:])[-1]))
-        contacts = world + probe.radius * outward
+        contacts = world + max(probe.radius, _SHARP) * outward
         ok[ok] = _stylus_free(target, to_part, origins[ok], contacts[ok], directions[ok], probe, tilt)
     index = np.flatnonzero(ok)[:count]
     return Candidates(origins[index], directions[index], np.full(len(index), k), faces[index], ranges[index])

@@ -37,6 +37,14 @@ def _address(text: str) -> Address:
     return parse_machine(text)
 
 
+def _box(text: str) -> FloatArray:
+    return io.parse_box(text, "--workspace")
+
+
+def _radius(text: str) -> float:
+    return io.parse_length(text, "--tip-radius")
+
+
 _machine = partial(args.option, rich_help_panel="Machine")
 
 
@@ -46,13 +54,17 @@ class MachineOptions:
 
     machine: Annotated[
         Address,
-        _machine("--machine", "ADDRESS", "What moves the probe: grbl://HOST:PORT, grbl:/dev/ttyUSB0, ur://HOST, .. ."),
+        _machine(
+            "--machine",
+            "ADDRESS",
+            "What moves the probe: grbl:/dev/ttyUSB0, grbl://HOST, linuxcnc://HOST, ur://HOST, fake:grbl ..",
+        ),
         args.Words(_address, str),
     ]
     workspace: Annotated[
         FloatArray | None,
         _machine("--workspace", "LOW,HIGH", "Where the tip may be, as 0,0,-50,300,200,120mm; not asked of a fake."),
-        args.Words(lambda text: io.parse_box(text, "--workspace")),
+        args.Words(_box),
     ] = None
     forbid: Annotated[
         list[Any] | None,
@@ -62,7 +74,7 @@ class MachineOptions:
     tip_radius: Annotated[
         float | None,
         _machine("--tip-radius", "LENGTH", "Of the ball of the touch probe, as 1.5mm; 0mm of a sharp tip."),
-        args.Words(lambda text: io.parse_length(text, "--tip-radius")),
+        args.Words(_radius),
     ] = None
     feed: Annotated[
         float,
@@ -89,16 +101,19 @@ class MachineOptions:
     confirm: Annotated[bool, _machine("--confirm", None, "Ask before every motion.")] = False
 
     def __post_init__(self) -> None:
-        if self.machine.fake or self.machine.kind == "replay":
-            return
-        if self.tip_radius is None:
+        if self.tip_radius is None and not self.machine.fake:
             raise MisuseError(
                 "--tip-radius: expected the ball of the machine's probe, got none. Say --tip-radius 1.5mm."
             )
-        if self.workspace is None:
+        if self.workspace is None and self.moves:
             raise MisuseError(
                 "--workspace: expected where the machine's tip may be, got none. Say --workspace 0,0,-50,300,200,120mm."
             )
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is a machine that moves: no fake, no log."""
+        return not self.machine.fake and self.machine.kind != "replay"
 
     @property
     def radius(self) -> float:
@@ -149,6 +164,8 @@ class MachineOptions:
         """What is taken as something, on standard error."""
         if self.machine.fake:
             say(f"A fake: nothing moves. Its ball has a radius of {1e3 * self.radius:g} mm.", sys.stderr)
+        if self.machine.kind == "replay":
+            say(f"A log: nothing moves. Its ball is taken to have a radius of {1e3 * self.radius:g} mm.", sys.stderr)
         if self.dry_run:
             say(
                 "Dry run: motions are checked and shown, none is sent; touches are taken to be as expected.", sys.stderr

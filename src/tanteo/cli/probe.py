@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -13,9 +13,9 @@ from tanteo import inference, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.looking import page_of, stay
 from tanteo.cli.machine import MachineOptions, ask, check_record
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
-from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Start
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from tanteo.parts import Part
     from tanteo.session import Session
 
+_TAKES_FRAMES = {"grbl": "grbl:G54", "linuxcnc": "G54"}
+"""Machines that set a frame, and how their frames are typed."""
 _ABOVE = 0.02
 """How far over the highest start the tip of a fake begins [m]."""
 
@@ -53,6 +55,7 @@ class Options:
     sd: args.Sd = None
     robot: args.Robot = None
     bias_sd: args.BiasSd = None
+    noise_factor: args.NoiseFactor = None
     units: args.Units = None
     seed: args.Seed = 0
     record: Annotated[str | None, args.option("--record", "FILE", "Keep the session (JSON), reading by reading.")] = (
@@ -65,6 +68,10 @@ class Options:
         bool, args.option("--write", None, "Have the machine's controller set the frame of --wcs, after a yes.")
     ] = False
     report: args.Report = None
+    live: Annotated[
+        bool, args.option("--live", None, "Show the session on a page of this computer as it goes; it moves nothing.")
+    ] = False
+    no_open: Annotated[bool, args.option("--no-open", None, "Do not open the page in a browser.")] = False
     json: args.Json = False
     verbose: args.Verbose = False
 
@@ -80,36 +87,59 @@ def probe(options: Options, machine: MachineOptions) -> None:
     files.check_target("--record", options.record)
     files.check_different(("--record", options.record), ("--report", options.report), parts=[options.part])
     files.require_file("--part", options.part)
-    check_record(options.record, resume=options.resume, dry=machine.dry_run or machine.machine.fake)
+    check_record(options.record, resume=options.resume, dry=machine.dry_run or not machine.moves)
+    _check_frame(words, options, machine)
     machine.said()
     part = files.read_all_parts([options.part], options.units, quiet=options.json)[0]
     start = _start(part, options)
     with misuse(always=False):
         session = _session(start, options, machine)
-    with _moved(start, session, options, machine) as safe:
-        done = _run(session, safe, options)
-        answer = session.answer()
-        _print(session, done, safe, words, part, options)
-        if options.write and not safe.dry_run:
-            _write(words, answer, part, safe)
+    with page_of(session, live=options.live, show=not options.no_open) as draw:
+        with _moved(start, session, options, machine) as safe:
+            done = _run(session, safe, options, draw)
+            answer = session.answer()
+            lines = _print(session, done, safe, words, part, options)
+            if options.write and not safe.dry_run:
+                _write(words, lines or words.text(answer, [part]), done, safe)
+        stay(live=options.live)
     if options.report is not None:
         facts = [("Machine", safe.facts.name), ("Why it ended", done.end.why)]
         files.report_session(options.report, session, *facts, as_json=options.json)
     leave(decided=answer.status == "recognized" and done.end.reached and not machine.dry_run)
 
 
+def _check_frame(words: controller.Words, options: Options, machine: MachineOptions) -> None:
+    """Whether the frame of ``--wcs`` is one that this machine takes, before anything moves."""
+    if words.wcs is None:
+        return
+    if words.wcs.within:
+        raise MisuseError(
+            f"--wcs: expected a frame in machine coordinates, got one within {words.wcs.within}. A machine says where "
+            f"its tip is in machine coordinates: say --wcs {words.wcs.slot}."
+        )
+    kind = machine.machine.kind
+    if options.write and kind not in _TAKES_FRAMES:
+        raise MisuseError(
+            f"--write: expected a machine that takes a frame over the wire ({', '.join(_TAKES_FRAMES)}), got {kind}. "
+            "Leave it out: the lines are printed."
+        )
+    if options.write and words.wcs.controller != kind:
+        raise MisuseError(f"--write: expected --wcs of {kind}, as {_TAKES_FRAMES[kind]}, got another. Correct it.")
+
+
 def _start(part: Part, options: Options) -> Start:
     """Where the part may be."""
     from tanteo.active import at_origin, at_pose
+    from tanteo.answers import Priors
 
-    target = inference.prepare(part)
+    target, priors = inference.prepare(part), Priors(noise_factor=options.noise_factor)
     if options.pose_prior is not None:
-        return at_pose(target, options.pose_prior.T, options.pose_prior.C)
+        return at_pose(target, options.pose_prior.T, options.pose_prior.C, priors)
     say(
         "Nobody says where the part is: its frame is taken to be at the machine's origin +- 5 mm 3 deg (--pose-prior).",
         sys.stderr,
     )
-    return at_origin(target)
+    return at_origin(target, priors=priors)
 
 
 def _session(start: Start, options: Options, machine: MachineOptions) -> Session:
@@ -160,13 +190,14 @@ def _fake(start: Start, session: Session, options: Options, machine: MachineOpti
     return World(Surface(part.vertices, part.triangles), T, machine.radius, sd, options.seed), place
 
 
-def _run(session: Session, safe: SafeMachine, options: Options) -> Probed:
+def _run(session: Session, safe: SafeMachine, options: Options, draw: Callable[[str], None]) -> Probed:
     from tanteo.machines import probe_part
 
     def watch(turn: Turn) -> None:
         leader = session.state.target(0).part.name if len(session.state.weights) else ""
         distance = None if turn.sensed is None else turn.sensed.distance
         say(text.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
+        draw(turn.note)
 
     done = probe_part(session, safe, options.record, watch)
     if done.resumed:
@@ -178,13 +209,13 @@ def _run(session: Session, safe: SafeMachine, options: Options) -> Probed:
 
 def _print(
     session: Session, done: Probed, safe: SafeMachine, words: controller.Words, part: Part, options: Options
-) -> None:
-    """The answer, for a person or a program."""
+) -> str:
+    """The answer, for a person or a program; the lines of the controller, if they were printed."""
     answer = session.answer()
     if safe.dry_run:
         moves = len(done.turns)
         say(f"Dry run: {moves} touches, all inside of the limits; nothing was sent. {done.end.why}", sys.stderr)
-        return
+        return ""
     if options.json:
         sensing = {
             "machine": safe.facts.name, "reached": done.end.reached, "why": done.end.why, "stopped": done.stopped,
@@ -192,26 +223,29 @@ def _print(
         }  # fmt: skip
         more = words.document(answer, [part]) if words else {}
         put(io.document_json({**io.recognition_document(answer), "sensing": sensing, **more}, warned()))
-        return
+        return ""
     lines = text.probed_lines(
         answer, done.end, safe.facts.name, session.count, verbose=options.verbose, layout=layout()
     )
     emit(lines, sys.stderr if words else None)
-    if words:
-        put(words.text(answer, [part]))
+    if not words:
+        return ""
+    made = words.text(answer, [part])
+    if made and not done.end.reached:
+        complain("warning", f"{words.option}: the tolerance was not reached: these lines are of what is known so far.")
+    put(made)
+    return made
 
 
-def _write(words: controller.Words, answer: Any, part: Part, safe: SafeMachine) -> None:
+def _write(words: controller.Words, lines: str, done: Probed, safe: SafeMachine) -> None:
     """The frame, to the controller, after a yes."""
-    if why := words.refused(answer):
-        complain("warning", f"--write: {why}")
+    if not lines:
         return
-    if words.wcs is None or words.wcs.controller != safe.facts.controller:
-        named = safe.facts.controller or "one that takes a frame over the wire"
-        raise InputError(f"--write: expected --wcs of {named}, got another. Copy the lines to the controller.")
-    lines = words.text(answer, [part])
-    if ask(f"{lines}Have {safe.facts.name} run these lines"):
+    if not done.end.reached:
+        complain("warning", "--write: the tolerance was not reached: nothing was written.")
+        return
+    if ask(f"Have {safe.facts.name} run these lines"):
         safe.write_frame(lines)
-        say("The frame was sent, and the machine took it.", sys.stderr)
+        say("The frame was sent, and read back as it was sent.", sys.stderr)
     else:
         say("Nothing was written.", sys.stderr)

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from tanteo.machines.grbl import GrblMachine
     from tanteo.machines.grbl_fake import GrblFake
     from tanteo.machines.journal import Journal, reading_of
+    from tanteo.machines.limits import MachineLimits
     from tanteo.machines.link import Link, SerialLink, TcpLink
+    from tanteo.machines.linuxcnc import LinuxCncMachine
+    from tanteo.machines.linuxcnc_fake import LinuxCncFake
     from tanteo.machines.protocol import (
         ContactError,
         Facts,
@@ -30,9 +33,10 @@ if TYPE_CHECKING:
         Sensed,
         StoppedError,
     )
+    from tanteo.machines.ranging import RangingMachine
     from tanteo.machines.replay import ReplayMachine
     from tanteo.machines.run import Probed, Turn, probe_part
-    from tanteo.machines.safe import MachineLimits, SafeMachine
+    from tanteo.machines.safe import SafeMachine
     from tanteo.machines.ur import UrMachine
     from tanteo.machines.ur_fake import UrFake
     from tanteo.machines.ways import Ways
@@ -45,12 +49,16 @@ _NAMES = {
     "grbl": "GrblMachine",
     "grbl_fake": "GrblFake",
     "journal": "Journal reading_of",
+    "limits": "MachineLimits",
     "link": "Link SerialLink TcpLink",
+    "linuxcnc": "LinuxCncMachine",
+    "linuxcnc_fake": "LinuxCncFake",
     "protocol": "ContactError Facts LateError LinkLostError Machine MachineError MachineStatus RefusedError Sensed "
     "StoppedError",
+    "ranging": "RangingMachine",
     "replay": "ReplayMachine",
     "run": "Probed Turn probe_part",
-    "safe": "MachineLimits SafeMachine",
+    "safe": "SafeMachine",
     "ur": "UrMachine",
     "ur_fake": "UrFake",
     "ways": "Ways",
@@ -58,8 +66,9 @@ _NAMES = {
 }
 __all__ = [
     "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal",
-    "LateError", "Link", "LinkLostError", "Machine", "MachineError", "MachineLimits", "MachineStatus", "Probed",
-    "RefusedError", "ReplayMachine", "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake",
-    "UrMachine", "Ways", "World", "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
+    "LateError", "Link", "LinkLostError", "LinuxCncFake", "LinuxCncMachine", "Machine", "MachineError",
+    "MachineLimits", "MachineStatus", "Probed", "RangingMachine", "RefusedError", "ReplayMachine", "SafeMachine",
+    "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake", "UrMachine", "Ways", "World", "opened",
+    "parse_machine", "probe_part", "reading_of", "turns_of",
 ]  # fmt: skip
 __getattr__, __dir__ = lazy(__name__, _NAMES)

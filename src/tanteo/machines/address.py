@@ -16,7 +16,7 @@ from tanteo.machines.protocol import LinkLostError, Machine
 from tanteo.machines.world import World
 from tanteo.typing import Vectors
 
-_EXAMPLES = "grbl://192.168.0.7:23, grbl:/dev/ttyUSB0 or fake:grbl"
+_EXAMPLES = "grbl://192.168.0.7:23, grbl:/dev/ttyUSB0, linuxcnc://192.168.0.7 or fake:grbl"
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +182,21 @@ def _ur_fake(world: World, start: Vectors, faults: Faults, hurry: float) -> Any:
     return UrFake(world, start, hurry=hurry, faults=faults)
 
 
+def _linuxcnc(address: Address) -> Machine:
+    from tanteo.machines.linuxcnc import LinuxCncMachine
+
+    return LinuxCncMachine(TcpLink(address.host, *(address.ports or KINDS["linuxcnc"].ports)))
+
+
+def _linuxcnc_fake(world: World, start: Vectors, faults: Faults, hurry: float) -> Any:
+    from tanteo.machines.linuxcnc_fake import LinuxCncFake
+
+    return LinuxCncFake(world, start, hurry=hurry, faults=faults)
+
+
 KINDS: dict[str, Kind] = {
     "grbl": Kind((23,), turns=False, serial=True, open=_grbl, fake=_grbl_fake),
+    "linuxcnc": Kind((5007,), turns=False, serial=False, open=_linuxcnc, fake=_linuxcnc_fake),
     "ur": Kind((29999, 30002, 30004), turns=True, serial=False, open=_ur, fake=_ur_fake),
 }
 """Kinds of machines."""

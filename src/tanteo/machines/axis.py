@@ -71,4 +71,6 @@ class Tip:
             if half is not None and gone >= 0.5 * ends:
                 half()
                 half = None
-        return "there"
+        if half is not None:  # it only turns, or does not move at all
+            half()
+        return "stopped" if self.emergency.is_set() else "there"

@@ -15,6 +15,7 @@ class Faults:
         late: this motion is answered ``seconds`` late.
         seconds: of it.
         stop_at: the emergency stop is pressed in the middle of this motion.
+        stuck: this motion pushes against something half way, and the probe does not trip: of a robot that feels forces.
         silent: from this motion on nothing is said, though the connection stays.
     """
 
@@ -23,4 +24,5 @@ class Faults:
     late: int = 0
     seconds: float = 1.0
     stop_at: int = 0
+    stuck: int = 0
     silent: int = 0

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import os
 import queue
-import re
+import select
 import socket
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,11 +18,11 @@ import numpy as np
 
 from tanteo.machines.axis import Tip
 from tanteo.machines.faults import Faults
+from tanteo.machines.gcode import Modal
 from tanteo.machines.server import Server
 from tanteo.machines.world import World
 from tanteo.typing import Vectors
 
-_WORD = re.compile(r"([A-Z])([-+]?\d*\.?\d+)")
 _RAPID = 0.1
 """Speed of ``G0`` [m/s]."""
 
@@ -35,7 +34,7 @@ class GrblFake:
         tip: its ball.
         port: of loopback.
         ports: the same, as of all fakes.
-        offset: of ``G54`` ``(3,)`` [m].
+        modal: what its G-code has set, the offset of ``G54`` among it.
         motions: how many it was told to make.
         heard: all lines that it was sent.
     """
@@ -55,23 +54,24 @@ class GrblFake:
     ) -> None:
         self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
         self.faults = faults or Faults()
-        self.offset = np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)
+        self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
         self.motions, self.heard = 0, list[str]()
         self._inches, self._work_positions, self._alarm = inches, work_positions, alarm
-        self._absolute, self._unit, self._feed, self._motion = True, 1e-3, 0.0, "0"
-        self._send: Callable[[bytes], None] = lambda data: None
-        self._drop: Callable[[], None] = lambda: None
+        self._send: Callable[[bytes], None] = _nowhere
+        self._drop: Callable[[], None] = _nobody
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._runs = 0
-        self._silent = False
+        self._silent = self._closed = False
         self._server = Server(self._serve, port)
         self.port = self._server.port
         self.ports = (self.port,)
 
     def close(self) -> None:
         """Switch it off."""
+        self._closed = True
         self._lines.put(None)
         self._server.close()
+        self._send, self._drop = _nowhere, _nobody  # nothing holds what it was connected to
 
     def press_stop(self) -> None:
         """The emergency stop: the drives lose power, the controller resets."""
@@ -92,10 +92,13 @@ class GrblFake:
             with suppress(OSError):
                 os.write(ours, data)
 
-        def run() -> None:
-            self._talk(lambda: os.read(ours, 4096), write, lambda: os.close(ours))
+        def read() -> bytes:
+            while not self._closed:
+                if select.select([ours], [], [], 0.05)[0]:
+                    return os.read(ours, 4096)
+            return b""
 
-        threading.Thread(target=run, daemon=True, name="fake port").start()
+        self._server.start(self._talk, read, write, lambda: os.close(ours))
         return os.ttyname(theirs)
 
     def _serve(self, client: socket.socket) -> None:
@@ -161,9 +164,9 @@ class GrblFake:
         place = self._shown(self.tip.place)
         where = f"MPos:{place}"
         if self._work_positions:
-            where = f"WPos:{self._shown(self.tip.place - self.offset)}"
+            where = f"WPos:{self._shown(self.tip.place - self.modal.offset)}"
         tripped = "|Pn:P" if self.tip.world.tripped(self.tip.place) else ""
-        wco = f"|WCO:{self._shown(self.offset)}" if self._work_positions else ""
+        wco = f"|WCO:{self._shown(self.modal.offset)}" if self._work_positions else ""
         return f"<{state}|{where}|FS:0,0{tripped}{wco}>"
 
     def _holds(self) -> bool:
@@ -185,54 +188,33 @@ class GrblFake:
         if self._alarm:
             self._say("error:9")
             return
-        words = _WORD.findall(re.sub(r"\([^)]*\)", "", line))
-        codes = {value for letter, value in words if letter == "G"}
-        self._modes(codes)
-        axes = {letter: float(value) for letter, value in words if letter in "XYZ"}
-        feeds = [float(value) for letter, value in words if letter == "F"]
-        self._feed = feeds[-1] * self._unit / 60 if feeds else self._feed
-        if codes & {"10"}:
-            self._set_offset(words, axes)
-        elif axes:
-            self._move(axes)
+        try:
+            block = self.modal.read(line)
+        except ValueError:
+            self._say("error:2")
+            return
+        if block.sets and "R" in block.words:
+            self._say("error:20")
+        elif block.sets:
+            self.modal.set_offset(block)
+            self._say("ok")
+        elif block.moves:
+            self._move(self.modal.goal(block, self.tip.place))
         else:
             self._say("ok")
 
-    def _modes(self, codes: set[str]) -> None:
-        for code in codes:
-            if code in ("0", "1", "38.2", "38.3"):
-                self._motion = code
-            elif code in ("20", "21"):
-                self._unit = 25.4e-3 if code == "20" else 1e-3
-            elif code in ("90", "91"):
-                self._absolute = code == "90"
-
-    def _set_offset(self, words: list[tuple[str, str]], axes: dict[str, float]) -> None:
-        """``G10 L2 P1``; a turn (R) is an error."""
-        if any(letter == "R" for letter, _ in words):
-            self._say("error:20")
-            return
-        for k, axis in enumerate("XYZ"):
-            self.offset[k] = self._unit * axes.get(axis, self.offset[k] / self._unit)
-        self._say("ok")
-
-    def _move(self, axes: dict[str, float]) -> None:
-        base = self.tip.place - self.offset if self._absolute else np.zeros(3)
-        goal = base.copy() + (self.offset if self._absolute else self.tip.place)
-        for k, axis in enumerate("XYZ"):
-            if axis in axes:
-                goal[k] = self._unit * axes[axis] + (self.offset[k] if self._absolute else self.tip.place[k])
+    def _move(self, goal: Vectors) -> None:
         self.motions += 1
         n, faults = self.motions, self.faults
         if n == faults.drop_before:
             self._drop()
             return
         self._silent = self._silent or n == faults.silent
-        if self._motion.startswith("38"):
+        if self.modal.motion.startswith("38"):
             self._probe(goal, n)
         else:
             self.tip.hold.clear()
-            speed = _RAPID if self._motion == "0" else self._feed
+            speed = _RAPID if self.modal.motion == "0" else self.modal.feed
             self.tip.go(goal, speed, until_contact=False, half_way=self._half(n))
             self._answer(n)
 
@@ -248,7 +230,7 @@ class GrblFake:
             self._fail("4")
             return
         self.tip.hold.clear()
-        ended = self.tip.go(goal, self._feed, until_contact=True, half_way=self._half(n))
+        ended = self.tip.go(goal, self.modal.feed, until_contact=True, half_way=self._half(n))
         if ended in ("held", "stopped"):
             return
         met = ended == "met"
@@ -260,7 +242,7 @@ class GrblFake:
             self._drop()
             return
         self._say(f"[PRB:{self._shown(report)}:{int(met)}]")
-        if not met and self._motion == "38.2":
+        if not met and self.modal.motion == "38.2":
             self._fail("5")
             return
         self._say("ok")
@@ -285,7 +267,7 @@ class GrblFake:
         elif line == "$$":
             self._say("$10=1", f"$13={int(self._inches)}", "$20=0", "$22=0", "$110=6000.000", "ok")
         elif line == "$#":
-            rows = [f"[G54:{self._shown(self.offset)}]", *(f"[G{n}:{self._shown(np.zeros(3))}]" for n in range(55, 60))]
+            rows = [f"[G{53 + n}:{self._shown(self.modal.offsets.get(n, np.zeros(3)))}]" for n in range(1, 7)]
             self._say(*rows, f"[G92:{self._shown(np.zeros(3))}]", "[TLO:0.000]", "ok")
         elif line == "$X":
             self._alarm = ""
@@ -293,3 +275,11 @@ class GrblFake:
             self._say("[MSG:Caution: Unlocked]", "ok")
         else:
             self._say("error:3")
+
+
+def _nowhere(data: bytes) -> None:
+    """Nobody is connected."""
+
+
+def _nobody() -> None:
+    """Nobody is connected."""

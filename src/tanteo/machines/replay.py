@@ -1,4 +1,4 @@
-"""A log as a machine: it goes wherever it is sent, and a touch is answered if the log has one along that line."""
+"""A log as a machine: it goes wherever it is sent, and a touch is answered by the one of the log that is nearest."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tanteo.machines.protocol import Facts, MachineStatus, RefusedError, Sensed,
 from tanteo.sensors import Readings, concatenate
 from tanteo.typing import Transforms, Vectors
 
-_BESIDE, _TURNED = 2e-4, 0.02
-"""A touch of the log is of a line that passes so near to it [m], at so small an angle [rad]."""
+_AHEAD, _BEFORE = 0.5, 0.02
+"""Cosine to the direction that is asked, of a touch that may answer; how long it was, if the log has it not [m]."""
 
 
 class ReplayMachine:
@@ -34,7 +34,7 @@ class ReplayMachine:
             raise InputError(f"{name}: expected touches with directions, got none. Say --direction when it is read.")
         self._readings = readings.take(np.flatnonzero(known))
         self.left = list(range(len(self._readings)))
-        away = np.nan_to_num(self._readings.ranges[0], nan=0.02)
+        away = np.nan_to_num(self._readings.ranges[0], nan=_BEFORE)
         self._place = self._readings.points[0] - away * self._readings.directions[0]
         self._stopped = False
         self.facts = Facts(f"log {name}", guarded=False)
@@ -69,29 +69,29 @@ class ReplayMachine:
         self.move(T_world_probe, speed, seconds)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """The first touch of the log along this line.
+        """The touch of the log that is nearest to this line, along its own: what it says is what was touched then.
 
         Raises:
-            RefusedError: the log has none.
+            RefusedError: none that is left goes in about this direction.
         """
         self._check()
         begun, start, all_ = time.monotonic(), self._place, self._readings
-        for k in self.left:
-            turned = float(np.linalg.norm(all_.directions[k] - direction))
-            if all_.is_free[k]:
-                met, off = False, float(np.linalg.norm(all_.points[k] - start))
-            else:
-                along = float((all_.points[k] - start) @ direction)
-                met, off = 0 < along <= reach, float(np.linalg.norm(all_.points[k] - start - along * direction))
-            if turned < _TURNED and off < _BESIDE and (met or all_.is_free[k]):
-                self.left.remove(k)
-                distance = along if met else np.inf
-                self._place = start + (distance if met else reach) * direction
-                return Sensed(start, direction, distance, reach, time.monotonic() - begun)
-        raise RefusedError(
-            f"{self.facts.name}: expected a touch along this line, got none among the {len(self.left)} that are left. "
-            "Ask as the session of the log did."
-        )
+        ahead = [k for k in self.left if all_.directions[k] @ direction > _AHEAD]
+        if not ahead:
+            raise RefusedError(
+                f"{self.facts.name}: expected a touch in about this direction, got none among the {len(self.left)} "
+                "that are left. Take a log of more touches."
+            )
+        off = np.cross(all_.points[ahead] - start, direction)
+        k = ahead[int(np.argmin(np.linalg.norm(off, axis=1)))]
+        self.left.remove(k)
+        way, spent = all_.directions[k], time.monotonic() - begun
+        if all_.is_free[k]:
+            self._place = np.array(all_.points[k])
+            return Sensed(self._place, way, np.inf, reach, spent)
+        distance = min(float(np.nan_to_num(all_.ranges[k], nan=_BEFORE)), reach)
+        self._place = np.array(all_.points[k])
+        return Sensed(self._place - distance * way, way, distance, reach, spent)
 
     def abort(self) -> None:
         """For good."""

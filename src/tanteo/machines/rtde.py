@@ -8,8 +8,13 @@ names with commas, and answered by a recipe's number and types; data packages be
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
+
+from tanteo.machines.link import Link
+from tanteo.machines.protocol import LinkLostError
 
 REQUEST_VERSION, CONTROLLER_VERSION, MESSAGE, DATA = b"V", b"v", b"M", b"U"
 SETUP_OUTPUTS, SETUP_INPUTS, START, PAUSE = b"O", b"I", b"S", b"P"
@@ -65,3 +70,53 @@ def unpack(types: Sequence[str], payload: bytes) -> list[object]:
 
 def _format(types: Sequence[str]) -> str:
     return ">B" + "".join(_CODES[kind] for kind in types)
+
+
+class RtdeClient:
+    """The outputs of a controller, as they come.
+
+    Attributes:
+        values: the latest, by name; empty before the first package.
+        at: when they were heard.
+
+    Raises:
+        LinkLostError: it does not speak RTDE 2, or has not all outputs.
+    """
+
+    def __init__(self, link: Link, outputs: Sequence[str], frequency: float, deadline: float) -> None:
+        self.values: dict[str, Any] = {}
+        self.at = -float("inf")
+        self._link, self._outputs, self._buffer = link, tuple(outputs), bytearray()
+        if self._asked(REQUEST_VERSION, struct.pack(">H", 2), deadline) != b"\1":
+            raise LinkLostError(f"{link.name}: expected RTDE protocol 2, got none. Update the controller.")
+        wanted = struct.pack(">d", frequency) + ",".join(outputs).encode("ascii")
+        self._types = self._asked(SETUP_OUTPUTS, wanted, deadline)[1:].decode("ascii").split(",")
+        if "NOT_FOUND" in self._types:
+            lacks = outputs[self._types.index("NOT_FOUND")]
+            raise LinkLostError(f"{link.name}: expected the output '{lacks}', got none. Update the controller.")
+        if self._asked(START, b"", deadline) != b"\1":
+            raise LinkLostError(f"{link.name}: expected RTDE to start, got a refusal. Restart the controller.")
+
+    def listen(self, seconds: float) -> None:
+        """Take in what comes within so long.
+
+        Raises:
+            LinkLostError: the connection, or its packages, broke.
+        """
+        try:
+            self._buffer.extend(self._link.read(seconds))
+            for letter, payload in packages(self._buffer):
+                if letter == DATA:
+                    self.values = dict(zip(self._outputs, unpack(self._types, payload), strict=True))
+                    self.at = time.monotonic()
+        except (ValueError, struct.error) as error:
+            raise LinkLostError(f"{self._link.name}: expected packages of RTDE, got {error}. Reconnect.") from None
+
+    def _asked(self, letter: bytes, payload: bytes, deadline: float) -> bytes:
+        self._link.write(package(letter, payload))
+        while time.monotonic() < deadline:
+            for got, body in packages(self._buffer):
+                if got == letter:
+                    return body
+            self._buffer.extend(self._link.read(0.1))
+        raise LinkLostError(f"{self._link.name}: expected an answer of RTDE, got none. Check the connection.")

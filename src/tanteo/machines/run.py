@@ -20,7 +20,7 @@ from tanteo.session import Action, Done, Session, Step
 _REFUSED = 25
 """Questions in a row that the machine cannot answer before the run ends."""
 _SDS, _LEAST_OVERTRAVEL = 3.0, 2e-3
-"""How far beyond the expected contact a touch goes: sds of the part's worst corner, and the least way [m]."""
+"""How far beyond the expected contact a touch goes: times the part's largest corner sd, and the least way [m]."""
 
 
 class Turn(NamedTuple):
@@ -140,7 +140,9 @@ class _Run:
         self.before = action
 
     def _reach(self, action: Action) -> float:
-        """How far to look [m]."""
+        """How far to look [m]; a range sensor as far as it sees."""
+        if not self.machine.facts.contact:
+            return action.max_range
         beyond = max(_LEAST_OVERTRAVEL, _SDS * largest_corner_sd(self.session.state))
         reach = min(action.expected + beyond, action.max_range, self.machine.limits.reach)
         return float(np.maximum(reach, 1e-4))

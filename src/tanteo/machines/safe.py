@@ -11,9 +11,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from tanteo.errors import InputError
-from tanteo.hand import Workspace
 from tanteo.lie import SE3
+from tanteo.machines.limits import MachineLimits
 from tanteo.machines.protocol import (
     ContactError,
     Facts,
@@ -33,41 +32,6 @@ _TICK = 0.02
 """Between two looks of the watchdog [s]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MachineLimits:
-    """What a machine may do.
-
-    Attributes:
-        workspace: where the tip may be; ways do not cross its forbidden boxes.
-        room: that the tip keeps from the workspace's bounds [m]: the radius of its ball, and more.
-        travel: the largest speed between readings [m/s].
-        touch: the largest speed of a guarded motion [m/s].
-        reach: the longest guarded motion [m].
-        arrival: how far from its goal a motion may end [m].
-        stale: age of a status during a motion at which the machine is stopped [s].
-        grace: seconds that a motion may take beyond its length and speed.
-
-    Raises:
-        InputError: a limit that is not positive.
-    """
-
-    workspace: Workspace = field(default_factory=Workspace.everywhere)
-    room: float = 0.0
-    travel: float = 0.05
-    touch: float = 0.002
-    reach: float = 0.1
-    arrival: float = 2e-4
-    stale: float = 1.5
-    grace: float = 5.0
-
-    def __post_init__(self) -> None:
-        for name in ("travel", "touch", "reach", "arrival", "stale", "grace"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise InputError(f"limits, {name}: expected a positive number, got {getattr(self, name)}. Correct it.")
-        if not self.room >= 0:
-            raise InputError(f"limits, room: expected 0 or more, got {self.room}. Correct it.")
-
-
 @dataclass(slots=True, eq=False)
 class SafeMachine:
     """A machine that keeps its limits, whoever drives it.
@@ -78,7 +42,7 @@ class SafeMachine:
     Attributes:
         machine: the driver.
         limits: what it may do.
-        confirm: asked in words before every motion; False refuses it.
+        confirm: asked in words before every motion; False to a touch refuses that place, to a way ends the run.
         dry_run: motions are checked and shown, and none is sent.
         show: told in words of every motion.
     """
@@ -134,15 +98,21 @@ class SafeMachine:
         self._last = T_world_probe
 
     def sense(self, direction: Vectors, reach: float) -> Sensed:
-        """From here along a direction until something is met; what follows should be inside :meth:`touching`."""
-        if not 0 < reach <= self.limits.reach:
+        """From here along a direction until something is met; what follows should be inside :meth:`touching`.
+
+        A range sensor looks along it from where it rests.
+        """
+        contact = self.facts.contact
+        if not 0 < reach <= (self.limits.reach if contact else np.inf):
             raise RefusedError(
                 f"reach: expected up to {1e3 * self.limits.reach:g} mm, got {1e3 * reach:.3g} mm. "
                 "Know the place better, or allow more."
             )
         here = self.place()
-        goal = here + reach * direction
-        self._allow(here, goal, f"touch along {_numbers(direction)}, {1e3 * reach:.2f} mm at most")
+        goal = here + reach * direction if contact else here
+        self._allow(
+            here, goal, f"{'touch' if contact else 'range'} along {_numbers(direction)}, {1e3 * reach:.2f} mm at most"
+        )
         if self._only_shown(here):
             return Sensed(here, direction, np.inf, reach)
         speed = self.limits.touch
@@ -161,7 +131,7 @@ class SafeMachine:
         try:
             yield
         finally:
-            if start is not None and not self._stopped and not self.dry_run:
+            if start is not None and self.facts.contact and not self._stopped and not self.dry_run:
                 self._go_back(start)
 
     def abort(self, why: str = "it was told to stop") -> None:
@@ -201,9 +171,17 @@ class SafeMachine:
             which = f"the forbidden box '{crossed[0]}'" if crossed else workspace.limits[int(np.argmin(rooms))]
             raise RefusedError(f"{what}: expected a way that keeps its limits, got one past {which}. Nothing was sent.")
         if self.confirm is not None and not self.dry_run and not self.confirm(what):
-            raise RefusedError(f"{what}: expected a yes, got no. Nothing was sent.")
+            self._refused(what)
         if self.show is not None:
             self.show(what)
+
+    def _refused(self, what: str) -> None:
+        """A no to a touch is one to that place, a no to a way ends the run: each other place begins with a way."""
+        no = f"{what}: expected a yes, got no. Nothing was sent."
+        if what.startswith(("touch", "range")):
+            raise RefusedError(no)
+        self._stopped = self._stopped or "you said no to a motion"
+        raise StoppedError(no)
 
     def _only_shown(self, goal: Vectors) -> bool:
         if self.dry_run:

@@ -60,6 +60,7 @@ class Server:
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join(1.0)
+        self._threads.clear()
 
 
 def hang_up(client: socket.socket) -> None:

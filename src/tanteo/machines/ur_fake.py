@@ -20,7 +20,7 @@ from tanteo.machines import rtde
 from tanteo.machines.axis import Tip
 from tanteo.machines.faults import Faults
 from tanteo.machines.server import Server
-from tanteo.machines.ur import ARRIVED, MET, NUMBER, PLACE, RESULT, TRIPPED
+from tanteo.machines.ur_script import ARRIVED, MET, NUMBER, PLACE, PUSHED, RESULT, TRIPPED
 from tanteo.machines.world import World
 from tanteo.typing import Vectors
 
@@ -134,6 +134,10 @@ class UrFake:
         pose, start = np.array([float(v) for v in moves[1].split(",")]), self.tip.place
         if guarded and self.tip.world.tripped(start):
             self._registers |= {f"output_int_register_{RESULT}": TRIPPED}
+            return
+        if guarded and n == faults.stuck:
+            self.tip.go(0.5 * (start + pose[:3]), float(moves[3]), until_contact=False)
+            self._registers |= {f"output_int_register_{RESULT}": PUSHED}
             return
         half = self.press_stop if n == faults.stop_at else None
         ended = self.tip.go(pose[:3], float(moves[3]), until_contact=guarded, half_way=half)

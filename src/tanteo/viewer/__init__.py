@@ -10,10 +10,10 @@ from tanteo.viewer.player import Page, Player
 from tanteo.viewer.scenes import scene_show
 from tanteo.viewer.shows import Show, Watch, hand_show, laser, probe_show, simulated
 from tanteo.viewer.snapshot import Snapshot
-from tanteo.viewer.view import NEEDS_VISER, moments, play, replay, show_moment
+from tanteo.viewer.view import NEEDS_VISER, follow, moments, play, replay, show_moment
 
 __all__ = [
     "NEEDS_VISER", "Advance", "AnswerNow", "Choose", "Click", "Contest", "Go", "Page", "Pause", "Player", "Quit",
-    "Restart", "Show", "Snapshot", "Watch", "hand_show", "laser", "moments", "play", "probe_show", "replay",
+    "Restart", "Show", "Snapshot", "Watch", "follow", "hand_show", "laser", "moments", "play", "probe_show", "replay",
     "scene_show", "show_moment", "simulated",
 ]  # fmt: skip

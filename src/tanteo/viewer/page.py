@@ -105,6 +105,13 @@ class LivePage:
         self._legend(hand=hand, scene=False)
         self._happened()
 
+    def looking_controls(self) -> None:
+        """What is said and drawn of a session that is carried out elsewhere."""
+        self._place("status")
+        self._place("bars")
+        self._legend(hand=False, scene=False)
+        self._happened()
+
     def _happened(self) -> None:
         with self._gui.add_folder("What happened", expand_by_default=False):
             self._place("told")
@@ -175,7 +182,8 @@ class LivePage:
 
     def stop(self) -> None:
         """Close it."""
-        self._server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):  # it says so
+            self._server.stop()
 
 
 def seen_from(middle: Vectors, size: float, aspect: float) -> tuple[Vectors, Vectors]:

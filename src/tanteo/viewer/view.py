@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,6 +105,45 @@ def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) 
                 show_moment(page, every, wanted.get(timeout=0.5))
             except queue.Empty:
                 continue
+    finally:
+        page.stop()
+
+
+@contextmanager
+def follow(session: Session, *, port: int = 8080, ready: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
+    """A page of a session that something else carries out: it shows, and nothing on it moves anything.
+
+    Gives a function that draws the session as it is then, with a note, and chooses what is asked next; the page is
+    there until the block ends.
+
+    Args:
+        session: what is known and asked.
+        port: of the page on this machine; the next free one is taken.
+        ready: told where the page is.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+    page = _opened(port, *extent(session.start))
+    lines = list[str]()
+
+    def draw(note: str) -> None:
+        session.ask()
+        now = Snapshot.of(session)
+        if len(now.steps) > len(lines):
+            lines.append(panel.step_line(now))
+        page.show("state", drawing.state_primitives(now))
+        page.show("readings", drawing.reading_primitives(now))
+        page.show("next", drawing.next_primitives(now))
+        page.say("status", panel.status(now, note))
+        page.say("bars", panel.bars(now))
+        page.say("told", panel.steps(lines))
+
+    page.looking_controls()
+    draw("")
+    ready(page.url)
+    try:
+        yield draw
     finally:
         page.stop()
 

@@ -1,0 +1,231 @@
+"""LinuxCNC that is not there: linuxcncrsh on a port of loopback, an interpreter that knows the blocks of the driver.
+
+The same sources as the driver (:mod:`tanteo.machines.linuxcnc`), and what LinuxCNC 2.9 answered when it was asked.
+"""
+
+from __future__ import annotations
+
+import queue
+import re
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+
+from tanteo.machines.axis import Tip
+from tanteo.machines.faults import Faults
+from tanteo.machines.gcode import Modal
+from tanteo.machines.linuxcnc import CONNECT, ENABLE
+from tanteo.machines.server import Server
+from tanteo.machines.world import World
+from tanteo.typing import Vectors
+
+
+class LinuxCncFake:
+    """A machine of three axes and a touch probe, under linuxcncrsh.
+
+    Attributes:
+        tip: its ball.
+        ports: of loopback, one.
+        modal: what its G-code has set.
+        motions: how many it was told to make.
+        heard: all that it was sent.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        start: Vectors,
+        *,
+        hurry: float = np.inf,
+        faults: Faults | None = None,
+        port: int = 0,
+        metric: bool = True,
+        offset: Vectors | None = None,
+        turn: float = 0.0,
+        on: bool = True,
+        thief: int = 0,
+    ) -> None:
+        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
+        self.faults = faults or Faults()
+        self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
+        self.motions, self.heard = 0, list[str]()
+        self._unit, self._thief = _MM if metric else 25.4e-3, thief
+        self.modal.turns[1] = np.radians(turn)
+        self._estop, self._on, self._mode, self._error = False, on, "MANUAL", ""
+        self._display, self._silent, self._running = list[str](), False, False
+        self._probed = np.zeros(4)
+        self._blocks: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._server = Server(self._serve, port)
+        self._server.start(self._interpret)
+        self.ports = (self._server.port,)
+
+    def close(self) -> None:
+        """Switch it off."""
+        self.tip.emergency.set()
+        self._blocks.put(None)
+        self._server.close()
+
+    def press_stop(self) -> None:
+        """The emergency stop."""
+        self.tip.emergency.set()
+        self._estop, self._on = True, False
+
+    def _serve(self, client: socket.socket) -> None:
+        said = _Client()
+        rest = b""
+        while data := client.recv(4096):
+            *rows, rest = re.split(rb"[\r\n]+", rest + data)
+            for row in rows:
+                answer = self._answer(row.decode("ascii", "replace").strip(), said)
+                if answer and not self._silent:
+                    client.sendall(answer.encode("ascii"))
+
+    def _answer(self, row: str, client: _Client) -> str:
+        """To one request; empty for none."""
+        self.heard.append(row)
+        word, _, rest = row.partition(" ")
+        name, _, value = rest.partition(" ")
+        if word.lower() == "hello":
+            client.known = name == CONNECT
+            return "HELLO ACK EMCNETSVR 1.1\r\n" if client.known else "HELLO NAK\r\n"
+        if word.lower() == "get" and client.known:
+            said = self._get(name.upper(), client)
+            return f"GET {name.upper()} NAK\r\n\r\n" if said is None else f"{name.upper()} {said}\r\n"
+        if word.lower() == "set" and client.known:
+            done = self._set(name.lower(), value, client)
+            spoken = client.verbose or not done
+            return f"SET {name.upper()} {'ACK' if done else 'NAK'}\n\r" if spoken and name.lower() != "enable" else ""
+        return ""
+
+    def _get(self, name: str, client: _Client) -> str | None:
+        fixed: dict[str, Callable[[], str]] = {
+            "ESTOP": lambda: _on(self._estop), "MACHINE": lambda: _on(self._on), "MODE": lambda: self._mode,
+            "ENABLE": lambda: _on(client.enabled), "PROBE_VALUE": lambda: str(int(self._tripped())),
+            "PROGRAM_STATUS": lambda: "RUNNING" if self._running or not self._blocks.empty() else "IDLE",
+            "ABS_ACT_POS": lambda: " ".join(f"{v:.6f}" for v in (*(self.tip.place / self._unit + 0.0), 0.0, 0.0, 0.0)),
+            "USER_LINEAR_UNITS": lambda: "MM" if self._unit == _MM else "INCH",
+            "OPERATOR_DISPLAY": self._message, "ERROR": self._told_error,
+        }  # fmt: skip
+        return fixed[name]() if name in fixed else None
+
+    def _message(self) -> str:
+        return self._display.pop(0) if self._display else "OK"
+
+    def _told_error(self) -> str:
+        said, self._error = self._error, ""
+        return said or "OK"
+
+    def _tripped(self) -> bool:
+        return self.tip.world.tripped(self.tip.place)
+
+    def _set(self, name: str, value: str, client: _Client) -> bool:
+        """Whether it is done."""
+        if name == "enable":
+            client.enabled = value == ENABLE
+            return True
+        if name in ("echo", "verbose"):
+            client.verbose = client.verbose if name == "echo" else value == "on"
+            return True
+        if not client.enabled:
+            return False
+        if name == "abort":
+            self._abort()
+        elif name == "mode":
+            self._mode = value.upper()
+        elif name == "mdi":
+            if self._estop or not self._on or self._mode != "MDI":
+                return False
+            self._blocks.put(value)
+        return name in ("abort", "mode", "mdi")
+
+    def _abort(self) -> None:
+        while not self._blocks.empty():
+            with suppress(queue.Empty):
+                self._blocks.get_nowait()
+        if self._running:
+            self.tip.hold.set()
+
+    def _interpret(self) -> None:
+        while (line := self._blocks.get()) is not None:
+            self._running = True
+            try:
+                self._run(line)
+            finally:
+                self._running = False
+                self.tip.hold.clear()
+
+    def _run(self, line: str) -> None:
+        if line.lower().startswith("(debug,"):
+            self._debug(line[7:].rstrip(")"))
+            return
+        try:
+            block = self.modal.read(line)
+        except ValueError:
+            self._error = f"Bad number format in '{line}'"
+            return
+        if block.sets:
+            self.modal.set_offset(block)
+        elif block.moves:
+            self._move(self.modal.goal(block, self.tip.place))
+        elif unknown := block.codes - _KNOWN:
+            self._error = f"Unknown G code used: G{min(unknown)}"
+
+    def _debug(self, text: str) -> None:
+        if self._thief:  # another display asked first
+            self._thief -= 1
+            return
+        self._display.append(re.sub(r"#(\d+)", lambda found: f"{self._parameter(found[1]):.6f}", text))
+
+    def _parameter(self, name: str) -> float:
+        """As the interpreter has it: contacts in the block's unit, offsets in the machine's."""
+        number = int(name)
+        if number == 5070:
+            return float(self._probed[3])
+        if 5061 <= number <= 5063:
+            return float(self.modal.program(self._probed[:3])[number - 5061] / self.modal.unit)
+        slot, k = divmod(number - 5201, 20)
+        if slot >= 1 and k < 3:
+            return float(self.modal.offsets.get(slot, np.zeros(3))[k] / self._unit)
+        return float(np.degrees(self.modal.turns.get(slot, 0.0))) if k == 9 and slot >= 1 else 0.0
+
+    def _move(self, goal: Vectors) -> None:
+        self.motions += 1
+        n, faults, start = self.motions, self.faults, self.tip.place
+        if n == faults.drop_before:
+            self._server.drop()
+            return
+        self._silent = self._silent or n == faults.silent
+        guarded = self.modal.motion.startswith("38")
+        if guarded and self._tripped():
+            self._error = "Probe is already tripped when starting G38.2 or G38.3 move"
+            return
+        half = self.press_stop if n == faults.stop_at else None
+        ended = self.tip.go(goal, self.modal.feed, until_contact=guarded, half_way=half)
+        if ended in ("held", "stopped"):
+            return
+        if guarded:
+            way = (goal - start) / max(float(np.linalg.norm(goal - start)), 1e-12)
+            noise = self.tip.world.noise(start, goal) if ended == "met" else 0.0
+            self._probed = np.array([*(self.tip.place + noise * way), float(ended == "met")])
+        if n == faults.late:
+            time.sleep(faults.seconds)
+        if n == faults.drop_after:
+            self._server.drop()
+
+
+class _Client:
+    """What linuxcncrsh knows of one connection."""
+
+    def __init__(self) -> None:
+        self.known, self.enabled, self.verbose = False, False, False
+
+
+def _on(state: bool) -> str:
+    return "ON" if state else "OFF"
+
+
+_MM = 1e-3
+_KNOWN = frozenset({"0", "1", "10", "20", "21", "38.2", "38.3", "40", "49", "54", "80", "90", "91", "94"})

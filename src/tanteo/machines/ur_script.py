@@ -1,0 +1,94 @@
+"""Programs of URScript that the driver of Universal Robots sends, one a motion.
+
+A program watches a digital input while a thread moves, as the probing programs of :mod:`tanteo.programs` do, and writes
+what came of it to output registers that RTDE carries back. Read for it: Universal Robots' Script Manual (``movel``,
+threads, ``write_output_integer_register``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tanteo.lie import SO3
+from tanteo.typing import Transforms
+
+NUMBER, RESULT, PLACE = 24, 25, 24
+"""Output registers: a program's number and result (whole numbers), the TCP's pose from here on (six numbers)."""
+ARRIVED, MET, TRIPPED, PUSHED = 1, 2, 3, 4
+"""Results of a program."""
+_BRAKE = 2.0
+"""Of a motion that ends at a contact [m/s^2]."""
+
+_GUARDED = """def tanteo_{number}():
+  global arrived = False
+  thread search():
+    movel({goal}, a={acceleration:.4f}, v={speed:.6f})
+    arrived = True
+    while True:
+      sync()
+    end
+  end
+  write_output_integer_register({RESULT}, 0)
+  write_output_integer_register({NUMBER}, {number})
+  if get_standard_digital_in({input}):
+    write_output_integer_register({RESULT}, {TRIPPED})
+    halt
+  end
+  quiet = force()
+  pushed = False
+  handle = run search()
+  while not get_standard_digital_in({input}) and not arrived and not pushed:
+    pushed = force() > quiet + {force:.1f}
+    sync()
+  end
+  here = get_actual_tcp_pose()
+  met = get_standard_digital_in({input})
+  kill handle
+  stopl({brake:.2f})
+{places}
+  if met:
+    write_output_integer_register({RESULT}, {MET})
+  elif pushed:
+    write_output_integer_register({RESULT}, {PUSHED})
+  else:
+    write_output_integer_register({RESULT}, {ARRIVED})
+  end
+end
+"""
+_PLAIN = """def tanteo_{number}():
+  write_output_integer_register({RESULT}, 0)
+  write_output_integer_register({NUMBER}, {number})
+  movel({goal}, a={acceleration:.4f}, v={speed:.6f})
+  write_output_integer_register({RESULT}, {ARRIVED})
+end
+"""
+STOP = "def tanteo_stop():\n  stopl(5.0)\nend\n"
+"""A program that replaces the one that runs."""
+
+
+def guarded(number: int, T: Transforms, speed: float, digital_input: int, force: float) -> str:
+    """Straight to a pose of the TCP, to a contact at most, and no harder than ``force`` [N] above that at the start."""
+    motion = _motion(number, T, speed)
+    return _GUARDED.format(input=digital_input, force=force, brake=_BRAKE, places=_places(), **motion)
+
+
+def plain(number: int, T: Transforms, speed: float) -> str:
+    """Straight to a pose of the TCP."""
+    return _PLAIN.format(**_motion(number, T, speed))
+
+
+def pose_of(T: Transforms) -> Sequence[float]:
+    """Place and rotation vector, as URScript has poses."""
+    return [float(v) + 0.0 for v in (*T[:3, 3], *SO3.log(T[:3, :3]))]
+
+
+def _motion(number: int, T: Transforms, speed: float) -> dict[str, object]:
+    goal = "p[" + ", ".join(f"{v:.7f}" for v in pose_of(T)) + "]"
+    results = {"ARRIVED": ARRIVED, "MET": MET, "TRIPPED": TRIPPED, "PUSHED": PUSHED}
+    acceleration = max(0.1, 4 * speed)
+    motion = {"number": number, "goal": goal, "speed": speed, "acceleration": acceleration}
+    return {**motion, "NUMBER": NUMBER, "RESULT": RESULT, **results}
+
+
+def _places() -> str:
+    return "\n".join(f"  write_output_float_register({PLACE + k}, here[{k}])" for k in range(6))
