@@ -11,7 +11,6 @@ import time
 import pytest
 
 from tanteo.catalogue import build_catalogue, open_catalogue, spreading
-from tanteo.catalogue.pool import Request
 from tanteo.cli import main
 from tanteo.cluster import at_work, check_scheduler, spread
 from tanteo.errors import InputError
@@ -96,7 +95,7 @@ def test_large_files_are_tasks_of_their_own(tmp_path, monkeypatch):
     requests = {}
     for k, size in enumerate((20, 20, 500, 20)):
         (tmp_path / str(k)).write_bytes(b"x" * size)
-        requests[k] = Request(str(tmp_path / str(k)), "mm", str(k))
+        requests[k] = spreading.Request(str(tmp_path / str(k)), "mm", str(k))
     asked = []
     monkeypatch.setattr(spreading, "spread", lambda scheduler, work, tasks, settle: asked.extend(tasks.values()))
     spreading.read_on_cluster(requests, print, "local:1")
@@ -199,5 +198,5 @@ def test_a_worker_with_another_version_is_told():
 
 def test_a_file_that_is_another_one_there_is_not_taken(parts):
     path = str(parts / "p01.off")
-    (found,) = spreading.read_batch({4: Request(path, "mm", "p01", key="f" * 64, record=True)}).values()
+    (found,) = spreading.read_batch({4: spreading.Request(path, "mm", "p01", key="f" * 64, record=True)}).values()
     assert found.startswith(f"{path}: expected the same file on every worker")
