@@ -69,7 +69,7 @@ def expected_feature(kind: str, scene: SceneFile, part: Part, best: Hypothesis, 
     """The feature of a part that an image has placed to which the hand goes.
 
     Args:
-        kind: ``plane``, ``edge`` or ``vertex``.
+        kind: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
         scene: Says where the hand is.
         part: The part.
         best: What the image says of its pose.
