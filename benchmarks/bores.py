@@ -18,6 +18,7 @@ import numpy as np
 from campaign import options, run_cases
 from common import Table
 from holes import part_of, plate
+from OCP.Message import Message
 
 from tanteo.active import POLICIES, Stop, at_pose, corner_distances, probe_of
 from tanteo.inference import prepare
@@ -34,6 +35,7 @@ PLACES = "anywhere", "flat faces only"
 @cache
 def target_of(outline, seed, k):
     """One part of that outline."""
+    Message.DefaultMessenger_s().ChangePrinters().Clear()
     rng = np.random.default_rng((seed, k))
     spec = next(s for s in iter(lambda: plate(rng), None) if s[0] == (outline == "flange"))
     with tempfile.TemporaryDirectory() as folder:
@@ -106,7 +108,8 @@ def main() -> None:
     rows = run_cases(run_one, [(*kind, seed, k) for kind in kinds for k in range(count)], keep, processes)
     table = [summary(*kind, rows[n * count :][:count]) for n, kind in enumerate(kinds)]
     columns = (
-        "part, touched", "sessions", "goal reached", "touches, median (90 %)", "of these on round walls", "within 0.2 mm"
+        "part, touched", "sessions", "goal reached", "touches, median (90 %)", "of these on round walls",
+        "within 0.2 mm",
     )  # fmt: skip
     print(
         Table(

@@ -150,10 +150,8 @@ def _another(rim: Feature, guess: RoundGuess) -> str:
     gap = rim.T_world_feature[:3, 3] - guess.point
     away = float(np.linalg.norm(gap - (gap @ guess.axis) * guess.axis))
     radius, own = float(rim.radius or 0.0), float(np.linalg.eigvalsh(feature_covariance(rim)[:3, :3])[-1])
-    if (
-        away <= _OTHER * np.hypot(guess.sd, np.sqrt(own))
-        and abs(np.log(radius / guess.radius)) <= _OTHER * guess.radius_share
-    ):
+    near = away <= _OTHER * np.hypot(guess.sd, np.sqrt(own))
+    if near and abs(np.log(radius / guess.radius)) <= _OTHER * guess.radius_share:
         return ""
     found = f"the rim that was sensed has a radius of {1e3 * radius:.3g} mm and is {1e3 * away:.2g} mm off"
     expected = (

@@ -1,8 +1,8 @@
 """Features as candidates: this face, this edge, this corner, this bore, each as the few readings that acquire it.
 
 The paper chooses among features, not among single readings. A face needs three readings that are far apart, an edge two
-on either side of it, a corner one on each of its faces, the wall of a bore or a boss five. What they tell together is more than what one of them tells and
-less than their sum: the determinant of their joint covariance says how much.
+on either side of it, a corner one on each of its faces, the wall of a bore or a boss five. What they tell together is
+more than what one of them tells and less than their sum: the determinant of their joint covariance says how much.
 """
 
 from __future__ import annotations

@@ -12,6 +12,6 @@ from tanteo.execution.start import HYPOTHESES, hand_probe, part_seen, seen_start
 from tanteo.execution.whole import acquirable
 
 __all__ = [
-    "HYPOTHESES", "Executed", "Furniture", "Possible", "Room", "Visit", "acquirable", "approach_poses", "hand_probe", "part_seen",
-    "reachable", "seen_start", "sense_part",
+    "HYPOTHESES", "Executed", "Furniture", "Possible", "Room", "Visit", "acquirable", "approach_poses", "hand_probe",
+    "part_seen", "reachable", "seen_start", "sense_part",
 ]  # fmt: skip

@@ -173,7 +173,7 @@ class Action:
                 (``tip_sd``), need it.
 
         Raises:
-            InputError: not a length, or several times ``max_range``, which may be one of another unit; a feature that is
+            InputError: not a length, or several times ``max_range``, which may be one of another unit; or a feature is
                 to be acquired whole.
         """
         if self.acquires:
