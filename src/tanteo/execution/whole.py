@@ -7,13 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.acquisition import RADIUS_SHARE, Predicted, RoundGuess, least_radius, predicted
+from tanteo.acquisition import RADIUS_SHARE, Acquired, Predicted, RoundGuess, least_radius, predicted
 from tanteo.active import WHOLE, Candidates, SensingState, WholeFeature
 from tanteo.execution.approach import feasible
 from tanteo.execution.possible import Possible, Room
+from tanteo.features import CIRCLE, Feature, feature_covariance
 from tanteo.hand import Hand
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules
+from tanteo.sensors import CENTRE, Readings, concatenate
 from tanteo.session import Action
 from tanteo.typing import FloatArray
 
@@ -93,3 +95,26 @@ def _offer(state: SensingState, k: int, kind: str, found: Predicted, rules: Rule
 def _start(guess: RoundGuess, rules: Rules) -> FloatArray:
     """Over the middle of the rim, some way above the stand-off."""
     return np.asarray(guess.point + (standoff_of(rules) + _ABOVE) * guess.axis)
+
+
+def told_of(got: Acquired) -> Readings:
+    """What a session is told of an acquisition: what was read of faces and walls, and of a rim its centre and radius.
+
+    A crossing of a rim is no reading of a surface: its beam runs along the wall and meets nothing of it.
+    """
+    assert got.feature is not None
+    assert got.readings is not None
+    raw = got.readings.take(np.flatnonzero(np.array(got.readings.kinds) != CIRCLE.name))
+    rims = [f for f in (got.feature, *got.others) if f.kind is CIRCLE]
+    return concatenate([raw, *(_centre(rim) for rim in rims)])
+
+
+def _centre(rim: Feature) -> Readings:
+    """The centre of a rim with its axis as a reading, as sure as it is known across the axis, and as that is."""
+    C, T = feature_covariance(rim), rim.T_world_feature
+    across, tilt = (np.sqrt(np.linalg.eigvalsh(C[some, some])[-1:]) for some in (slice(0, 2), slice(3, 5)))
+    return Readings.from_columns(
+        T[None, :3, 3], normals=T[None, :3, 2], normal_sds=tilt, ids=[rim.label], features=[rim.label], kinds=[CENTRE],
+        sds=across, hole_radii=np.array([rim.radius]),
+        material_sides=["boss" if rim.convex else "hole"], source="acquisition",
+    )  # fmt: skip

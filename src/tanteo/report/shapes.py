@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import SideError
-from tanteo.features import Feature, outline, outlines_off
-from tanteo.fitting import fit_labelled
-from tanteo.sensors import PointMeasurements
+from tanteo.features import CIRCLE, Feature, outline, outlines_off
+from tanteo.fitting import fit_labelled, given_round
+from tanteo.sensors import CENTRE, PointMeasurements
 from tanteo.typing import FloatArray
 
 _SDS, _SEEN = 2.0, 0.04
@@ -53,8 +53,23 @@ def shapes_of(measured: PointMeasurements, size: float, tolerance: float = 0.0) 
     try:
         fitted = fit_labelled(measured, tolerance).features
     except SideError:
-        return draw_shapes((), size)
-    return draw_shapes([f if isinstance(f, Feature) else f[0] for f in fitted], size)
+        fitted = ()
+    return draw_shapes([*(f if isinstance(f, Feature) else f[0] for f in fitted), *_rims(measured)], size)
+
+
+def _rims(measured: PointMeasurements) -> list[Feature]:
+    """The circles of centres that came with their axis and radius."""
+    known = np.isfinite(measured.normals).all(axis=1) & (measured.circles[:, 0] > 0)
+    rows = np.flatnonzero(known & (np.array(measured.kinds) == CENTRE))
+    sds = np.sqrt(np.linalg.eigvalsh(measured.total_covs())[:, -1])
+    return [
+        given_round(
+            CIRCLE, measured.points[k], measured.total_covs()[k], axis=measured.normals[k],
+            axis_sd=float(measured.normal_sds[k]), size=float(measured.circles[k, 0]), size_sd=float(sds[k]),
+            label=measured.features[k] or measured.ids[k],
+        )
+        for k in rows
+    ]  # fmt: skip
 
 
 def draw_shapes(features: Sequence[Feature], size: float) -> Shapes:
