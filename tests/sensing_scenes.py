@@ -22,6 +22,10 @@ from tanteo.session import Action, Done, Sensing, Session
 
 LASER = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
 FLIGHT = Probe("time of flight", NoiseLaw.of(3e-3), max_range=0.6, standoff=0.2)
+STYLUS = Probe(
+    "stylus", NoiseLaw.of(5e-5), contact=True, radius=1e-3, standoff=0.01, clearance=0.003, retreat=0.05,
+    approach=np.array([0.0, 0.0, -1.0]), cone=np.pi / 2, stylus=np.array([0.0, 0.0, 1.0]),
+)  # fmt: skip
 PLACE_SD = 0.015, 0.15
 """How roughly the place of a part is known: each axis [m], about each axis [rad]."""
 

@@ -23,9 +23,10 @@ SEEN = {
     "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]],
     "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
 }
-MARKS = ("good", "bad", "overlay", "free", "edge")
+MARKS = ("good", "bad", "overlay", "free", "edge", "feature")
 LIVE = {
-    name: colors.css(getattr(colors, name)) for name in ("GOOD", "BAD", "OVERLAY", "FREE", "EDGE", "INK", "PLANNER")
+    name: colors.css(getattr(colors, name))
+    for name in ("GOOD", "BAD", "OVERLAY", "FREE", "EDGE", "INK", "PLANNER", "FEATURE")
 }
 LIVE |= {f"rival {k}": colors.css(hue) for k, hue in enumerate(colors.RIVALS)}
 SEEN_IMAGE = {name: colors.css(getattr(picture, name)) for name in ("MET", "MISSED", "OUTLINE")}
@@ -85,7 +86,7 @@ def test_beams_are_no_ghosts_and_no_readings(theme, eyes):
 
 
 def test_the_live_page_has_the_colours_of_the_report():
-    for name in ("part", "edge", "ink", "soft", "good", "bad", "beam", "free", "overlay"):
+    for name in ("part", "edge", "ink", "soft", "good", "bad", "beam", "free", "overlay", "feature"):
         assert colors.css(getattr(colors, name.upper())) == LIGHT[name], name
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import tanteo
-from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess, predicted
+from tanteo.acquisition import EdgeGuess, FaceGuess, RoundGuess, VertexGuess, predicted
 from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.parts import round_features
 from tanteo.shapes import Surface
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -95,5 +96,29 @@ def test_the_spread_is_that_of_the_pose(bracket):
 
 
 def test_another_kind_is_refused(bracket):
-    with pytest.raises(InputError, match="expected plane, edge or vertex, got 'hole'"):
+    with pytest.raises(InputError, match="expected plane, edge, vertex, circle or cylinder, got 'hole'"):
         guesses(bracket[0], "hole")
+
+
+def test_rims_of_bores_and_bosses_that_open_to_the_hand():
+    part = tanteo.read_part(PARTS / "flange.step")
+    rims, walls = (guesses(part, kind) for kind in ("circle", "cylinder"))
+    assert {p.name for p in walls} == {"hole 0", "hole 1", "hole 2", "hole 4", "hole 5", "boss 3"}
+    assert {p.name for p in rims} == {f"rim of {p.name}" for p in walls}
+    for p in walls:
+        one = next(r for r in round_features(part) if r.name == p.name)
+        assert isinstance(p.guess, RoundGuess)
+        assert p.guess.convex is not one.hole
+        assert p.guess.radius == pytest.approx(one.radii[0])
+        assert p.guess.axis == pytest.approx(POSE[:3, 2])
+        assert SE3.apply(SE3.inverse(POSE), p.guess.point)[2] == pytest.approx(
+            0.018 if p.faces == ("face 2",) else 0.048
+        )
+    value = {p.name: p.value for p in rims}
+    assert value["rim of hole 0"] > value["rim of hole 5"]  # wider, but the ring around it leaves no way to cross it
+
+
+def test_a_rim_is_gone_to_where_it_opens_to_the_hand_only():
+    part = tanteo.read_part(PARTS / "flange.step")
+    assert {p.name for p in guesses(part, "circle", -UP)} == {f"rim of hole {k}" for k in (0, 1, 2, 4, 5)}
+    assert not guesses(part, "circle", np.array([1.0, 0.0, 0.0]))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, met_by_beams, rough
+from sensing_scenes import LASER, STYLUS, met_by_beams, rough
 from tanteo.active import Candidates, at_pose, begin, has_room, probe_of, propose, within_cone
 from tanteo.answers import Priors
 from tanteo.errors import InputError
@@ -172,3 +172,28 @@ def test_a_probe_has_the_least_range_of_its_sensor():
     assert probe_of(sensor_preset("touch_trigger_cnc")).min_range == 0
     with pytest.raises(InputError, match="where it begins to read"):
         replace(probe, standoff=0.1)
+
+
+@pytest.fixture(scope="module")
+def spacer():
+    """A part with a through bore of 36 mm along z, and how well it is known."""
+    return begin(at_pose(prepare(read_part(PARTS / "hex_spacer.step")), np.eye(4), 1e-8 * np.eye(6)))
+
+
+def test_a_stylus_touches_the_wall_of_a_bore_from_its_axis(spacer):
+    c, part = propose(spacer, STYLUS, 400), spacer.target(0).part
+    inside = np.array([part.faces[f].surface == "cylinder" for f in c.face])
+    assert inside.any()
+    wide = propose(spacer, replace(STYLUS, standoff=0.05), 400)
+    rows = np.array([part.faces[f].surface == "cylinder" for f in wide.face])
+    np.testing.assert_allclose(wide.ranges[rows], 0.018, rtol=1e-2)  # half of the way to the wall behind
+    assert np.abs(wide.origins[rows, :2]).max() < 1.5e-3  # the mesh has facets
+    back = wide.origins[rows][:, None] + np.linspace(0, STYLUS.retreat, 9)[:, None] * STYLUS.stylus
+    assert (signed_distance(spacer.target(0).surface, back.reshape(-1, 3))[0] >= STYLUS.clearance - 1e-9).all()
+
+
+@pytest.mark.parametrize("change", [{"stylus": None, "stylus_behind": True}, {"clearance": 0.0181}])
+def test_no_bore_is_entered_sideways_or_without_room(spacer, change):
+    c, part = propose(spacer, replace(STYLUS, standoff=0.05, **change), 400), spacer.target(0).part
+    assert len(c)
+    assert not any(part.faces[f].surface == "cylinder" for f in c.face)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sensing_scenes import LASER, drawn_truth, met_by_beams, new_session, off, rough, sense
+from sensing_scenes import LASER, STYLUS, drawn_truth, met_by_beams, new_session, off, rough, sense
 from tanteo.active import POLICIES, DecisionContext, at_pose, begin, features, propose
 from tanteo.inference import prepare
 from tanteo.lie import SE3
@@ -80,3 +80,14 @@ def test_where_nothing_makes_a_feature_single_places_are_left(context):
     lone = s.candidates.take(np.array([0]))
     (only,) = features(s.state, lone)
     assert only.rows.tolist() == [0]
+
+
+def test_the_wall_of_a_bore_is_a_feature_of_touches():
+    """A stylus from above reaches it: five touches on it, and none of three like a face."""
+    target = prepare(read_part(PARTS / "hex_spacer.step"))
+    state = begin(at_pose(target, np.eye(4), np.diag(np.repeat([2e-4, 1e-3], 3) ** 2)))
+    found = features(state, propose(state, STYLUS, 400))
+    (wall,) = (f for f in found if f.kind == "wall")
+    assert wall.name == "the wall of hole 0 (face 8) of hex_spacer"
+    assert len(set(wall.rows.tolist())) == 5
+    assert not any(f.kind == "face" and f.faces == wall.faces for f in found)

@@ -1,4 +1,4 @@
-"""From a rough idea of a face, an edge or a corner to the sensed feature with its covariance (paper, section 3).
+"""From a rough idea of a face, edge, corner, bore or boss to the sensed feature with covariance (paper, section 3).
 
 An idea may come from an image, from a belief or from a person; thirty millimetres and sixty degrees are near enough.
 The hand looks around from a distance, takes the patch that fits the idea, and senses it with the motions of
@@ -6,17 +6,20 @@ The hand looks around from a distance, takes the patch that fits the idea, and s
 bit, whether it comes from the run or from a file.
 """
 
+from tanteo.acquisition.by_kind import SENSE
 from tanteo.acquisition.circle import sense_circle
 from tanteo.acquisition.cylinder import sense_cylinder
 from tanteo.acquisition.edge import sense_edge
-from tanteo.acquisition.guesses import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
+from tanteo.acquisition.guesses import RADIUS_SHARE, EdgeGuess, FaceGuess, RoundGuess, VertexGuess
 from tanteo.acquisition.plane import sense_plane
 from tanteo.acquisition.predicted import Predicted, predicted
 from tanteo.acquisition.record import features_of, plane_as_published
+from tanteo.acquisition.rim import least_radius
 from tanteo.acquisition.run import Acquired, Outcome
 from tanteo.acquisition.vertex import sense_vertex
 
 __all__ = [
-    "Acquired", "EdgeGuess", "FaceGuess", "Outcome", "Predicted", "RoundGuess", "VertexGuess", "features_of",
-    "plane_as_published", "predicted", "sense_circle", "sense_cylinder", "sense_edge", "sense_plane", "sense_vertex",
+    "RADIUS_SHARE", "SENSE", "Acquired", "EdgeGuess", "FaceGuess", "Outcome", "Predicted", "RoundGuess", "VertexGuess",
+    "features_of", "least_radius", "plane_as_published", "predicted", "sense_circle", "sense_cylinder", "sense_edge",
+    "sense_plane", "sense_vertex",
 ]  # fmt: skip

@@ -14,7 +14,7 @@ from tanteo.acquisition.rim import LEAST_PLACES, Place, controlled, cross_rim, d
 from tanteo.acquisition.rim_seen import LEAST_GAIN, Disc, in_face, seen_disc
 from tanteo.acquisition.run import Acquired, Attempt, SensingRun, finish
 from tanteo.errors import DegenerateError
-from tanteo.features import Feature
+from tanteo.features import Feature, feature_covariance
 from tanteo.hand import Robot
 from tanteo.limits import SUSPECT
 from tanteo.motion import Rules
@@ -149,8 +149,9 @@ def _another(rim: Feature, guess: RoundGuess) -> str:
     """What is to be said of a rim that is too far off the idea to be the one that was meant; empty if it is not."""
     gap = rim.T_world_feature[:3, 3] - guess.point
     away = float(np.linalg.norm(gap - (gap @ guess.axis) * guess.axis))
-    radius = float(rim.radius or 0.0)
-    if away <= _OTHER * guess.sd and abs(np.log(radius / guess.radius)) <= _OTHER * guess.radius_share:
+    radius, own = float(rim.radius or 0.0), float(np.linalg.eigvalsh(feature_covariance(rim)[:3, :3])[-1])
+    near = away <= _OTHER * np.hypot(guess.sd, np.sqrt(own))
+    if near and abs(np.log(radius / guess.radius)) <= _OTHER * guess.radius_share:
         return ""
     found = f"the rim that was sensed has a radius of {1e3 * radius:.3g} mm and is {1e3 * away:.2g} mm off"
     expected = (

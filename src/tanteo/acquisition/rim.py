@@ -18,12 +18,16 @@ from tanteo.acquisition.rim_seen import Disc
 from tanteo.acquisition.run import SensingRun
 from tanteo.acquisition.ways import moved
 from tanteo.features import Feature
+from tanteo.hand import Hand
 from tanteo.motion import EdgeEvent, Motion
 from tanteo.sensors import error_model
 from tanteo.typing import FloatArray
 
 _BEYOND = 2.5e-3
 """A crossing goes on so far beyond twice the spot [m]: what is narrower is not met."""
+
+_ON_BOSS = 0.006
+"""Each frontal sensor stands so far inside of the rim of a boss, at least [m]."""
 
 _SAME = 0.25, 0.006
 """Places are of the rim that is looked for within this share of its radius, or this much [m]."""
@@ -56,15 +60,24 @@ class Place:
     variance: float
 
 
+def least_radius(hand: Hand, standoff: float, *, convex: bool) -> float:
+    """Radius below which a hand acquires no rim [m]: its beams have to pass a bore, and both to stand on a boss."""
+    return 0.5 * hand.baseline + _ON_BOSS if convex else _spot(hand, standoff) + 0.5 * _BEYOND
+
+
 def narrowest(run: SensingRun) -> float:
     """Diameter below which a bore is not met by the frontal beams at the stand-off [m]."""
-    return 2 * spot_of(run) + _BEYOND
+    return 2 * least_radius(run.hand, run.standoff, convex=False)
 
 
 def spot_of(run: SensingRun) -> float:
     """Radius of a frontal beam on the face at the stand-off [m]."""
-    half_angles = error_model(run.hand.rig).beam_half_angle[list(run.hand.frontal)]
-    return float(run.standoff * np.tan(half_angles).max())
+    return _spot(run.hand, run.standoff)
+
+
+def _spot(hand: Hand, standoff: float) -> float:
+    half_angles = error_model(hand.rig).beam_half_angle[list(hand.frontal)]
+    return float(standoff * np.tan(half_angles).max())
 
 
 def cross_rim(

@@ -29,11 +29,13 @@ from tanteo.active.start import ORIGIN_SDS, Start, around, at_origin, at_pose, f
 from tanteo.active.state import SensingState, begin, update
 from tanteo.active.stopping import Stop, chance_within, corner_distances, largest_corner_sd
 from tanteo.active.utility import UTILITIES, Outlook, Utility, about_mode, about_pose, expected_information
+from tanteo.active.whole import WHOLE, Offers, PartFeatures, WholeFeature, WholeKind, whole_information, whole_seconds
 
 __all__ = [
     "ORIGIN_SDS",
     "POLICIES",
     "UTILITIES",
+    "WHOLE",
     "AcceptProbability",
     "Added",
     "Candidates",
@@ -48,7 +50,9 @@ __all__ = [
     "GateDiscrimination",
     "Greedy",
     "NextForCell",
+    "Offers",
     "Outlook",
+    "PartFeatures",
     "Places",
     "Plan",
     "PlannedReading",
@@ -62,6 +66,8 @@ __all__ = [
     "Start",
     "Stop",
     "Utility",
+    "WholeFeature",
+    "WholeKind",
     "about_mode",
     "about_pose",
     "accept_matrix",
@@ -97,5 +103,7 @@ __all__ = [
     "propose",
     "register_utility",
     "update",
+    "whole_information",
+    "whole_seconds",
     "within_cone",
 ]

@@ -12,6 +12,7 @@ from tanteo.active.state import SensingState
 from tanteo.answers import box_corners
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
+from tanteo.shapes import signed_distance
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _LIVE = 0.003
@@ -23,8 +24,8 @@ _LIKELY = 0.01
 _TRIED = 320
 """Places of a mode at least that are tried."""
 
-_STEPS = 4
-"""Places along the way in that are checked for room."""
+_STEPS, _BESIDE_WALLS = 4, 10
+"""Places along the way in that are checked for room; more where it may be between walls."""
 
 _DRAWS, _LEAST_DRAWS = 64, 8
 """Poses of all modes that a way must keep clear of, and the least of each."""
@@ -108,12 +109,13 @@ def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -
     rows = np.random.default_rng((1991, seed, k)).permutation(len(target.samples))[: max(_TRIED, count)]
     points, normals, faces = target.samples[rows], target.normals[rows], target.sample_faces[rows]
     world, outward = SE3.apply(T, points), normals @ T[:3, :3].T
-    directions = within_cone(-outward, probe)
+    directions, to_part = within_cone(-outward, probe), SE3.inverse(T)
     cosines = -np.sum(directions * outward, axis=1)
     ok = cosines > np.cos(0.95 * probe.max_incidence)
     ranges = np.resize(probe.standoffs, len(points))
+    if probe.stylus is not None:
+        ranges = _between_walls(target, points, -directions @ to_part[:3, :3].T, ranges, probe.clearance)
     origins = world - ranges[:, None] * directions
-    to_part = SE3.inverse(T)
     first = target.surface.cast(SE3.apply(to_part, origins), directions @ to_part[:3, :3].T).distances
     ok &= np.abs(first - ranges) < 1e-6 + 1e-3 * ranges
     if probe.stylus is not None or probe.stylus_behind:
@@ -122,6 +124,23 @@ def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -
         ok[ok] = _stylus_free(target, to_part, origins[ok], contacts[ok], directions[ok], probe, tilt)
     index = np.flatnonzero(ok)[:count]
     return Candidates(origins[index], directions[index], np.full(len(index), k), faces[index], ranges[index])
+
+
+def _between_walls(
+    target: PreparedPart, points: Vectors, back: Vectors, ranges: FloatArray, clearance: float
+) -> FloatArray:
+    """Stand-offs ``(n,)`` [m], half of the way to the wall behind where there is no more: in a bore from its axis.
+
+    Args:
+        target: the part.
+        points: to be met, in its frame ``(n, 3)``.
+        back: from there to the start, likewise.
+        ranges: stand-offs where there is room.
+        clearance: that the start needs [m].
+    """
+    away = 1e-6 * target.part.diagonal
+    free = target.surface.cast(points + away * back, back).distances + away
+    return np.asarray(np.where(free < ranges + clearance, 0.5 * free, ranges))
 
 
 def _stylus_free(
@@ -178,13 +197,13 @@ def has_room(state: SensingState, candidates: Candidates, probe: Probe, *, anywh
     gaps = np.zeros((len(live), *way.shape[:2]))
     for gap, k in zip(gaps, live, strict=True):
         rows = np.flatnonzero(ok)
-        gap[rows] = _distances(state.target(int(k)), SE3.inverse(state.poses[k]), way[rows])
+        gap[rows] = _distances(state.target(int(k)), SE3.inverse(state.poses[k]), way[rows], probe)
         ok[rows] = gap[rows].min(axis=1) >= probe.clearance
-    return _clear_anywhere(state, live, way, gaps, ok, probe.clearance) if anywhere else ok
+    return _clear_anywhere(state, live, way, gaps, ok, probe) if anywhere else ok
 
 
 def _clear_anywhere(
-    state: SensingState, live: IntArray, way: Vectors, gaps: FloatArray, ok: BoolArray, clearance: float
+    state: SensingState, live: IntArray, way: Vectors, gaps: FloatArray, ok: BoolArray, probe: Probe
 ) -> BoolArray:
     """Which of the ways that are clear of the live modes' poses are so of samples about them ``(C,)``.
 
@@ -197,7 +216,7 @@ def _clear_anywhere(
         clear = ok.copy()
         for gap, k, count in zip(gaps, live, counts, strict=True):
             xi = beyond * even_normals(int(count))
-            clear[clear] = _clear_of_draws(state, int(k), xi, way[clear], gap[clear], clearance)
+            clear[clear] = _clear_of_draws(state, int(k), xi, way[clear], gap[clear], probe)
         if clear.sum() >= _ENOUGH * ok.sum():
             break
     return clear
@@ -212,7 +231,7 @@ def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
     c, boxes = candidates, probe.workspace.forbidden
     aims, last = c.aims, np.maximum(c.ranges - probe.clearance, 0.0) if probe.contact else np.zeros(len(c))
     near = c.origins + last[:, None] * c.directions
-    behind = c.origins - probe.retreat * c.directions
+    behind = c.origins + probe.retreat * _back(c, probe)
     tip = aims - probe.radius * c.directions
     met = [box.crossed(behind, near, probe.clearance) | box.crossed(near, tip, probe.radius) for box in boxes]
     ok = ~np.any(met, axis=0) if boxes else np.ones(len(c), dtype=bool)
@@ -223,7 +242,7 @@ def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
 
 
 def _clear_of_draws(
-    state: SensingState, k: int, xi: FloatArray, way: Vectors, gaps: FloatArray, clearance: float
+    state: SensingState, k: int, xi: FloatArray, way: Vectors, gaps: FloatArray, probe: Probe
 ) -> BoolArray:
     """Whether ways keep clear of a mode's part wherever it may be ``(n,)``.
 
@@ -233,31 +252,27 @@ def _clear_of_draws(
         xi: the samples, in standard deviations ``(D, 6)``.
         way: places of each way ``(n, P, 3)``.
         gaps: of each from the part at the mode's pose ``(n, P)`` [m].
-        clearance: to keep [m].
+        probe: whose clearance is to be kept.
     """
     target, T = state.target(k), state.poses[k]
     values, vectors = np.linalg.eigh(state.covariances[k])
     Ts = T @ SE3.exp(xi @ (vectors * np.sqrt(values.clip(0.0))).T)
     corners = box_corners(target.part)
-    max_measurements = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max()
+    farthest = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max()
     ok = np.ones(len(way), dtype=bool)
-    rows, places = np.nonzero(
-        gaps < clearance + max_measurements
-    )  # no part of the part moves farther than a corner of its box
-    least = _distances(target, SE3.inverse(Ts)[:, None], way[rows, places]).min(axis=0)
-    ok[rows[least < clearance]] = False
+    rows, places = np.nonzero(gaps < probe.clearance + farthest)  # nothing moves farther than a corner of the box
+    least = _distances(target, SE3.inverse(Ts)[:, None], way[rows, places], probe).min(axis=0)
+    ok[rows[least < probe.clearance]] = False
     return ok
 
 
 def clear_at(target: PreparedPart, T: Transforms, Ts: Transforms, candidates: Candidates, probe: Probe) -> BoolArray:
     """Whether start and way in keep clear of a part at poses ``(S, 4, 4)`` about ``T``: ``(S, C)``."""
     way = _way(candidates, probe)
-    gaps, corners = _distances(target, SE3.inverse(T), way), box_corners(target.part)
-    max_measurements = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1)
-    s, c, p = np.nonzero(
-        gaps < probe.clearance + max_measurements[:, None, None]
-    )  # nothing moves farther than a corner of the box
-    near = _distances(target, SE3.inverse(Ts[s]), way[c, p]) < probe.clearance
+    gaps, corners = _distances(target, SE3.inverse(T), way, probe), box_corners(target.part)
+    farthest = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1)
+    s, c, p = np.nonzero(gaps < probe.clearance + farthest[:, None, None])
+    near = _distances(target, SE3.inverse(Ts[s]), way[c, p], probe) < probe.clearance
     ok = np.ones((len(Ts), len(candidates)), dtype=bool)
     ok[s[near], c[near]] = False
     return ok
@@ -265,10 +280,24 @@ def clear_at(target: PreparedPart, T: Transforms, Ts: Transforms, candidates: Ca
 
 def _way(candidates: Candidates, probe: Probe) -> Vectors:
     """Places on the way in, the start first ``(C, P, 3)``."""
-    back = np.linspace(0.0, probe.retreat, _STEPS)
-    return candidates.origins[:, None] - back[:, None] * candidates.directions[:, None]
+    back = np.linspace(0.0, probe.retreat, _STEPS if probe.stylus is None else _BESIDE_WALLS)
+    return candidates.origins[:, None] + back[:, None] * _back(candidates, probe)[:, None]
 
 
-def _distances(target: PreparedPart, to_part: Transforms, points: Vectors) -> FloatArray:
-    """Of world points from the surface, negative inside: from the grid, less what that may be off."""
-    return np.asarray(target.field(SE3.apply(to_part, points))[0] - 0.5 * target.field.step)
+def _back(candidates: Candidates, probe: Probe) -> Vectors:
+    """Directions out of the way in ``(C, 3)``: straight back, or along a stylus, which alone leads out of a bore."""
+    return -candidates.directions if probe.stylus is None else np.broadcast_to(probe.stylus, candidates.origins.shape)
+
+
+def _distances(target: PreparedPart, to_part: Transforms, points: Vectors, probe: Probe) -> FloatArray:
+    """Distances of world points from the surface, negative inside: from the grid, less what that may be off.
+
+    For a stylus, which goes where the grid is too coarse, exact where the grid leaves its clearance open.
+    """
+    local = SE3.apply(to_part, points)
+    distances = np.asarray(target.field(local)[0] - 0.5 * target.field.step)
+    if probe.stylus is not None:
+        short = probe.clearance - distances
+        open_ = (short > 0) & (short <= target.field.step)
+        distances[open_] = signed_distance(target.surface, local[open_])[0]
+    return distances

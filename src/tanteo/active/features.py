@@ -1,15 +1,15 @@
-"""Features as candidates: this face, this edge, this corner, each as the few readings that acquire it.
+"""Features as candidates: this face, this edge, this corner, this bore, each as the few readings that acquire it.
 
 The paper chooses among features, not among single readings. A face needs three readings that are far apart, an edge two
-on either side of it, a corner one on each of its faces. What they tell together is more than what one of them tells and
-less than their sum: the determinant of their joint covariance says how much.
+on either side of it, a corner one on each of its faces, the wall of a bore or a boss five. What they tell together is
+more than what one of them tells and less than their sum: the determinant of their joint covariance says how much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -19,19 +19,21 @@ from tanteo.active.samples import Predictions, Samples, beams
 from tanteo.active.state import SensingState
 from tanteo.active.utility import about_mode
 from tanteo.lie import SE3
-from tanteo.parts import Part
+from tanteo.parts import Part, round_features
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 _MODES = 3
 """Modes, the likeliest, whose features are looked at."""
 
-_FACE, _SIDE = 3, 2
-"""Readings of a face, and of each side of an edge."""
+_FACE, _SIDE, _WALL = 3, 2, 5
+"""Readings of a face, of each side of an edge, and of the wall of a bore or a boss."""
+
+Kind: TypeAlias = Literal["face", "edge", "corner", "wall"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Feature:
-    """A face, an edge or a corner of a part at one mode of the belief.
+    """A face, an edge, a corner, or the wall of a bore or a boss, of a part at one mode of the belief.
 
     Attributes:
         kind: what it is.
@@ -41,7 +43,7 @@ class Feature:
         rows: the candidates that acquire it, in the order of their readings.
     """
 
-    kind: Literal["face", "edge", "corner"]
+    kind: Kind
     mode: int
     faces: tuple[int, ...]
     name: str
@@ -49,7 +51,7 @@ class Feature:
 
 
 def features(state: SensingState, candidates: Candidates) -> tuple[Feature, ...]:
-    """The faces, edges and corners that the candidates can acquire; single places where they can acquire none.
+    """The faces, edges, corners and walls that the candidates can acquire; single places where they can acquire none.
 
     Args:
         state: what is known.
@@ -72,25 +74,64 @@ def _of_mode(state: SensingState, c: Candidates, mode: int) -> Iterable[Feature]
     part = state.target(mode).part
     own = np.flatnonzero(c.mode == mode)
     local = SE3.apply(SE3.inverse(state.poses[mode]), c.aims[own])
-    on = {int(f): own[c.face[own] == f] for f in np.unique(c.face[own])}
-    place = dict(zip(own.tolist(), local, strict=True))
+    on = _On(part, {int(f): own[c.face[own] == f] for f in np.unique(c.face[own])}, dict(zip(own, local, strict=True)))
+    for kind, find in _FINDERS.items():
+        for faces, words, rows in find(on):
+            yield Feature(kind, mode, tuple(faces), f"{words} of {part.name}", rows)
 
-    def made(kind: Literal["face", "edge", "corner"], faces: Sequence[int], rows: list[IntArray]) -> Feature:
-        names = [part.faces[f].name for f in faces]
-        words = names[0] if kind == "face" else f"the {kind} of {', '.join(names[:-1])} and {names[-1]}"
-        return Feature(kind, mode, tuple(faces), f"{words} of {part.name}", np.concatenate(rows))
 
-    for face, rows in on.items():
-        if len(rows) >= _FACE:
-            yield made("face", [face], [_apart(rows, place, _FACE)])
-    for k in range(len(part.edges)):
-        sides = [int(f) for f in part.edges.faces[k]]
-        if all(len(on.get(f, ())) >= _SIDE for f in sides):
-            yield made("edge", sides, [_along(on[f], place, part.edges.ends[k]) for f in sides])
-    for k, point in enumerate(part.corners.points):
-        sides = _faces_at(part, k)
-        if len(sides) > 2 and all(f in on for f in sides):
-            yield made("corner", sides, [_nearest(on[f], place, point) for f in sides])
+@dataclass(frozen=True, slots=True, eq=False)
+class _On:
+    """Candidates of one mode, by the faces on which they are: rows of each, and the place of every row in the part."""
+
+    part: Part
+    rows: dict[int, IntArray]
+    place: dict[int, Vectors]
+
+    def name(self, faces: Sequence[int]) -> str:
+        """Of one face or several."""
+        *others, last = (self.part.faces[f].name for f in faces)
+        return f"{', '.join(others)} and {last}" if others else last
+
+
+_Found: TypeAlias = Iterator[tuple[Sequence[int], str, IntArray]]
+"""Faces of each feature, what it is called, and the candidates that acquire it."""
+
+
+def _faces(on: _On) -> _Found:
+    round_ones = {face for one in round_features(on.part) for face in one.faces}
+    for face, rows in on.rows.items():
+        if len(rows) >= _FACE and face not in round_ones:
+            yield [face], on.name([face]), _apart(rows, on.place, _FACE)
+
+
+def _edges(on: _On) -> _Found:
+    edges = on.part.edges
+    for sides, ends in zip(edges.faces.tolist(), edges.ends, strict=True):
+        if all(len(on.rows.get(f, ())) >= _SIDE for f in sides):
+            rows = np.concatenate([_along(on.rows[f], on.place, ends) for f in sides])
+            yield sides, f"the edge of {on.name(sides)}", rows
+
+
+def _corners(on: _On) -> _Found:
+    for k, point in enumerate(on.part.corners.points):
+        sides = _faces_at(on.part, k)
+        if len(sides) > 2 and all(f in on.rows for f in sides):
+            rows = np.concatenate([_nearest(on.rows[f], on.place, point) for f in sides])
+            yield sides, f"the corner of {on.name(sides)}", rows
+
+
+def _walls(on: _On) -> _Found:
+    for one in round_features(on.part):
+        rows = np.concatenate([on.rows.get(f, np.zeros(0, dtype=np.int64)) for f in one.faces])
+        if len(rows) >= _WALL:
+            yield one.faces, f"the wall of {one.name} ({on.name(one.faces)})", _apart(rows, on.place, _WALL)
+
+
+_FINDERS: dict[Kind, Callable[[_On], _Found]] = {
+    "face": _faces, "edge": _edges, "corner": _corners, "wall": _walls,
+}  # fmt: skip
+"""How the features of each kind are found among candidates."""
 
 
 def _faces_at(part: Part, corner: int) -> list[int]:
@@ -156,11 +197,11 @@ def joint_information(
             if feature.mode == mode:
                 used = feature.rows[answers[feature.rows]]
                 share = samples.weights[samples.mode == mode].sum()
-                pose[k] = share * _shrunk(g[used], S[np.ix_(used, used)], samples.whole[row], samples.useful[row])
+                pose[k] = share * shrunk(g[used], S[np.ix_(used, used)], samples.whole[row], samples.useful[row])
     return pose + np.array([apart[feature.rows].max() for feature in found])
 
 
-def _shrunk(G: FloatArray, R: FloatArray, whole: FloatArray, useful: FloatArray) -> float:
+def shrunk(G: FloatArray, R: FloatArray, whole: FloatArray, useful: FloatArray) -> float:
     """Half the log of the ratio of determinants of the readings with and without what is useful of the pose."""
     if not len(G):
         return 0.0

@@ -44,10 +44,10 @@ class Greedy:
         """The candidate with the greatest utility, or utility a second."""
         ahead = outlook(context)
         worth = UTILITIES[self.utility](ahead)
-        if self.per_second:
-            worth = worth / context.seconds()
-        k = int(np.argmax(worth))
-        return Choice(k, float(ahead.told[k]), f"it is expected to tell {ahead.told[k]:.2f} nats about part and pose")
+        seconds = context.seconds() if self.per_second else np.full(len(worth), np.nan)
+        k = int(np.argmax(worth / seconds if self.per_second else worth))
+        why = f"it is expected to tell {ahead.told[k]:.2f} nats about part and pose"
+        return Choice(k, float(ahead.told[k]), why, float(seconds[k]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +68,12 @@ class Features:
         ahead = outlook(s)
         found = features(s.state, s.candidates)
         gains = joint_information(found, ahead.samples, ahead.predicted, s)
-        worth = gains / np.array([_seconds(s, feature) for feature in found])
-        best = int(np.argmax(worth))
+        seconds = np.array([_seconds(s, feature) for feature in found])
+        best = int(np.argmax(gains / seconds))
         chosen = found[best]
         k = int(chosen.rows[np.argmax((ahead.told / s.seconds())[chosen.rows])])
         why = f"with {len(chosen.rows) - 1} more of {chosen.name} it is expected to tell {gains[best]:.2f} nats"
-        return Choice(k, float(gains[best]), why)
+        return Choice(k, float(gains[best]), why, float(seconds[best]))
 
 
 def _seconds(s: DecisionContext, feature: Feature) -> float:

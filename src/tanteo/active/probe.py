@@ -30,10 +30,11 @@ class Probe:
         repeat_sd: of the hand's place from reading to reading, in every direction [m].
         base_sds: of the robot's absolute error, which all readings share: place [m] and turn about the world's
             origin [rad], each axis.
-        standoff: from where it starts to the surface that it is to meet [m].
+        standoff: from where it starts to the surface that it is to meet [m]; with a stylus half of the way to the wall
+            behind, where that is nearer, as in a bore.
         farthest: the most that this may be, where it may also start from farther off [m]; 0 where it may not.
         clearance: radius of the room that it needs about its start and on the straight way there [m].
-        retreat: length of that way [m].
+        retreat: length of that way [m]: straight back from the start, or up the stylus, if it has one.
         approach: direction in which it may look or move, world ``(3,)``; None for any.
         cone: largest angle to ``approach`` [rad].
         workspace: where its start may be.

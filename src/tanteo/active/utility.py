@@ -24,10 +24,10 @@ from tanteo.active.samples import Predictions, Samples, draw, predict
 from tanteo.special import entropy
 from tanteo.typing import FloatArray, IntArray
 
-_SAMPLES = 128
+SAMPLES = 128
 """Poses on which every candidate is tried."""
 
-_ALONE, _MEANWHILE = 0.01, 0.3
+ALONE, MEANWHILE = 0.01, 0.3
 """Share of all that is told which counts beside what is told of the part: where that alone is asked for, to decide
 between equals; and until it is known, where the pose is asked for as well."""
 
@@ -56,7 +56,7 @@ Utility: TypeAlias = Callable[[Outlook], FloatArray]
 def outlook(context: DecisionContext) -> Outlook:
     """Try every candidate on poses of the belief."""
     s = context
-    samples = draw(s.state, _SAMPLES, s.tolerance, s.feature)
+    samples = draw(s.state, SAMPLES, s.tolerance, s.feature)
     shared = None if s.shared is None else s.shared(s.candidates)
     predicted = predict(samples, s.candidates.origins, s.candidates.directions, s.probe, shared)
     return Outlook(s, samples, predicted, expected_information(samples, predicted, s.probe))
@@ -69,7 +69,7 @@ def information(ahead: Outlook) -> FloatArray:
     """
     s = ahead.context
     if s.part_only or s.part_open:
-        share = _ALONE if s.part_only else _MEANWHILE
+        share = ALONE if s.part_only else MEANWHILE
         return share * ahead.told + about_mode(ahead.samples, ahead.predicted, s.probe, ahead.samples.part)
     return ahead.told
 
@@ -107,14 +107,24 @@ def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: I
         return np.zeros(len(predicted.ranges))
     echo, own = _own(predicted, probe)
     w, answers = echo * samples.weights, echo > 0
-    hit = w.sum(axis=1)
-    member = (group[:, None] == np.arange(len(names))).astype(np.float64)
-    total, hits = samples.weights @ member, w @ member
-    chance = hits / total
-    miss = _of_two(hit) - _of_two(chance) @ total
     variances = np.where(answers, predicted.variances + own, 1.0)
     means = np.where(answers, predicted.ranges, 0.0)
-    return np.asarray(np.maximum(miss, 0.0) + _core.group_information(w, means, variances, group))
+    return np.asarray(about_hit(w, samples, groups) + _core.group_information(w, means, variances, group))
+
+
+def about_hit(w: FloatArray, samples: Samples, groups: IntArray) -> FloatArray:
+    """What the answer alone tells, that there is one or none ``(C,)`` [nats].
+
+    Args:
+        w: probability of every sample, and that it answers ``(C, S)``.
+        samples: of the belief.
+        groups: number of what is to be discriminated, for every sample ``(S,)``.
+    """
+    names, group = np.unique(groups, return_inverse=True)
+    member = (group[:, None] == np.arange(len(names))).astype(np.float64)
+    total, hits = samples.weights @ member, w @ member
+    miss = _of_two(w.sum(axis=1)) - _of_two(hits / total) @ total
+    return np.asarray(np.maximum(miss, 0.0))
 
 
 def _of_two(chance: FloatArray) -> FloatArray:

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo.acquisition import SENSE
 from tanteo.active import Candidates, SensingState
 from tanteo.execution.approach import approach_poses, feasible, ranked, route
 from tanteo.execution.possible import Possible, Room
 from tanteo.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
 from tanteo.execution.start import REPEATS
+from tanteo.execution.whole import guess_of, standoff_of, told_of
 from tanteo.hand import Hand, Robot
 from tanteo.lie import SE3
 from tanteo.motion import Motion, Rules, go_to
@@ -106,7 +108,7 @@ def sense_part(
     early, what is read there is told all the same, and the question is not asked again.
 
     Args:
-        session: what is known and asked; ``able`` is best :func:`reachable`.
+        session: what is known and asked; ``able`` is best :func:`reachable`, ``whole`` :func:`acquirable`.
         robot: the hand.
         rules: what its motions keep to.
         furniture: what is known to stand there: beams that meet it were free as far as it.
@@ -145,11 +147,28 @@ class _Run:
             self.session.refuse(action)
             return (), None, "no way for the hand"
         motions = self._go(stops)
+        if action.acquires:
+            return self._acquire(action, motions)
         note = "" if motions[-1].reached else f"{motions[-1].status}: {motions[-1].message}"
         step, said = self._read(action)
         if note or step is None or said or not step.ids:  # what brought nothing new would be asked for ever
             self.session.refuse(action)
         return motions, step, "; ".join(text for text in (note, said) if text)
+
+    def _acquire(self, action: Action, motions: tuple[Motion, ...]) -> tuple[tuple[Motion, ...], Step | None, str]:
+        """A feature, acquired whole, is told by what was read of it; one that is not is not told at all."""
+        guess = guess_of(self.session.state, action)
+        if guess is None or not motions[-1].reached:
+            self.session.refuse(action)
+            return motions, None, "nothing there to acquire any more" if motions[-1].reached else motions[-1].message
+        got = SENSE[action.acquires](
+            self.robot, guess, standoff=standoff_of(self.rules), rules=self.rules, label=action.name, errors=self.errors
+        )
+        motions += got.motions
+        if not got.acquired:
+            self.session.refuse(action)
+            return motions, None, f"{got.status}: {got.message}"
+        return motions, self.session.tell(told_of(got), action), got.message
 
     def _way(self, action: Action) -> list[Transforms] | None:
         hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         label_kind,
         register_kind,
     )
+    from tanteo.features.outlines import OUTLINES, outline, outlines_off
     from tanteo.features.reframing import flip_edge, reframe, reframe_feature, reframe_near
 
 __all__ = [
@@ -47,6 +48,7 @@ __all__ = [
     "EDGE",
     "HALF_EDGE",
     "KINDS",
+    "OUTLINES",
     "PLANE",
     "SPHERE",
     "VERTEX",
@@ -64,6 +66,8 @@ __all__ = [
     "feature_kind",
     "flip_edge",
     "label_kind",
+    "outline",
+    "outlines_off",
     "reframe",
     "reframe_feature",
     "reframe_near",
@@ -85,6 +89,7 @@ __getattr__, __dir__ = lazy(
             "CIRCLE CONE CYLINDER EDGE HALF_EDGE KINDS PLANE SPHERE VERTEX FeatureKind Shape binding feature_kind "
             "label_kind register_kind"
         ),
+        "outlines": "OUTLINES outline outlines_off",
         "reframing": "flip_edge reframe reframe_feature reframe_near",
     },
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tanteo import __version__
-from tanteo.active import POLICIES, Candidates, Policy, SensingState, Start
+from tanteo.active import POLICIES, Candidates, Offers, Policy, SensingState, Start
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart, prepare_all
 from tanteo.io.document import load_json, made, table
@@ -106,6 +106,7 @@ def resumed(
     parts: Sequence[Part | PreparedPart],
     progress: Callable[[int, int], None] | None = None,
     able: Callable[[SensingState, Candidates], BoolArray] | None = None,
+    whole: Callable[[SensingState], Offers] | None = None,
 ) -> Session:
     """The session of a record: given all of them again, it has the same belief and asks the same next.
 
@@ -115,6 +116,8 @@ def resumed(
         progress: called with (tells done, tells in all) before each.
         able: which candidates can be made, see :attr:`~tanteo.session.Session.able`: a hand is not in the record, and
             without it, what it cannot make may be asked for.
+        whole: features that can be acquired whole, see :attr:`~tanteo.session.Session.whole`; likewise, and without it
+            none is asked for.
 
     Raises:
         InputError: what the record says together cannot be.
@@ -124,7 +127,7 @@ def resumed(
     targets = prepare_all("parts", parts)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
     sensing = Sensing(**record.sensing.values())
-    session = Session(start, record.probe, sensing, _policy(record), record.stop, record.seed, able)
+    session = Session(start, record.probe, sensing, _policy(record), record.stop, record.seed, able, whole)
 
     def observations() -> Iterator[Observation]:
         for k, one in enumerate(record.observations):
@@ -143,6 +146,7 @@ def read_record(
     path: str | Path,
     parts: Sequence[Part | PreparedPart] | None = None,
     able: Callable[[SensingState, Candidates], BoolArray] | None = None,
+    whole: Callable[[SensingState], Offers] | None = None,
 ) -> Session:
     """The session of a record file, at the point where it was written: ask and tell on.
 
@@ -150,9 +154,10 @@ def read_record(
         path: of the record.
         parts: of the session, loaded again, in any order; read from their files if not given.
         able: which candidates can be made, see :func:`resumed`.
+        whole: features that can be acquired whole, likewise.
 
     Raises:
         InputError: the record or a part is not what it was; the message says which and what to do.
     """
     record = load_record(path)
-    return resumed(record, parts_of(record.parts, record.source, parts), able=able)
+    return resumed(record, parts_of(record.parts, record.source, parts), able=able, whole=whole)

@@ -14,14 +14,14 @@ from tanteo.report.page import Html, Section, element, photo_section
 from tanteo.report.planned import plan_page
 from tanteo.report.scene import Drawn, draw_part
 from tanteo.report.sections import directions_of, rests_section
+from tanteo.report.shapes import Shapes, draw_shapes, shapes_of
 from tanteo.report.uncertainty import Budget, Source, Way, find_ways, make_budget
 from tanteo.report.words import brief, headline, length, percent
 from tanteo.report.write import Run, report_page, session_page, write_report
 
 __all__ = [
-    "Budget", "Contacts", "Drawn", "Html", "Run", "Section", "Sensed", "Source", "Way", "bar", "brief",
-    "combined", "course_section", "directions_of", "distinction_page", "draw_part", "element", "find_contacts",
-    "find_ways", "gather", "goal_words", "headline",
-    "length", "make_budget", "percent", "photo_section", "plan_page", "report_page", "rests_section", "session_page",
-    "write_report",
+    "Budget", "Contacts", "Drawn", "Html", "Run", "Section", "Sensed", "Shapes", "Source", "Way", "bar", "brief",
+    "combined", "course_section", "directions_of", "distinction_page", "draw_part", "draw_shapes", "element",
+    "find_contacts", "find_ways", "gather", "goal_words", "headline", "length", "make_budget", "percent",
+    "photo_section", "plan_page", "report_page", "rests_section", "session_page", "shapes_of", "write_report",
 ]  # fmt: skip

@@ -10,6 +10,7 @@ from tanteo.report.charts import bar
 from tanteo.report.contacts import Sensed
 from tanteo.report.page import Front, Html, element, fact_list, join, switched
 from tanteo.report.scene import Candidate, distance_enlarged
+from tanteo.report.shapes import Shapes
 from tanteo.report.uncertainty import Way
 from tanteo.report.words import MM, SIGNS, facts, headline, percent
 
@@ -91,16 +92,16 @@ _NAMED = 15
 
 
 def answer_front(
-    answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]] = ()
+    answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]], shapes: Shapes
 ) -> Front:
-    """The front of an answer, with further facts of the run."""
+    """The front of an answer, with further facts of the run, and the features that labels make."""
     lists = [fact_list([*facts(c.hypothesis, c.part, sensed), *more]) for c in candidates] or [fact_list(more)]
     return Front(
         headline(answer),
         f"{SIGNS[answer.status]} {answer.status}",
         answer.status,
         answer.message,
-        _picture(candidates, sensed),
+        _picture(candidates, sensed, shapes),
         join([_hypotheses(answer), switched(lists, "dl")]),
     )
 
@@ -136,16 +137,20 @@ def _plain_row(words: str, p: float) -> Html:
     return element("div", name, value, bar(p, "none"))
 
 
-def _picture(candidates: Sequence[Candidate], sensed: Sensed) -> Html:
+def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) -> Html:
     layers = [Layer("readings", "readings"), Layer("beams", "beams")]
     if candidates:
         layers.append(Layer("sticks", "distances"))
+    if shapes:
+        layers.append(Layer("features", "features"))
     layers.append(Layer("names", "names", shown=len(sensed.measured) <= _NAMED))
     wrong = any(not c.contacts.used.all() for c in candidates)
     legend = [("dot", "reading that fits" if candidates else "reading")]
     legend += [("cross", "reading that does not fit")] if wrong else []
     legend += [("beam", "beam or touch, as it moved")]
     legend += [("free", "beam that met nothing")] if len(sensed.measured.free) else []
+    if shapes:
+        legend += [("feature", f"feature of labelled readings, and off by 2 sd{times(shapes.enlarged)}")]
     return picture(layers, [c.ways for c in candidates], legend, [_scaled(c) for c in candidates])
 
 

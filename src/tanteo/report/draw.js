@@ -93,6 +93,10 @@ class Picture {
     this.beams = this.lineBuffers(interleave(this.starts, this.points));
     if (data.arrows) this.heads = this.meshBuffers(...cones(this.starts, this.points, 0.04 * data.size_mm));
     this.free = this.lineBuffers(unpack(data.free, Float32Array));
+    if (data.features) {
+      this.features = this.lineBuffers(unpack(data.features.lines, Float32Array));
+      this.featuresOff = this.lineBuffers(unpack(data.features.off, Float32Array));
+    }
     this.pointBuffer = buffer(gl, this.points);
     this.radiusBuffer = buffer(gl, unpack(data.readings.radii, Float32Array));
     this.poses = data.hypotheses.map((h) => ({
@@ -189,6 +193,10 @@ class Picture {
     }
     if (now && this.layers.sticks) {
       this.hiddenToo((faint) => this.drawLines(this.poses[this.chosen].sticks, IDENTITY, this.colour("stick", faint ? 0.25 : 1), 3.2));
+    }
+    if (this.features && this.layers.features) {
+      this.hiddenToo((faint) => this.drawLines(this.featuresOff, IDENTITY, this.colour("feature", faint ? 0.15 : 0.45), 1));
+      this.hiddenToo((faint) => this.drawLines(this.features, IDENTITY, this.colour("feature", faint ? 0.4 : 1), 3));
     }
     if (now && this.way !== "") this.drawGhosts(now);
     if (this.layers.readings && !this.heads) this.hiddenToo((faint) => this.drawPoints(faint ? 0.3 : 1));

@@ -12,6 +12,7 @@ import numpy as np
 from tanteo.answers import Hypothesis
 from tanteo.parts import Part, mesh_edges
 from tanteo.report.contacts import Contacts, Sensed
+from tanteo.report.shapes import Shapes, shapes_of
 from tanteo.report.uncertainty import Way
 from tanteo.report.words import MM
 from tanteo.shapes import Surface
@@ -114,7 +115,12 @@ class Candidate:
     enlarged: int
 
 
-def scene_document(candidates: Sequence[Candidate], sensed: Sensed) -> dict[str, Any]:
+def shapes_shown(candidates: Sequence[Candidate], sensed: Sensed) -> Shapes:
+    """The features that labels make, beside the best hypothesis' part."""
+    return shapes_of(sensed.measured, _extent(candidates, sensed.measured.points)[1], sensed.tolerance)
+
+
+def scene_document(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) -> dict[str, Any]:
     """The whole scene; world coordinates are relative to its ``centre``."""
     measured = sensed.measured
     centre, size = _extent(candidates, measured.points)
@@ -135,6 +141,11 @@ def scene_document(candidates: Sequence[Candidate], sensed: Sensed) -> dict[str,
             "points": packed((measured.points - centre)[rows]),
             "radii": packed(measured.radii[rows]),
             "starts": packed((starts - centre)[rows]),
+        },
+        "features": {
+            "names": list(shapes.names),
+            "lines": packed(shapes.lines - centre),
+            "off": packed(shapes.off - centre),
         },
         "free": packed(np.stack([free.origins - centre, ends - centre], axis=1)[:MOST_READINGS]),
         "hypotheses": [_hypothesis(c, parts.index(c.part.name), centre, rows, measured.points) for c in candidates],

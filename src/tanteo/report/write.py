@@ -18,7 +18,7 @@ from tanteo.report.combined import budget_section
 from tanteo.report.contacts import Sensed, find_contacts, gather
 from tanteo.report.course import course_section, goal_words
 from tanteo.report.page import Section, make_page
-from tanteo.report.scene import Candidate, scene_document
+from tanteo.report.scene import Candidate, scene_document, shapes_shown
 from tanteo.report.sections import (
     directions_of,
     figure_section,
@@ -111,9 +111,10 @@ def _page(
 ) -> str:
     made = f"{run.made_by}, seed {answer.seed}; readings: {sensed.source}."
     last = [figure_section(candidates), rerun_section(run.command, made)]
-    front = answer_front(answer, candidates, sensed, run.facts)
+    shapes = shapes_shown(candidates, sensed)
+    front = answer_front(answer, candidates, sensed, run.facts, shapes)
     front = replace(front, message=f"{goal} {front.message}".strip())
-    return make_page(front, scene_document(candidates, sensed) | _eye(look), [*sections, *last])
+    return make_page(front, scene_document(candidates, sensed, shapes) | _eye(look), [*sections, *last])
 
 
 def _eye(look: Vectors | None) -> dict[str, Any]:

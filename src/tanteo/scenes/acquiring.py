@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
-from tanteo.acquisition import (
-    Acquired,
-    Predicted,
-    predicted,
-    sense_circle,
-    sense_cylinder,
-    sense_edge,
-    sense_plane,
-    sense_vertex,
-)
+from tanteo.acquisition import SENSE, Acquired, Predicted, predicted
 from tanteo.answers import Hypothesis
 from tanteo.errors import InputError
 from tanteo.hand import ForbiddenBox
@@ -25,16 +15,6 @@ from tanteo.io import SceneFile
 from tanteo.motion import Rules
 from tanteo.parts import Part
 from tanteo.simulator import SimulatedHand, clearances
-
-_SENSE: Mapping[str, Callable[..., Acquired]] = MappingProxyType(
-    {
-        "plane": sense_plane,
-        "edge": sense_edge,
-        "vertex": sense_vertex,
-        "circle": sense_circle,
-        "cylinder": sense_cylinder,
-    }
-)
 
 
 def change_scene(
@@ -69,7 +49,7 @@ def expected_feature(kind: str, scene: SceneFile, part: Part, best: Hypothesis, 
     """The feature of a part that an image has placed to which the hand goes.
 
     Args:
-        kind: ``plane``, ``edge`` or ``vertex``.
+        kind: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
         scene: Says where the hand is.
         part: The part.
         best: What the image says of its pose.
@@ -110,7 +90,7 @@ def acquire(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
         scene.scene, scene.hand, scene.T_world_hand, rng=np.random.default_rng(scene.seed), cell=scene.cell
     )
     rules = Rules(clearance=scene.clearance, workspace=scene.workspace)
-    return _SENSE[kind](robot, guess, standoff=scene.standoff, rules=rules, errors=scene.cell.robot), robot
+    return SENSE[kind](robot, guess, standoff=scene.standoff, rules=rules, errors=scene.cell.robot), robot
 
 
 def least_clearance(scene: SceneFile, robot: SimulatedHand) -> float:

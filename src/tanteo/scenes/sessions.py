@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo.active import Start, Stop, around, policy_named
 from tanteo.answers import PosePrior, Priors
-from tanteo.execution import Furniture, hand_probe, reachable, seen_start
+from tanteo.execution import Furniture, acquirable, hand_probe, reachable, seen_start
 from tanteo.hand import ForbiddenBox, Workspace
 from tanteo.inference import PreparedPart, prepare_all
 from tanteo.io import SceneFile
@@ -91,7 +91,7 @@ def session_of(
     probe = hand_probe(scene.hand, rules, scene.standoff, errors)
     session = Session(
         start, probe, Sensing(rig=scene.hand.rig, robot=errors), policy_named(policy), stop, scene.seed,
-        reachable(scene.hand, rules, probe.retreat),
+        reachable(scene.hand, rules, probe.retreat), acquirable(scene.hand, rules, probe.retreat),
     )  # fmt: skip
     rng = np.random.default_rng(scene.seed)
     return session, SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell), rules

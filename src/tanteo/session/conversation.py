@@ -10,7 +10,9 @@ import numpy as np
 from tanteo.active import (
     POLICIES,
     Candidates,
+    Choice,
     DecisionContext,
+    Offers,
     Policy,
     Probe,
     SensingState,
@@ -27,9 +29,9 @@ from tanteo.limits import check_count
 from tanteo.sensors import Readings, check_readings_kind, concatenate, say_stuck
 from tanteo.session.ahead import limits, shared_of
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
-from tanteo.session.questions import action_of, answers, is_same, new_readings, unlike
+from tanteo.session.questions import action_of, answers, is_same, new_readings, unlike, whole_action
 from tanteo.session.values import Action, Done, Observation, Sensing, Step
-from tanteo.session.worth import OUT_OF_REACH, enough, once_more, worth_making
+from tanteo.session.worth import OUT_OF_REACH, enough, once_more, worth_acquiring, worth_making
 from tanteo.typing import BoolArray, Vectors
 
 _CANDIDATES = 500
@@ -48,6 +50,7 @@ class Session:
         stop: when to end.
         seed: of everything that draws: the same seed and readings give the same questions and answers.
         able: which candidates can be made ``(C,)``, where the probe does not say it all: a hand has a body.
+        whole: features that can be acquired whole, where something can do that: a hand over the rim of a bore.
 
     Example:
         >>> import numpy as np
@@ -66,6 +69,7 @@ class Session:
     stop: Stop = field(default_factory=Stop)
     seed: int = 0
     able: Callable[[SensingState, Candidates], BoolArray] | None = None
+    whole: Callable[[SensingState], Offers] | None = None
     _state: SensingState = field(init=False)
     _readings: list[Readings] = field(init=False, default_factory=list)
     _joined: Readings | None = field(init=False, default=None)
@@ -149,16 +153,33 @@ class Session:
         if not len(self._state.weights):
             return Done(False, NOTHING)
         candidates = self._open(propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
-        if not len(candidates):
-            return Done(False, OUT_OF_REACH)
         context = self._context(candidates)
-        repeats = self._open(once_more(self._state, self._steps))
-        chosen = worth_making(self.stop, context, self.policy.choose(context), repeats)
-        if isinstance(chosen, Done):
-            return self._said(chosen)
+        chosen = self._chosen(context) if len(candidates) else Done(False, OUT_OF_REACH)
+        better = worth_acquiring(self.stop, context, self._offers(chosen), chosen)
+        if better is None and isinstance(chosen, Done):
+            return self._said(chosen) if len(candidates) else chosen
         self._questions += 1
-        self._asked = action_of(*chosen, self._questions)
+        if better is not None:
+            self._asked = whole_action(self._state, *better, self._questions)
+        elif not isinstance(chosen, Done):
+            self._asked = action_of(*chosen, self._questions)
+        assert self._asked is not None
         return self._asked
+
+    def _chosen(self, context: DecisionContext) -> tuple[DecisionContext, Choice] | Done:
+        """The reading to make, or that none is worth it."""
+        repeats = self._open(once_more(self._state, self._steps))
+        return worth_making(self.stop, context, self.policy.choose(context), repeats)
+
+    def _offers(self, chosen: tuple[DecisionContext, Choice] | Done) -> Offers:
+        """Features that can be acquired whole, none twice; where no policy would take one, none is looked for."""
+        if self.whole is None or not (isinstance(chosen, Done) or np.isfinite(chosen[1].seconds)):
+            return ()
+        before = [*self._refused, *(step.action for step in self._steps if step.action is not None)]
+        asked = {(a.acquires, a.part, a.face) for a in before}
+        part = [target.part.name for target in self.start.targets]
+        offers = self.whole(self._state)
+        return [one for one in offers if (one.kind, part[self._state.part[one.mode]], one.name) not in asked]
 
     def _context(self, candidates: Candidates) -> DecisionContext:
         """What the policy decides on."""

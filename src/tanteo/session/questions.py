@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.active import Candidates, Choice, DecisionContext
+from tanteo.active import Candidates, Choice, DecisionContext, SensingState, WholeFeature
 from tanteo.lie import SE3
 from tanteo.sensors import Readings
 from tanteo.session.values import Action
@@ -33,6 +33,17 @@ def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
     )  # fmt: skip
 
 
+def whole_action(state: SensingState, one: WholeFeature, gain: float, number: int) -> Action:
+    """The question of that number that has a feature acquired whole."""
+    down = -one.T_world_feature[:3, 2]
+    expected = float((one.T_world_feature[:3, 3] - one.origin) @ down)
+    why = f"it is expected to tell {gain:.2f} nats about part and pose"
+    return Action(
+        number, one.origin, down, 2 * expected, expected, state.target(one.mode).part.name, one.name, gain, why,
+        acquires=one.kind,
+    )  # fmt: skip
+
+
 def _short(context: DecisionContext, k: int) -> float:
     """By how much the centre of the probe's ball stops short of the surface that a candidate meets [m]."""
     if context.probe.radius == 0:
@@ -45,8 +56,8 @@ def _short(context: DecisionContext, k: int) -> float:
 
 
 def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:
-    """The candidates that are not like a question that was refused."""
-    for action in refused:
+    """The candidates that are not like a reading that was refused."""
+    for action in (a for a in refused if not a.acquires):
         away = np.linalg.norm(candidates.origins - action.origin, axis=1)
         turned = np.linalg.norm(candidates.directions - action.direction, axis=1)
         candidates = candidates.take((away > _LIKE * action.expected) | (turned > _LIKE))

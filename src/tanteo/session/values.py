@@ -98,6 +98,8 @@ class Action:
         gain: what it is expected to tell [nats]; NaN where the policy does not ask.
         why: in words.
         radius: of the ball that touches [m]: the range is that of its centre; 0 for a point or beam.
+        acquires: kind of the feature that a hand is to acquire whole, ``circle`` or ``cylinder``, whose name is then in
+            ``face``; empty for one reading.
 
     Example:
         >>> import numpy as np
@@ -118,6 +120,7 @@ class Action:
     gain: float
     why: str
     radius: float = 0.0
+    acquires: str = ""
 
     def __post_init__(self) -> None:
         if self.number < 1:
@@ -148,6 +151,9 @@ class Action:
         """One line for a person."""
         x, y, z = 1e3 * self.origin
         dx, dy, dz = self.direction
+        if self.acquires:
+            what = f"{self.face} of {self.part}, whole, as a {self.acquires}"
+            return f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm in the world: {what}; {self.why}"
         return (
             f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
             f"{self.part} is expected after {1e3 * self.expected:.1f} mm; {self.why}"
@@ -167,8 +173,14 @@ class Action:
                 (``tip_sd``), need it.
 
         Raises:
-            InputError: not a length, or several times ``max_range``, which may be one of another unit.
+            InputError: not a length, or several times ``max_range``, which may be one of another unit; or a feature is
+                to be acquired whole.
         """
+        if self.acquires:
+            raise InputError(
+                f"question {self.number}: expected the readings of {self.face}, acquired whole, got one distance. Tell "
+                "the session what acquisition.sense_circle or sense_cylinder read."
+            )
         if np.isnan(distance) or distance <= 0:
             raise InputError(f"distance: expected a positive length or infinity, got {distance}. Leave it out.")
         if self.max_range * _BEYOND < distance < np.inf:

@@ -7,7 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.active import POLICIES, Candidates, Choice, DecisionContext, SensingState, Stop, most_information
+from tanteo.active import (
+    POLICIES,
+    Candidates,
+    Choice,
+    DecisionContext,
+    Offers,
+    SensingState,
+    Stop,
+    WholeFeature,
+    most_information,
+    whole_information,
+    whole_seconds,
+)
 from tanteo.lie import SE3
 from tanteo.session.answer import contradiction, moved_words
 from tanteo.session.values import Action, Done, Step
@@ -18,10 +30,10 @@ def once_more(state: SensingState, steps: Sequence[Step]) -> Candidates:
     """The questions whose readings do not fit the likeliest hypothesis, where these were asked once and it is met."""
     if state.touches is None or not state.modes:
         return _candidates(state, [])
-    asked = [s.action for s in steps if s.action is not None]
+    asked = [s.action for s in steps if s.action is not None and not s.action.acquires]
     aside = {i for i, on in zip(state.touches.ids, state.on_part(), strict=True) if not on}
-    doubted = [s.action for s in steps if s.action is not None and aside.intersection(s.ids)]
-    return _candidates(state, [a for a in doubted if sum(_is_like(a, b) for b in asked) == 1])
+    doubted = [s.action for s in steps if s.action in asked and aside.intersection(s.ids)]
+    return _candidates(state, [a for a in doubted if a is not None and sum(_is_like(a, b) for b in asked) == 1])
 
 
 def information_of_repeat(state: SensingState) -> float:
@@ -52,6 +64,9 @@ def _candidates(state: SensingState, actions: Sequence[Action]) -> Candidates:
 
 
 _AGAIN = "a reading of this beam does not fit, and once more it shows whether the sensor erred"
+
+_LEAST_GAIN = 0.1
+"""What a feature that is acquired whole has to tell at least [nats]: it takes a minute and more."""
 
 OUT_OF_REACH = (
     "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
@@ -89,6 +104,25 @@ def worth_making(
     if stop.confirms(state):
         return context, _to_confirm(context)
     return Done(False, f"No reading is worth its cost: the best would tell {best:.3f} nats.")
+
+
+def worth_acquiring(
+    stop: Stop, context: DecisionContext, offers: Offers, chosen: tuple[DecisionContext, Choice] | Done
+) -> tuple[WholeFeature, float] | None:
+    """The feature that is worth acquiring whole instead of what was chosen, and what it tells [nats]; None for none.
+
+    It is one if it tells more for its time, where the policy weighs time; else where no reading is worth its cost.
+    """
+    if not offers:
+        return None
+    gains = whole_information(offers, context)
+    rates = gains / whole_seconds(offers, context)
+    k = int(np.argmax(rates))
+    if isinstance(chosen, Done):
+        worth = gains[k] >= max(stop.least_gain, _LEAST_GAIN)
+    else:
+        worth = rates[k] > chosen[1].gain / chosen[1].seconds  # not a number where time does not count
+    return (offers[k], float(gains[k])) if worth else None
 
 
 def all_made(max_measurements: int, count: int) -> str:

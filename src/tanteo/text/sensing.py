@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.acquisition import EdgeGuess, FaceGuess
+from tanteo.acquisition import EdgeGuess, FaceGuess, RoundGuess
 from tanteo.constraints import relate_size
 from tanteo.features import feature_covariance
 from tanteo.lie import SO3
@@ -141,6 +141,9 @@ def _compared(expected: Predicted, got: Feature) -> str:
     elif isinstance(guess, EdgeGuess):
         own = T[:3, 0] * np.sign(T[:3, 0] @ guess.direction)
         off, said = f"{1e3 * np.linalg.norm(SO3.cross(gap, own)):.2g}", guess.direction
+    elif isinstance(guess, RoundGuess):
+        own = T[:3, 2] * np.sign(T[:3, 2] @ guess.axis)
+        off, said = f"{1e3 * np.linalg.norm(SO3.cross(gap, own)):.2g}", guess.axis
     else:
         return f"{1e3 * np.linalg.norm(gap):.2g} mm off what was expected, {known_words(expected)}"
     turned = f"{np.degrees(np.arctan2(np.linalg.norm(SO3.cross(own, said)), own @ said)):.2g}"

@@ -10,6 +10,9 @@ PART, EDGE, INK, SOFT = (159, 171, 184), (61, 74, 87), (27, 36, 45), (85, 97, 10
 GOOD, BAD, BEAM, FREE, OVERLAY = (0, 114, 178), (184, 72, 0), (125, 137, 148), (45, 174, 91), (125, 18, 217)
 """Readings that fit and those that do not, beams that met something and those that did not, how the pose may be off."""
 
+FEATURE: Colour = (72, 0, 108)
+"""Features that labelled readings make."""
+
 PLANNER: Colour = (255, 75, 150)
 """What the planner sensed in a contest."""
 

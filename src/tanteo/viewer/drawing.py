@@ -38,6 +38,7 @@ LAYERS = {
     "wrong": "Readings that do not fit",
     "beams": "Beams",
     "free": "Beams that met nothing",
+    "features": "Features of labelled readings, and off by 2 sd, enlarged",
     "next": "Next reading",
     "hand": "Hand, and what it sees",
     "planner": "What the planner sensed",
@@ -78,6 +79,9 @@ def reading_primitives(now: Snapshot) -> list[Primitive]:
         ):  # fmt: skip
             if rows.any():
                 out.append(Dots(name, t.points[rows], colour, 0.02 * now.size, shape, layer))
+    if now.shapes:
+        out.append(Lines("features", now.shapes.lines, colors.FEATURE, 4.0, layer="features"))
+        out.append(Lines("features off", now.shapes.off, colors.FEATURE, 1.0, layer="features"))
     if len(b.free.origins):
         ends = b.free.origins + b.free.directions * np.minimum(b.free.lengths, OPEN)[:, None]
         out.append(Lines("free-space rays", dashed(b.free.origins, ends, _DASH), colors.FREE, 2.0, layer="free"))

@@ -175,6 +175,7 @@ MARKS: dict[str, tuple[str, Colour]] = {
     "wrong": ("dot diamond", colors.BAD),
     "beams": ("line", colors.BEAM),
     "free": ("line dashes", colors.FREE),
+    "features": ("line", colors.FEATURE),
     "next": ("line", colors.INK),
     "hand": ("box", colors.SOFT),
     "planner": ("dot square", colors.PLANNER),

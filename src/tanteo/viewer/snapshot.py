@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tanteo.active import SensingState
 from tanteo.lie import SE3
-from tanteo.report import headline, length
+from tanteo.report import Shapes, headline, length, shapes_of
 from tanteo.session import Action, Done, Session, Step
 from tanteo.shapes import Surface
 from tanteo.simulator import Solid
@@ -47,16 +47,19 @@ class Snapshot:
         state: what is known.
         steps: what each telling told.
         action: the next reading; None if there is none.
+        shapes: the features that labelled readings make; None without any.
     """
 
     state: SensingState
     steps: tuple[Step, ...]
     action: Action | None
+    shapes: Shapes | None = None
 
     @classmethod
     def of(cls, session: Session) -> Snapshot:
         """A session as it is now."""
-        return cls(session.state, session.steps, session.asked)
+        now = cls(session.state, session.steps, session.asked)
+        return replace(now, shapes=shapes_told(session, now.size))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -177,3 +180,11 @@ def result(session: Session, truth: Sequence[Solid]) -> Result:
     return Result(
         len(now.steps), now.names[best], float(b.of_parts()[best]), sd, apart(session, truth) if truth else np.nan
     )
+
+
+def shapes_told(session: Session, size: float) -> Shapes | None:
+    """The features that the labelled readings of a session make, beside something of a size [m]; None without any."""
+    readings = session.readings
+    if readings is None or not any(readings.features):
+        return None
+    return shapes_of(session.sensing.measured(readings), size, session.sensing.tolerance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,11 +35,12 @@ def moments(session: Session) -> list[Snapshot]:
     again = Session(session.start, session.probe, session.sensing, session.policy, session.stop, session.seed)
     told = session.observations
     following = [*(one.action for one in told), session.asked]
-    states = [again.state]
+    now = [Snapshot.of(again)]
     for one in told:
         again.resume([one])
-        states.append(again.state)
-    return [Snapshot(b, session.steps[:k], a) for k, (b, a) in enumerate(zip(states, following, strict=True))]
+        now.append(Snapshot.of(again))
+    pairs = zip(now, following, strict=True)
+    return [replace(n, steps=session.steps[:k], action=a) for k, (n, a) in enumerate(pairs)]
 
 
 def show_moment(page: Page, all_moments: Sequence[Snapshot], k: int) -> None:

@@ -1,0 +1,19 @@
+"""Acquisition of a feature of any kind, by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from tanteo.acquisition.circle import sense_circle
+from tanteo.acquisition.cylinder import sense_cylinder
+from tanteo.acquisition.edge import sense_edge
+from tanteo.acquisition.plane import sense_plane
+from tanteo.acquisition.run import Acquired
+from tanteo.acquisition.vertex import sense_vertex
+
+SENSE: Mapping[str, Callable[..., Acquired]] = MappingProxyType({
+    "plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex, "circle": sense_circle,
+    "cylinder": sense_cylinder,
+})  # fmt: skip
+"""What acquires a feature from a robot and a guess of it, by kind."""

@@ -1,0 +1,120 @@
+"""Features that the hand acquires whole in a session: which it can, and from which idea it sets out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.acquisition import RADIUS_SHARE, Acquired, Predicted, RoundGuess, least_radius, predicted
+from tanteo.active import WHOLE, Candidates, SensingState, WholeFeature
+from tanteo.execution.approach import feasible
+from tanteo.execution.possible import Possible, Room
+from tanteo.features import CIRCLE, Feature, feature_covariance
+from tanteo.hand import Hand
+from tanteo.lie import SE3, SO3
+from tanteo.motion import Rules
+from tanteo.sensors import CENTRE, Readings, concatenate
+from tanteo.session import Action
+from tanteo.typing import FloatArray
+
+STANDOFF = 5 / 3
+"""Of an acquisition, in clearances of the rules."""
+
+_MODES, _LEAST = 3, 0.05
+"""Of the belief, the likeliest, whose features are offered, and how probable they have to be."""
+
+_SD, _TURN_SD = 0.003, float(np.radians(5.0))
+"""How well a feature is said to be known, at least [m, rad]: that of a part that is like this one is acquired too."""
+
+_ABOVE = 0.02
+"""How much farther off than its stand-off the hand begins [m]."""
+
+
+def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState], tuple[WholeFeature, ...]]:
+    """What a session asks which features the hand can acquire whole: for :attr:`tanteo.session.Session.whole`.
+
+    Args:
+        hand: the hand.
+        rules: what its motions keep to.
+        retreat: from how far behind it comes there [m].
+    """
+
+    def whole(state: SensingState) -> tuple[WholeFeature, ...]:
+        room = Room(hand.body, rules.workspace, Possible.of(state), rules.clearance)
+        modes = np.flatnonzero(state.weights >= _LEAST)[:_MODES]
+        offers = [
+            _offer(state, int(k), kind, p, rules) for k in modes for kind in WHOLE for p in _found(state, k, kind)
+        ]
+        far = standoff_of(rules)
+        wide = [one for one in offers if one.size >= least_radius(hand, far, convex=one.convex)]
+        if not wide:
+            return ()
+        origins, none = np.array([one.origin for one in wide]), np.zeros(len(wide), dtype=np.int64)
+        down = -np.array([one.T_world_feature[:3, 2] for one in wide])
+        ok = feasible(hand, room, Candidates(origins, down, none, none, np.full(len(wide), _ABOVE)), retreat)
+        return tuple(one for one, can in zip(wide, ok, strict=True) if can)
+
+    return whole
+
+
+def standoff_of(rules: Rules) -> float:
+    """Of the hand's front where it acquires a feature [m]."""
+    return STANDOFF * rules.clearance
+
+
+def guess_of(state: SensingState, action: Action) -> RoundGuess | None:
+    """The idea of the feature that a question asks for, by what is known now; None if no mode has it any more."""
+    for k in np.flatnonzero(state.weights >= _LEAST):
+        if state.target(int(k)).part.name == action.part:
+            return next((_wide(p.guess) for p in _found(state, int(k), action.acquires) if p.name == action.face), None)
+    return None
+
+
+def _found(state: SensingState, k: int, kind: str) -> tuple[Predicted, ...]:
+    """The features of that kind of a mode's part that the hand can come to from above."""
+    return predicted(kind, state.target(k).part, state.poses[k], state.covariances[k], np.array([0.0, 0.0, 1.0]))
+
+
+def _wide(guess: object) -> RoundGuess:
+    assert isinstance(guess, RoundGuess)
+    sd, turn_sd = max(guess.sd, _SD), max(guess.turn_sd, _TURN_SD)
+    return replace(guess, sd=sd, turn_sd=turn_sd, radius_share=RADIUS_SHARE)
+
+
+def _offer(state: SensingState, k: int, kind: str, found: Predicted, rules: Rules) -> WholeFeature:
+    guess = _wide(found.guess)
+    T = SE3.from_parts(SO3.frame_from_axis(guess.axis, 2), guess.point)
+    return WholeFeature(
+        kind, found.name, k, T, guess.radius, guess.convex, guess.sd, guess.radius_share,
+        _start(guess, rules),
+    )  # fmt: skip
+
+
+def _start(guess: RoundGuess, rules: Rules) -> FloatArray:
+    """Over the middle of the rim, some way above the stand-off."""
+    return np.asarray(guess.point + (standoff_of(rules) + _ABOVE) * guess.axis)
+
+
+def told_of(got: Acquired) -> Readings:
+    """What a session is told of an acquisition: what was read of faces and walls, and of a rim its centre and radius.
+
+    A crossing of a rim is no reading of a surface: its beam runs along the wall and meets nothing of it.
+    """
+    assert got.feature is not None
+    assert got.readings is not None
+    raw = got.readings.take(np.flatnonzero(np.array(got.readings.kinds) != CIRCLE.name))
+    rims = [f for f in (got.feature, *got.others) if f.kind is CIRCLE]
+    return concatenate([raw, *(_centre(rim) for rim in rims)])
+
+
+def _centre(rim: Feature) -> Readings:
+    """The centre of a rim with its axis as a reading, as sure as it is known across the axis, and as that is."""
+    C, T = feature_covariance(rim), rim.T_world_feature
+    across, tilt = (np.sqrt(np.linalg.eigvalsh(C[some, some])[-1:]) for some in (slice(0, 2), slice(3, 5)))
+    return Readings.from_columns(
+        T[None, :3, 3], normals=T[None, :3, 2], normal_sds=tilt, ids=[rim.label], features=[rim.label], kinds=[CENTRE],
+        sds=across, hole_radii=np.array([rim.radius]),
+        material_sides=["boss" if rim.convex else "hole"], source="acquisition",
+    )  # fmt: skip

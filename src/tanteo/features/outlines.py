@@ -1,0 +1,136 @@
+"""How features are drawn: lines, where the feature is and where it is off by some standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.features.feature import Feature, feature_covariance
+from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, EDGE, PLANE, SPHERE, VERTEX
+from tanteo.lie import SE3
+from tanteo.typing import FloatArray, Vectors
+
+_AROUND = 72
+"""Lines of a circle."""
+
+_RULINGS = 12
+"""Lines along a cylinder or a cone."""
+
+_LEAST = 0.003
+"""Half the extent of what was sensed at one place [m]."""
+
+
+def outline(feature: Feature) -> FloatArray:
+    """Lines that show a feature as far as it was sensed, in the world ``(L, 2, 3)`` [m].
+
+    A plane is a rectangle, an edge a line, a vertex a cross; a circle is itself, a cylinder or cone two circles and
+    lines along it, a sphere three circles. A kind that is not in :data:`OUTLINES` is a cross.
+    """
+    T = feature.T_world_feature
+    local = SE3.apply(SE3.inverse(T), feature.support) if len(feature.support) else np.zeros((1, 3))
+    lines = OUTLINES.get(feature.kind.name, _cross)(local, 0.0 if feature.size is None else feature.size.value)
+    return np.asarray(SE3.apply(T, lines.reshape(-1, 3)).reshape(-1, 2, 3))
+
+
+def outlines_off(feature: Feature, sds: float) -> FloatArray:
+    """The outlines at which it is off by so many standard deviations, to both sides ``(M, L, 2, 3)`` [m].
+
+    The directions are the principal ones of the covariance of frame and size, with the errors that readings share; the
+    worst known is the last, and each is there once to either side.
+
+    Args:
+        feature: the feature.
+        sds: standard deviations; large ones show small errors.
+    """
+    kind, m = feature.kind, len(feature.kind.rows)
+    C = np.zeros((m + 1, m + 1))
+    C[:m, :m] = feature_covariance(feature)[np.ix_(kind.rows, kind.rows)]
+    if feature.size is not None:
+        C[m, m] = feature.size.variance + sum(float((gain @ gain.T)[0, 0]) for gain in feature.size.shared)
+        if len(feature.size.covariance):
+            C[m, :m] = C[:m, m] = feature.size.covariance
+    values, vectors = np.linalg.eigh(C / np.outer(scale := _scale(feature, m), scale))
+    steps = (vectors * np.sqrt(values.clip(0.0))).T * scale
+    kept = steps[np.sqrt(values.clip(0.0)) > 1e-12 * np.sqrt(max(values[-1], 1e-300))]
+    return np.array([outline(_moved(feature, side * sds * step)) for step in kept for side in (-1.0, 1.0)])
+
+
+def _scale(feature: Feature, m: int) -> FloatArray:
+    """Units in which turns [rad] and lengths [m] are compared ``(m + 1,)``: turns at the extent of what was sensed."""
+    size = max(float(np.ptp(feature.support, axis=0).max()) if len(feature.support) > 1 else 0.0, _LEAST)
+    return np.array([1.0 if row < 3 else 1.0 / size for row in feature.kind.rows] + [1.0])
+
+
+def _moved(feature: Feature, step: FloatArray) -> Feature:
+    """The feature with frame and size perturbed."""
+    xi = np.zeros(6)
+    xi[list(feature.kind.rows)] = step[:-1]
+    T, move = feature.T_world_feature, SE3.exp(xi)
+    size = None if feature.size is None else replace(feature.size, value=max(feature.size.value + step[-1], 1e-9))
+    moved = T @ move @ SE3.inverse(T)
+    support = SE3.apply(moved, feature.support) if len(feature.support) else feature.support
+    return replace(feature, T_world_feature=T @ move, size=size, support=support)
+
+
+def _circle(radius: float, height: float = 0.0) -> FloatArray:
+    angles = np.linspace(0.0, 2 * np.pi, _AROUND + 1)
+    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(_AROUND + 1, height)], axis=1)
+    return np.stack([ring[:-1], ring[1:]], axis=1)
+
+
+def _extent(values: FloatArray) -> tuple[float, float]:
+    """From where to where it was sensed, some at least."""
+    low, high = float(values.min()), float(values.max())
+    more = max(_LEAST - 0.5 * (high - low), 0.0)
+    return low - more, high + more
+
+
+def _plane(local: Vectors, size: float) -> FloatArray:
+    (a, b), (c, d) = _extent(local[:, 0]), _extent(local[:, 1])
+    corners = np.array([[a, c, 0.0], [b, c, 0.0], [b, d, 0.0], [a, d, 0.0]])
+    return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+
+
+def _edge(local: Vectors, size: float) -> FloatArray:
+    low, high = _extent(local[:, 0])
+    return np.array([[[low, 0.0, 0.0], [high, 0.0, 0.0]]])
+
+
+def _cross(local: Vectors, size: float) -> FloatArray:
+    arms = _LEAST * np.eye(3)
+    return np.stack([-arms, arms], axis=1)
+
+
+def _rim(local: Vectors, size: float) -> FloatArray:
+    return _circle(size)
+
+
+def _cylinder(local: Vectors, size: float) -> FloatArray:
+    low, high = _extent(local[:, 2])
+    return _wall((low, size), (high, size))
+
+
+def _cone(local: Vectors, size: float) -> FloatArray:
+    low, high = _extent(local[:, 2])
+    return _wall(*((z, abs(z) * np.tan(size)) for z in (low, high)))
+
+
+def _wall(*ends: tuple[float, float]) -> FloatArray:
+    """Circles at two heights with their radii, and lines between them."""
+    rings = [_circle(radius, z) for z, radius in ends]
+    rows = np.arange(0, _AROUND, _AROUND // _RULINGS)
+    return np.concatenate([*rings, np.stack([ring[rows, 0] for ring in rings], axis=1)])
+
+
+def _sphere(local: Vectors, size: float) -> FloatArray:
+    ring = _circle(size)
+    return np.concatenate([ring, np.roll(ring, 1, axis=-1), np.roll(ring, 2, axis=-1)])
+
+
+OUTLINES: dict[str, Callable[[Vectors, float], FloatArray]] = {
+    PLANE.name: _plane, EDGE.name: _edge, VERTEX.name: _cross, CIRCLE.name: _rim, CYLINDER.name: _cylinder,
+    CONE.name: _cone, SPHERE.name: _sphere,
+}  # fmt: skip
+"""Lines of each kind in its own frame ``(L, 2, 3)``, of the places where it was sensed ``(n, 3)`` and its size."""
