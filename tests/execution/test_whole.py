@@ -13,8 +13,7 @@ from random_parts import write_off
 from tanteo.acquisition import least_radius
 from tanteo.active import Stop, at_pose
 from tanteo.errors import InputError
-from tanteo.execution import acquirable, sense_part
-from tanteo.execution.whole import guess_of
+from tanteo.execution import acquirable, guess_of, sense_part
 from tanteo.inference import prepare
 from tanteo.io import read_record, write_record
 from tanteo.parts import read_part

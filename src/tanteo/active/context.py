@@ -71,13 +71,13 @@ class Choice:
         index: of the candidate.
         gain: what it is expected to tell [nats]; NaN where the policy does not ask.
         why: in words.
-        seconds: that this takes; NaN where the policy does not weigh it.
+        seconds: that this takes; None where the policy does not weigh it.
     """
 
     index: int
     gain: float
     why: str
-    seconds: float = float("nan")
+    seconds: float | None = None
 
 
 class Policy(Protocol):

@@ -44,10 +44,10 @@ class Greedy:
         """The candidate with the greatest utility, or utility a second."""
         ahead = outlook(context)
         worth = UTILITIES[self.utility](ahead)
-        seconds = context.seconds() if self.per_second else np.full(len(worth), np.nan)
-        k = int(np.argmax(worth / seconds if self.per_second else worth))
+        seconds = context.seconds() if self.per_second else None
+        k = int(np.argmax(worth if seconds is None else worth / seconds))
         why = f"it is expected to tell {ahead.told[k]:.2f} nats about part and pose"
-        return Choice(k, float(ahead.told[k]), why, float(seconds[k]))
+        return Choice(k, float(ahead.told[k]), why, None if seconds is None else float(seconds[k]))
 
 
 @dataclass(frozen=True, slots=True)

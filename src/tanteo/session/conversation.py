@@ -173,7 +173,7 @@ class Session:
 
     def _offers(self, chosen: tuple[DecisionContext, Choice] | Done) -> Offers:
         """Features that can be acquired whole, none twice; where no policy would take one, none is looked for."""
-        if self.whole is None or not (isinstance(chosen, Done) or np.isfinite(chosen[1].seconds)):
+        if self.whole is None or not (isinstance(chosen, Done) or chosen[1].seconds is not None):
             return ()
         before = [*self._refused, *(step.action for step in self._steps if step.action is not None)]
         asked = {(a.acquires, a.part, a.face) for a in before}

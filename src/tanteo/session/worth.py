@@ -121,7 +121,8 @@ def worth_acquiring(
     if isinstance(chosen, Done):
         worth = gains[k] >= max(stop.least_gain, _LEAST_GAIN)
     else:
-        worth = rates[k] > chosen[1].gain / chosen[1].seconds  # not a number where time does not count
+        choice = chosen[1]
+        worth = choice.seconds is not None and rates[k] > choice.gain / choice.seconds
     return (offers[k], float(gains[k])) if worth else None
 
 
