@@ -1,12 +1,12 @@
 """Recognizing one of a hundred to a hundred thousand parts: time, memory, what is right and what is lost.
 
-``python benchmarks/bench_catalogue.py CATALOGUE [SCENES] [KIND...]`` for one of parts of ``families.py``.
+``python benchmarks/bench_catalogue.py CATALOGUE [SCENES] [KIND...] [--seed N]`` for one of parts of ``families.py``.
 """
 
 from __future__ import annotations
 
+import argparse
 import resource
-import sys
 import time
 from dataclasses import dataclass, field
 
@@ -153,12 +153,20 @@ COLUMNS = (
 
 def main() -> None:
     """Measure one catalogue, and print a table."""
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("catalogue")
+    words.add_argument("scenes", type=int, nargs="?", default=20)
+    words.add_argument("kinds", nargs="*", metavar="KIND", default=list(KINDS))
+    words.add_argument("--seed", type=int, default=1)
+    words.add_argument("--say", action="store_true", help="a line a scene")
+    asked = words.parse_args()
     start = time.perf_counter()
-    catalogue = tanteo.open_catalogue(sys.argv[1])
+    catalogue = tanteo.open_catalogue(asked.catalogue)
     opened = time.perf_counter() - start
-    scenes, kinds = int(sys.argv[2]) if len(sys.argv) > 2 else 20, sys.argv[3:] or list(KINDS)
-    say = scenes < 0
-    rows = [row_of(len(catalogue), kind, run(catalogue, kind, abs(scenes), say=say)) for kind in kinds]
+    rows = [
+        row_of(len(catalogue), kind, run(catalogue, kind, asked.scenes, asked.seed, say=asked.say))
+        for kind in asked.kinds
+    ]
     print(Table("Catalogue", f"Opened in {1e3 * opened:.1f} ms.", COLUMNS, rows).markdown())
     print(f"\nResident memory at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB.")
 
