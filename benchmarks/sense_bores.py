@@ -1,4 +1,4 @@
-"""Plates that differ in a bore, discriminated by a hand: ``python benchmarks/sense_bores.py [scenes] [policies] [seed]``.
+"""Plates that differ in a bore, sensed by a hand: ``python benchmarks/sense_bores.py [scenes] [policies] [seed]``.
 
 Every scene has a plate of its own with two bores (8 to 16 mm in radius) and two like it: one bore is moved by 3 to 6 mm
 or larger by 1.5 to 3 mm. One of the three lies on a table beside a clamp; its middle is known to 15, 15 and 5 mm, its
