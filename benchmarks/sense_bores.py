@@ -74,7 +74,8 @@ def run_one(way, policy, seed, k):
         "k": k, "right": right, "probability": float(P[number]), "reached": done.end.reached,
         "off": off(session, number, T), "readings": session.count, "seconds": done.seconds,
         "asked": len(asked), "acquired": sum(v.step is not None for v in asked), "clear": unknown.clear,
-        "nees": None if best is None else nees(targets[number].part, best.T_world_part, best.covariance, T)[0], "notes": [v.note for v in asked],
+        "nees": None if best is None else nees(targets[number].part, best.T_world_part, best.covariance, T)[0],
+        "notes": [v.note for v in asked],
     }  # fmt: skip
 
 
