@@ -5,8 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tanteo.features import CIRCLE, CONE, CYLINDER, EDGE, KINDS, PLANE, SPHERE, VERTEX, Feature, outline, outlines_off
-from tanteo.features.feature import Round
+from tanteo.features import (
+    CIRCLE,
+    CONE,
+    CYLINDER,
+    EDGE,
+    KINDS,
+    PLANE,
+    SPHERE,
+    VERTEX,
+    Feature,
+    Round,
+    outline,
+    outlines_off,
+)
 from tanteo.lie import SE3
 
 T = SE3.exp(np.array([0.1, -0.2, 0.05, 0.4, 0.3, -0.6]))

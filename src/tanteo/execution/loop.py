@@ -13,7 +13,7 @@ from tanteo.execution.approach import approach_poses, feasible, ranked, route
 from tanteo.execution.possible import Possible, Room
 from tanteo.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
 from tanteo.execution.start import REPEATS
-from tanteo.execution.whole import guess_of, standoff_of, told_of
+from tanteo.execution.whole import guess_of, readings_of, standoff_of
 from tanteo.hand import Hand, Robot
 from tanteo.lie import SE3
 from tanteo.motion import Motion, Rules, go_to
@@ -168,7 +168,7 @@ class _Run:
         if not got.acquired:
             self.session.refuse(action)
             return motions, None, f"{got.status}: {got.message}"
-        return motions, self.session.tell(told_of(got), action), got.message
+        return motions, self.session.tell(readings_of(got), action), got.message
 
     def _way(self, action: Action) -> list[Transforms] | None:
         hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand

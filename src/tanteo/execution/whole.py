@@ -97,7 +97,7 @@ def _start(guess: RoundGuess, rules: Rules) -> FloatArray:
     return np.asarray(guess.point + (standoff_of(rules) + _ABOVE) * guess.axis)
 
 
-def told_of(got: Acquired) -> Readings:
+def readings_of(got: Acquired) -> Readings:
     """What a session is told of an acquisition: what was read of faces and walls, and of a rim its centre and radius.
 
     A crossing of a rim is no reading of a surface: its beam runs along the wall and meets nothing of it.
