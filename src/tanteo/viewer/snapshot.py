@@ -59,7 +59,7 @@ class Snapshot:
     def of(cls, session: Session) -> Snapshot:
         """A session as it is now."""
         now = cls(session.state, session.steps, session.asked)
-        return replace(now, shapes=shapes_told(session, now.size))
+        return replace(now, shapes=shapes_seen(session, now.size))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -182,7 +182,7 @@ def result(session: Session, truth: Sequence[Solid]) -> Result:
     )
 
 
-def shapes_told(session: Session, size: float) -> Shapes | None:
+def shapes_seen(session: Session, size: float) -> Shapes | None:
     """The features that the labelled readings of a session make, beside something of a size [m]; None without any."""
     readings = session.readings
     if readings is None or not any(readings.features):
