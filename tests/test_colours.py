@@ -67,7 +67,7 @@ PALETTES = {
     "report by night": {name: DARK[name] for name in MARKS},
     "live page": LIVE,
     "picture of an image": SEEN_IMAGE,
-    "pictures of sensors": {hue: hue for hue in pictures.HUES},
+    "pictures of sensors": {hue: hue for hue in pictures.COLORS},
 }
 
 

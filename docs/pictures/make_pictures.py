@@ -20,7 +20,7 @@ from tanteo.sensors import measure
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parents[1] / "examples"
 INK, GREY, RED, BLUE, GREEN, PAPER = "#22303c", "#5c6873", "#c8372d", "#2467a8", "#2e7d4f", "#ffffff"
-HUES = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")  # as on the live page
+COLORS = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")  # as on the live page
 WIDTH, HEIGHT, PANEL = 1280, 470, 300
 EYE = np.array([1.0, -0.82, 0.72]) / np.linalg.norm([1.0, -0.82, 0.72])
 RIGHT = np.cross([0, 0, 1], EYE) / np.linalg.norm(np.cross([0, 0, 1], EYE))
@@ -96,7 +96,7 @@ def draw_readings(
     out: Drawing, points: np.ndarray, features: list[str], ids: list[str], wrong: tuple[str, ...]
 ) -> None:
     """Touches in the colour of their label; the wrong one crossed out."""
-    hue = dict(zip(dict.fromkeys(features), HUES, strict=True))
+    hue = dict(zip(dict.fromkeys(features), COLORS, strict=True))
     for p, label, name in zip(page(points, 0), features, ids, strict=True):
         if name in wrong:
             for slant in (1, -1):
@@ -114,7 +114,7 @@ def draw_planes(out: Drawing, features: list[tanteo.features.Feature], T_part_wo
         range(len(features)), key=lambda k: float(SE3.apply(T_part_world, features[k].support).mean(0) @ EYE)
     )
     for k in order:
-        f, hue = features[k], HUES[k]
+        f, hue = features[k], COLORS[k]
         T = T_part_world @ f.T_world_feature
         local = SE3.apply(SE3.inverse(T), SE3.apply(T_part_world, f.support))
         low, high = local[:, :2].min(axis=0) - 3e-3, local[:, :2].max(axis=0) + 3e-3
@@ -150,7 +150,7 @@ def draw_pairs(out: Drawing, features: list[tanteo.features.Feature], hypotheses
         words = f"{abs(value):.2f} ± {sd:.2f} {'mm' if length else '°'}"
         y = 124 + 21 * row
         for k, label in enumerate(labels):
-            hue = HUES[[f.label for f in features].index(label)]
+            hue = COLORS[[f.label for f in features].index(label)]
             out.add("rect", x=x + 14 + 22 * k, y=y - 11, width=17, height=12, fill=hue, fill_opacity=0.35, stroke=hue)
         out.text(x + 66, y, words, 14)
         out.text(x + 206, y, "thickness" if length else "angle", 13, GREY)

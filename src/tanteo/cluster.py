@@ -31,6 +31,12 @@ CONNECT = 10.0
 NOBODY = 30.0
 """Time for which work waits where there is no worker at all [s]: a worker that was ended begins again in three."""
 
+IDLE = 20.0
+"""Time after which processes of this computer end that have nothing to do [s]: what had begun them was killed."""
+
+_CRITICAL = 50
+"""Level of logging from which Dask may write."""
+
 _ASK = 1.0
 _AHEAD = 64
 """Tasks that wait at the scheduler, so that no worker waits for the next one."""
@@ -180,14 +186,18 @@ def _client(scheduler: str) -> Iterator[Client]:
     from distributed import SubprocessCluster
 
     count = int(scheduler.partition(":")[2] or os.cpu_count() or 1)
+    idle = {"idle_timeout": f"{IDLE:g}s"}
     with (
-        SubprocessCluster(n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=_CRITICAL) as own,
+        SubprocessCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=_CRITICAL,
+            scheduler_kwargs=idle,
+        ) as own,
         Client(own) as client,
     ):
         yield client
-
-
-_CRITICAL = 50
 
 
 def _again(scheduler: str) -> str:

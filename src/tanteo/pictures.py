@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _SUFFIXES = (".png", ".svg", ".pdf")
 _INK, _RED, _BLUE, _GREY = "#22303c", "#b84800", "#0072b2", "#5c6873"
-HUES = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")
+COLORS = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")
 """Those of the live page, which colour-blind people can discriminate."""
 
 _MM = 1e3
@@ -42,7 +42,7 @@ def noise_picture(preset: SensorPreset, path: str | Path) -> None:
     left, right = figure.subplots(1, 2)
     for i, beta in enumerate(np.linspace(0, preset.max_incidence, 3)):
         label = f"noise at {np.degrees(beta):.0f} deg"
-        left.plot(_MM * d, _MM * range_sd(preset, d, beta), color=HUES[i], label=label)
+        left.plot(_MM * d, _MM * range_sd(preset, d, beta), color=COLORS[i], label=label)
     unit = np.hypot(preset.bias_std, preset.bias_prop_std * d)
     left.plot(_MM * d, _MM * unit, color=_GREY, ls="--", label="unit (bias and scale)")
     left.set(xlabel="range [mm]", ylabel="one standard deviation [mm]", yscale="log", title=preset.name)
@@ -83,7 +83,7 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
         mine = found.log.beam == k
         good, bad = mine & found.good, mine & ~found.good
         d, angle, off = _MM * found.ranges, np.degrees(found.incidences), _MM * found.residuals
-        hue = HUES[k % len(HUES)]
+        hue = COLORS[k % len(COLORS)]
         left.scatter(d[good], angle[good], s=18, color=hue, label=beam.name)
         left.scatter(d[bad], angle[bad], s=40, color=_RED, marker="x")
         right.errorbar(d[good], off[good], yerr=2 * _MM * found.sds[good], fmt="o", ms=3.5, lw=0.8, color=hue)

@@ -200,3 +200,19 @@ def test_a_file_that_is_another_one_there_is_not_taken(parts):
     path = str(parts / "p01.off")
     (found,) = spreading.read_batch({4: spreading.Request(path, "mm", "p01", key="f" * 64, record=True)}).values()
     assert found.startswith(f"{path}: expected the same file on every worker")
+
+
+def test_processes_end_when_who_began_them_was_killed():
+    import psutil
+
+    code = "import time, tanteo.cluster as c; c.IDLE = 2.0; c.spread('local:1', time.sleep, {0: 600}, print)"
+    begun = subprocess.Popen([sys.executable, "-c", code])
+    own = psutil.Process(begun.pid)
+    patience = time.monotonic() + 60
+    while len(own.children(recursive=True)) < 3 and time.monotonic() < patience:  # scheduler, nanny, worker
+        time.sleep(0.2)
+    children = own.children(recursive=True)
+    assert len(children) >= 3
+    begun.kill()
+    begun.wait()
+    assert psutil.wait_procs(children, timeout=60)[1] == []

@@ -10,7 +10,7 @@ from typing import Any
 
 from tanteo.bench.scoring import Score
 from tanteo.errors import InputError
-from tanteo.pictures import HUES, make_figure, save_figure
+from tanteo.pictures import COLORS, make_figure, save_figure
 from tanteo.replaced import replaced
 from tanteo.whole import read_whole
 
@@ -117,7 +117,7 @@ def bench_picture(scores: Sequence[Score], path: str | Path) -> None:
             panel.axis("off")
             continue
         for one in (one for one in scores if one.bench_set == sets[k] and one.median_ms == one.median_ms):
-            hue = HUES[methods.index(one.method) % len(HUES)]
+            hue = COLORS[methods.index(one.method) % len(COLORS)]
             panel.plot(one.median_ms, 100 * one.right, "o", ms=7, color=hue, zorder=3, clip_on=False)
             if one.in_region is not None:
                 ring = {"ms": 8 + 18 * one.in_region, "mfc": "none", "mec": hue, "alpha": 0.6, "clip_on": False}
@@ -133,7 +133,9 @@ def bench_picture(scores: Sequence[Score], path: str | Path) -> None:
             panel.tick_params(labelbottom=True)
     from matplotlib.lines import Line2D
 
-    marks = [Line2D([], [], ls="", marker="o", color=HUES[k % len(HUES)], label=name) for k, name in enumerate(methods)]
+    marks = [
+        Line2D([], [], ls="", marker="o", color=COLORS[k % len(COLORS)], label=name) for k, name in enumerate(methods)
+    ]
     words = "a ring as wide as the\n95 % regions are true"
     wide = Line2D([], [], ls="", marker="o", ms=18, mfc="none", mec="#5c6873", label=words)
     figure.legend(handles=[*marks, wide], labelspacing=1.2, loc="outside right upper", frameon=False)
