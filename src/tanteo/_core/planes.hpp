@@ -6,6 +6,12 @@
 
 namespace tanteo {
 
+constexpr double SDS = 4;       // within which angles agree
+constexpr double MADE = 0.004;  // and so much more [rad]: faces are not made, nor meshed, as they are drawn
+
+// How far two normals whose tilts are known so well may be from the angle that they have.
+inline double agreement(double first, double second) { return SDS * std::hypot(first, second) + MADE; }
+
 struct SensedPlane {
     Vec3 normal, at;      // outward where the side is known; a point of it, of the surface
     double sd = 0;        // of its height there [m]
@@ -35,10 +41,5 @@ struct PlanePose {
     Pose pose;
     double cost = 1e300;
 };
-
-// Poses that put three of the planes on three faces, and what all of them cost there in nats, best first. Each triple
-// has three numbers of sensed planes; the last of them may be of a cylinder where it is one point, or -1 where there is no third. A pose that costs more than the limit is not looked at to its end.
-std::vector<PlanePose> plane_poses(const ModelFaces& faces, const std::vector<SensedPlane>& sensed,
-                                   const std::vector<int>& triples, double limit, int keep);
 
 }  // namespace tanteo

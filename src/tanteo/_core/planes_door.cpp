@@ -1,5 +1,7 @@
 // The planar faces of many parts, of which arrays lie in mapped files: poses and nats of sensed planes on each.
 #include "door.hpp"
+#include "parallel.hpp"
+#include "plane_search.hpp"
 #include "planes.hpp"
 
 namespace tanteo {
@@ -33,48 +35,66 @@ void check_starts(const Starts& starts, const char* name, const std::vector<int>
             refuse(name, "expected increasing numbers, no more than there are faces");
 }
 
+// The planar faces and cylinders of some of many parts.
+class Parts {
+  public:
+    Parts(const Floats& planes, const Starts& starts, const Floats& rounds, const Starts& round_starts, const Ints& rows)
+        : rows(expect(rows, "rows", ANY, 0, static_cast<int64_t>(starts.size()) - 2)), planes(planes), rounds(rounds),
+          starts(starts), round_starts(round_starts) {
+        if (planes.size() % 7) refuse("planes", "expected seven numbers a face");
+        if (rounds.size() % 9) refuse("rounds", "expected nine numbers a cylinder");
+        check_starts(starts, "starts", this->rows, planes.size() / 7);
+        check_starts(round_starts, "rounds_start", this->rows, rounds.size() / 9);
+    }
+
+    void faces(size_t r, ModelFaces& out) const {
+        const int row = rows[r];
+        out.planes.clear();
+        out.rounds.clear();
+        for (int64_t k = starts.data()[row]; k < starts.data()[row + 1]; ++k) {
+            const float* x = planes.data() + 7 * k;
+            out.planes.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6]});
+        }
+        for (int64_t k = round_starts.data()[row]; k < round_starts.data()[row + 1]; ++k) {
+            const float* x = rounds.data() + 9 * k;
+            out.rounds.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6], x[7], x[8]});
+        }
+    }
+
+    const std::vector<int> rows;
+
+  private:
+    const Floats &planes, &rounds;
+    const Starts &starts, &round_starts;
+};
+
 nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_starts, Doubles unseen, Ints rows, Doubles sensed, Ints triples, double limit, double behind, int keep) {
-    if (planes.size() % 7) refuse("planes", "expected seven numbers a face");
-    const int64_t total = planes.size() / 7, parts = static_cast<int64_t>(starts.size()) - 1;
-    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, parts - 1);
-    expect(unseen, "unseen", {static_cast<size_t>(parts)});
+    const Parts parts(planes, starts, rounds, round_starts, rows);
+    expect(unseen, "unseen", {starts.size() - 1});
     const std::vector<SensedPlane> felt = sensed_of(sensed);
     const std::vector<int> tried = expect(triples, "triples", ANY, -1, static_cast<int64_t>(felt.size()) - 1);
     for (size_t k = 0; k < tried.size(); ++k)
         if (tried[k] < 0 && k % 3 != 2) refuse("triples", "expected -1 only for a third plane that there is not");
     expect(limit, "limit", 0, 1e9);
     expect(behind, "behind", 0, 1e9);
-    const size_t R = chosen.size(), K = static_cast<size_t>(expect(keep, "keep", 1, 1000));
-    check_starts(starts, "starts", chosen, total);
-    if (rounds.size() % 9) refuse("rounds", "expected nine numbers a cylinder");
-    check_starts(round_starts, "rounds_start", chosen, rounds.size() / 9);
+    const size_t R = parts.rows.size(), K = static_cast<size_t>(expect(keep, "keep", 1, 1000));
     std::vector<double> costs(R * K, limit), Ts(16 * R * K, 0.0);
     {
         nb::gil_scoped_release release;
-        ModelFaces faces;
-        double near = limit;  // what is farther behind the best so far does not matter
-        for (size_t r = 0; r < R; ++r) {
-            faces.planes.clear();
-            faces.rounds.clear();
-            for (int64_t k = starts.data()[chosen[r]]; k < starts.data()[chosen[r] + 1]; ++k) {
-                const float* x = planes.data() + 7 * k;
-                faces.planes.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6]});
-            }
-            for (int64_t k = round_starts.data()[chosen[r]]; k < round_starts.data()[chosen[r] + 1]; ++k) {
-                const float* x = rounds.data() + 9 * k;
-                faces.rounds.push_back({{x[0], x[1], x[2]}, {x[3], x[4], x[5]}, x[6], x[7], x[8]});
-            }
-            std::vector<SensedPlane> own(felt);
-            for (size_t k = 0; k < own.size(); ++k)
-                if (sensed.data()[12 * k + 11] > 0) own[k].most = most_of(felt[k], unseen.data()[chosen[r]]);
-            const std::vector<PlanePose> found = plane_poses(faces, own, tried, near, static_cast<int>(K));
-            if (!found.empty()) near = std::min(near, found[0].cost + behind);
-            for (size_t k = 0; k < K; ++k) {
-                const bool there = k < found.size();
-                store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
-                if (there) costs[r * K + k] = std::min(found[k].cost, limit);
-            }
-        }
+        const auto make = [&] {
+            return [&, search = PlaneSearch(felt, tried), faces = ModelFaces{}, most = std::vector<double>(felt.size())](size_t r) mutable {
+                parts.faces(r, faces);
+                for (size_t k = 0; k < felt.size(); ++k)
+                    most[k] = felt[k].alone ? most_of(felt[k], unseen.data()[parts.rows[r]]) : felt[k].most;
+                const std::vector<PlanePose> found = search.on(faces, most, limit, behind, static_cast<int>(K));
+                for (size_t k = 0; k < K; ++k) {
+                    const bool there = k < found.size();
+                    store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
+                    if (there) costs[r * K + k] = std::min(found[k].cost, limit);
+                }
+            };
+        };
+        for_all(R, make);
     }
     return nb::make_tuple(array_of(std::move(costs), {R, K}), array_of(std::move(Ts), {R, K, 4, 4}));
 }

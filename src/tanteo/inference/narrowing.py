@@ -101,7 +101,8 @@ def _compared(
         lacking[few] = np.maximum(lacking[few], looked)
         lacking[~few] += looked.max(initial=0.0)
         return lacking, hints, False
-    costs, hints = on_planes(sensed, candidates, rows)
+    far = max(BEHIND_PLANES, float(np.log(len(rows) / _REST)) / _PLANES_TELL)  # all beyond are no more than that share
+    costs, hints = on_planes(sensed, candidates, rows, far)
     if sensed.certain and costs.min() < sensed.hopeless:
         return costs, hints, True
     rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes

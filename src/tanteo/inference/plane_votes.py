@@ -49,9 +49,6 @@ _LOOSE = 1.5
 _SHARE = 0.3
 """Share of all parts up to which the vote of a pair is worth taking."""
 
-_FAR = 16.0
-"""Nats behind the best at which poses of a part are given up."""
-
 _KEPT = 8
 """Poses of a part."""
 
@@ -167,24 +164,44 @@ def _as_different(tuples: IntArray, sizes: FloatArray, lonely: BoolArray, tilts:
     return chosen
 
 
-def on_planes(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> tuple[FloatArray, dict[int, Transforms]]:
-    """Nats that the planes cost on each part at least ``(m,)``, and poses of those where it is little, by row."""
-    costs, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
-    _by_triples(replace(sensed, triples=sensed.triples[: 3 * _TRIPLES]), candidates, rows, costs, hints)
+def on_planes(
+    sensed: SensedPlanes, candidates: Candidates, rows: IntArray, far: float
+) -> tuple[FloatArray, dict[int, Transforms]]:
+    """Nats that the planes cost on each part ``(m,)``, and poses of those where it is little, by row.
+
+    What is so far behind the best costs at least as much, as far as is known.
+    """
+    lacking, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
+    first = replace(sensed, triples=sensed.triples[: 3 * _TRIPLES])
+    costs = _by_triples(first, candidates, rows, lacking, far, hints)
     if costs.min(initial=LIMIT) > sensed.doubtful and len(sensed.triples) > 3 * _TRIPLES:
-        costs = voted(sensed, candidates, rows)
-        _by_triples(replace(sensed, triples=sensed.triples[3 * _TRIPLES :]), candidates, rows, costs, hints)
+        more = replace(sensed, triples=sensed.triples[3 * _TRIPLES :])
+        costs = np.minimum(costs, _by_triples(more, candidates, rows, lacking, far, hints))
     return costs, hints
 
 
 def _by_triples(
-    sensed: SensedPlanes, candidates: Candidates, rows: IntArray, costs: FloatArray, hints: dict[int, Transforms]
-) -> None:
-    """Poses are tried on those that lack least, then on all that are not far behind what these cost."""
-    lacking = costs.copy()
-    some = lacking <= lacking.min(initial=LIMIT)
-    lowest = _tried(sensed, candidates, rows, some, costs, hints)
-    _tried(sensed, candidates, rows, ~some & (lacking < lowest + BEHIND), costs, hints)
+    sensed: SensedPlanes,
+    candidates: Candidates,
+    rows: IntArray,
+    lacking: FloatArray,
+    far: float,
+    hints: dict[int, Transforms],
+) -> FloatArray:
+    """Nats of parts that lack so many by votes, by poses.
+
+    These are tried up to a limit of nats, as each nat more takes longer. It is raised until a part is found, or no
+    plane would be of a face any more.
+    """
+    costs, lowest, limit = lacking, LIMIT, float(len(sensed.rows))
+    while True:
+        costs, lowest = _tried(sensed, candidates, rows, lacking, limit, far, hints)
+        if lowest < limit or limit >= sensed.hopeless:
+            break
+        limit = min(2 * limit, sensed.hopeless)
+    if limit < lowest + far < LIMIT:
+        costs, _ = _tried(sensed, candidates, rows, lacking, lowest + far, far, hints)
+    return costs
 
 
 def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> FloatArray:
@@ -200,26 +217,27 @@ def _tried(
     sensed: SensedPlanes,
     candidates: Candidates,
     rows: IntArray,
-    some: BoolArray,
-    costs: FloatArray,
+    lacking: FloatArray,
+    limit: float,
+    far: float,
     hints: dict[int, Transforms],
-) -> float:
-    """Poses are tried on some parts, whose nats and hints are set; the least of all nats."""
-    lowest = LIMIT
+) -> tuple[FloatArray, float]:
+    """Nats of parts by poses that cost less than a limit, else the limit, and the least; hints are set."""
+    costs, lowest = np.maximum(lacking, limit), LIMIT
     for start, table in candidates.tables:
-        here = np.flatnonzero(some & (rows >= start) & (rows < start + len(table["numbers"])))
-        local = (rows[here] - start).astype(np.int32)
-        limit = min(LIMIT, lowest + _FAR)
+        here = np.flatnonzero((lacking < limit) & (rows >= start) & (rows < start + len(table["numbers"])))
+        local, upto = (rows[here] - start).astype(np.int32), min(limit, lowest + far)
         found, Ts = _core.on_planes(
             np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), np.asarray(table["rounds"]).ravel(),
             np.asarray(table["rounds_start"]), np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows,
-            sensed.triples, limit, _FAR, _KEPT,
+            sensed.triples, upto, far, _KEPT,
         )  # fmt: skip
-        costs[here] = np.maximum(found[:, 0], costs[here])
-        lowest = min(lowest, float(found.min(initial=LIMIT)))
-        for k in np.flatnonzero(found[:, 0] < limit):
-            hints[int(rows[here[k]])] = Ts[k][found[k] < limit]
-    return lowest
+        costs[here] = np.maximum(found[:, 0], lacking[here])
+        some = np.flatnonzero(found[:, 0] < upto)
+        lowest = min(lowest, float(found[some, 0].min(initial=LIMIT)))
+        for k in some:
+            hints[int(rows[here[k]])] = Ts[k][found[k] < upto]
+    return costs, lowest
 
 
 def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:

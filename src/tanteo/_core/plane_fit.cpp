@@ -1,0 +1,94 @@
+#include "plane_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tanteo {
+
+namespace {
+
+constexpr int STEPS = 4;        // of Gauss and Newton
+constexpr double ROUND = 2e-4;  // how far a cylinder may be off its mesh, about [m]
+
+void add(double* A, double* b, const double* J, double r, double weight) {
+    for (int i = 0; i < 6; ++i) {
+        b[i] -= weight * J[i] * r;
+        for (int k = 0; k <= i; ++k) A[6 * i + k] += weight * J[i] * J[k];
+    }
+}
+
+}  // namespace
+
+WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point, double near, double variance, double tilt2,
+                  double most) {
+    WallMatch out{most, false, {}, 0};
+    const Vec3 off = point - round.middle;
+    const double t = dot(off, round.axis), v = variance + ROUND * ROUND, room = std::fabs(t) - round.half;
+    if (room > 0 && room * room > SDS * SDS * v) return out;
+    const Vec3 across = off - t * round.axis;
+    const double d2 = squared(across), c = round.sign * dot(normal, across);
+    if (c <= 0 || c * c < near * near * d2) return out;
+    const double d = std::sqrt(d2), h = d - round.radius, cost = 0.5 * h * h / v + (1 - c / d) / tilt2;
+    if (cost >= most) return out;
+    return {cost, true, round.sign / d * across, round.sign * h};
+}
+
+PlaneFit::Match PlaneFit::match(int k, const Pose& pose, double turned, const Vec3& about) const {
+    const SensedPlane& plane = sensed[k];
+    const Vec3 n = transposed_times(pose.R, plane.normal), p = into_part(pose, plane.at);
+    const double tilt2 = plane.tilt * plane.tilt + turned * turned + MADE * MADE;
+    const double lever = norm(plane.at - about), sd2 = plane.sd * plane.sd + turned * turned * lever * lever;
+    const double near = std::cos(std::min(SDS * std::sqrt(tilt2), 1.5));
+    Match best{most[k], false, {}, 0};
+    for (const ModelPlane& face : faces.planes) {
+        double c = dot(n, face.normal);
+        if (!plane.sided) c = std::fabs(c);
+        if (c < near) continue;
+        const Vec3 off = p - face.centre;
+        const double h = dot(off, face.normal), h2 = h * h, cost = 0.5 * h2 / sd2 + (1 - c) / tilt2;
+        if (cost >= best.cost) continue;
+        const double room = face.reach + 0.5 * plane.span + SDS * std::sqrt(sd2);
+        if (squared(off) - h2 > room * room) continue;
+        best = {cost, true, face.normal, h};
+    }
+    for (size_t r = 0; plane.alone && r < faces.rounds.size(); ++r) {
+        const WallMatch met = on_wall(faces.rounds[r], n, p, near, sd2, tilt2, best.cost);
+        if (met.found) best = {met.cost, true, met.normal, met.height};
+    }
+    return best;
+}
+
+bool PlaneFit::stepped(Pose& pose, double turned, const Vec3& about) const {
+    double A[36] = {}, b[6] = {};
+    for (int i = 0; i < 6; ++i) A[7 * i] = 1e-6;
+    for (size_t k = 0; k < sensed.size(); ++k) {
+        const SensedPlane& plane = sensed[k];
+        const Match to = match(static_cast<int>(k), pose, turned, about);
+        if (!to.found) continue;
+        const Vec3 p = into_part(pose, plane.at), &n = to.normal;
+        const Vec3 own = transposed_times(pose.R, plane.normal), sign = dot(own, n) < 0 ? -own : own;
+        const Vec3 turn = cross(p, n);
+        const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
+        add(A, b, J, to.height, 1 / (plane.sd * plane.sd + 1e-14));
+        // own normal in the part turns by -w x n: two directions across the face's normal
+        const Vec3 u = any_across(n), v = cross(n, u);
+        for (const Vec3& e : {u, v}) {
+            const Vec3 g = cross(sign, e);
+            const double K[6] = {0, 0, 0, -g.x, -g.y, -g.z};
+            add(A, b, K, dot(sign, e), 1 / (plane.tilt * plane.tilt + MADE * MADE));
+        }
+    }
+    if (!cholesky(A, 6)) return false;
+    solve_cholesky(A, 6, b);
+    pose = moved(pose, {b[0], b[1], b[2]}, {b[3], b[4], b[5]}, Vec3{});
+    return true;
+}
+
+PlanePose PlaneFit::refined(Pose pose, double turned, const Vec3& about) const {
+    for (int step = 0; step < STEPS && stepped(pose, turned, about); ++step) turned *= 0.25;
+    double sum = 0;
+    for (size_t k = 0; k < sensed.size(); ++k) sum += match(static_cast<int>(k), pose, 0, about).cost;
+    return {pose, sum};
+}
+
+}  // namespace tanteo

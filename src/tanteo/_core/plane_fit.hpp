@@ -1,0 +1,46 @@
+// Sensed planes at a pose of a part: what each costs there, and the pose nearby at which all are nearest to faces.
+#pragma once
+#include <vector>
+
+#include "planes.hpp"
+
+namespace tanteo {
+
+class PlaneFit {
+  public:
+    PlaneFit(const ModelFaces& faces, const std::vector<SensedPlane>& sensed, const std::vector<double>& most)
+        : faces(faces), sensed(sensed), most(most) {}
+
+    // Moves a pose, whose attitude is known so well about a point [rad], to where the planes are on their faces.
+    PlanePose refined(Pose pose, double turned, const Vec3& about) const;
+
+  private:
+    // The least that a plane costs, and of which surface it is then, if of any: its normal in the part, and how far off.
+    struct Match {
+        double cost;
+        bool found;
+        Vec3 normal;
+        double height;
+    };
+
+    const ModelFaces& faces;
+    const std::vector<SensedPlane>& sensed;
+    const std::vector<double>& most;
+
+    Match match(int k, const Pose& pose, double turned, const Vec3& about) const;
+    bool stepped(Pose& pose, double turned, const Vec3& about) const;
+};
+
+// A point with its normal on the wall of a cylinder: nats, if they are less than most; the normal of the wall there, and how
+// far off it is.
+struct WallMatch {
+    double cost;
+    bool found;
+    Vec3 normal;
+    double height;
+};
+
+WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point, double near, double variance, double tilt2,
+                  double most);
+
+}  // namespace tanteo
