@@ -7,7 +7,7 @@ from random_parts import write_off
 from tanteo import _core
 from tanteo.answers import sized
 from tanteo.catalogue import build_catalogue, open_catalogue
-from tanteo.inference import Problem, candidates, identify_points, narrowing, plane_votes, search
+from tanteo.inference import Problem, candidates, identify_points, narrowing, plane_votes, search, sensed_planes
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 
@@ -100,7 +100,7 @@ def test_a_part_sensed_on_faces_along_one_line_is_searched(catalogue):
     for k in range(8):
         points = sensed(catalogue[9 * k], "normals", np.random.default_rng(k), along=0)
         problem = question(points, every)
-        assert set(plane_votes.sensed_planes(problem, points).triples[2::3]) == {-1}
+        assert set(sensed_planes.sensed_planes(problem, points).triples[2::3]) == {-1}
         chosen = narrowing.narrowed(problem, every)
         assert chosen.certain
         assert 9 * k in chosen.rows, k
@@ -138,7 +138,7 @@ def test_votes_of_the_own_faces_of_a_part_cost_nothing(catalogue):
     every = candidates.Candidates(catalogue)
     for k in range(8):
         points = sensed(catalogue[5 * k], "labelled", np.random.default_rng(k))
-        planes = plane_votes.sensed_planes(question(points, every), points)
+        planes = sensed_planes.sensed_planes(question(points, every), points)
         ((_, table),) = every.tables
         assert plane_votes.votes(planes, table)[5 * k] == 0
 
@@ -153,24 +153,79 @@ def test_sizes_of_a_catalogue_are_those_of_its_parts(catalogue):
     assert candidates.sizes_of(catalogue) == pytest.approx(tuple(part.diagonal for part in catalogue))
 
 
+POSE = SE3.exp(np.array([0.1, -0.2, 0.3, 0.5, 1.0, -0.7]))
+
+
+def planes_at_a_pose(planes):
+    """All planes of a part as they would be sensed, and three of them that fix the pose."""
+    n = len(planes)
+    rows = np.column_stack([
+        planes.normals @ POSE[:3, :3].T, SE3.apply(POSE, planes.centroids), np.full(n, SD), np.full(n, 1e-3),
+        np.zeros(n), np.full(n, 10.0), np.ones(n), np.zeros(n),
+    ])  # fmt: skip
+    triples = [(i, j, k) for i in range(n) for j in range(i) for k in range(j)]
+    return rows, max(triples, key=lambda t: abs(np.linalg.det(rows[list(t), :3])))
+
+
 def test_planes_at_their_own_pose_cost_next_to_nothing(catalogue):
     ((_, table),) = candidates.Candidates(catalogue).tables
-    part, T = catalogue[0], SE3.exp(np.array([0.1, -0.2, 0.3, 0.5, 1.0, -0.7]))
-    planes = part.planes
-    rows = np.column_stack([
-        planes.normals @ T[:3, :3].T, SE3.apply(T, planes.centroids), np.full(len(planes), SD),
-        np.full(len(planes), 1e-3), np.zeros(len(planes)), np.full(len(planes), 10.0), np.ones(len(planes)),
-        np.zeros(len(planes)),
-    ])  # fmt: skip
-    normals = rows[:, :3]
-    triple = max(
-        ((i, j, k) for i in range(len(rows)) for j in range(i) for k in range(j)),
-        key=lambda t: abs(np.linalg.det(normals[list(t)])),
-    )
+    rows, triple = planes_at_a_pose(catalogue[0].planes)
     costs, Ts = on_planes(table, rows, triple)
     assert costs[0, 0] < 0.1
-    np.testing.assert_allclose(Ts[0, 0], T, atol=1e-5)
+    np.testing.assert_allclose(Ts[0, 0], POSE, atol=1e-5)
     assert np.all(costs[MEMBERS:, 0] > 5)
+
+
+def test_a_plane_of_no_face_costs_its_nats_and_moves_nothing(catalogue):
+    ((_, table),) = candidates.Candidates(catalogue).tables
+    rows, triple = planes_at_a_pose(catalogue[0].planes)
+    off = rows.copy()
+    off[triple[0], 3:6] += 7e-3 * off[triple[0], :3]
+    costs, Ts = on_planes(table, off, triple)
+    assert costs[0, 0] == pytest.approx(10.0, abs=0.1)
+    np.testing.assert_allclose(Ts[0, 0], POSE, atol=1e-5)
+
+
+@pytest.mark.parametrize("how", ["in another order", "with sides that are not known"])
+def test_planes_lead_to_the_same_pose(catalogue, how):
+    ((_, table),) = candidates.Candidates(catalogue).tables
+    rows, triple = planes_at_a_pose(catalogue[0].planes)
+    if how == "in another order":
+        order = np.random.default_rng(1).permutation(len(rows))
+        rows, triple = rows[order], [int(np.flatnonzero(order == k)[0]) for k in triple]
+    else:
+        rows[:, 10] = 0
+        rows[::2, :3] *= -1
+    costs, Ts = on_planes(table, np.ascontiguousarray(rows), triple)
+    assert costs[0, 0] < 0.1
+    assert np.abs(Ts[0] - POSE).max(axis=(1, 2)).min() < 1e-5
+
+
+def test_the_nats_of_a_pose_are_those_of_its_planes(catalogue):
+    ((_, table),) = candidates.Candidates(catalogue).tables
+    rows, triple = planes_at_a_pose(catalogue[0].planes)
+    rng = np.random.default_rng(4)
+    rows[:, 3:6] += SD * rng.normal(size=(len(rows), 3))
+    rows[:, :3] += 1e-3 * rng.normal(size=(len(rows), 3))
+    rows[:, :3] /= np.linalg.norm(rows[:, :3], axis=1, keepdims=True)
+    costs, Ts = on_planes(table, rows, triple)
+    start = table["planes_start"]
+    for part in range(0, len(costs), 7):
+        faces = np.float64(table["planes"][start[part] : start[part + 1]])
+        for T, cost in zip(Ts[part], costs[part], strict=True):
+            if cost < 60:
+                assert cost == pytest.approx(nats(rows, faces, T), rel=1e-6)
+
+
+def nats(rows, faces, T):
+    """Of planes at a pose: each on the face that costs it least, or on none."""
+    into = SE3.inverse(T)
+    p, n = SE3.apply(into, rows[:, 3:6]), rows[:, :3] @ into[:3, :3].T
+    off = p[:, None] - faces[:, 3:6]
+    h, c, tilt2 = np.sum(off * faces[:, :3], axis=2), n @ faces[:, :3].T, 1e-6 + 0.004**2
+    room = faces[:, 6] + 4 * SD
+    there = (np.sum(off**2, axis=2) - h**2 <= room**2) & (c >= np.cos(4 * np.sqrt(tilt2)))
+    return np.minimum(np.where(there, 0.5 * h**2 / SD**2 + (1 - c) / tilt2, np.inf).min(axis=1), 10.0).sum()
 
 
 TWO_FACES = np.array([[0, 0, 1, 0.02, 0.03, 0.01, 0.1], [1, 0, 0, 0.05, 0.03, 0.0, 0.1]])

@@ -17,6 +17,8 @@ struct SensedLine {
     double tilt = 0;    // of the normal [rad]
     double within = 0;  // how far from each other they may be [rad]
     std::vector<Member> members;
+
+    double weight() const { return 1 / (tilt * tilt + MADE * MADE); }  // of the normal, as faces are made
 };
 
 std::vector<SensedLine> sensed_lines(const std::vector<SensedPlane>& sensed);

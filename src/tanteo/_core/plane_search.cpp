@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "plane_fit.hpp"
 
@@ -13,21 +12,6 @@ namespace {
 constexpr double INDEPENDENT = 0.1;  // triple product of three directions that fix a place
 constexpr size_t REFINED = 12;       // poses that are refined
 constexpr int SLIDES = 4;            // places along a direction that no plane fixes
-constexpr double PI = 3.14159265358979;
-
-Mat3 axes(const Vec3& a, const Vec3& b) {
-    const Vec3 z = unit(cross(a, b)), y = cross(z, a);
-    return {{a.x, y.x, z.x, a.y, y.y, z.y, a.z, y.z, z.z}};
-}
-
-double weight_of(const SensedLine& line) { return 1 / (line.tilt * line.tilt + MADE * MADE); }
-
-Mat3 inverse(const Mat3& A) {
-    const Vec3 a{A(0, 0), A(1, 0), A(2, 0)}, b{A(0, 1), A(1, 1), A(2, 1)}, c{A(0, 2), A(1, 2), A(2, 2)};
-    const Vec3 bc = cross(b, c), ca = cross(c, a), ab = cross(a, b);
-    const double s = 1 / dot(a, bc);
-    return {{s * bc.x, s * bc.y, s * bc.z, s * ca.x, s * ca.y, s * ca.z, s * ab.x, s * ab.y, s * ab.z}};
-}
 
 // A turn by a small vector: by a little less than its length.
 Mat3 turned(const Vec3& w) {
@@ -41,49 +25,8 @@ Mat3 turned(const Vec3& w) {
 }  // namespace
 
 PlaneSearch::PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples)
-    : sensed(sensed), lines(sensed_lines(sensed)) {
-    for (const SensedPlane& one : sensed) about += (1.0 / sensed.size()) * one.at;
-    std::vector<int> of(sensed.size());
-    for (size_t j = 0; j < lines.size(); ++j) {
-        within = std::max(within, lines[j].within);
-        for (const auto& one : lines[j].members) of[one.plane] = static_cast<int>(j);
-    }
-    std::set<std::array<int, 3>> told;
-    for (size_t k = 0; k + 2 < triples.size(); k += 3) {
-        const int third = triples[k + 2] < 0 ? -1 : of[triples[k + 2]];
-        std::array<int, 3> key{of[triples[k]], of[triples[k + 1]], third};
-        std::sort(key.begin(), key.end());
-        const bool apart = key[0] != key[1] && key[1] != key[2];
-        if (apart && told.insert(key).second) bases.push_back(known(of[triples[k]], of[triples[k + 1]], third));
-    }
-}
-
-PlaneSearch::Base PlaneSearch::known(int first, int second, int third) const {
-    const SensedLine &a = lines[first], &b = lines[second];
-    const double angle = std::acos(std::clamp(dot(a.normal, b.normal), -1.0, 1.0)), room = agreement(a.tilt, b.tilt);
-    Base out{first, second, third, std::cos(std::min(angle + room, PI)), std::cos(std::max(angle - room, 0.0)), {}, {}, 0, {}, {}};
-    out.frame = transposed(axes(a.normal, b.normal));
-    const double tilt = std::hypot(a.tilt, b.tilt / norm(cross(a.normal, b.normal)));
-    Mat3 A;
-    for (const SensedLine& line : lines) {
-        out.near.push_back(std::cos(std::min(agreement(tilt, line.tilt), 1.5)));
-        const double weight = weight_of(line);
-        for (int m = 0; m < 3; ++m) A(m, m) += weight;
-        add_outer(A, -weight, line.normal, line.normal);
-    }
-    out.covariance = inverse(A);
-    // an error of the attitude is of three numbers, which all planes share: with this for each it costs no more
-    const double share = std::max(sensed.size() / 3.0, 1.0);
-    out.spread = share * (out.covariance(0, 0) + out.covariance(1, 1) + out.covariance(2, 2)) / 3;
-    for (const SensedPlane& plane : sensed) {
-        const Vec3 lever = cross(plane.at - about, plane.normal);
-        Base::Known one{plane.sd * plane.sd + share * dot(lever, out.covariance * lever), 0, 0, 0};
-        one.tilt2 = plane.tilt * plane.tilt + out.spread + MADE * MADE;
-        one.near = std::cos(std::min(SDS * std::sqrt(one.tilt2), 1.5));
-        one.reach = 0.5 * plane.span + SDS * std::sqrt(one.variance);
-        out.planes.push_back(one);
-    }
-    return out;
+    : sensed(sensed), lines(sensed_lines(sensed)), bases(plane_bases(sensed, lines, triples)), middle(middle_of(sensed)) {
+    for (const SensedLine& line : lines) within = std::max(within, line.within);
 }
 
 double PlaneSearch::none(int line) const {
@@ -92,7 +35,8 @@ double PlaneSearch::none(int line) const {
     return out;
 }
 
-std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<double>& nats, double upto, double so_much, int keep) {
+std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<double>& nats, double upto, double so_much,
+                                       int keep) {
     faces = &all;
     most = &nats;
     limit = upto;
@@ -101,7 +45,7 @@ std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<
     model_lines(*faces, within, model);
     tabled.assign(lines.size() * 2 * model.size(), 0);
     if (table.size() < tabled.size()) table.resize(tabled.size());
-    for (const Base& one : bases) {
+    for (const PlaneBase& one : bases) {
         base = &one;
         attitudes();
     }
@@ -111,7 +55,7 @@ std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<
     std::vector<PlanePose> out;
     for (const Rough& one : rough) {
         if (one.at.cost >= upto) break;
-        out.push_back(fit.refined(one.at.pose, one.turned, about));
+        out.push_back(fit.refined(one.at.pose, one.turned, middle));
         upto = std::min(upto, out.back().cost + behind);
     }
     std::sort(out.begin(), out.end(), [](const PlanePose& a, const PlanePose& b) { return a.cost < b.cost; });
@@ -207,7 +151,7 @@ double PlaneSearch::other(int line, std::vector<Shift>* all) {
 void PlaneSearch::average() {
     Vec3 b;
     for (size_t j = 0; j < lines.size(); ++j)
-        if (squared(towards[j]) > 0) b += weight_of(lines[j]) * cross(lines[j].normal, transposed_times(into, towards[j]));
+        if (squared(towards[j]) > 0) b += lines[j].weight() * cross(lines[j].normal, transposed_times(into, towards[j]));
     into = turned(into * (base->covariance * b)) * into;
 }
 
@@ -218,7 +162,7 @@ void PlaneSearch::prepare() {
     walls.clear();
     for (size_t k = 0; k < sensed.size(); ++k) {
         const SensedPlane& plane = sensed[k];
-        const Base::Known& known = base->planes[k];
+        const PlaneBase::Known& known = base->planes[k];
         Sensed one{into * plane.at, into * plane.normal, options.size(), 0, walls.size(), 0};
         for (const ModelPlane& face : faces->planes) {
             const double c = dot(one.normal, face.normal), agree = plane.sided ? c : std::fabs(c);
@@ -273,7 +217,7 @@ double PlaneSearch::cost(const Vec3& shift) const {
     double sum = 0;
     for (size_t k = 0; k < planes.size() && sum < limit; ++k) {
         const Sensed& one = planes[k];
-        const Base::Known& known = base->planes[k];
+        const PlaneBase::Known& known = base->planes[k];
         double best = (*most)[k];
         for (size_t m = one.first; m < one.last; ++m) {
             const Option& option = options[m];

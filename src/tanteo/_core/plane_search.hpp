@@ -1,9 +1,9 @@
 // Poses of a part at which sensed planes are on its faces: what is parallel votes for where the part is along it.
 #pragma once
-#include <array>
 #include <vector>
 
 #include "lines.hpp"
+#include "plane_base.hpp"
 #include "planes.hpp"
 
 namespace tanteo {
@@ -15,21 +15,10 @@ class PlaneSearch {
 
     // Poses that cost less than the limit, or than so much more than the best, in nats, best first. Most: what each
     // plane costs that is of no face.
-    std::vector<PlanePose> on(const ModelFaces& faces, const std::vector<double>& most, double limit, double behind, int keep);
+    std::vector<PlanePose> on(const ModelFaces& faces, const std::vector<double>& most, double limit, double behind,
+                              int keep);
 
   private:
-    // Three lines that tell the pose: the first two the attitude. What is known of it does not depend on the part.
-    struct Base {
-        int first, second, third;  // the third is -1 where there is none
-        double low = 0, high = 0;  // cosines between the first two
-        Mat3 frame, covariance;    // of the first two, transposed; of the attitude [rad^2], in the world
-        double spread = 0;         // variance of a turn [rad^2]
-        std::vector<double> near;  // cosine within which each line agrees with a direction
-        struct Known {
-            double variance, tilt2, near, reach;  // of each plane: of its height [m^2], of its normal [rad^2]
-        };
-        std::vector<Known> planes;
-    };
     // A face, or a plane of the part as one sensed plane may meet it at an attitude.
     struct Option {
         Vec3 normal, centre;
@@ -47,9 +36,9 @@ class PlaneSearch {
 
     std::vector<SensedPlane> sensed;
     std::vector<SensedLine> lines;
-    std::vector<Base> bases;
+    std::vector<PlaneBase> bases;
     double within = 0;
-    Vec3 about;
+    Vec3 middle;
 
     // of the part that is asked about
     const ModelFaces* faces = nullptr;
@@ -61,7 +50,7 @@ class PlaneSearch {
     std::vector<Rough> rough;
 
     // of the attitude
-    const Base* base = nullptr;
+    const PlaneBase* base = nullptr;
     Mat3 into;  // world to part
     std::vector<Sensed> planes;
     std::vector<Option> options;
@@ -73,7 +62,6 @@ class PlaneSearch {
     const std::vector<Shift>& ways(int line, size_t i);
     Vec3 way(size_t i) const { return i % 2 ? -model[i / 2].way : model[i / 2].way; }
     double none(int line) const;
-    Base known(int first, int second, int third) const;
     void attitudes();
     void attitude(size_t i, size_t k);
     double other(int line, std::vector<Shift>* all);

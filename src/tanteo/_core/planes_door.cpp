@@ -68,7 +68,8 @@ class Parts {
     const Starts &starts, &round_starts;
 };
 
-nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_starts, Doubles unseen, Ints rows, Doubles sensed, Ints triples, double limit, double behind, int keep) {
+nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_starts, Doubles unseen, Ints rows,
+                    Doubles sensed, Ints triples, double limit, double behind, int keep) {
     const Parts parts(planes, starts, rounds, round_starts, rows);
     expect(unseen, "unseen", {starts.size() - 1});
     const std::vector<SensedPlane> felt = sensed_of(sensed);
@@ -82,7 +83,8 @@ nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_st
     {
         nb::gil_scoped_release release;
         const auto make = [&] {
-            return [&, search = PlaneSearch(felt, tried), faces = ModelFaces{}, most = std::vector<double>(felt.size())](size_t r) mutable {
+            std::vector<double> most(felt.size());
+            return [&, search = PlaneSearch(felt, tried), faces = ModelFaces{}, most](size_t r) mutable {
                 parts.faces(r, faces);
                 for (size_t k = 0; k < felt.size(); ++k)
                     most[k] = felt[k].alone ? most_of(felt[k], unseen.data()[parts.rows[r]]) : felt[k].most;
@@ -103,7 +105,8 @@ nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_st
 
 void offer_planes(nb::module_& m) {
     using namespace nb::literals;
-    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "rounds"_a, "rounds_start"_a, "unseen"_a, "rows"_a, "sensed"_a, "triples"_a, "limit"_a, "behind"_a, "keep"_a);
+    m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "rounds"_a, "rounds_start"_a, "unseen"_a, "rows"_a, "sensed"_a,
+          "triples"_a, "limit"_a, "behind"_a, "keep"_a);
 }
 
 }  // namespace tanteo

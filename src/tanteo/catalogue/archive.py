@@ -17,7 +17,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.parts import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SymmetryGroup
 
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
 """Of the bytes and of the rules that made the part: raise it whenever a reader gives another answer."""
 
 _MAGIC = b"tanteoP\n"

@@ -16,8 +16,9 @@ from tanteo.inference.candidates import Candidates
 from tanteo.inference.coarse_look import coarse_look
 from tanteo.inference.outliers import so_many
 from tanteo.inference.plane_votes import BEHIND as BEHIND_PLANES
-from tanteo.inference.plane_votes import on_planes, sensed_planes, voted
+from tanteo.inference.plane_votes import on_planes, voted
 from tanteo.inference.problem import Problem
+from tanteo.inference.sensed_planes import sensed_planes
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 

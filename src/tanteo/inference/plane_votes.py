@@ -7,41 +7,19 @@ has to call one of the two an outlier. The sorted columns of a catalogue say at 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from tanteo import _core
-from tanteo.inference.around import outlier_log_density
 from tanteo.inference.candidates import Candidates
-from tanteo.inference.label_tuples import Planes, labelled_planes
-from tanteo.inference.problem import Problem
-from tanteo.measurements import ContactPoints
-from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms
-
-_WIDER = 0.6
-"""Of the log of the factor to which the noise is known: so much larger it is taken to be."""
-
-_SDS, _MADE, _TILT = 4.0, 1e-4, 0.004
-"""Distances and angles agree within so many standard deviations and so much more [m, rad]."""
-
-_MOST, _CURVED, _LEAST = 13.0, 8.0, 2.0
-"""Nats that a labelled plane of no face costs: what it does by the outlier rate, but between the first and the last;
-one sensed normal may be of a curved face."""
+from tanteo.inference.sensed_planes import MADE, SDS, TILT, TRIPLES, SensedPlanes
+from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 LIMIT = 60.0
 """Nats that a part costs at most: beyond, none is better than another."""
-
-_TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
-"""Triples of planes that poses are made of, and where these lead to nothing; the least product of their normals."""
-
-_KNOWN = 0.01
-"""Tilt below which it hardly matters how well a normal is known [rad]."""
-
-_COMPARED = 16
-"""Planes that are compared, those known best."""
 
 _LOOSE = 1.5
 """Nats that a sensed normal on a face that is no plane costs, beside those of its share of the part."""
@@ -56,114 +34,6 @@ BEHIND = 10.0
 """Nats behind the best up to which a part is in: less than a labelled plane of no face."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensedPlanes:
-    """Planes as the core compares them.
-
-    Attributes:
-        rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, whether its
-            side is known, and whether it is one point, which may be of a face that is no plane ``(k, 12)``.
-        triples: of them, that fix a pose, or two and -1 ``(3 m,)``.
-        certain: whether some triple fixes one although each normal without a parallel is of a curved face.
-    """
-
-    rows: FloatArray
-    triples: Indices
-    certain: bool = True
-
-    @property
-    def doubtful(self) -> float:
-        """Nats of the best part from which other triples are tried: more than those of one plane without a face."""
-        return 1.2 * float(self.rows[:, 9].max())
-
-    @property
-    def hopeless(self) -> float:
-        """Nats of the best part from which planes are not what was sensed: more than those of two of them."""
-        return 2.2 * float(self.rows[:, 9].max())
-
-
-def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
-    """The planes that labels and normals show, with their noise as large as it may be."""
-    planes = labelled_planes(points)
-    factor = float(np.exp(_WIDER * problem.scale_sd))
-    some = np.argsort(planes.tilts, kind="stable")[:_COMPARED]
-    normals = planes.normals[some]
-    at = planes.middles[some] - planes.radii[some, None] * normals
-    shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
-    sds = np.hypot(factor * planes.sds[some], shared)
-    alone = np.array([len(planes.rows[k]) == 1 for k in some], dtype=bool)
-    most = _without_face(problem, points, planes, factor)[some].clip(_LEAST, np.where(alone, _CURVED, _MOST))
-    rows = np.column_stack(
-        [
-            normals,
-            at,
-            np.hypot(sds, _MADE),
-            factor * planes.tilts[some],
-            planes.spans[some],
-            most,
-            planes.sided[some],
-            alone,
-        ]
-    )
-    lonely = _lonely(normals, planes.tilts[some], alone)
-    triples = _triples(normals, planes.tilts[some], lonely)
-    doubtful = lonely[triples.reshape(-1, 3)].sum(axis=1) > (triples[2::3] >= 0)
-    return SensedPlanes(np.ascontiguousarray(rows), triples, bool(np.any(~doubtful)))
-
-
-def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
-    """Nats that a plane costs if it is of no face ``(k,)``."""
-    rate = problem.priors.outlier_rate
-    out = []
-    for rows in planes.rows:
-        peak = -np.log(np.sqrt(2 * np.pi) * factor * points.sd[rows])
-        elsewhere = outlier_log_density(points.take(rows), problem.priors)
-        out.append(float(np.sum(np.minimum(peak - elsewhere, 12.0))) + float(np.log1p(-rate) - np.log(rate)))
-    return np.array(out)
-
-
-def _lonely(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> BoolArray:
-    """Which are one sensed normal that no other one is parallel to: they may be of a curved face ``(k,)``."""
-    sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
-    near: BoolArray = sines < _SDS * np.hypot(tilts[:, None], tilts) + _TILT
-    return np.asarray(alone & (near.sum(axis=1) < 2))
-
-
-def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray) -> Indices:
-    """Triples that fix a pose, as different as can be: one outlier does not spoil them all.
-
-    What may be of a curved face comes last, in a triple, too. Where all normals lie in one plane, the third is -1:
-    poses slide along what two planes leave free.
-    """
-    if len(normals) < 2:
-        return np.zeros(0, dtype=np.int32)
-    sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
-    order = np.argsort(lonely, kind="stable")
-    triples = np.array([order[list(k)] for k in combinations(range(len(order)), 3)], dtype=np.int64).reshape(-1, 3)
-    chosen = _as_different(triples, np.abs(np.linalg.det(normals[triples])), lonely, tilts)
-    if not chosen:
-        pairs = np.array([order[list(k)] for k in combinations(range(len(order)), 2)], dtype=np.int64).reshape(-1, 2)
-        found = _as_different(pairs, sines[pairs[:, 0], pairs[:, 1]], lonely, tilts)
-        chosen = [np.append(pair, -1) for pair in found]
-    return np.array(chosen, dtype=np.int32).ravel()
-
-
-def _as_different(tuples: IntArray, sizes: FloatArray, lonely: BoolArray, tilts: FloatArray) -> list[IntArray]:
-    """The most telling tuples of planes, as few planes in two of them as can be; none that are nearly dependent."""
-    if not len(tuples):
-        return []
-    good = sizes * 0.5 ** lonely[tuples].sum(axis=1) / (_KNOWN + tilts[tuples].max(axis=1))
-    chosen = list[IntArray]()
-    for shared in range(tuples.shape[1]):
-        for k in np.argsort(-good, kind="stable"):
-            if len(chosen) == _MORE:
-                break
-            new = all(len(set(tuples[k].tolist()) & set(other.tolist())) <= shared for other in chosen)
-            if new and sizes[k] >= _INDEPENDENT:
-                chosen.append(tuples[k])
-    return chosen
-
-
 def on_planes(
     sensed: SensedPlanes, candidates: Candidates, rows: IntArray, far: float
 ) -> tuple[FloatArray, dict[int, Transforms]]:
@@ -172,10 +42,10 @@ def on_planes(
     What is so far behind the best costs at least as much, as far as is known.
     """
     lacking, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
-    first = replace(sensed, triples=sensed.triples[: 3 * _TRIPLES])
+    first = replace(sensed, triples=sensed.triples[: 3 * TRIPLES])
     costs = _by_triples(first, candidates, rows, lacking, far, hints)
-    if costs.min(initial=LIMIT) > sensed.doubtful and len(sensed.triples) > 3 * _TRIPLES:
-        more = replace(sensed, triples=sensed.triples[3 * _TRIPLES :])
+    if costs.min(initial=LIMIT) > sensed.doubtful and len(sensed.triples) > 3 * TRIPLES:
+        more = replace(sensed, triples=sensed.triples[3 * TRIPLES :])
         costs = np.minimum(costs, _by_triples(more, candidates, rows, lacking, far, hints))
     return costs, hints
 
@@ -261,7 +131,7 @@ def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
 def _having(first: FloatArray, second: FloatArray, table: Mapping[str, Any], n: int) -> BoolArray | None:
     """Which parts have two faces like two planes ``(n,)``; None where most do."""
     cosine = float(np.clip(first[:3] @ second[:3], -1, 1))
-    within = _SDS * float(np.hypot(first[7], second[7])) + _TILT
+    within = SDS * float(np.hypot(first[7], second[7])) + TILT
     angle = float(np.arccos(cosine))
     sided = first[10] > 0 and second[10] > 0
     angles = (angle,) if sided else (angle, np.pi - angle)
@@ -290,7 +160,7 @@ def _height(first: FloatArray, second: FloatArray) -> tuple[float, float]:
     height = float(way @ normal)
     lever = float(np.linalg.norm(way - height * normal))
     tilt = float(np.hypot(first[7], second[7])) / 2
-    return height, _SDS * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + _MADE
+    return height, SDS * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + MADE
 
 
 def _distances(

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.parts.part import SurfaceKind
-from tanteo.typing import FloatArray
+from tanteo.typing import BoolArray, FloatArray
 
 NORMAL_TOLERANCE = 0.02
 """How far facet normals may lie off the ruling condition of a cylinder or cone [rad]."""
@@ -21,14 +21,47 @@ CORNER_TOLERANCE = 0.1
 _ENOUGH = 200
 """Corners that tell a cone."""
 
+_LEAST = 6
+"""Corners that a surface is fitted to at least: three generators of a cylinder."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corners:
+    """Corners of a run of facets.
+
+    Attributes:
+        all: ``(N, 3)``, distinct [m].
+        on: which of them are on the true surface, where there is one ``(N,)``; the others are within facets, its chords.
+    """
+
+    all: FloatArray
+    on: BoolArray
+
+    def pass_through(self, off: FloatArray, centres_off: FloatArray, precision: float) -> bool:
+        """Whether they are where they should be, judged by how far the facets' centres lie off the surface ``(F,)``."""
+        sagitta = float(np.abs(centres_off).max())
+        slack = CORNER_TOLERANCE * sagitta + precision
+        low, high = min(float(centres_off.min()), 0.0) - slack, max(float(centres_off.max()), 0.0) + slack
+        others = off[~self.on]
+        return bool(np.abs(off[self.on]).max() <= slack and np.all((others >= low) & (others <= high)))
+
 
 def fit_curved(
-    corners: FloatArray, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
+    corners: FloatArray,
+    between: BoolArray,
+    centres: FloatArray,
+    normals: FloatArray,
+    areas: FloatArray,
+    precision: float,
 ) -> tuple[SurfaceKind, dict[str, Any]]:
     """Name the surface that a run of facets was cut from.
 
+    Where the facets themselves were cut by others, as solids of facets are when they are combined, some corners lie on
+    chords of the surface. Only those between two facets are sure to be on it.
+
     Args:
-        corners: ``(N, 3)``, distinct corners of the facets, all on the true surface where there is one [m].
+        corners: ``(N, 3)``, distinct corners of the facets [m].
+        between: which of them two facets of the run share ``(N,)``.
         centres: ``(F, 3)``, centroid of each facet [m].
         normals: ``(F, 3)``, outward unit normals of the facets.
         areas: ``(F,)`` [m^2].
@@ -38,25 +71,29 @@ def fit_curved(
         The kind and the fields of :class:`Face` that describe it; ``freeform`` and nothing where no simple
         surface passes through all corners.
     """
-    for fit in (_cylinder, _cone, _sphere):
-        found = fit(corners, centres, normals, areas, precision)
-        if found is not None:
-            return found
+    for on in (np.ones(len(corners), dtype=bool), between):
+        if np.count_nonzero(on) < _LEAST:
+            break
+        for fit in (_cylinder, _cone, _sphere):
+            found = fit(Corners(corners, on), centres, normals, areas, precision)
+            if found is not None:
+                return found
     return "freeform", {}
 
 
 def _cylinder(
-    corners: FloatArray, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
+    corners: Corners, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
 ) -> tuple[SurfaceKind, dict[str, Any]] | None:
     values, vectors = np.linalg.eigh((normals * areas[:, None]).T @ normals / areas.sum())
     axis = vectors[:, 0]
     if np.abs(normals @ axis).max() > NORMAL_TOLERANCE or values[1] < 1e-4:
         return None
-    circle = _circle(corners, axis)
+    circle = _circle(corners.all[corners.on], axis)
     if circle is None:
         return None
     centre, radius = circle
-    if not _passes(_across(corners - centre, axis) - radius, _across(centres - centre, axis) - radius, precision):
+    off, centres_off = _across(corners.all - centre, axis) - radius, _across(centres - centre, axis) - radius
+    if not corners.pass_through(off, centres_off, precision):
         return None
     outward = _outward(centres - centre, normals, axis)
     middle = centre + axis * ((centres - centre) @ axis).mean()
@@ -70,7 +107,7 @@ def _cylinder(
 
 
 def _cone(
-    corners: FloatArray, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
+    corners: Corners, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
 ) -> tuple[SurfaceKind, dict[str, Any]] | None:
     mean = (normals * areas[:, None]).sum(axis=0) / areas.sum()
     spread = normals - mean
@@ -81,15 +118,16 @@ def _cone(
         return None
     # Every facet's plane passes through the apex.
     apex, *_ = np.linalg.lstsq(normals, np.einsum("ni,ni->n", normals, centres), rcond=1e-9)
-    if ((corners - apex) @ axis).mean() < 0.0:
+    true = corners.all[corners.on]
+    if ((true - apex) @ axis).mean() < 0.0:
         axis = -axis
-    along, across = (corners - apex) @ axis, _across(corners - apex, axis)
+    along, across = (true - apex) @ axis, _across(true - apex, axis)
     cone = _Cone(apex, axis, float(np.arctan2(across.sum(), along.sum())))
     if along.min() < -precision:
         return None
-    if not _passes(cone.off(corners), cone.off(centres), precision):
-        cone = _through(corners, cone, float(np.abs(cone.off(centres)).max()) + precision)
-        if not _passes(cone.off(corners), cone.off(centres), precision):
+    if not corners.pass_through(cone.off(corners.all), cone.off(centres), precision):
+        cone = _through(true, cone, float(np.abs(cone.off(centres)).max()) + precision)
+        if not corners.pass_through(cone.off(corners.all), cone.off(centres), precision):
             return None
     return "cone", {
         "axis_point": cone.apex,
@@ -126,12 +164,13 @@ def _through(corners: FloatArray, cone: _Cone, near: float) -> _Cone:
 
 
 def _sphere(
-    corners: FloatArray, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
+    corners: Corners, centres: FloatArray, normals: FloatArray, areas: FloatArray, precision: float
 ) -> tuple[SurfaceKind, dict[str, Any]] | None:
-    if len(corners) < 8:
+    true = corners.all[corners.on]
+    if len(true) < 8:
         return None
-    origin = corners.mean(axis=0)
-    local = corners - origin
+    origin = true.mean(axis=0)
+    local = true - origin
     system = np.column_stack([2.0 * local, np.ones(len(local))])
     solution, _, rank, _ = np.linalg.lstsq(system, (local**2).sum(axis=1), rcond=1e-9)
     if rank < 4:
@@ -144,7 +183,7 @@ def _sphere(
     radial = centres - centre
     reach = np.linalg.norm(radial, axis=1)
     cosines = np.einsum("ni,ni->n", radial, normals) / reach
-    fits = _passes(np.linalg.norm(corners - centre, axis=1) - radius, reach - radius, precision)
+    fits = corners.pass_through(np.linalg.norm(corners.all - centre, axis=1) - radius, reach - radius, precision)
     if not fits or np.abs(cosines).min() < 0.9:
         return None
     return "sphere", {"axis_point": centre, "radius": radius, "convex": bool(cosines.mean() > 0.0)}
@@ -168,12 +207,6 @@ def _circle(corners: FloatArray, axis: FloatArray) -> tuple[FloatArray, float] |
 def _across(radial: FloatArray, axis: FloatArray) -> FloatArray:
     """Distances from an axis through the origin."""
     return np.asarray(np.linalg.norm(radial - (radial @ axis)[:, None] * axis, axis=1))
-
-
-def _passes(corners_off: FloatArray, centres_off: FloatArray, precision: float) -> bool:
-    """Whether corners lie on the surface, judged by how far the centres of the facets, chords of it, lie off."""
-    sagitta = float(np.abs(centres_off).max())
-    return bool(np.abs(corners_off).max() <= CORNER_TOLERANCE * sagitta + precision)
 
 
 def _outward(radial: FloatArray, normals: FloatArray, axis: FloatArray) -> bool:

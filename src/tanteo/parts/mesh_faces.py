@@ -160,6 +160,9 @@ def _fit(
     vertices: FloatArray, triangles: IntArray, facets: MeshFacets, members: IntArray
 ) -> tuple[SurfaceKind, dict[str, Any]]:
     used = np.isin(facets.of_triangle, members)
-    corners = vertices[np.unique(triangles[used])]
+    rows, index = np.unique(triangles[used], return_inverse=True)
+    touched = np.unique(np.column_stack([index.reshape(-1), np.repeat(facets.of_triangle[used], 3)]), axis=0)
+    between = np.bincount(touched[:, 0], minlength=len(rows)) > 1
     precision = 4.0 * FLOAT32 * float(np.abs(vertices).max())
-    return fit_curved(corners, facets.centres[members], facets.normals[members], facets.areas[members], precision)
+    of_facets = facets.centres[members], facets.normals[members], facets.areas[members]
+    return fit_curved(vertices[rows], between, *of_facets, precision)
