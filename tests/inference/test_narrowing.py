@@ -245,13 +245,29 @@ def test_a_point_of_a_bore_or_boss_fixes_what_two_planes_leave(sign):
     np.testing.assert_allclose(Ts[0, 0], T, atol=1e-5)
 
 
+def test_points_of_two_bores_tell_how_a_part_is_turned():
+    bores = np.array([[0.01, 0.03, 0.0, 0, 0, 1, 0.006, 0.01, -1], [0.05, 0.01, 0.0, 0, 0, 1, 0.008, 0.01, -1]])
+    tables = {"planes": TWO_FACES[:1], "planes_start": [0, 1], "rounds": bores, "rounds_start": [0, 2]}
+    ways = np.array([[0.6, 0.8, 0], [0, -1, 0]])
+    normals = np.concatenate([[[0, 0, 1]], ways]) @ POSE[:3, :3].T
+    walls = bores[:, :3] - bores[:, [6]] * ways + np.array([0, 0, 0.004])
+    at = SE3.apply(POSE, np.concatenate([[[0.03, 0.02, 0.01]], walls]))
+    felt = np.column_stack([normals, at, np.tile([SD, 1e-3, 0, 8, 1, 1], (3, 1))])
+    given = tables | {"numbers": np.zeros((1, 17))}
+    costs, Ts = on_planes(given, felt, (), walls=np.array([0, 1, 2], dtype=np.int32))
+    assert costs[0, 0] < 0.1
+    np.testing.assert_allclose(Ts[0, 0], POSE, atol=1e-5)
+    assert on_planes(given, felt, ())[0][0, 0] == 60
+
+
 def on_planes(table, felt, triple, **changed):
     given = {
         "planes": np.float32(table["planes"]).ravel(), "starts": np.int64(table["planes_start"]),
         "rounds": np.float32(table["rounds"]).ravel(), "rounds_start": np.int64(table["rounds_start"]),
         "unseen": np.ascontiguousarray(table["numbers"][:, 16]),
         "rows": np.arange(len(table["numbers"]), dtype=np.int32), "sensed": felt,
-        "triples": np.array(triple, dtype=np.int32), "limit": 60.0, "behind": 60.0, "keep": 3,
+        "triples": np.array(triple, dtype=np.int32), "walls": np.zeros(0, dtype=np.int32), "limit": 60.0,
+        "behind": 60.0, "keep": 3,
     }  # fmt: skip
     return _core.on_planes(**{**given, **changed})
 
@@ -265,6 +281,7 @@ def on_planes(table, felt, triple, **changed):
         ("rows", np.array([10**6], dtype=np.int32), "rows"),
         ("triples", np.array([0, 1, 99], dtype=np.int32), "triples"),
         ("triples", np.array([0, -1, 1], dtype=np.int32), "only for a third"),
+        ("walls", np.array([0, 1, 99], dtype=np.int32), "walls"),
         ("sensed", np.full((3, 12), np.nan), "finite"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+import manifold3d
 import numpy as np
 import pytest
 
@@ -67,6 +68,16 @@ def test_a_bore_is_a_concave_cylinder(read, solids):
     part = read(ring)
     assert kinds(part) == {"plane": 3, "cylinder": 2}
     assert {(round(f.radius * 1e3), f.convex) for f in part.faces if f.radius} == {(30, True), (18, False)}
+
+
+def test_a_faceted_boss_that_a_hole_cuts_is_a_cylinder(read):
+    boss, hole = (manifold3d.Manifold.cylinder(60, r, r, 24) for r in (30, 8))
+    mesh = (
+        manifold3d.Manifold.cube((100, 100, 10)) + boss.translate((50, 50, 0)) - hole.translate((78, 51, -1))
+    ).to_mesh()
+    part = read((np.asarray(mesh.vert_properties[:, :3], dtype=float), np.asarray(mesh.tri_verts)))
+    rounds = {(round(f.radius * 1e3, 3), f.convex) for f in part.faces if f.surface == "cylinder"}
+    assert rounds == {(30, True), (8, False)}
 
 
 @pytest.mark.parametrize("noise", [0.05, 0.15, 0.6])

@@ -182,6 +182,7 @@ def on_planes(
     rows: AnyInts,
     sensed: FloatArray,
     triples: AnyInts,
+    walls: AnyInts,
     limit: float,
     behind: float,
     keep: int,

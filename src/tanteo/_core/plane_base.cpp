@@ -18,7 +18,12 @@ Mat3 inverse(const Mat3& A) {
     return {{s * bc.x, s * bc.y, s * bc.z, s * ca.x, s * ca.y, s * ca.z, s * ab.x, s * ab.y, s * ab.z}};
 }
 
-PlaneBase base_of(const std::vector<SensedPlane>& sensed, const std::vector<SensedLine>& lines, int first, int second, int third) {
+void add_line(const SensedLine& line, Mat3& information) {
+    for (int m = 0; m < 3; ++m) information(m, m) += line.weight();
+    add_outer(information, -line.weight(), line.normal, line.normal);
+}
+
+PlaneBase of_lines(const std::vector<SensedLine>& lines, int first, int second, int third) {
     const SensedLine &a = lines[first], &b = lines[second];
     const double angle = std::acos(std::clamp(dot(a.normal, b.normal), -1.0, 1.0)), room = agreement(a.tilt, b.tilt);
     PlaneBase out{};
@@ -29,13 +34,30 @@ PlaneBase base_of(const std::vector<SensedPlane>& sensed, const std::vector<Sens
     out.high = std::cos(std::max(angle - room, 0.0));
     out.frame = transposed(axes(a.normal, b.normal));
     const double tilt = std::hypot(a.tilt, b.tilt / norm(cross(a.normal, b.normal)));
-    Mat3 A;
+    Mat3 information;
     for (const SensedLine& line : lines) {
         out.near.push_back(std::cos(std::min(agreement(tilt, line.tilt), 1.5)));
-        for (int m = 0; m < 3; ++m) A(m, m) += line.weight();
-        add_outer(A, -line.weight(), line.normal, line.normal);
+        add_line(line, information);
     }
-    out.covariance = inverse(A);
+    out.covariance = inverse(information);
+    return out;
+}
+
+// Cylinders that are not within each other are farther apart than their radii: the turn about the line is known as well
+// as the worse of the two normals.
+PlaneBase of_walls(const std::vector<SensedPlane>& sensed, const std::vector<SensedLine>& lines, int line, int one, int other) {
+    const SensedLine& own = lines[line];
+    PlaneBase out{};
+    out.walls = true;
+    out.first = line;
+    out.second = one;
+    out.third = other;
+    const double turn = std::max(sensed[one].tilt, sensed[other].tilt) + MADE;
+    for (const SensedLine& each : lines) out.near.push_back(std::cos(std::min(agreement(std::hypot(own.tilt, turn), each.tilt), 1.5)));
+    Mat3 information;
+    add_line(own, information);
+    add_outer(information, 1 / (turn * turn), own.normal, own.normal);
+    out.covariance = inverse(information);
     return out;
 }
 
@@ -70,7 +92,7 @@ Vec3 middle_of(const std::vector<SensedPlane>& sensed) {
 }
 
 std::vector<PlaneBase> plane_bases(const std::vector<SensedPlane>& sensed, const std::vector<SensedLine>& lines,
-                                   const std::vector<int>& triples) {
+                                   const std::vector<int>& triples, const std::vector<int>& walls) {
     std::vector<int> of(sensed.size());
     for (size_t j = 0; j < lines.size(); ++j)
         for (const auto& one : lines[j].members) of[one.plane] = static_cast<int>(j);
@@ -78,12 +100,13 @@ std::vector<PlaneBase> plane_bases(const std::vector<SensedPlane>& sensed, const
     std::vector<PlaneBase> out;
     for (size_t k = 0; k + 2 < triples.size(); k += 3) {
         const int first = of[triples[k]], second = of[triples[k + 1]], third = triples[k + 2] < 0 ? -1 : of[triples[k + 2]];
-        std::array<int, 3> key{first, second, third};
-        std::sort(key.begin(), key.end());
-        if (key[0] == key[1] || key[1] == key[2] || !told.insert(key).second) continue;
-        out.push_back(base_of(sensed, lines, first, second, third));
-        tell_planes(sensed, out.back());
+        if (first == second || second == third || third == first) continue;
+        if (told.insert({std::min(first, second), std::max(first, second), third}).second)
+            out.push_back(of_lines(lines, first, second, third));
     }
+    for (size_t k = 0; k + 2 < walls.size(); k += 3)
+        if (walls[k + 1] != walls[k + 2]) out.push_back(of_walls(sensed, lines, of[walls[k]], walls[k + 1], walls[k + 2]));
+    for (PlaneBase& one : out) tell_planes(sensed, one);
     return out;
 }
 

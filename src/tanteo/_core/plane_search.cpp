@@ -24,8 +24,8 @@ Mat3 turned(const Vec3& w) {
 
 }  // namespace
 
-PlaneSearch::PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples)
-    : sensed(sensed), lines(sensed_lines(sensed)), bases(plane_bases(sensed, lines, triples)), middle(middle_of(sensed)) {
+PlaneSearch::PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples, const std::vector<int>& walls)
+    : sensed(sensed), lines(sensed_lines(sensed)), bases(plane_bases(sensed, lines, triples, walls)), middle(middle_of(sensed)) {
     for (const SensedLine& line : lines) within = std::max(within, line.within);
 }
 
@@ -47,7 +47,7 @@ std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<
     if (table.size() < tabled.size()) table.resize(tabled.size());
     for (const PlaneBase& one : bases) {
         base = &one;
-        attitudes();
+        if (one.walls) on_walls(); else attitudes();
     }
     std::sort(rough.begin(), rough.end(), [](const Rough& a, const Rough& b) { return a.at.cost < b.at.cost; });
     if (rough.size() > REFINED) rough.resize(REFINED);
@@ -105,15 +105,17 @@ void PlaneSearch::attitude(size_t i, size_t k) {
     prepare();
     along[0] = ways(base->first, i);
     along[1] = ways(base->second, k);
-    if (base->third < 0) slides(free, along[2]);
-    const int own[3] = {base->first, base->second, base->third};
-    for (int m = 0; m < 3; ++m) {
-        if (own[m] < 0) continue;
-        const SensedLine& line = lines[own[m]];  // it was turned about its middle
-        const double off = dot(direction[m], into * line.middle) - dot(line.normal, line.middle);
-        for (Shift& one : along[m]) one.at += off;
-    }
+    place(0, base->first, direction[0]);
+    place(1, base->second, direction[1]);
+    if (base->third < 0) slides(free, along[2]); else place(2, base->third, direction[2]);
     placed(direction, others);
+}
+
+// The shifts along a line at the attitude, which turned it about its middle.
+void PlaneSearch::place(int m, int line, const Vec3& direction) {
+    const SensedLine& own = lines[line];
+    const double off = dot(direction, into * own.middle) - dot(own.normal, own.middle);
+    for (Shift& one : along[m]) one.at += off;
 }
 
 // The least that another line costs at the attitude, and along which direction of the part it is then, if along any. All

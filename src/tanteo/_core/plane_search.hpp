@@ -10,8 +10,9 @@ namespace tanteo {
 
 class PlaneSearch {
   public:
-    // Each triple has three numbers of planes, whose lines tell the pose; the last one is -1 where there is no third.
-    PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples);
+    // Each triple has three numbers of planes, whose lines tell the pose; the last one is -1 where there is no third. Walls
+    // are triples of a plane and two points that may be of cylinders across it.
+    PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples, const std::vector<int>& walls);
 
     // Poses that cost less than the limit, or than so much more than the best, in nats, best first. Most: what each
     // plane costs that is of no face.
@@ -64,10 +65,13 @@ class PlaneSearch {
     double none(int line) const;
     void attitudes();
     void attitude(size_t i, size_t k);
+    void on_walls();
+    void on_two_walls(size_t i, const ModelRound& one, const ModelRound& other);
     double other(int line, std::vector<Shift>* all);
     void average();
     void prepare();
     void slides(const Vec3& direction, std::vector<Shift>& out) const;
+    void place(int m, int line, const Vec3& direction);
     void placed(const Vec3* direction, double others);
     double cost(const Vec3& shift) const;
     void keep(const Vec3& shift, double cost);

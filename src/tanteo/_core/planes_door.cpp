@@ -69,13 +69,14 @@ class Parts {
 };
 
 nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_starts, Doubles unseen, Ints rows,
-                    Doubles sensed, Ints triples, double limit, double behind, int keep) {
+                    Doubles sensed, Ints triples, Ints walls, double limit, double behind, int keep) {
     const Parts parts(planes, starts, rounds, round_starts, rows);
     expect(unseen, "unseen", {starts.size() - 1});
     const std::vector<SensedPlane> felt = sensed_of(sensed);
     const std::vector<int> tried = expect(triples, "triples", ANY, -1, static_cast<int64_t>(felt.size()) - 1);
     for (size_t k = 0; k < tried.size(); ++k)
         if (tried[k] < 0 && k % 3 != 2) refuse("triples", "expected -1 only for a third plane that there is not");
+    const std::vector<int> rolled = expect(walls, "walls", ANY, 0, static_cast<int64_t>(felt.size()) - 1);
     expect(limit, "limit", 0, 1e9);
     expect(behind, "behind", 0, 1e9);
     const size_t R = parts.rows.size(), K = static_cast<size_t>(expect(keep, "keep", 1, 1000));
@@ -84,7 +85,7 @@ nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_st
         nb::gil_scoped_release release;
         const auto make = [&] {
             std::vector<double> most(felt.size());
-            return [&, search = PlaneSearch(felt, tried), faces = ModelFaces{}, most](size_t r) mutable {
+            return [&, search = PlaneSearch(felt, tried, rolled), faces = ModelFaces{}, most](size_t r) mutable {
                 parts.faces(r, faces);
                 for (size_t k = 0; k < felt.size(); ++k)
                     most[k] = felt[k].alone ? most_of(felt[k], unseen.data()[parts.rows[r]]) : felt[k].most;
@@ -106,7 +107,7 @@ nb::tuple on_planes(Floats planes, Starts starts, Floats rounds, Starts round_st
 void offer_planes(nb::module_& m) {
     using namespace nb::literals;
     m.def("on_planes", &on_planes, "planes"_a, "starts"_a, "rounds"_a, "rounds_start"_a, "unseen"_a, "rows"_a, "sensed"_a,
-          "triples"_a, "limit"_a, "behind"_a, "keep"_a);
+          "triples"_a, "walls"_a, "limit"_a, "behind"_a, "keep"_a);
 }
 
 }  // namespace tanteo

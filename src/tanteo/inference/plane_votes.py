@@ -7,7 +7,6 @@ has to call one of the two an outlier. The sorted columns of a catalogue say at 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.inference.candidates import Candidates
-from tanteo.inference.sensed_planes import MADE, SDS, TILT, TRIPLES, SensedPlanes
+from tanteo.inference.sensed_planes import MADE, SDS, TILT, SensedPlanes
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 LIMIT = 60.0
@@ -42,10 +41,9 @@ def on_planes(
     What is so far behind the best costs at least as much, as far as is known.
     """
     lacking, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
-    first = replace(sensed, triples=sensed.triples[: 3 * TRIPLES])
-    costs = _by_triples(first, candidates, rows, lacking, far, hints)
-    if costs.min(initial=LIMIT) > sensed.doubtful and len(sensed.triples) > 3 * TRIPLES:
-        more = replace(sensed, triples=sensed.triples[3 * TRIPLES :])
+    costs = _by_triples(sensed.first, candidates, rows, lacking, far, hints)
+    more = sensed.more
+    if costs.min(initial=LIMIT) > sensed.doubtful and len(more.triples) + len(more.walls):
         costs = np.minimum(costs, _by_triples(more, candidates, rows, lacking, far, hints))
     return costs, hints
 
@@ -100,7 +98,7 @@ def _tried(
         found, Ts = _core.on_planes(
             np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), np.asarray(table["rounds"]).ravel(),
             np.asarray(table["rounds_start"]), np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows,
-            sensed.triples, upto, far, _KEPT,
+            sensed.triples, sensed.walls, upto, far, _KEPT,
         )  # fmt: skip
         costs[here] = np.maximum(found[:, 0], lacking[here])
         some = np.flatnonzero(found[:, 0] < upto)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -23,8 +23,11 @@ _MOST, _CURVED, _LEAST = 13.0, 8.0, 2.0
 """Nats that a labelled plane of no face costs: what it does by the outlier rate, but between the first and the last;
 one sensed normal may be of a curved face."""
 
-TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
+_TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
 """Triples of planes that poses are made of, and where these lead to nothing; the least product of their normals."""
+
+_WALLS = 6
+"""Pairs of points of walls: those of three cylinders have three that are not of one."""
 
 _KNOWN = 0.01
 """Tilt below which it hardly matters how well a normal is known [rad]."""
@@ -41,12 +44,29 @@ class SensedPlanes:
         rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, whether its
             side is known, and whether it is one point, which may be of a face that is no plane ``(k, 12)``.
         triples: of them, that fix a pose, or two and -1 ``(3 m,)``.
+        walls: of them, one and two points that may be of the walls of two cylinders across it ``(3 w,)``.
         certain: whether some triple fixes one although each normal without a parallel is of a curved face.
     """
 
     rows: FloatArray
     triples: Indices
+    walls: Indices
     certain: bool = True
+
+    @property
+    def first(self) -> SensedPlanes:
+        """With the triples that are tried first, and with walls where nothing else may fix the pose."""
+        none = np.zeros(0, dtype=np.int32)
+        return replace(self, triples=self.triples[: 3 * _TRIPLES], walls=none if self.certain else self.walls)
+
+    @property
+    def more(self) -> SensedPlanes:
+        """With what is left to try: other triples, any of which may be of walls, and points of walls."""
+        none = np.zeros(0, dtype=np.int32)
+        kept = self.triples.reshape(-1, 3)
+        turned = np.concatenate([kept[_TRIPLES:], kept[:, [2, 0, 1]], kept[:, [1, 2, 0]]])
+        turned = turned[np.all(turned[:, :2] >= 0, axis=1)]
+        return replace(self, triples=turned.ravel(), walls=self.walls if self.certain else none)
 
     @property
     def doubtful(self) -> float:
@@ -85,7 +105,8 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     lonely = _lonely(normals, planes.tilts[some], alone)
     triples = _triples(normals, planes.tilts[some], lonely)
     doubtful = lonely[triples.reshape(-1, 3)].sum(axis=1) > (triples[2::3] >= 0)
-    return SensedPlanes(np.ascontiguousarray(rows), triples, bool(np.any(~doubtful)))
+    walls = _walls(normals, at, planes.tilts[some], alone)
+    return SensedPlanes(np.ascontiguousarray(rows), triples, walls, bool(np.any(~doubtful)))
 
 
 def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
@@ -106,6 +127,20 @@ def _lonely(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> BoolArr
     return np.asarray(alone & (near.sum(axis=1) < 2))
 
 
+def _walls(normals: FloatArray, at: FloatArray, tilts: FloatArray, alone: BoolArray) -> Indices:
+    """Pairs of points, far from each other, that may be of walls across the plane that most others are parallel to."""
+    if len(normals) < 3:
+        return np.zeros(0, dtype=np.int32)
+    within = SDS * np.hypot(tilts[:, None], tilts) + TILT
+    first = int(np.argmax(np.sum(np.linalg.norm(np.cross(normals[:, None], normals), axis=-1) < within, axis=1)))
+    points = np.flatnonzero(alone & (np.abs(normals @ normals[first]) < within[first]))
+    away = at[points] - np.outer((at[points] - at[first]) @ normals[first], normals[first])
+    pairs = sorted(
+        combinations(range(len(points)), 2), key=lambda ij: -float(np.linalg.norm(away[ij[0]] - away[ij[1]]))
+    )
+    return np.array([(first, points[i], points[j]) for i, j in pairs[:_WALLS]], dtype=np.int32).ravel()
+
+
 def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray) -> Indices:
     """Triples that fix a pose, as different as can be: one outlier does not spoil them all.
 
@@ -115,7 +150,8 @@ def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray) -> Indic
     if len(normals) < 2:
         return np.zeros(0, dtype=np.int32)
     sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
-    order = np.argsort(lonely, kind="stable")
+    line = np.argmax(sines < SDS * np.hypot(tilts[:, None], tilts) + TILT, axis=1)
+    order = np.lexsort((line, lonely))  # triples of the same three lines have them in the same order
     triples = np.array([order[list(k)] for k in combinations(range(len(order)), 3)], dtype=np.int64).reshape(-1, 3)
     chosen = _as_different(triples, np.abs(np.linalg.det(normals[triples])), lonely, tilts)
     if not chosen:
