@@ -31,7 +31,7 @@ class Corners:
 
     Attributes:
         all: ``(N, 3)``, distinct [m].
-        on: which of them are on the true surface, where there is one ``(N,)``; the others are within facets, its chords.
+        on: which of them are on the true surface, if there is one ``(N,)``; the others are within facets, its chords.
     """
 
     all: FloatArray
