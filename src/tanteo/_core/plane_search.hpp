@@ -1,5 +1,6 @@
 // Poses of a part at which sensed planes are on its faces: what is parallel votes for where the part is along it.
 #pragma once
+#include <array>
 #include <vector>
 
 #include "lines.hpp"
@@ -20,6 +21,7 @@ class PlaneSearch {
                               int keep);
 
   private:
+    using Pair = std::array<Vec3, 2>;
     // A face, or a plane of the part as one sensed plane may meet it at an attitude.
     struct Option {
         Vec3 normal, centre;
@@ -67,6 +69,7 @@ class PlaneSearch {
     void attitude(size_t i, size_t k);
     void on_walls();
     void on_two_walls(size_t i, const ModelRound& one, const ModelRound& other);
+    void turned_to(size_t i, const Mat3& attitude, const Pair& places, const Pair& axes_at);
     double other(int line, std::vector<Shift>* all);
     void average();
     void prepare();

@@ -104,7 +104,7 @@ def _compared(
         return lacking, hints, False
     far = max(BEHIND_PLANES, float(np.log(len(rows) / _REST)) / _PLANES_TELL)  # all beyond are no more than that share
     costs, hints = on_planes(sensed, candidates, rows, far)
-    if sensed.certain and costs.min() < sensed.hopeless:
+    if costs.min() < sensed.believed:
         return costs, hints, True
     rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
     return np.minimum(costs, rough), others | hints, False

@@ -78,6 +78,13 @@ class SensedPlanes:
         """Nats of the best part from which planes are not what was sensed: more than those of two of them."""
         return 2.2 * float(self.rows[:, 9].max())
 
+    @property
+    def believed(self) -> float:
+        """Nats of the best part up to which planes and walls are what was sensed."""
+        if self.certain:
+            return self.hopeless
+        return self.doubtful if len(self.walls) else 0.0
+
 
 def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     """The planes that labels and normals show, with their noise as large as it may be."""
