@@ -39,7 +39,7 @@ PlaneFit::Match PlaneFit::match(int k, const Pose& pose, double turned, const Ve
     const double tilt2 = plane.tilt * plane.tilt + turned * turned + MADE * MADE;
     const double lever = norm(plane.at - about), sd2 = plane.sd * plane.sd + turned * turned * lever * lever;
     const double near = std::cos(std::min(SDS * std::sqrt(tilt2), 1.5));
-    Match best{most[k], false, {}, 0};
+    Match best{most[k], false, {}, 0, {}, 0};
     for (const ModelPlane& face : faces.planes) {
         double c = dot(n, face.normal);
         if (!plane.sided) c = std::fabs(c);
@@ -49,11 +49,13 @@ PlaneFit::Match PlaneFit::match(int k, const Pose& pose, double turned, const Ve
         if (cost >= best.cost) continue;
         const double room = face.reach + 0.5 * plane.span + SDS * std::sqrt(sd2);
         if (squared(off) - h2 > room * room) continue;
-        best = {cost, true, face.normal, h};
+        best = {cost, true, face.normal, h, {}, 0};
     }
     for (size_t r = 0; plane.alone && r < faces.rounds.size(); ++r) {
-        const WallMatch met = on_wall(faces.rounds[r], n, p, near, sd2, tilt2, best.cost);
-        if (met.found) best = {met.cost, true, met.normal, met.height};
+        const ModelRound& round = faces.rounds[r];
+        const WallMatch met = on_wall(round, n, p, near, sd2, tilt2, best.cost);
+        if (met.found)
+            best = {met.cost, true, met.normal, met.height, round.axis, round.sign / (round.radius + round.sign * met.height)};
     }
     return best;
 }
@@ -66,22 +68,28 @@ bool PlaneFit::stepped(Pose& pose, double turned, const Vec3& about) const {
         const Match to = match(static_cast<int>(k), pose, turned, about);
         if (!to.found) continue;
         const Vec3 p = into_part(pose, plane.at), &n = to.normal;
-        const Vec3 own = transposed_times(pose.R, plane.normal), sign = dot(own, n) < 0 ? -own : own;
-        const Vec3 turn = cross(p, n);
+        const Vec3 own = transposed_times(pose.R, plane.normal), turn = cross(p, n);
         const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
         add(A, b, J, to.height, 1 / (plane.sd * plane.sd + 1e-14));
-        // own normal in the part turns by -w x n: two directions across the face's normal
-        const Vec3 u = any_across(n), v = cross(n, u);
-        for (const Vec3& e : {u, v}) {
-            const Vec3 g = cross(sign, e);
-            const double K[6] = {0, 0, 0, -g.x, -g.y, -g.z};
-            add(A, b, K, dot(sign, e), 1 / (plane.tilt * plane.tilt + MADE * MADE));
-        }
+        add_tilt(to, dot(own, n) < 0 ? -own : own, p, 1 / (plane.tilt * plane.tilt + MADE * MADE), A, b);
     }
     if (!cholesky(A, 6)) return false;
     solve_cholesky(A, 6, b);
     pose = moved(pose, {b[0], b[1], b[2]}, {b[3], b[4], b[5]}, Vec3{});
     return true;
+}
+
+// The own normal turns by -w x n in the part; that of a wall turns, too, as the place on it moves around its axis.
+void PlaneFit::add_tilt(const Match& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const {
+    const Vec3 first = to.bend != 0 ? to.axis : any_across(to.normal), second = cross(to.normal, first);
+    for (int k = 0; k < 2; ++k) {
+        const Vec3& e = k ? second : first;
+        const double bend = k ? to.bend : 0;
+        const Vec3 turn = cross(own, e), moved = cross(at, e);
+        const double K[6] = {bend * e.x,           bend * e.y,           bend * e.z,
+                             bend * moved.x - turn.x, bend * moved.y - turn.y, bend * moved.z - turn.z};
+        add(A, b, K, dot(own, e), weight);
+    }
 }
 
 PlanePose PlaneFit::refined(Pose pose, double turned, const Vec3& about) const {

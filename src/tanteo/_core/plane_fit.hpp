@@ -15,12 +15,15 @@ class PlaneFit {
     PlanePose refined(Pose pose, double turned, const Vec3& about) const;
 
   private:
-    // The least that a plane costs, and of which surface it is then, if of any: its normal in the part, and how far off.
+    // The least that a plane costs, and of which surface it is then, if of any: its normal in the part, how far off it is,
+    // and how a wall bends, across its axis: the normal turns by so much for each metre.
     struct Match {
         double cost;
         bool found;
         Vec3 normal;
         double height;
+        Vec3 axis;
+        double bend;
     };
 
     const ModelFaces& faces;
@@ -29,6 +32,7 @@ class PlaneFit {
 
     Match match(int k, const Pose& pose, double turned, const Vec3& about) const;
     bool stepped(Pose& pose, double turned, const Vec3& about) const;
+    void add_tilt(const Match& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const;
 };
 
 // A point with its normal on the wall of a cylinder: nats, if they are less than most; the normal of the wall there, and how

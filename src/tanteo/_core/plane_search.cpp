@@ -27,6 +27,9 @@ Mat3 turned(const Vec3& w) {
 PlaneSearch::PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples, const std::vector<int>& walls)
     : sensed(sensed), lines(sensed_lines(sensed)), bases(plane_bases(sensed, lines, triples, walls)), middle(middle_of(sensed)) {
     for (const SensedLine& line : lines) within = std::max(within, line.within);
+    apart = 1e300;
+    for (const SensedPlane& one : sensed) apart = std::min(apart, one.sd);
+    for (const PlaneBase& one : bases) known = std::max(known, std::sqrt(one.spread));
 }
 
 double PlaneSearch::none(int line) const {
@@ -49,18 +52,28 @@ std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<
         base = &one;
         if (one.walls) on_walls(); else attitudes();
     }
-    std::sort(rough.begin(), rough.end(), [](const Rough& a, const Rough& b) { return a.at.cost < b.at.cost; });
-    if (rough.size() > REFINED) rough.resize(REFINED);
+    thinned();
     const PlaneFit fit(all, sensed, nats);
-    std::vector<PlanePose> out;
+    std::vector<PlanePose> found;
     for (const Rough& one : rough) {
         if (one.at.cost >= upto) break;
-        out.push_back(fit.refined(one.at.pose, one.turned, middle));
-        upto = std::min(upto, out.back().cost + behind);
+        found.push_back(fit.refined(one.at.pose, one.turned, middle));
+        upto = std::min(upto, found.back().cost + behind);
     }
-    std::sort(out.begin(), out.end(), [](const PlanePose& a, const PlanePose& b) { return a.cost < b.cost; });
-    if (out.size() > static_cast<size_t>(keep)) out.resize(keep);
+    std::sort(found.begin(), found.end(), [](const PlanePose& a, const PlanePose& b) { return a.cost < b.cost; });
+    std::vector<PlanePose> out;
+    for (const PlanePose& each : found) {
+        const auto one = [&](const PlanePose& other) { return are_one(other.pose, each.pose, known); };
+        if (out.size() < static_cast<size_t>(keep) && std::none_of(out.begin(), out.end(), one)) out.push_back(each);
+    }
     return out;
+}
+
+// Whether two poses are nearer than what is known: a turn, and where the middle of what was sensed is.
+bool PlaneSearch::are_one(const Pose& one, const Pose& other, double turn) const {
+    double squares = 0;
+    for (int m = 0; m < 9; ++m) squares += (one.R.m[m] - other.R.m[m]) * (one.R.m[m] - other.R.m[m]);
+    return squares < 2 * turn * turn && squared(into_part(one, middle) - into_part(other, middle)) < apart * apart;
 }
 
 // The ways to put a sensed line on one of the part's: no more than cost less than the limit.
@@ -239,9 +252,20 @@ void PlaneSearch::keep(const Vec3& shift, double cost) {
     rough.push_back({{{R, R * shift}, cost}, std::sqrt(base->spread)});
     limit = std::min(limit, cost + behind);
     if (rough.size() <= 4 * REFINED) return;
-    const auto less = [](const Rough& a, const Rough& b) { return a.at.cost < b.at.cost; };
-    std::nth_element(rough.begin(), rough.begin() + REFINED, rough.end(), less);
-    rough.resize(REFINED);
+    thinned();
+}
+
+// The best of them; of those that are one within what is known of them, one.
+void PlaneSearch::thinned() {
+    std::sort(rough.begin(), rough.end(), [](const Rough& a, const Rough& b) { return a.at.cost < b.at.cost; });
+    size_t kept = 0;
+    for (size_t k = 0; k < rough.size() && kept < REFINED; ++k) {
+        const auto one = [&](const Rough& other) {
+            return are_one(other.at.pose, rough[k].at.pose, std::max(other.turned, rough[k].turned));
+        };
+        if (std::none_of(rough.begin(), rough.begin() + kept, one)) rough[kept++] = rough[k];
+    }
+    rough.resize(kept);
 }
 
 }  // namespace tanteo

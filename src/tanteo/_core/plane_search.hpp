@@ -40,7 +40,8 @@ class PlaneSearch {
     std::vector<SensedPlane> sensed;
     std::vector<SensedLine> lines;
     std::vector<PlaneBase> bases;
-    double within = 0;
+    double within = 0;            // angle between planes of one line
+    double apart = 0, known = 0;  // distance and turn from which poses are two
     Vec3 middle;
 
     // of the part that is asked about
@@ -78,6 +79,8 @@ class PlaneSearch {
     void placed(const Vec3* direction, double others);
     double cost(const Vec3& shift) const;
     void keep(const Vec3& shift, double cost);
+    void thinned();
+    bool are_one(const Pose& one, const Pose& other, double turn) const;
 };
 
 }  // namespace tanteo
