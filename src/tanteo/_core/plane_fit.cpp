@@ -19,17 +19,18 @@ void add(double* A, double* b, const double* J, double r, double weight) {
 
 }  // namespace
 
-WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point, double near, double variance, double tilt2,
-                  double most) {
+WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point, double variance, double tilt2, double most) {
     WallMatch out{most, false, {}, 0};
     const Vec3 off = point - round.middle;
     const double t = dot(off, round.axis), v = variance + ROUND * ROUND, room = std::fabs(t) - round.half;
     if (room > 0 && room * room > SDS * SDS * v) return out;
     const Vec3 across = off - t * round.axis;
     const double d2 = squared(across), c = round.sign * dot(normal, across);
-    if (c <= 0 || c * c < near * near * d2) return out;
-    const double d = std::sqrt(d2), h = d - round.radius, cost = 0.5 * h * h / v + (1 - c / d) / tilt2;
-    if (cost >= most) return out;
+    if (c <= 0) return out;
+    // where the point is around the axis is known as well as the point is: the normal of the wall there
+    const double turn2 = tilt2 + v / (round.radius * round.radius);
+    const double d = std::sqrt(d2), h = d - round.radius, turned = 1 - c / d, cost = 0.5 * h * h / v + turned / turn2;
+    if (cost >= most || turned > 0.5 * SDS * SDS * turn2) return out;
     return {cost, true, round.sign / d * across, round.sign * h};
 }
 
@@ -53,7 +54,7 @@ PlaneFit::Match PlaneFit::match(int k, const Pose& pose, double turned, const Ve
     }
     for (size_t r = 0; plane.alone && r < faces.rounds.size(); ++r) {
         const ModelRound& round = faces.rounds[r];
-        const WallMatch met = on_wall(round, n, p, near, sd2, tilt2, best.cost);
+        const WallMatch met = on_wall(round, n, p, sd2, tilt2, best.cost);
         if (met.found)
             best = {met.cost, true, met.normal, met.height, round.axis, round.sign / (round.radius + round.sign * met.height)};
     }

@@ -44,7 +44,6 @@ struct WallMatch {
     double height;
 };
 
-WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point, double near, double variance, double tilt2,
-                  double most);
+WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point, double variance, double tilt2, double most);
 
 }  // namespace tanteo

@@ -241,7 +241,7 @@ double PlaneSearch::cost(const Vec3& shift) const {
             if (own < best && squared(one.at - shift - option.centre) - h2 < option.room2) best = own;
         }
         for (size_t m = one.first_wall; m < one.last_wall; ++m)
-            best = on_wall(walls[m], one.normal, one.at - shift, known.near, known.variance, known.tilt2, best).cost;
+            best = on_wall(walls[m], one.normal, one.at - shift, known.variance, known.tilt2, best).cost;
         sum += best;
     }
     return sum;

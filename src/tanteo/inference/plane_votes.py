@@ -143,11 +143,9 @@ def _having(first: FloatArray, second: FloatArray, table: Mapping[str, Any], n: 
         if one > np.pi - within:
             found.append(_distances(table, "opposite", first, second, signed=sided))
     rows = np.concatenate(found)
-    if len(rows) > _SHARE * n and len(np.unique(rows)) > _SHARE * n:
-        return None
     has = np.zeros(n, dtype=bool)
     has[rows] = True
-    return has
+    return None if np.count_nonzero(has) > _SHARE * n else has
 
 
 def _height(first: FloatArray, second: FloatArray) -> tuple[float, float]:
