@@ -58,6 +58,8 @@ def after_hints(
     hints: Sequence[Transforms | None],
     rng: np.random.Generator,
     alike_parts: Callable[[PreparedPart], list[PreparedPart]],
+    *,
+    certain: bool = False,
 ) -> Crowd:
     """Which of very many parts are searched in rounds.
 
@@ -67,11 +69,12 @@ def after_hints(
         hints: poses of each, if any are known.
         rng: of all draws.
         alike_parts: others that were not promising, but are like a part: twins of the best are looked at, too.
+        certain: whether the hints are all poses that planes allow.
     """
     rows = spread(problem, GLANCED)
     some = rows.astype(np.int64)
     few = replace(problem, points=problem.points.take(some)) if len(some) < len(problem.points) else problem
-    found, searches = _tried(few, parts, hints, rng)
+    found, searches = _tried(few, parts, hints, rng, certain=certain)
     share = len(problem.points) / max(len(some), 1)  # all points tell parts apart by as much more
     top, half = float(found.max()), found[len(found) // 2 :]
     tail = top + float(log_sum(share * (half - top))) - float(np.log(len(half)))
@@ -93,14 +96,19 @@ def after_hints(
 
 
 def _tried(
-    problem: Problem, parts: Sequence[PreparedPart], hints: Sequence[Transforms | None], rng: np.random.Generator
+    problem: Problem,
+    parts: Sequence[PreparedPart],
+    hints: Sequence[Transforms | None],
+    rng: np.random.Generator,
+    *,
+    certain: bool = False,
 ) -> tuple[FloatArray, dict[int, PartSearch]]:
     """Log evidence that the hints of each part lead to, and the searches of those that are near the best."""
     found, kept = np.full(len(parts), _NOTHING), dict[int, PartSearch]()
     for begin in range(0, len(parts), _AT_ONCE):
         own = [k for k in range(begin, min(begin + _AT_ONCE, len(parts))) if hints[k] is not None]
         for k, search in zip(own, start_searches(problem, [parts[k] for k in own], alike(rng, len(own))), strict=True):
-            search.try_poses(np.asarray(hints[k]))
+            search.try_poses(np.asarray(hints[k]), certain=certain)
             found[k], kept[k] = max(search.log_evidence, _NOTHING), search
         least = found.max(initial=_NOTHING) - _ROUNDS
         for k in [k for k in kept if found[k] < least]:

@@ -159,10 +159,17 @@ class PartSearch:
             self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, RIDGE, self.rng))
 
     def try_poses(self, Ts: Transforms, *, certain: bool = False) -> None:
-        """Maximize from poses that no points proposed; what they lead to still has to be found, unless they are all."""
+        """Maximize from poses that no points proposed.
+
+        What they lead to still has to be found, unless they are all that planes allow, to within the noise.
+        """
         if not len(Ts):
             return
-        found = self.objective.look(Ts, np.full(len(Ts), _CERTAIN * certain, dtype=np.int64), len(Ts))
+        groups = np.full(len(Ts), _CERTAIN * certain, dtype=np.int64)
+        if certain:
+            found = self.objective.maximize(np.ascontiguousarray(Ts), groups=groups, fine=True)
+        else:
+            found = self.objective.look(Ts, groups, len(Ts))
         self.peaks = self.objective.merged(self.peaks, found, _MOST)
 
     def on_the_part(self) -> BoolArray:

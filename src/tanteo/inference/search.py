@@ -90,7 +90,7 @@ def race(
     """
     left_out, others, dropped, tail = left_out or LeftOut(), list[PartSearch](), -np.inf, -np.inf
     if len(parts) > CROWD:
-        crowd = after_hints(problem, parts, hints, rng, left_out.alike)
+        crowd = after_hints(problem, parts, hints, rng, left_out.alike, certain=certain)
         parts, hints, others, dropped, tail = crowd.parts, crowd.hints, crowd.others, crowd.dropped, crowd.tail
     searches = start_searches(problem, parts, alike(rng, len(parts)))
     for search, Ts in zip(searches, hints, strict=False):
