@@ -52,14 +52,14 @@ def sensed(walls, rng):
     )  # fmt: skip
 
 
-LARGE = [(25, 30, 12, 0.7, 8)]
+LARGE = [(25, 30, 12, 3.8, 8)]
 BOTH = [(25, 30, 12, 2.4, 8), (50, 15, 4, 0.3, 6), (25, 30, 12, 5.0, 4)]
 
 
 @pytest.mark.parametrize("walls", [LARGE, BOTH], ids=["one bore and a side", "two bores"])
 def test_plates_that_differ_where_nothing_was_sensed_are_all_named(plates, walls):
     areas = {part.name: part.area for part in plates}
-    for seed in range(2):
+    for seed in (1, 2):
         points = sensed(walls, np.random.default_rng(seed))
         answer = identify_points(points, FreeRays.none(), plates, top=1000)
         shares = {}
@@ -69,4 +69,4 @@ def test_plates_that_differ_where_nothing_was_sensed_are_all_named(plates, walls
         assert len(shares) > 0.9 * COUNT
         # a place on a larger part is less probable, for each point
         over = [np.log(share) + len(points) * np.log(areas[name]) for name, share in shares.items()]
-        assert np.ptp(over) < 1.0
+        assert np.ptp(over) < 0.5
