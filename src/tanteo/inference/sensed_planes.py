@@ -11,7 +11,7 @@ from tanteo.inference.around import outlier_log_density
 from tanteo.inference.label_tuples import Planes, labelled_planes
 from tanteo.inference.problem import Problem
 from tanteo.measurements import ContactPoints
-from tanteo.typing import BoolArray, FloatArray, Indices, IntArray
+from tanteo.typing import BoolArray, FloatArray, Indices
 
 _WIDER = 0.6
 """Of the log of the factor to which the noise is known: so much larger it is taken to be."""
@@ -24,7 +24,7 @@ _MOST, _CURVED, _LEAST = 13.0, 8.0, 2.0
 one sensed normal may be of a curved face."""
 
 _TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
-"""Triples of planes that poses are made of, and where these lead to nothing; the least product of their normals."""
+"""Triples of lines that poses are made of, and in all where these lead to nothing; the least product of their normals."""
 
 _WALLS = 6
 """Pairs of points of walls: those of three cylinders have three that are not of one."""
@@ -61,11 +61,10 @@ class SensedPlanes:
 
     @property
     def more(self) -> SensedPlanes:
-        """With what is left to try: other triples, any of which may be of walls, and points of walls."""
+        """With what is left to try: other triples, whose second may be of a wall, and points of walls."""
         none = np.zeros(0, dtype=np.int32)
         kept = self.triples.reshape(-1, 3)
-        turned = np.concatenate([kept[_TRIPLES:], kept[:, [2, 0, 1]], kept[:, [1, 2, 0]]])
-        turned = turned[np.all(turned[:, :2] >= 0, axis=1)]
+        turned = np.concatenate([kept[_TRIPLES:], kept[kept[:, 2] >= 0][:, [0, 2, 1]]])
         return replace(self, triples=turned.ravel(), walls=self.walls if self.certain else none)
 
     @property
@@ -109,10 +108,11 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
             alone,
         ]
     )
-    lonely = _lonely(normals, planes.tilts[some], alone)
-    triples = _triples(normals, planes.tilts[some], lonely)
+    near = _parallel(normals, planes.tilts[some])
+    lonely = alone & (near.sum(axis=1) < 2)  # they may be of a curved face
+    triples = _triples(normals, planes.tilts[some], lonely, near)
     doubtful = lonely[triples.reshape(-1, 3)].sum(axis=1) > (triples[2::3] >= 0)
-    walls = _walls(normals, at, planes.tilts[some], alone)
+    walls = _walls(normals, at, planes.tilts[some], alone, near)
     return SensedPlanes(np.ascontiguousarray(rows), triples, walls, bool(np.any(~doubtful)))
 
 
@@ -127,58 +127,39 @@ def _without_face(problem: Problem, points: ContactPoints, planes: Planes, facto
     return np.array(out)
 
 
-def _lonely(normals: FloatArray, tilts: FloatArray, alone: BoolArray) -> BoolArray:
-    """Which are one sensed normal that no other one is parallel to: they may be of a curved face ``(k,)``."""
+def _parallel(normals: FloatArray, tilts: FloatArray) -> BoolArray:
+    """Which planes are parallel within what is known of them ``(k, k)``."""
     sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
-    near: BoolArray = sines < SDS * np.hypot(tilts[:, None], tilts) + TILT
-    return np.asarray(alone & (near.sum(axis=1) < 2))
+    return np.asarray(sines < SDS * np.hypot(tilts[:, None], tilts) + TILT)
 
 
-def _walls(normals: FloatArray, at: FloatArray, tilts: FloatArray, alone: BoolArray) -> Indices:
+def _walls(normals: FloatArray, at: FloatArray, tilts: FloatArray, alone: BoolArray, near: BoolArray) -> Indices:
     """Pairs of points, far from each other, that may be of walls across the plane that most others are parallel to."""
     if len(normals) < 3:
         return np.zeros(0, dtype=np.int32)
-    within = SDS * np.hypot(tilts[:, None], tilts) + TILT
-    first = int(np.argmax(np.sum(np.linalg.norm(np.cross(normals[:, None], normals), axis=-1) < within, axis=1)))
-    points = np.flatnonzero(alone & (np.abs(normals @ normals[first]) < within[first]))
+    first = int(np.argmax(near.sum(axis=1)))
+    points = np.flatnonzero(alone & (np.abs(normals @ normals[first]) < SDS * np.hypot(tilts, tilts[first]) + TILT))
     away = at[points] - np.outer((at[points] - at[first]) @ normals[first], normals[first])
-    pairs = sorted(
-        combinations(range(len(points)), 2), key=lambda ij: -float(np.linalg.norm(away[ij[0]] - away[ij[1]]))
-    )
+    apart = np.linalg.norm(away[:, None] - away, axis=-1)
+    pairs = sorted(combinations(range(len(points)), 2), key=lambda ij: -float(apart[ij]))
     return np.array([(first, points[i], points[j]) for i, j in pairs[:_WALLS]], dtype=np.int32).ravel()
 
 
-def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray) -> Indices:
-    """Triples that fix a pose, as different as can be: one outlier does not spoil them all.
+def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray, near: BoolArray) -> Indices:
+    """Planes of three lines each that fix a pose, the most telling first; in each the line of most planes first.
 
-    What may be of a curved face comes last, in a triple, too. Where all normals lie in one plane, the third is -1:
-    poses slide along what two planes leave free.
+    What may be of a curved face comes last. Where all normals lie in one plane, the third is -1: poses slide along what
+    two lines leave free.
     """
-    if len(normals) < 2:
-        return np.zeros(0, dtype=np.int32)
-    sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
-    line = np.argmax(sines < SDS * np.hypot(tilts[:, None], tilts) + TILT, axis=1)
-    order = np.lexsort((line, lonely))  # triples of the same three lines have them in the same order
-    triples = np.array([order[list(k)] for k in combinations(range(len(order)), 3)], dtype=np.int64).reshape(-1, 3)
-    chosen = _as_different(triples, np.abs(np.linalg.det(normals[triples])), lonely, tilts)
-    if not chosen:
-        pairs = np.array([order[list(k)] for k in combinations(range(len(order)), 2)], dtype=np.int64).reshape(-1, 2)
-        found = _as_different(pairs, sines[pairs[:, 0], pairs[:, 1]], lonely, tilts)
-        chosen = [np.append(pair, -1) for pair in found]
-    return np.array(chosen, dtype=np.int32).ravel()
-
-
-def _as_different(tuples: IntArray, sizes: FloatArray, lonely: BoolArray, tilts: FloatArray) -> list[IntArray]:
-    """The most telling tuples of planes, as few planes in two of them as can be; none that are nearly dependent."""
-    if not len(tuples):
-        return []
-    good = sizes * 0.5 ** lonely[tuples].sum(axis=1) / (_KNOWN + tilts[tuples].max(axis=1))
-    chosen = list[IntArray]()
-    for shared in range(tuples.shape[1]):
-        for k in np.argsort(-good, kind="stable"):
-            if len(chosen) == _MORE:
-                break
-            new = all(len(set(tuples[k].tolist()) & set(other.tolist())) <= shared for other in chosen)
-            if new and sizes[k] >= _INDEPENDENT:
-                chosen.append(tuples[k])
-    return chosen
+    counts, lines = near.sum(axis=1), np.unique(np.argmax(near, axis=1))
+    order = lines[np.lexsort((-counts[lines], lonely[lines]))]
+    known = tilts / np.sqrt(counts)
+    for size in (3, 2):
+        tuples = np.array(list(combinations(order, size)), dtype=np.int32).reshape(-1, size)
+        n = normals[tuples]
+        sizes = np.abs(np.linalg.det(n)) if size == 3 else np.linalg.norm(np.cross(n[:, 0], n[:, 1]), axis=1)
+        good = sizes * 0.5 ** lonely[tuples].sum(axis=1) / (_KNOWN + known[tuples].max(axis=1))
+        chosen = [k for k in np.argsort(-good, kind="stable") if sizes[k] >= _INDEPENDENT][:_MORE]
+        if chosen:
+            return np.pad(tuples[chosen], ((0, 0), (0, 3 - size)), constant_values=-1).ravel()
+    return np.zeros(0, dtype=np.int32)
