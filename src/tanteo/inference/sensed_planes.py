@@ -24,7 +24,7 @@ _MOST, _CURVED, _LEAST = 13.0, 8.0, 2.0
 one sensed normal may be of a curved face."""
 
 _TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
-"""Triples of lines that poses are made of, and in all where these lead to nothing; the least product of their normals."""
+"""Triples of lines that poses are made of, and where these lead to nothing; the least product of their normals."""
 
 _WALLS = 6
 """Pairs of points of walls: those of three cylinders have three that are not of one."""
@@ -151,6 +151,8 @@ def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray, near: Bo
     What may be of a curved face comes last. Where all normals lie in one plane, the third is -1: poses slide along what
     two lines leave free.
     """
+    if not len(normals):
+        return np.zeros(0, dtype=np.int32)
     counts, lines = near.sum(axis=1), np.unique(np.argmax(near, axis=1))
     order = lines[np.lexsort((-counts[lines], lonely[lines]))]
     known = tilts / np.sqrt(counts)
