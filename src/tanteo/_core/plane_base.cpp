@@ -53,7 +53,8 @@ PlaneBase of_walls(const std::vector<SensedPlane>& sensed, const std::vector<Sen
     out.second = one;
     out.third = other;
     const double turn = std::max(sensed[one].tilt, sensed[other].tilt) + MADE;
-    for (const SensedLine& each : lines) out.near.push_back(std::cos(std::min(agreement(std::hypot(own.tilt, turn), each.tilt), 1.5)));
+    for (const SensedLine& each : lines)
+        out.near.push_back(std::cos(std::min(agreement(std::hypot(own.tilt, turn), each.tilt), 1.5)));
     Mat3 information;
     add_line(own, information);
     add_outer(information, 1 / (turn * turn), own.normal, own.normal);

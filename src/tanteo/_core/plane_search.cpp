@@ -24,8 +24,12 @@ Mat3 turned(const Vec3& w) {
 
 }  // namespace
 
-PlaneSearch::PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples, const std::vector<int>& walls)
-    : sensed(sensed), lines(sensed_lines(sensed)), bases(plane_bases(sensed, lines, triples, walls)), middle(middle_of(sensed)) {
+PlaneSearch::PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples,
+                         const std::vector<int>& walls)
+    : sensed(sensed),
+      lines(sensed_lines(sensed)),
+      bases(plane_bases(sensed, lines, triples, walls)),
+      middle(middle_of(sensed)) {
     for (const SensedLine& line : lines) within = std::max(within, line.within);
     apart = 1e300;
     for (const SensedPlane& one : sensed) apart = std::min(apart, one.sd);

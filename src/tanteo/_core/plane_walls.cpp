@@ -41,7 +41,8 @@ void PlaneSearch::on_two_walls(size_t i, const ModelRound& one, const ModelRound
     const Mat3 frame = transposed(axes(normal, told ? unit(sensed_way) : any_across(normal)));
     for (int turn = 0; turn < (told ? 1 : TURNS); ++turn) {
         const double angle = 2 * PI * turn / TURNS;
-        turned_to(i, axes(v, std::cos(angle) * towards + std::sin(angle) * beside) * frame, {first, second}, {one.middle, other.middle});
+        const Mat3 attitude = axes(v, std::cos(angle) * towards + std::sin(angle) * beside) * frame;
+        turned_to(i, attitude, {first, second}, {one.middle, other.middle});
     }
 }
 
@@ -58,8 +59,8 @@ void PlaneSearch::turned_to(size_t i, const Mat3& attitude, const Pair& places, 
     along[0] = ways(base->first, i);
     place(0, base->first, v);
     for (int m = 1; m < 3; ++m) {
-        const double from = dot(direction[m], into * places[0] - axes_at[0]), to = dot(direction[m], into * places[1] - axes_at[1]);
-        along[m].assign(1, {0.5 * (from + to), 0});
+        const Vec3 off = 0.5 * (into * (places[0] + places[1]) - (axes_at[0] + axes_at[1]));
+        along[m].assign(1, {dot(direction[m], off), 0});
     }
     placed(direction, others);
 }
