@@ -10,7 +10,7 @@ namespace tanteo {
 namespace {
 
 constexpr double INDEPENDENT = 0.1;  // triple product of three directions that fix a place
-constexpr size_t REFINED = 12;       // poses that are refined
+constexpr size_t LEAST = 12;         // poses that are refined at least: some lead to others
 constexpr int SLIDES = 4;            // places along a direction that no plane fixes
 
 // A turn by a small vector: by a little less than its length.
@@ -48,6 +48,7 @@ std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<
     most = &nats;
     limit = upto;
     behind = so_much;
+    most_poses = std::max(LEAST, static_cast<size_t>(keep));
     rough.clear();
     model_lines(*faces, within, model);
     tabled.assign(lines.size() * 2 * model.size(), 0);
@@ -255,7 +256,7 @@ void PlaneSearch::keep(const Vec3& shift, double cost) {
     const Mat3 R = transposed(into);
     rough.push_back({{{R, R * shift}, cost}, std::sqrt(base->spread)});
     limit = std::min(limit, cost + behind);
-    if (rough.size() <= 4 * REFINED) return;
+    if (rough.size() <= 4 * most_poses) return;
     thinned();
 }
 
@@ -263,7 +264,7 @@ void PlaneSearch::keep(const Vec3& shift, double cost) {
 void PlaneSearch::thinned() {
     std::sort(rough.begin(), rough.end(), [](const Rough& a, const Rough& b) { return a.at.cost < b.at.cost; });
     size_t kept = 0;
-    for (size_t k = 0; k < rough.size() && kept < REFINED; ++k) {
+    for (size_t k = 0; k < rough.size() && kept < most_poses; ++k) {
         const auto one = [&](const Rough& other) {
             return are_one(other.at.pose, rough[k].at.pose, std::max(other.turned, rough[k].turned));
         };

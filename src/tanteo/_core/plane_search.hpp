@@ -48,6 +48,7 @@ class PlaneSearch {
     const ModelFaces* faces = nullptr;
     const std::vector<double>* most = nullptr;
     double limit = 0, behind = 0;
+    size_t most_poses = 0;
     std::vector<ModelLine> model;
     std::vector<std::vector<Shift>> table;  // of each sensed line on each of the part's, along it and against it
     std::vector<char> tabled;

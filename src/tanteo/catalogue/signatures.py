@@ -60,6 +60,11 @@ def diameter(points: Vectors) -> float:
     return float(np.sqrt(max(gaps.max(), 0.0)))
 
 
+def faces_of(part: Part) -> tuple[np.ndarray, np.ndarray, float]:
+    """What sensed planes are compared with: rows of planes ``(M, 7)``, of cylinders ``(K, 9)``, the share of others."""
+    return _planes(part).astype(np.float32), rounds_of(part), _unseen_share(part)
+
+
 def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     """The rows of a part by the name of their column.
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from tanteo.inference.details import belongs_at
 from tanteo.inference.hole_tuples import from_centres
-from tanteo.inference.label_tuples import Planes, from_labels, labelled_planes
 from tanteo.inference.peaks import Objective, Peaks
+from tanteo.inference.plane_votes import plane_poses
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.prior_samples import RIDGE, along_ridge, sample_prior
 from tanteo.inference.problem import Problem
@@ -25,6 +25,7 @@ from tanteo.inference.proposals import (
     scores_of,
     spread_rows,
 )
+from tanteo.inference.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.inference.symmetry import log_orbit
 from tanteo.special import log_sum
 from tanteo.typing import BoolArray, Indices, Transforms
@@ -57,7 +58,7 @@ class PartSearch:
         pairs: of points from which proposals are made, a few each round.
         rng: of all draws.
         peaks: maxima so far.
-        planes: of the labels.
+        planes: that labels and normals show.
         restarts: so far.
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
         trusted: whether the region of its maximum was normal before the last measurement.
@@ -70,7 +71,7 @@ class PartSearch:
     pairs: Indices
     rng: np.random.Generator
     peaks: Peaks
-    planes: Planes
+    planes: SensedPlanes
     restarts: int = 0
     along: Peaks | None = None
     trusted: bool = False
@@ -100,7 +101,7 @@ class PartSearch:
             self._take_other_points()
         objective, k, count = self.objective, self.restarts, min(effort.pairs, len(self.pairs))
         each = replace(effort, per_pair=effort.per_pair * effort.pairs // max(count, 1))  # few points have few pairs
-        poses, groups = [self._of_labels(effort.maximize)], [_CERTAIN]
+        poses, groups = [np.zeros((0, 4, 4))], [0]
         for i in range(count):
             pair = np.ascontiguousarray(self.pairs[[(k * count + i) % len(self.pairs)]])
             seed = int(self.rng.integers(2**63))
@@ -111,8 +112,7 @@ class PartSearch:
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = objective.merged(self.peaks, objective.look(np.concatenate(poses), of, effort.maximize), _MOST)
         self._of_centres()
-        if self.hints is not None and not self.restarts:
-            self.try_poses(self.hints, certain=self.certain)
+        self._of_planes(effort.maximize)
         self.sample(effort.maximize)
         hard = bool(effort.hard) and (len(objective.scales.blurs) > 1 or self.doubtful())
         move = effort.hard if hard else effort.move
@@ -128,16 +128,20 @@ class PartSearch:
         rows = np.sort(self.rng.choice(others, FEW, replace=False)).astype(np.int32)
         self.objective, self.pairs = replace(self.objective, rows=rows), far_pairs(points, rows, _PAIRS)
 
-    def _of_labels(self, count: int) -> Transforms:
-        """Poses that put labelled planes on faces, those that the points are near: once, for they are all there are."""
+    def _of_planes(self, count: int) -> None:
+        """Maximize from poses that put planes on faces, the nearest to points: once, for they are all there are."""
         objective = self.objective
-        if self.restarts or not len(objective.rows):
-            return np.zeros((0, 4, 4))
-        Ts = np.ascontiguousarray(from_labels(self.planes, objective.prepared))
-        if not len(Ts):
-            return Ts
-        costs = scores_of(objective.core, objective.prepared, objective.rows, Ts, objective.scales)
-        return Ts[np.argsort(costs, kind="stable")[:count]]
+        if self.restarts:
+            return
+        if self.hints is not None:
+            self.try_poses(self.hints, certain=self.certain)
+        if self.certain or not len(objective.rows):
+            return
+        Ts = np.ascontiguousarray(plane_poses(self.planes, objective.prepared))
+        if len(Ts) > count:
+            costs = scores_of(objective.core, objective.prepared, objective.rows, Ts, objective.scales)
+            Ts = Ts[np.argsort(costs, kind="stable")[:count]]
+        self.try_poses(Ts, certain=True)
 
     def _of_centres(self) -> None:
         """Maximize from poses that put centres on axes of holes and bosses: once, and unblurred, for they are near."""
@@ -200,7 +204,7 @@ def start_searches(
     problem: Problem, parts: Sequence[PreparedPart], rngs: Sequence[np.random.Generator]
 ) -> list[PartSearch]:
     """The same for several parts: what is of the points alone is found once."""
-    rows, planes = spread(problem, FEW), labelled_planes(problem.points)
+    rows, planes = spread(problem, FEW), sensed_planes(problem, problem.points.take(problem.around.others))
     pairs, none = far_pairs(problem.points, rows, _PAIRS), Peaks.none(problem.states)
     out = []
     for part, rng in zip(parts, rngs, strict=True):

@@ -14,6 +14,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.inference.candidates import Candidates
+from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.sensed_planes import MADE, SDS, TILT, SensedPlanes
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
@@ -26,8 +27,11 @@ _LOOSE = 1.5
 _SHARE = 0.3
 """Share of all parts up to which the vote of a pair is worth taking."""
 
-_KEPT = 8
-"""Poses of a part."""
+_KEPT, _OF_ONE = 8, 1000
+"""Poses of a part of many; of one, all that three planes of a part with many faces may mean."""
+
+_FAR = 16.0
+"""Nats behind the best at which poses of one part are given up: two sensed normals of no face."""
 
 BEHIND = 10.0
 """Nats behind the best up to which a part is in: less than a labelled plane of no face."""
@@ -70,6 +74,23 @@ def _by_triples(
     if limit < lowest + far < LIMIT:
         costs, _ = _tried(sensed, candidates, rows, lacking, lowest + far, far, hints)
     return costs
+
+
+def plane_poses(sensed: SensedPlanes, prepared: PreparedPart) -> Transforms:
+    """Poses of one part at which the planes are on its faces ``(S, 4, 4)``; none where they leave a motion free."""
+    best, out = LIMIT, np.zeros((0, 4, 4))
+    if not len(sensed.triples) or sensed.triples[2] < 0:
+        return out
+    planes, rounds, unseen = prepared.faces
+    for some in (sensed.first, sensed.more):
+        if best < sensed.doubtful:
+            break
+        (costs,), (Ts,) = _core.on_planes(
+            planes.ravel(), np.array([0, len(planes)]), rounds.ravel(), np.array([0, len(rounds)]), np.array([unseen]),
+            np.zeros(1, dtype=np.int32), some.rows, some.triples, some.walls, LIMIT, _FAR, _OF_ONE,
+        )  # fmt: skip
+        best, out = min(best, costs[0]), np.concatenate([out, Ts[costs < LIMIT]])
+    return out
 
 
 def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> FloatArray:

@@ -150,9 +150,8 @@ def weigh(
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
     log_none = float(log_sum([log_unknown(anywhere, given_unknown, problem.priors), log_left_out]))
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
-    modes.sort(
-        key=lambda mode: -round(mode.log_mass, 3)
-    )  # twins differ by where maximizations end: they keep their order
+    most = max((mode.log_mass for mode in modes), default=0.0)
+    modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins, which end nearly alike, keep their order
     modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - NEGLIGIBLE]
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # what is left out has no probability
     kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]

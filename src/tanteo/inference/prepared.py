@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape
+from tanteo.catalogue import SAMPLES, SHAPE, cache, compiled_shape, faces_of
 from tanteo.parts import Part, as_parts
 from tanteo.shapes import DistanceField, Surface, distance_field
 from tanteo.typing import IntArray, Vectors
@@ -62,6 +62,11 @@ class PreparedPart:
     def field(self) -> DistanceField:
         """For rough signed distances of very many points."""
         return distance_field(self.surface)
+
+    @cached_property
+    def faces(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Rows of planar faces and of cylinders, and the share of the surface that is neither."""
+        return faces_of(self.part)
 
     def close(self) -> None:
         """Let go of what can be opened again in a moment: of very many parts not all can be open."""

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from tanteo.inference.around import outlier_log_density
-from tanteo.inference.label_tuples import Planes, labelled_planes
+from tanteo.inference.labelled_planes import Planes, labelled_planes
 from tanteo.inference.problem import Problem
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, Indices

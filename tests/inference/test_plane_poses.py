@@ -9,8 +9,11 @@ import pytest
 
 from bare_scenes import no_paths, touches_of
 from scenes import random_pose
-from tanteo.inference import identify_points
-from tanteo.inference.label_tuples import from_labels, labelled_planes
+from tanteo.answers import sized
+from tanteo.inference import Problem, identify_points
+from tanteo.inference.labelled_planes import labelled_planes
+from tanteo.inference.plane_votes import plane_poses
+from tanteo.inference.sensed_planes import sensed_planes
 from tanteo.lie import SE3
 
 SD = 3e-4
@@ -48,6 +51,11 @@ def scene(target, seed, *, radius=0.0, directed=False, faces=None):
     return T, touches
 
 
+def poses(touches, target):
+    problem = Problem(touches, no_paths(), sized(None, target.part.radius))
+    return plane_poses(sensed_planes(problem, touches), target)
+
+
 def nearest(target, T, Ts):
     """How far the nearest of some poses, or of their symmetric images, puts the part's box from a pose [m]."""
     corners = target.part.box[[[0, 0, 0], [1, 1, 1]], [0, 1, 2]]
@@ -63,15 +71,15 @@ def test_the_true_pose_is_among_them(models_of_faces, name, directed):
         T, touches = scene(target, seed, directed=directed)
         planes = labelled_planes(touches)
         assert planes.sided.all() == directed
-        assert nearest(target, T, from_labels(planes, target)) < 0.1 * target.part.diagonal
+        assert nearest(target, T, poses(touches, target)) < 0.1 * target.part.diagonal
 
 
 def test_a_ball_is_beside_the_faces(models_of_faces):
     target = models_of_faces["bracket_left"]
     T, touches = scene(target, 7, radius=4e-3)
-    assert nearest(target, T, from_labels(labelled_planes(touches), target)) < 0.03 * target.part.diagonal
+    assert nearest(target, T, poses(touches, target)) < 0.03 * target.part.diagonal
     wrong = replace(touches, radii=np.zeros(len(touches)))
-    right, off = (nearest(target, T, from_labels(labelled_planes(t), target)) for t in (touches, wrong))
+    right, off = (nearest(target, T, poses(t, target)) for t in (touches, wrong))
     assert off > right
 
 
@@ -88,7 +96,7 @@ def test_what_is_no_plane_says_nothing(models_of_faces):
     across = np.flatnonzero(np.abs(target.part.planes.normals @ target.part.planes.normals[0]) < 0.01)[:1]
     _, touches = scene(target, 4, faces=[*opposite, *across])
     assert len(labelled_planes(touches).offsets) == 3
-    assert len(from_labels(labelled_planes(touches), target)) == 0
+    assert len(poses(touches, target)) == 0
 
 
 def test_labels_tell_more_than_the_same_readings_without(models_of_faces):
@@ -138,7 +146,7 @@ def test_every_pose_puts_three_faces_where_the_planes_are(models_of_faces, name)
     for seed in range(3):
         _, touches = scene(target, (12, seed), directed=True)
         planes = labelled_planes(touches)
-        Ts = from_labels(planes, target)
+        Ts = poses(touches, target)
         assert len(Ts)
         assert np.isfinite(Ts).all()
         rotated = np.einsum("kij,mj->kmi", Ts[:, :3, :3], target.part.planes.normals)
