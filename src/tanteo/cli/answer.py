@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tanteo import answers, inference, io, text
 from tanteo.cli import arguments as args
-from tanteo.cli import controller, files
-from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli import controller, files, typed
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
 from tanteo.errors import ReadingsError
@@ -66,7 +66,7 @@ class Options:
 
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
     """Say which of the parts was sensed, where it is and how sure that is."""
-    known = args.read_known(options.table, options.box, options.pose_prior, options.prior)
+    known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
     start = time.perf_counter()
     if known is not None and options.as_published:
         raise MisuseError(

@@ -31,8 +31,9 @@ from tanteo.cli import (
     sensor,
     view,
 )  # fmt: skip
-from tanteo.cli.arguments import MisuseError, Words, misuse
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, listening
+from tanteo.cli.typed import Words
 from tanteo.errors import TanteoError
 
 _FAILED, _MISUSED, _INTERRUPTED = 1, 2, 130

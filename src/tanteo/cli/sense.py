@@ -14,9 +14,10 @@ import typer
 
 from tanteo import answers, io, scenes, text
 from tanteo.cli import arguments as args
-from tanteo.cli import files
-from tanteo.cli.arguments import MisuseError, SessionOptions, misuse
+from tanteo.cli import files, typed
+from tanteo.cli.misuse import MisuseError, misuse, require_image
 from tanteo.cli.printing import UNDECIDED, complain, emit, has_colour, layout, leave, put, say, warned
+from tanteo.cli.session_options import SessionOptions
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,13 +38,13 @@ def parse_forbidden(texts: list[str]) -> list[ForbiddenBox]:
     from tanteo.hand import ForbiddenBox
 
     boxes = []
-    for typed in texts:
-        values = io.parse_lengths(typed, "--forbid")
+    for text in texts:
+        values = io.parse_lengths(text, "--forbid")
         if len(values) != 6:
             raise InputError(
-                f"--forbid: expected two corners of three lengths, got '{typed}'. Write it as 150,0,0,180,60,250mm."
+                f"--forbid: expected two corners of three lengths, got '{text}'. Write it as 150,0,0,180,60,250mm."
             )
-        boxes.append(ForbiddenBox(typed, np.array(values[:3]), np.array(values[3:])))
+        boxes.append(ForbiddenBox(text, np.array(values[:3]), np.array(values[3:])))
     return boxes
 
 
@@ -60,7 +61,7 @@ class Options:
         args.option(
             "--forbid", "CORNERS", "Box to stay out of: two corners, as 150,0,0,180,60,250mm; may be repeated."
         ),
-        args.Words(parse_forbidden, list[str] | None),
+        typed.Words(parse_forbidden, list[str] | None),
     ] = None
     parts: Annotated[
         list[str] | None,
@@ -77,7 +78,7 @@ class Options:
     verbose: args.Verbose = False
 
     def __post_init__(self) -> None:
-        args.require_image(self.image, self.camera, self.marks)
+        require_image(self.image, self.camera, self.marks)
         if self.image is None and (self.parts or self.face is not None or self.units is not None):
             raise MisuseError("--parts, --face, --units: expected with --image, got none. Add --image render.")
         if self.image is not None and not self.parts:
@@ -148,7 +149,7 @@ def _read_from(image: str | None, camera: str | None, marks: str | None) -> list
     return [("--image", None if image == "render" else image), ("--camera", camera), ("--marks", marks)]
 
 
-def _view(scene: io.SceneFile, image: str, options: Options | args.SessionOptions) -> scenes.SceneView:
+def _view(scene: io.SceneFile, image: str, options: Options | SessionOptions) -> scenes.SceneView:
     """What the image shows of the scene, with a warning for what was taken as something of its camera file."""
     view = scenes.view_of(scene, image, options.camera, options.marks)
     for note in view.camera.notes:

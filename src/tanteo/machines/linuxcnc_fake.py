@@ -8,13 +8,12 @@ from __future__ import annotations
 import queue
 import re
 import socket
-import time
 from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
 
-from tanteo.machines.axis import Tip
+from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.gcode import Modal
 from tanteo.machines.linuxcnc import CONNECT, ENABLE
@@ -23,14 +22,11 @@ from tanteo.machines.world import World
 from tanteo.typing import Vectors
 
 
-class LinuxCncFake:
+class LinuxCncFake(Fake):
     """A machine of three axes and a touch probe, under linuxcncrsh.
 
     Attributes:
-        tip: its ball.
-        ports: of loopback, one.
         modal: what its G-code has set.
-        motions: how many it was told to make.
         heard: all that it was sent.
     """
 
@@ -48,14 +44,13 @@ class LinuxCncFake:
         on: bool = True,
         thief: int = 0,
     ) -> None:
-        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
-        self.faults = faults or Faults()
+        super().__init__(world, start, hurry, faults)
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
-        self.motions, self.heard = 0, list[str]()
+        self.heard = list[str]()
         self._unit, self._thief = _MM if metric else 25.4e-3, thief
         self.modal.turns[1] = np.radians(turn)
         self._estop, self._on, self._mode, self._error = False, on, "MANUAL", ""
-        self._display, self._silent, self._running = list[str](), False, False
+        self._display, self._running = list[str](), False
         self._probed = np.zeros(4)
         self._blocks: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._server = Server(self._serve, port)
@@ -191,29 +186,16 @@ class LinuxCncFake:
             return float(self.modal.offsets.get(slot, np.zeros(3))[k] / self._unit)
         return float(np.degrees(self.modal.turns.get(slot, 0.0))) if k == 9 and slot >= 1 else 0.0
 
+    def _drop(self) -> None:
+        self._server.drop()
+
     def _move(self, goal: Vectors) -> None:
-        self.motions += 1
-        n, faults, start = self.motions, self.faults, self.tip.place
-        if n == faults.drop_before:
-            self._server.drop()
-            return
-        self._silent = self._silent or n == faults.silent
         guarded = self.modal.motion.startswith("38")
-        if guarded and self._tripped():
+        outcome, place = self._motion(goal, self.modal.feed, guarded=guarded)
+        if outcome == "tripped":
             self._error = "Probe is already tripped when starting G38.2 or G38.3 move"
-            return
-        half = self.press_stop if n == faults.stop_at else None
-        ended = self.tip.go(goal, self.modal.feed, until_contact=guarded, half_way=half)
-        if ended in ("held", "stopped"):
-            return
-        if guarded:
-            way = (goal - start) / max(float(np.linalg.norm(goal - start)), 1e-12)
-            noise = self.tip.world.noise(start, goal) if ended == "met" else 0.0
-            self._probed = np.array([*(self.tip.place + noise * way), float(ended == "met")])
-        if n == faults.late:
-            time.sleep(faults.seconds)
-        if n == faults.drop_after:
-            self._server.drop()
+        elif guarded and outcome in ("there", "met"):
+            self._probed = np.array([*place, float(outcome == "met")])
 
 
 class _Client:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent import futures
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -164,12 +165,8 @@ class SafeMachine:
         self._check_running()
         if not np.isfinite(goal).all():
             raise RefusedError(f"{what}: expected finite numbers, got others. Nothing was sent.")
-        workspace, room = self.limits.workspace, self.limits.room
-        rooms = workspace.rooms(goal)[0] - room
-        crossed = [box.name for box in workspace.forbidden if box.crossed(here, goal, room)]
-        if crossed or (rooms < 0).any():
-            which = f"the forbidden box '{crossed[0]}'" if crossed else workspace.limits[int(np.argmin(rooms))]
-            raise RefusedError(f"{what}: expected a way that keeps its limits, got one past {which}. Nothing was sent.")
+        if past := self.limits.passed(here, goal):
+            raise RefusedError(f"{what}: expected a way that keeps its limits, got one past {past}. Nothing was sent.")
         if self.confirm is not None and not self.dry_run and not self.confirm(what):
             self._refused(what)
         if self.show is not None:
@@ -192,34 +189,31 @@ class SafeMachine:
         """A motion in a thread of its own, which may hang without this one: its end, its error, or a stop."""
         speed = self.limits.travel if kind == "travel" else self.limits.touch
         seconds = float(np.linalg.norm(goal - here)) / speed * 1.5 + self.limits.grace
-        ended, results, errors = threading.Event(), list[_T](), list[BaseException]()
+        motion = futures.Future[_T]()
 
         def call() -> None:
             try:
-                results.append(run(seconds))
+                motion.set_result(run(seconds))
             except BaseException as error:  # noqa: BLE001  handed to the thread that asked
-                errors.append(error)
-            finally:
-                ended.set()
+                motion.set_exception(error)
 
         threading.Thread(target=call, daemon=True, name="motion").start()
         try:
-            self._wait(ended, seconds + 1.0)
+            self._wait(motion, seconds + 1.0)
         except BaseException:
             self.abort("its motion was interrupted")
-            ended.wait(1.0)
+            futures.wait([motion], 1.0)
             raise
-        if errors:
-            self._latch(errors[0])
-            raise errors[0]
-        return results[0]
+        if (error := motion.exception()) is not None:
+            self._latch(error)
+        return motion.result()
 
-    def _wait(self, ended: threading.Event, seconds: float) -> None:
+    def _wait(self, motion: futures.Future[_T], seconds: float) -> None:
         begun = time.monotonic()
-        while not ended.wait(_TICK):
+        while not futures.wait([motion], _TICK).done:
             passed = time.monotonic() - begun
             if self._stopped:  # by another thread; the driver ends its motion by itself
-                ended.wait(1.0)
+                futures.wait([motion], 1.0)
                 self._check_running()
             if (age := self.machine.status().age) > self.limits.stale and passed > self.limits.stale:
                 self._late(f"the controller has said nothing for {min(age, passed):.1f} s")
