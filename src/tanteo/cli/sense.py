@@ -38,13 +38,13 @@ def parse_forbidden(texts: list[str]) -> list[ForbiddenBox]:
     from tanteo.hand import ForbiddenBox
 
     boxes = []
-    for text in texts:
-        values = io.parse_lengths(text, "--forbid")
+    for corners in texts:
+        values = io.parse_lengths(corners, "--forbid")
         if len(values) != 6:
             raise InputError(
-                f"--forbid: expected two corners of three lengths, got '{text}'. Write it as 150,0,0,180,60,250mm."
+                f"--forbid: expected two corners of three lengths, got '{corners}'. Write it as 150,0,0,180,60,250mm."
             )
-        boxes.append(ForbiddenBox(text, np.array(values[:3]), np.array(values[3:])))
+        boxes.append(ForbiddenBox(corners, np.array(values[:3]), np.array(values[3:])))
     return boxes
 
 

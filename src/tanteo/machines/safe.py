@@ -24,6 +24,8 @@ from tanteo.machines.protocol import (
     RefusedError,
     Sensed,
     StoppedError,
+    in_mm,
+    in_words,
     place_of,
 )
 from tanteo.typing import Transforms, Vectors
@@ -85,13 +87,13 @@ class SafeMachine:
             ContactError: something was met; the machine was brought back to where it came from.
             StoppedError: no further motion.
         """
-        goal, here = T_world_probe[:3, 3], self.place()
-        self._allow(here, goal, f"move to {_mm(goal)}")
+        goal, here, speed = T_world_probe[:3, 3], self.place(), self.limits.travel
+        self._allow(here, goal, f"move to {in_mm(goal)}")
         if self._only_shown(goal):
             return
         came = SE3.from_parts(T_world_probe[:3, :3], here)
         try:
-            self._watched(lambda s: self.machine.move(T_world_probe, self.limits.travel, s), here, goal, "travel")
+            self._watched(lambda s: self.machine.move(T_world_probe, speed, s), here, goal, speed)
         except ContactError:
             self._go_back(came)
             raise
@@ -112,12 +114,12 @@ class SafeMachine:
         here = self.place()
         goal = here + reach * direction if contact else here
         self._allow(
-            here, goal, f"{'touch' if contact else 'range'} along {_numbers(direction)}, {1e3 * reach:.2f} mm at most"
+            here, goal, f"{'touch' if contact else 'range'} along {in_words(direction)}, {1e3 * reach:.2f} mm at most"
         )
         if self._only_shown(here):
             return Sensed(here, direction, np.inf, reach)
         speed = self.limits.touch
-        sensed = self._watched(lambda s: self.machine.sense(direction, reach, speed, s), here, goal, "touch")
+        sensed = self._watched(lambda s: self.machine.sense(direction, reach, speed, s), here, goal, speed)
         if sensed.met and not 0 <= sensed.distance <= reach + self.limits.arrival:
             self._stop(f"a contact {1e3 * sensed.distance:.3f} mm away, beyond the {1e3 * reach:.3f} mm that were sent")
         return sensed
@@ -185,9 +187,8 @@ class SafeMachine:
             self._at = goal
         return self.dry_run
 
-    def _watched(self, run: Callable[[float], _T], here: Vectors, goal: Vectors, kind: str) -> _T:
+    def _watched(self, run: Callable[[float], _T], here: Vectors, goal: Vectors, speed: float) -> _T:
         """A motion in a thread of its own, which may hang without this one: its end, its error, or a stop."""
-        speed = self.limits.travel if kind == "travel" else self.limits.touch
         seconds = float(np.linalg.norm(goal - here)) / speed * 1.5 + self.limits.grace
         motion = futures.Future[_T]()
 
@@ -236,7 +237,7 @@ class SafeMachine:
         here = self.place()
         off = float(np.linalg.norm(here - goal))
         if off > self.limits.arrival:
-            self._stop(f"a motion that ended {1e3 * off:.3f} mm from its goal, at {_mm(here)}")
+            self._stop(f"a motion that ended {1e3 * off:.3f} mm from its goal, at {in_mm(here)}")
 
     def _stop(self, got: str) -> None:
         self.abort(got)
@@ -245,14 +246,6 @@ class SafeMachine:
         )
 
     def _go_back(self, T: Transforms) -> None:
-        here, goal = self.place(), T[:3, 3]
-        self._watched(lambda s: self.machine.back(T, self.limits.travel, s), here, goal, "travel")
+        here, goal, speed = self.place(), T[:3, 3], self.limits.travel
+        self._watched(lambda s: self.machine.back(T, speed, s), here, goal, speed)
         self._arrived(goal)
-
-
-def _mm(place: Vectors) -> str:
-    return f"{_numbers(1e3 * place)} mm"
-
-
-def _numbers(values: Vectors) -> str:
-    return "(" + ", ".join(f"{v:.3f}" for v in values + 0.0) + ")"
