@@ -30,42 +30,31 @@ class GrblFake(Fake):
     """A controller with three axes and a touch probe.
 
     Attributes:
-        port: of loopback.
         modal: what its G-code has set, the offset of ``G54`` among it.
         heard: all lines that it was sent.
     """
 
     def __init__(
-        self,
-        world: World,
-        start: Vectors,
-        *,
-        hurry: float = np.inf,
-        faults: Faults | None = None,
-        port: int = 0,
-        inches: bool = False,
-        offset: Vectors | None = None,
-        work_positions: bool = False,
-        alarm: str = "",
-    ) -> None:
+        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None, port: int = 0,
+        offset: Vectors | None = None, inches: bool = False, work_positions: bool = False, alarm: str = "",
+    ) -> None:  # fmt: skip
         super().__init__(world, start, hurry, faults)
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
         self.heard = list[str]()
         self._inches, self._work_positions, self._alarm = inches, work_positions, alarm
-        self._send: Callable[[bytes], None] = _nowhere
+        self._send: Callable[[bytes], None] = _nobody
         self._hang_up: Callable[[], None] = _nobody
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._closed = False
         self._server = Server(self._serve, port)
-        self.port = self._server.port
-        self.ports = (self.port,)
+        self.ports = (self._server.port,)
 
     def close(self) -> None:
         """Switch it off."""
         self._closed = True
         self._lines.put(None)
         self._server.close()
-        self._send, self._hang_up = _nowhere, _nobody  # nothing holds what it was connected to
+        self._send = self._hang_up = _nobody  # nothing holds what it was connected to
 
     def press_stop(self) -> None:
         """The emergency stop: the drives lose power, the controller resets."""
@@ -154,8 +143,7 @@ class GrblFake(Fake):
     def _status(self) -> str:
         state = "Alarm" if self._alarm else "Hold:0" if self.tip.hold.is_set() and self._holds() else "Idle"
         state = "Run" if self.tip.moving and not self.tip.hold.is_set() else state
-        place = self._shown(self.tip.place)
-        where = f"MPos:{place}"
+        where = f"MPos:{self._shown(self.tip.place)}"
         if self._work_positions:
             where = f"WPos:{self._shown(self.tip.place - self.modal.offset)}"
         tripped = "|Pn:P" if self.tip.world.tripped(self.tip.place) else ""
@@ -240,9 +228,5 @@ class GrblFake(Fake):
             self._say("error:3")
 
 
-def _nowhere(data: bytes) -> None:
-    """Nobody is connected."""
-
-
-def _nobody() -> None:
+def _nobody(*_: bytes) -> None:
     """Nobody is connected."""

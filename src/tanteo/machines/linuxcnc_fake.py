@@ -31,19 +31,9 @@ class LinuxCncFake(Fake):
     """
 
     def __init__(
-        self,
-        world: World,
-        start: Vectors,
-        *,
-        hurry: float = np.inf,
-        faults: Faults | None = None,
-        port: int = 0,
-        metric: bool = True,
-        offset: Vectors | None = None,
-        turn: float = 0.0,
-        on: bool = True,
-        thief: int = 0,
-    ) -> None:
+        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None, port: int = 0,
+        offset: Vectors | None = None, turn: float = 0.0, metric: bool = True, on: bool = True, thief: int = 0,
+    ) -> None:  # fmt: skip
         super().__init__(world, start, hurry, faults)
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
         self.heard = list[str]()

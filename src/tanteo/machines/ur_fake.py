@@ -39,15 +39,9 @@ class UrFake(Fake):
     """
 
     def __init__(
-        self,
-        world: World,
-        start: Vectors,
-        *,
-        hurry: float = np.inf,
-        faults: Faults | None = None,
-        ports: tuple[int, int, int] = (0, 0, 0),
-        remote: bool = True,
-    ) -> None:
+        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None,
+        ports: tuple[int, int, int] = (0, 0, 0), remote: bool = True,
+    ) -> None:  # fmt: skip
         super().__init__(world, start, hurry, faults)
         self.turn = np.array([np.pi, 0.0, 0.0])
         self.remote = remote
