@@ -81,13 +81,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
 
     loaded = time.perf_counter() - start
     with misuse():
-        furniture = tuple(io.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())
-        said: dict[str, Any] = {
-            "pose": known, "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior,
-            "noise_factor": options.noise_factor, "furniture": furniture or None, "whole": _whole(options),
-        }  # fmt: skip
-        said = {name: value for name, value in said.items() if value is not None}
-        priors = answers.Priors(**said) if said else None
+        priors = _priors(options, known)
     ask = partial(
         identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,
@@ -109,6 +103,17 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     if options.report is not None:
         _report(options.report, result, given, options, known)
     leave(decided=result.status == "recognized")
+
+
+def _priors(options: Options, known: answers.PosePrior | None) -> answers.Priors | None:
+    """What the options assume beforehand; None if nothing is."""
+    furniture = tuple(io.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())
+    said: dict[str, Any] = {
+        "pose": known, "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior,
+        "noise_factor": options.noise_factor, "furniture": furniture or None, "whole": _whole(options),
+    }  # fmt: skip
+    said = {name: value for name, value in said.items() if value is not None}
+    return answers.Priors(**said) if said else None
 
 
 def _say_latency(path: str, answer: answers.Answer, given: Given, options: Options, file: FileOptions) -> None:

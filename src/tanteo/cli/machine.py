@@ -6,14 +6,14 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from tanteo import io
 from tanteo.cli import arguments as args
 from tanteo.cli import typed
-from tanteo.cli.misuse import MisuseError
+from tanteo.cli.misuse import MisuseError, require_errors
 from tanteo.cli.printing import complain, say
 from tanteo.cli.probing import parse_speed
 from tanteo.cli.sense import parse_forbidden
@@ -125,11 +125,10 @@ class MachineOptions:
 
     def spread(self, sensor: str | None, sd: float | None) -> str | float:
         """Of one reading: a preset, or one standard deviation [m]."""
-        if sensor is not None and sd is not None:
-            raise MisuseError("--sensor, --sd: expected one of the two, got both. Say --sensor NAME.")
-        if sensor is None and sd is None and not self.machine.fake:
-            raise MisuseError("--sensor, --sd: expected one of the two, got neither. Say --sd 0.02mm.")
-        return sensor if sensor is not None else sd if sd is not None else _FAKE_SD
+        if sensor is None and sd is None and self.machine.fake:
+            return _FAKE_SD
+        require_errors(sensor, sd, "0.02mm")
+        return sensor if sensor is not None else cast("float", sd)
 
     def probe(self, spread: str | float, robot: str | None, *, turns: bool) -> Probe:
         """What senses, as choosing needs it."""

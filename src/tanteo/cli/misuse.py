@@ -45,3 +45,10 @@ def require_image(image: str | None, camera: str | None, marks: str | None) -> N
     """A camera is of no use without an image: raises MisuseError."""
     if image is None and (camera is not None or marks is not None):
         raise MisuseError("--camera, --marks: expected with --image, got none. Add --image FILE, or render.")
+
+
+def require_errors(sensor: str | None, sd: float | None, example: str = "0.3mm") -> None:
+    """Readings have errors, said once: raises MisuseError."""
+    if (sensor is None) == (sd is None):
+        got = "neither" if sd is None else "both"
+        raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME, or --sd {example}.")

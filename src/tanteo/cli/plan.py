@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tanteo import inference, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
-from tanteo.cli.misuse import MisuseError, misuse
+from tanteo.cli.misuse import misuse, require_errors
 from tanteo.cli.printing import emit, layout, leave, put
 from tanteo.cli.probing import ProgramOptions
 from tanteo.errors import InputError
@@ -115,9 +115,7 @@ class Options:
     json: args.Json = False
 
     def __post_init__(self) -> None:
-        if (self.sensor is None) == (self.sd is None):
-            got = "neither" if self.sd is None else "both"
-            raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME.")
+        require_errors(self.sensor, self.sd)
 
     def probe(self, program: ProgramOptions) -> Probe:
         """What senses."""

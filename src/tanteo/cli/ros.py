@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tanteo import answers, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
-from tanteo.cli.misuse import MisuseError, misuse
+from tanteo.cli.misuse import MisuseError, misuse, require_errors
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
 
@@ -111,10 +111,7 @@ class Options:
     verbose: args.Verbose = False
 
     def __post_init__(self) -> None:
-        if self.sensor is not None and self.sd is not None:
-            raise MisuseError("--sensor, --sd: expected one of the two, got both. Say --sensor NAME.")
-        if self.sensor is None and self.sd is None:
-            raise MisuseError("--sensor, --sd: expected one of the two, got neither. Say --sd 0.3mm.")
+        require_errors(self.sensor, self.sd)
 
 
 def ros(options: Options, topics: TopicOptions) -> None:
