@@ -16,7 +16,6 @@ from tanteo.cli import typed
 from tanteo.cli.misuse import MisuseError, require_errors
 from tanteo.cli.printing import complain, say
 from tanteo.cli.probing import parse_speed
-from tanteo.cli.sense import parse_forbidden
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -70,7 +69,7 @@ class MachineOptions:
     forbid: Annotated[
         list[Any] | None,
         _machine("--forbid", "CORNERS", "Box to stay out of: two corners, as 150,0,0,180,60,250mm; may be repeated."),
-        typed.Words(parse_forbidden, list[str] | None),
+        typed.Words(typed.forbidden, list[str] | None),
     ] = None
     tip_radius: Annotated[
         float | None,

@@ -18,6 +18,7 @@ from tanteo.errors import InputError
 if TYPE_CHECKING:
     from tanteo.answers import PosePrior, Table
     from tanteo.frames import UncertainFrame
+    from tanteo.hand import ForbiddenBox
     from tanteo.io import Brand
     from tanteo.typing import FloatArray
 
@@ -136,6 +137,23 @@ def at_least(name: str, least: int, advice: str, value: int) -> int:
     if value < least:
         raise InputError(f"{name}: expected {least} or more, got {value}. {advice}.")
     return value
+
+
+def forbidden(texts: list[str]) -> list[ForbiddenBox]:
+    """Boxes of ``--forbid``."""
+    import numpy as np
+
+    from tanteo.hand import ForbiddenBox
+
+    boxes = []
+    for corners in texts:
+        values = io.parse_lengths(corners, "--forbid")
+        if len(values) != 6:
+            raise InputError(
+                f"--forbid: expected two corners of three lengths, got '{corners}'. Write it as 150,0,0,180,60,250mm."
+            )
+        boxes.append(ForbiddenBox(corners, np.array(values[:3]), np.array(values[3:])))
+    return boxes
 
 
 def pose(text: str) -> Any:

@@ -19,7 +19,7 @@ from tanteo.cli import arguments as args
 from tanteo.cli.misuse import misuse
 from tanteo.cli.printing import emit
 from tanteo.cli.replay import resume
-from tanteo.cli.sense import start_of
+from tanteo.cli.sense_part import start_of
 from tanteo.cli.session_options import SessionOptions
 from tanteo.errors import InputError, MissingExtraError
 
