@@ -8,8 +8,7 @@ import sys
 
 import pytest
 
-from tanteo.cli.files import check_target, writing
-from tanteo.cli.misuse import MisuseError
+from tanteo.cli.files import MisuseError, check_target, writing
 from tanteo.errors import InputError
 
 PROGRAM = [sys.executable, "-c", "from tanteo.cli import main; main()"]
