@@ -88,23 +88,18 @@ class LinuxCncFake(Fake):
     def _get(self, name: str, client: _Client) -> str | None:
         fixed: dict[str, Callable[[], str]] = {
             "ESTOP": lambda: _on(self._estop), "MACHINE": lambda: _on(self._on), "MODE": lambda: self._mode,
-            "ENABLE": lambda: _on(client.enabled), "PROBE_VALUE": lambda: str(int(self._tripped())),
+            "ENABLE": lambda: _on(client.enabled),
+            "PROBE_VALUE": lambda: str(int(self.tip.world.tripped(self.tip.place))),
             "PROGRAM_STATUS": lambda: "RUNNING" if self._running or not self._blocks.empty() else "IDLE",
             "ABS_ACT_POS": lambda: " ".join(f"{v:.6f}" for v in (*(self.tip.place / self._unit + 0.0), 0.0, 0.0, 0.0)),
             "USER_LINEAR_UNITS": lambda: "MM" if self._unit == _MM else "INCH",
-            "OPERATOR_DISPLAY": self._message, "ERROR": self._told_error,
+            "OPERATOR_DISPLAY": lambda: self._display.pop(0) if self._display else "OK", "ERROR": self._told_error,
         }  # fmt: skip
         return fixed[name]() if name in fixed else None
-
-    def _message(self) -> str:
-        return self._display.pop(0) if self._display else "OK"
 
     def _told_error(self) -> str:
         said, self._error = self._error, ""
         return said or "OK"
-
-    def _tripped(self) -> bool:
-        return self.tip.world.tripped(self.tip.place)
 
     def _set(self, name: str, value: str, client: _Client) -> bool:
         """Whether it is done."""
