@@ -141,7 +141,8 @@ class GrblFake(Fake):
             self._send("".join(f"{row}\r\n" for row in rows).encode())
 
     def _status(self) -> str:
-        state = "Alarm" if self._alarm else "Hold:0" if self.tip.hold.is_set() and self._holds() else "Idle"
+        holds = self.tip.hold.is_set() and (self.tip.moving or not self._lines.empty())
+        state = "Alarm" if self._alarm else "Hold:0" if holds else "Idle"
         state = "Run" if self.tip.moving and not self.tip.hold.is_set() else state
         where = f"MPos:{self._shown(self.tip.place)}"
         if self._work_positions:
@@ -149,9 +150,6 @@ class GrblFake(Fake):
         tripped = "|Pn:P" if self.tip.world.tripped(self.tip.place) else ""
         wco = f"|WCO:{self._shown(self.modal.offset)}" if self._work_positions else ""
         return f"<{state}|{where}|FS:0,0{tripped}{wco}>"
-
-    def _holds(self) -> bool:
-        return self.tip.moving or not self._lines.empty()
 
     def _shown(self, place: Vectors) -> str:
         factor, digits = (1 / 25.4e-3, 4) if self._inches else (1e3, 3)
