@@ -38,13 +38,8 @@ _output = partial(option, rich_help_panel="Output")
 SENSOR_HELP, ROBOT_HELP = "Preset with the sensor's errors.", "Preset with the robot's errors."
 UNITS_HELP = "Unit of files without one (logs, clouds, STL, OBJ, OFF): mm, m, um, in; of parts cm, ft too."
 _seed = partial(typed.at_least, "--seed", 0, "Use 0")
-SEED, UNIT, PRESET, ROBOT, STANDOFF = (
-    Words(_seed, int),
-    Words(typed.unit),
-    Words(typed.preset),
-    Words(typed.robot),
-    Words(typed.standoff),
-)
+SEED, UNIT = Words(_seed, int), Words(typed.unit)
+PRESET, ROBOT, STANDOFF = Words(typed.preset), Words(typed.robot), Words(typed.standoff)
 
 ReadingsPath = Annotated[str, typer.Argument(metavar="READINGS", help="File of readings: CSV, probe log, cloud, ...")]
 PartPaths = Annotated[
