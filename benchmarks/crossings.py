@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 from felt_scenes import gripper, nees
-from tanteo.acquisition.record import edge_readings, fitted_feature
+from tanteo.acquisition.record import fitted_feature, labelled_readings
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules, cross_edge, go_to
 from tanteo.simulator import Cell, Scene, SimulatedHand, box
@@ -46,7 +46,7 @@ def edge_of_unit(seed, standoff):
     for shift in (0.0, 0.012, -0.012):
         go_to(robot, place(shift), rules)
         events += cross_edge(robot, [0, -1, 0], inset + 0.012, standoff, rules, spread=0.01).events
-    feature, why = fitted_feature(edge_readings(gripper(), events, "edge"), "edge", gripper().rig, None)
+    feature, why = fitted_feature(labelled_readings(gripper(), events, "edge", "edge"), "edge", gripper().rig, None)
     return None if feature is None or why else nees(PLATE, feature)[0]
 
 

@@ -90,7 +90,7 @@ def test_a_terminal_that_has_gone_does_not_lose_what_was_told(tmp_path):
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminals that hang up")
 def test_who_does_not_want_to_hear_of_it_goes_on():
     """``nohup tanteo sense part ...``"""
-    from tanteo.cli.sense import kept
+    from tanteo.cli.session_record import kept
 
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:

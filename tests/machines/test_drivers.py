@@ -42,7 +42,7 @@ def linuxcnc(**how):
 @contextmanager
 def grbl(**how):
     fake = GrblFake(world(), START, **how)
-    machine = GrblMachine(TcpLink("127.0.0.1", fake.port))
+    machine = GrblMachine(TcpLink("127.0.0.1", fake.ports[0]))
     try:
         yield machine, fake
     finally:

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.acquisition.crossings import look_over, pose_over
 from tanteo.acquisition.guesses import RoundGuess
 from tanteo.acquisition.plane import acquire_plane
-from tanteo.acquisition.record import circle_in_face, edge_readings, face_label
+from tanteo.acquisition.record import circle_in_face, face_label, labelled_readings
 from tanteo.acquisition.rim import LEAST_PLACES, Place, controlled, cross_rim, disc_through, narrowest, turned
 from tanteo.acquisition.rim_seen import LEAST_GAIN, Disc, in_face, seen_disc
 from tanteo.acquisition.run import Acquired, Attempt, SensingRun, finish
@@ -129,7 +129,7 @@ def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> t
 def _fitted(run: SensingRun, places: list[Place], face: Feature, guess: RoundGuess, label: str) -> Attempt:
     """The circle of the places, and its readings in the record."""
     events = [e for place in places for e in place.events]
-    readings = edge_readings(run.hand, events, label, kind="circle")
+    readings = labelled_readings(run.hand, events, label, "circle")
     try:
         feature, report = circle_in_face(readings, face, label, run.hand.rig, run.errors)
     except DegenerateError as error:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.acquisition.circle import acquire_circle
 from tanteo.acquisition.guesses import RoundGuess
-from tanteo.acquisition.record import fitted_feature, wall_readings
+from tanteo.acquisition.record import fitted_feature, labelled_readings
 from tanteo.acquisition.rim import turned
 from tanteo.acquisition.run import Acquired, Attempt, SensingRun, finish
 from tanteo.acquisition.wall import WallReading, depths, read_wall
@@ -103,7 +103,7 @@ def _met(ring: Sequence[WallReading], depth: float) -> str:
 
 def _fitted(run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[float, ...], label: str) -> Attempt:
     """The cylinder of two rings, and its readings in the record."""
-    readings = wall_readings(run.hand, [r for ring in found for r in ring], label)
+    readings = labelled_readings(run.hand, [r for ring in found for r in ring], label, "cylinder")
     feature, doubt = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is None or doubt:
         return "unclear", f"what was read is not one cylinder: {doubt}", None

@@ -23,7 +23,7 @@ from tanteo.acquisition.crossings import (
 from tanteo.acquisition.edge_events import Line, against, agreeing, count_places, line_through, on_line, place_of
 from tanteo.acquisition.guesses import EdgeGuess, FaceGuess
 from tanteo.acquisition.plane import HOVER, acquire_plane
-from tanteo.acquisition.record import edge_readings, fitted_feature
+from tanteo.acquisition.record import fitted_feature, labelled_readings
 from tanteo.acquisition.run import Acquired, Attempt, SensingRun, failed, finish
 from tanteo.acquisition.ways import facing, fits, nearly_known
 from tanteo.constraints import relate_all
@@ -197,7 +197,7 @@ def _cross_again(
     kept, doubts = agreeing(run.hand, kept, along, outwards, met)
     if doubts:
         return "unclear", f"{doubts}{why}", None
-    readings = edge_readings(run.hand, kept, label)
+    readings = labelled_readings(run.hand, kept, label, "edge")
     feature, why = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is not None and (off := _off_face(face, feature)):
         return "unclear", off, None

@@ -35,11 +35,15 @@ RADIUS_SHARE = 0.2
 """Of a guess of a radius, one standard deviation as a share of it."""
 
 
-def _check_spread(guess: FaceGuess | EdgeGuess | VertexGuess | RoundGuess) -> None:
+def _settle(guess: FaceGuess | EdgeGuess | VertexGuess | RoundGuess, *directions: str) -> None:
+    """Its point and these directions as arrays, which are checked like its spread."""
     for name, unit in (("sd", "m"), ("turn_sd", "rad")):
         value = getattr(guess, name)
         if not 0 < value < np.inf:
             raise InputError(f"{name}: expected a positive standard deviation [{unit}], got {value}. Correct it.")
+    object.__setattr__(guess, "point", _point("point", guess.point))
+    for name in directions:
+        object.__setattr__(guess, name, _unit(name, getattr(guess, name)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,9 +64,7 @@ class FaceGuess:
     turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "point", _point("point", self.point))
-        object.__setattr__(self, "normal", _unit("normal", self.normal))
-        _check_spread(self)
+        _settle(self, "normal")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,10 +86,7 @@ class EdgeGuess:
     turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
-        _check_spread(self)
-        object.__setattr__(self, "point", _point("point", self.point))
-        object.__setattr__(self, "direction", _unit("direction", self.direction))
-        object.__setattr__(self, "normal", _unit("normal", self.normal))
+        _settle(self, "direction", "normal")
         if np.linalg.norm(np.cross(self.direction, self.normal)) < 0.1:
             raise InputError("direction: expected one across the normal, got one along it. An edge lies in its face.")
 
@@ -118,10 +117,7 @@ class VertexGuess:
     turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
-        _check_spread(self)
-        object.__setattr__(self, "point", _point("point", self.point))
-        for name in ("arriving", "leaving", "normal"):
-            object.__setattr__(self, name, _unit(name, getattr(self, name)))
+        _settle(self, "arriving", "leaving", "normal")
         if np.linalg.norm(np.cross(self.arriving, self.leaving)) < 0.1:
             raise InputError("leaving: expected an edge that meets the other, got parallel ones. A corner has two.")
 
@@ -161,9 +157,7 @@ class RoundGuess:
     radius_share: float = RADIUS_SHARE
 
     def __post_init__(self) -> None:
-        _check_spread(self)
-        object.__setattr__(self, "point", _point("point", self.point))
-        object.__setattr__(self, "axis", _unit("axis", self.axis))
+        _settle(self, "axis")
         if not 0 < self.radius < np.inf:
             raise InputError(f"radius: expected a positive length [m], got {self.radius}. Correct it.")
         if not 0 < self.radius_share < 1:

@@ -86,24 +86,8 @@ def plane_readings(hand: Hand, log: Sequence[HandReading], label: str) -> Readin
     )
 
 
-def edge_readings(hand: Hand, events: Sequence[EdgeEvent], label: str, kind: str = "edge") -> Readings:
-    """Readings of the crossings of an edge, or of a rim."""
-    n = len(events)
-    return Readings.from_columns(
-        ids=[f"{label} {k + 1}" for k in range(n)],
-        ranges=np.array([e.distance for e in events]),
-        sds=np.array([e.along_sd for e in events]),
-        across_sds=np.array([e.across_sd for e in events]),
-        sensors=[hand.rig.sensors[e.sensor].name for e in events],
-        Ts_world_hand=exact_poses(np.array([e.T_world_hand for e in events])),
-        features=[label] * n,
-        kinds=[kind] * n,
-        source="acquisition",
-    )
-
-
-def wall_readings(hand: Hand, places: Sequence[WallReading], label: str) -> Readings:
-    """Readings of the wall of a bore or a boss."""
+def labelled_readings(hand: Hand, places: Sequence[EdgeEvent | WallReading], label: str, kind: str) -> Readings:
+    """Readings of the crossings of an edge or a rim, or of the wall of a bore or a boss."""
     n = len(places)
     return Readings.from_columns(
         ids=[f"{label} {k + 1}" for k in range(n)],
@@ -113,7 +97,7 @@ def wall_readings(hand: Hand, places: Sequence[WallReading], label: str) -> Read
         sensors=[hand.rig.sensors[p.sensor].name for p in places],
         Ts_world_hand=exact_poses(np.array([p.T_world_hand for p in places])),
         features=[label] * n,
-        kinds=["cylinder"] * n,
+        kinds=[kind] * n,
         source="acquisition",
     )
 

@@ -12,6 +12,12 @@ from tanteo.limits import LARGEST, LEAST_SD
 from tanteo.sensors import NoiseLaw, RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
+_POSITIVE = ("max_range", "standoff", "clearance", "retreat", "speed")
+_NOT_NEGATIVE = (
+    "beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "farthest", "cone", "seconds", "min_range", "radius",
+)  # fmt: skip
+"""Numbers of a probe that have to be so."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probe:
@@ -74,65 +80,58 @@ class Probe:
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        lengths = ("max_range", "standoff", "clearance", "retreat", "speed")
-        for n in (n for n in lengths if not 0 < getattr(self, n) <= LARGEST):
-            raise InputError(
-                f"probe '{self.name}', {n}: expected a positive number up to {LARGEST:g}, got {getattr(self, n):g}. "
-                "Correct it."
-            )
-        if self.standoff > self.max_range:
-            raise InputError(
-                f"probe '{self.name}', standoff: expected a stand-off within range, {1e3 * self.max_range:g} mm at "
-                f"most, got {1e3 * self.standoff:g} mm. Start nearer."
-            )
-        if self.standoff < self.min_range:
-            raise InputError(
-                f"probe '{self.name}', standoff: expected {1e3 * self.min_range:g} mm or more, where it begins to "
-                f"read, got {1e3 * self.standoff:g} mm. Start farther off."
-            )
+        for n in _POSITIVE:
+            if not 0 < getattr(self, n) <= LARGEST:
+                raise self._refused(n, f"a positive number up to {LARGEST:g}", f"{getattr(self, n):g}. Correct it")
+        self._check_standoff()
         if not 0 < self.max_incidence < np.pi / 2:
-            got = f"got {np.degrees(self.max_incidence):g} deg. Correct it."
-            raise InputError(f"probe '{self.name}', max_incidence: expected an angle between 0 and 90 deg, {got}")
-        if np.ndim(self.law.const) or np.ndim(self.law.sigma(np.asarray(self.standoff))):
-            raise InputError(
-                f"probe '{self.name}', law: expected that of one sensor, got arrays. Give one number each."
-            )
-        sd = float(self.law.sigma(np.asarray(self.standoff)))
-        if not LEAST_SD <= sd <= LARGEST:
-            raise InputError(
-                f"probe '{self.name}', law: expected a standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got "
-                f"{sd:g}. Correct it."
-            )
-        others = (
-            "beam_half_angle",
-            "shared_sd",
-            "repeat_sd",
-            "base_sds",
-            "farthest",
-            "cone",
-            "seconds",
-            "min_range",
-            "radius",
-        )
-        for n in (n for n in others if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0))):
-            raise InputError(f"probe '{self.name}', {n}: expected 0 or more, got {getattr(self, n)}. Correct it.")
-        if self.radius >= self.standoff or self.radius > self.clearance:
-            raise InputError(
-                f"probe '{self.name}', radius: expected a ball smaller than the stand-off and no larger than the "
-                f"clearance, got {1e3 * self.radius:g} mm beside {1e3 * self.standoff:g} mm and "
-                f"{1e3 * self.clearance:g} mm. Give it more of both."
-            )
-        if self.radius > 0 and not self.contact:
-            raise InputError(f"probe '{self.name}', radius: expected none of a beam, got one. Say contact=True.")
+            got = f"{np.degrees(self.max_incidence):g} deg. Correct it"
+            raise self._refused("max_incidence", "an angle between 0 and 90 deg", got)
+        self._check_law()
+        for n in _NOT_NEGATIVE:
+            if not np.all(np.isfinite(getattr(self, n)) & (np.array(getattr(self, n)) >= 0)):
+                raise self._refused(n, "0 or more", f"{getattr(self, n)}. Correct it")
+        self._check_ball()
         for n in ("approach", "stylus"):
             if getattr(self, n) is not None:
                 object.__setattr__(self, n, self._direction(n))
+
+    def _refused(self, field: str, expected: str, got: str) -> InputError:
+        return InputError(f"probe '{self.name}', {field}: expected {expected}, got {got}.")
+
+    def _check_standoff(self) -> None:
+        """Whether it reads at its stand-off."""
+        least, most, got = (f"{1e3 * v:g} mm" for v in (self.min_range, self.max_range, self.standoff))
+        if self.standoff > self.max_range:
+            raise self._refused("standoff", f"a stand-off within range, {most} at most", f"{got}. Start nearer")
+        if self.standoff < self.min_range:
+            raise self._refused("standoff", f"{least} or more, where it begins to read", f"{got}. Start farther off")
+
+    def _check_law(self) -> None:
+        """Whether its noise is that of one sensor, and one that readings can have."""
+        if np.ndim(self.law.const) or np.ndim(self.law.sigma(np.asarray(self.standoff))):
+            raise self._refused("law", "that of one sensor", "arrays. Give one number each")
+        sd = float(self.law.sigma(np.asarray(self.standoff)))
+        if not LEAST_SD <= sd <= LARGEST:
+            expected = f"a standard deviation from {LEAST_SD:g} to {LARGEST:g} m"
+            raise self._refused("law", expected, f"{sd:g}. Correct it")
+
+    def _check_ball(self) -> None:
+        """Whether there is room for its ball."""
+        if self.radius >= self.standoff or self.radius > self.clearance:
+            ball, standoff, clearance = (f"{1e3 * v:g} mm" for v in (self.radius, self.standoff, self.clearance))
+            raise self._refused(
+                "radius", "a ball smaller than the stand-off and no larger than the clearance",
+                f"{ball} beside {standoff} and {clearance}. Give it more of both",
+            )  # fmt: skip
+        if self.radius > 0 and not self.contact:
+            raise self._refused("radius", "none of a beam", "one. Say contact=True")
 
     def _direction(self, field: str) -> Vectors:
         """A field's direction, unit."""
         d = np.asarray(getattr(self, field), dtype=np.float64)
         if d.shape != (3,) or not (np.isfinite(d).all() and np.abs(d).max() > 0):
-            raise InputError(f"probe '{self.name}', {field}: expected a direction, got {d.tolist()}.")
+            raise self._refused(field, "a direction", f"{d.tolist()}")
         d = d if 1e-100 < np.abs(d).max() < 1e100 else d / np.abs(d).max()  # no square overflows
         if abs(np.linalg.norm(d) - 1) > 1e-12:  # a unit vector stays as it is, to the last bit
             d = d / np.linalg.norm(d)

@@ -91,20 +91,8 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
     covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
     told = [undetermined(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
     status, message = status_of(log.beams, told, [is_lost(cov) for cov in covs])
-    aside = fit.outlier > 0.5
-    inexplicable = aside & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
-    if not fit.explains:
-        status = "insufficient"
-        message = (
-            "No beams and planes explain these readings better than chance. Check labels, hand poses and units, and "
-            "take more places on each plane."
-        )
-    elif np.mean(inexplicable) > _MOST_ASIDE:
-        status = "insufficient"
-        message = (
-            f"{np.sum(inexplicable)} of {len(aside)} places contradict what the rest says, so that the rest is not "
-            "believed either. Check the labels of the planes, and frame, units and quaternions of the hand poses."
-        )
+    if disbelieved := _disbelieved(log, fit):
+        status, message = "insufficient", disbelieved
     beams = tuple(
         BeamFit(
             name=name,
@@ -135,6 +123,22 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
         good=fit.outlier <= 0.5,
         cov=fit.cov,
     )
+
+
+def _disbelieved(log: PlaneLog, fit: Fit) -> str:
+    """Why nothing of it is believed; empty if it may be."""
+    if not fit.explains:
+        return (
+            "No beams and planes explain these readings better than chance. Check labels, hand poses and units, and "
+            "take more places on each plane."
+        )
+    inexplicable = (fit.outlier > 0.5) & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
+    if np.mean(inexplicable) > _MOST_ASIDE:
+        return (
+            f"{np.sum(inexplicable)} of {len(inexplicable)} places contradict what the rest says, so that the rest is "
+            "not believed either. Check the labels of the planes, and frame, units and quaternions of the hand poses."
+        )
+    return ""
 
 
 def _doubts(beams: Sequence[BeamFit], log: PlaneLog, fit: Fit, prior: Prior, *, rigged: bool) -> str:

@@ -8,14 +8,15 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tanteo import answers, inference, io, text
 from tanteo.cli import arguments as args
-from tanteo.cli import controller, files
-from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli import controller, files, typed
+from tanteo.cli.answer_options import Options
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
 from tanteo.errors import ReadingsError
@@ -29,44 +30,9 @@ _CONVENTIONS = ("units", "directions", "normals", "mirror", "hand", "offset")
 """Findings that ask what the numbers of the readings mean."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
-    """Options of ``identify`` and ``locate``."""
-
-    units: args.Units = None
-    sensor: args.Sensor = None
-    sd: args.Sd = None
-    tolerance: args.Tolerance = 0.0
-    robot: args.Robot = None
-    tip_sd: args.TipSd = None
-    bias_sd: args.BiasSd = None
-    noise_factor: args.NoiseFactor = None
-    outlier_rate: args.OutlierRate = None
-    unknown_prior: args.UnknownPrior = None
-    rig: args.RigPath = None
-    furniture: args.FurniturePaths = None
-    table: args.TableAt = None
-    box: args.BoxAt = None
-    pose_prior: args.PosePriorAt = None
-    prior: args.PriorPath = None
-    mass: args.Mass = None
-    density: args.Density = None
-    size: args.Size = None
-    significance: args.Significance = 0.01
-    top: args.Top = 5
-    as_published: args.AsPublished = False
-    report: args.Report = None
-    pose_as: controller.PoseAs = None
-    wcs: controller.Wcs = None
-    best_guess: controller.BestGuess = False
-    json: args.Json = False
-    seed: args.Seed = 0
-    verbose: args.Verbose = False
-
-
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
     """Say which of the parts was sensed, where it is and how sure that is."""
-    known = args.read_known(options.table, options.box, options.pose_prior, options.prior)
+    known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
     start = time.perf_counter()
     if known is not None and options.as_published:
         raise MisuseError(
@@ -81,13 +47,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
 
     loaded = time.perf_counter() - start
     with misuse():
-        furniture = tuple(io.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())
-        said: dict[str, Any] = {
-            "pose": known, "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior,
-            "noise_factor": options.noise_factor, "furniture": furniture or None, "whole": _whole(options),
-        }  # fmt: skip
-        said = {name: value for name, value in said.items() if value is not None}
-        priors = answers.Priors(**said) if said else None
+        priors = options.priors(known)
     ask = partial(
         identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,
@@ -136,16 +96,6 @@ def _say_latency(path: str, answer: answers.Answer, given: Given, options: Optio
         complain("warning", found.words(file.latency or 0.0))
     elif found is not None and options.verbose:
         say(found.words(file.latency or 0.0), sys.stderr)
-
-
-def _whole(options: Options) -> answers.WholeObject | None:
-    """What was measured of the whole object."""
-    if options.mass is None and options.size is None:
-        if options.density is not None:
-            raise MisuseError("--density: expected --mass beside it, got none. A density alone says nothing.")
-        return None
-    sides, sd = options.size or (None, 0.0)
-    return answers.WholeObject(options.mass, options.density, sides, sd)
 
 
 def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:

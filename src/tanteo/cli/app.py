@@ -28,11 +28,13 @@ from tanteo.cli import (
     ros,
     see,
     sense,
+    sense_part,
     sensor,
     view,
 )  # fmt: skip
-from tanteo.cli.arguments import MisuseError, Words, misuse
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, listening
+from tanteo.cli.typed import Words
 from tanteo.errors import TanteoError
 
 _FAILED, _MISUSED, _INTERRUPTED = 1, 2, 130
@@ -186,7 +188,7 @@ _add(_sense, "edge", sense.sense_edge)
 _add(_sense, "vertex", sense.sense_vertex)
 _add(_sense, "circle", sense.sense_circle)
 _add(_sense, "cylinder", sense.sense_cylinder)
-_add(_sense, "part", sense.sense_part)
+_add(_sense, "part", sense_part.sense_part)
 _add(app, "view", view.view, view.check_view)
 _add(app, "replay", replay.replay)
 app.add_typer(_sensor, name="sensor")

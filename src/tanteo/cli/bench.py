@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tanteo.cli import arguments as args
-from tanteo.cli import files
+from tanteo.cli import files, typed
+from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import emit, layout, leave, progress, say
 from tanteo.errors import InputError
 
@@ -35,7 +36,7 @@ def bench(
     scenes: Annotated[
         int,
         args.option("--scenes", "N", "How many scenes of each set that is made."),
-        args.Words(partial(args.at_least, "--scenes", 1, "Use 50"), int),
+        typed.Words(partial(typed.at_least, "--scenes", 1, "Use 50"), int),
     ] = 50,
     seed: Annotated[int, args.option("--seed", None, "Of the scenes that are made."), args.SEED] = 0,
     parts: Annotated[
@@ -46,7 +47,7 @@ def bench(
     limit: Annotated[
         float,
         args.option("--limit", "SECONDS", "Time that a scene may take."),
-        args.Words(_seconds, float),
+        typed.Words(_seconds, float),
     ] = 60.0,
     decide: Annotated[
         bool, args.option("--decide", None, "Ask after how many readings an answer is the only one, too.")
@@ -70,7 +71,7 @@ def bench(
     if write is not None:
         made = _sets(sets or ["points"], scenes, seed, parts, units)
         if len(made) != 1:
-            raise args.MisuseError(f"--write: expected one set, got {len(made)}. Name one.")
+            raise MisuseError(f"--write: expected one set, got {len(made)}. Name one.")
         write_set(made[0], write)
         say(f"{write}: {len(made[0].scenes)} scenes of {len(made[0].parts)} parts.")
         return

@@ -10,7 +10,7 @@ import typer
 
 from tanteo import text
 from tanteo.cli import arguments as args
-from tanteo.cli.arguments import MisuseError
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, progress, put_json, say
 from tanteo.errors import PartError, UnitError
 
@@ -56,7 +56,7 @@ def _write(
     """What came of writing, and how long it took."""
     start = time.perf_counter()
     try:
-        with args.misuse(always=False), progress("reading parts", quiet=quiet) as tick:
+        with misuse(always=False), progress("reading parts", quiet=quiet) as tick:
             built = write(paths, folder, unit=units, scheduler=scheduler, progress=tick)
     except UnitError as error:
         raise MisuseError(f"{error} Here that is --units.") from None

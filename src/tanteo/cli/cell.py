@@ -7,7 +7,8 @@ from typing import Any
 
 from tanteo import inference, io, text
 from tanteo.cli import arguments as args
-from tanteo.cli.answer import Options, read_given
+from tanteo.cli.answer import read_given
+from tanteo.cli.answer_options import Options
 from tanteo.cli.printing import complain, emit, layout, leave, put, warned
 from tanteo.cli.readings import FileOptions
 from tanteo.errors import InputError

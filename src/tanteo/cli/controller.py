@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tanteo import io
 from tanteo.cli import arguments as args
-from tanteo.cli.arguments import MisuseError
+from tanteo.cli import typed
+from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import complain
 from tanteo.errors import InputError
 
@@ -37,12 +38,12 @@ _output = partial(args.option, rich_help_panel="Output")
 PoseAs = Annotated[
     str | None,
     _output("--as", "CONTROLLER", "Print the best pose as this controller writes it: kuka, ur, ros, gtsam, matrix .."),
-    args.Words(partial(_named, "--as", "check_pose_name")),
+    typed.Words(partial(_named, "--as", "check_pose_name")),
 ]
 Wcs = Annotated[
     WorkFrame | None,
     _output("--wcs", "FRAME", "Print the lines that set this frame to it: G54, fanuc:1, kuka:1, abb:NAME, ur:NAME."),
-    args.Words(partial(_named, "--wcs", "parse_work_frame")),
+    typed.Words(partial(_named, "--wcs", "parse_work_frame")),
 ]
 BestGuess = Annotated[
     bool, _output("--best-guess", None, "With --as or --wcs: write the best pose of an ambiguous answer, too.")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tanteo.cli import arguments as args
 from tanteo.cli import files
+from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import say
 from tanteo.errors import MissingExtraError
 
@@ -41,7 +42,7 @@ def demo(
     from tanteo.demo import tell
 
     if live and report != REPORT:
-        raise args.MisuseError("--report: expected without --live, which writes none, got both. Leave one out.")
+        raise MisuseError("--report: expected without --live, which writes none, got both. Leave one out.")
     if live:
         _play(seed, show=not no_open)
         return

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tanteo import io
-from tanteo.cli.arguments import MisuseError
+from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import complain, progress, say
 from tanteo.errors import InputError, PartError, UnitError
 

@@ -6,16 +6,16 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 from tanteo import io
 from tanteo.cli import arguments as args
-from tanteo.cli.arguments import MisuseError
+from tanteo.cli import typed
+from tanteo.cli.misuse import MisuseError, require_errors
 from tanteo.cli.printing import complain, say
 from tanteo.cli.probing import parse_speed
-from tanteo.cli.sense import parse_forbidden
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,43 +59,43 @@ class MachineOptions:
             "ADDRESS",
             "What moves the probe: grbl:/dev/ttyUSB0, grbl://HOST, linuxcnc://HOST, ur://HOST, fake:grbl ..",
         ),
-        args.Words(_address, str),
+        typed.Words(_address, str),
     ]
     workspace: Annotated[
         FloatArray | None,
         _machine("--workspace", "LOW,HIGH", "Where the tip may be, as 0,0,-50,300,200,120mm; not asked of a fake."),
-        args.Words(_box),
+        typed.Words(_box),
     ] = None
     forbid: Annotated[
         list[Any] | None,
         _machine("--forbid", "CORNERS", "Box to stay out of: two corners, as 150,0,0,180,60,250mm; may be repeated."),
-        args.Words(parse_forbidden, list[str] | None),
+        typed.Words(typed.forbidden, list[str] | None),
     ] = None
     tip_radius: Annotated[
         float | None,
         _machine("--tip-radius", "LENGTH", "Of the ball of the touch probe, as 1.5mm; 0mm of a sharp tip."),
-        args.Words(_radius),
+        typed.Words(_radius),
     ] = None
     feed: Annotated[
         float,
         _machine("--feed", "SPEED", "Of touches, as 100mm/min or 2mm/s."),
-        args.Words(parse_speed, str, "2mm/s"),
+        typed.Words(parse_speed, str, "2mm/s"),
     ]
     travel: Annotated[
         float,
         _machine("--travel", "SPEED", "Between touches."),
-        args.Words(partial(parse_speed, option="--travel"), str, "20mm/s"),
+        typed.Words(partial(parse_speed, option="--travel"), str, "20mm/s"),
     ]
     max_reach: Annotated[
         float,
         _machine("--max-reach", "LENGTH", "The longest touch."),
-        args.Words(partial(args.length, "--max-reach", "100mm"), str, "100mm"),
+        typed.Words(partial(typed.length, "--max-reach", "100mm"), str, "100mm"),
     ]
     standoff: args.Standoff = None
     clearance: Annotated[
         float | None,
         _machine("--clearance", "LENGTH", "Room that the probe needs: 10mm if not said."),
-        args.Words(partial(args.length, "--clearance", "10mm")),
+        typed.Words(partial(typed.length, "--clearance", "10mm")),
     ] = None
     dry_run: Annotated[bool, _machine("--dry-run", None, "Check and show all motions, send none.")] = False
     confirm: Annotated[bool, _machine("--confirm", None, "Ask before every motion.")] = False
@@ -124,11 +124,10 @@ class MachineOptions:
 
     def spread(self, sensor: str | None, sd: float | None) -> str | float:
         """Of one reading: a preset, or one standard deviation [m]."""
-        if sensor is not None and sd is not None:
-            raise MisuseError("--sensor, --sd: expected one of the two, got both. Say --sensor NAME.")
-        if sensor is None and sd is None and not self.machine.fake:
-            raise MisuseError("--sensor, --sd: expected one of the two, got neither. Say --sd 0.02mm.")
-        return sensor if sensor is not None else sd if sd is not None else _FAKE_SD
+        if sensor is None and sd is None and self.machine.fake:
+            return _FAKE_SD
+        require_errors(sensor, sd, "0.02mm")
+        return sensor if sensor is not None else cast("float", sd)
 
     def probe(self, spread: str | float, robot: str | None, *, turns: bool) -> Probe:
         """What senses, as choosing needs it."""

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tanteo import inference, io, text
 from tanteo.cli import arguments as args
-from tanteo.cli import files
-from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli import files, typed
+from tanteo.cli.misuse import misuse, require_errors
 from tanteo.cli.printing import emit, layout, leave, put
 from tanteo.cli.probing import ProgramOptions
 from tanteo.errors import InputError
@@ -68,45 +68,45 @@ class Options:
     tolerance: Annotated[
         float | None,
         args.option("--tolerance", "LENGTH", "How far off its corners may be, as 0.2mm."),
-        args.Words(partial(args.length, "--tolerance", "0.2mm")),
+        typed.Words(partial(typed.length, "--tolerance", "0.2mm")),
     ] = None
     confidence: Annotated[
         float | None,
         args.option("--confidence", None, "Probability with which they keep it: 0.95 if not said."),
-        args.Words(partial(args.fraction, "--confidence", "number", f"{_CONFIDENCE}"), float | None),
+        typed.Words(partial(typed.fraction, "--confidence", "number", f"{_CONFIDENCE}"), float | None),
     ] = None
-    feature: Annotated[args.Feature, args.Words(_feature)] = None
+    feature: Annotated[args.Feature, typed.Words(_feature)] = None
     sensor: Annotated[
-        str | None, args.option("--sensor", "NAME", args.SENSOR_HELP, autocompletion=args.sensor_names), args.PRESET
+        str | None, args.option("--sensor", "NAME", args.SENSOR_HELP, autocompletion=typed.sensor_names), args.PRESET
     ] = None
     sd: Annotated[
         float | None,
         args.option("--sd", "LENGTH", "Instead: one standard deviation of a reading, as 0.1mm."),
-        args.Words(partial(args.length, "--sd", "0.1mm")),
+        typed.Words(partial(typed.length, "--sd", "0.1mm")),
     ] = None
     robot: Annotated[
-        str | None, args.option("--robot", "PRESET", args.ROBOT_HELP, autocompletion=args.robot_names), args.ROBOT
+        str | None, args.option("--robot", "PRESET", args.ROBOT_HELP, autocompletion=typed.robot_names), args.ROBOT
     ] = None
     pose_prior: args.PosePriorAt = None
     approach: Annotated[
         tuple[Vectors, float] | None,
         args.option("--approach", "DIR,ANGLE", "Which way it may look or move in the world, as 0,0,-1,60deg."),
-        args.Words(_approach),
+        typed.Words(_approach),
     ] = None
     standoff: Annotated[
         float | None,
         args.option("--standoff", "LENGTH", "From start to surface."),
-        args.Words(partial(_place, "--standoff")),
+        typed.Words(partial(_place, "--standoff")),
     ] = None
     clearance: Annotated[
         float | None,
         args.option("--clearance", "LENGTH", "Room that the probe needs: 10mm if not said."),
-        args.Words(partial(_place, "--clearance")),
+        typed.Words(partial(_place, "--clearance")),
     ] = None
     max_measurements: Annotated[
         int | None,
         args.option("--max-measurements", None, "Readings at most: 30 if not said."),
-        args.Words(partial(args.at_least, "--max-measurements", 1, f"Leave it out for {_MOST}"), int | None),
+        typed.Words(partial(typed.at_least, "--max-measurements", 1, f"Leave it out for {_MOST}"), int | None),
     ] = None
     units: Annotated[str | None, args.option("--units", "UNIT", args.UNITS_HELP), args.UNIT] = None
     csv: Annotated[str | None, args.option("--csv", "FILE", "Write the plan as a table too.")] = None
@@ -115,9 +115,7 @@ class Options:
     json: args.Json = False
 
     def __post_init__(self) -> None:
-        if (self.sensor is None) == (self.sd is None):
-            got = "neither" if self.sd is None else "both"
-            raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME.")
+        require_errors(self.sensor, self.sd)
 
     def probe(self, program: ProgramOptions) -> Probe:
         """What senses."""
@@ -204,7 +202,7 @@ def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:
 
     from tanteo.active import ORIGIN_SDS
 
-    known = args.read_known(None, None, options.pose_prior, None)
+    known = typed.read_known(None, None, options.pose_prior, None)
     spread = f"{1e3 * ORIGIN_SDS[0]:g} mm and {np.degrees(ORIGIN_SDS[1]):g} deg"
     usual = f"with its frame at the world's, to {spread} (say --pose-prior for another pose)"
     anywhere = "any side, from below too (say --approach 0,0,-1,60deg if the part lies on a table)"

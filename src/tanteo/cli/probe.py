@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tanteo import inference, io, text
 from tanteo.cli import arguments as args
-from tanteo.cli import controller, files
-from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli import controller, files, typed
 from tanteo.cli.looking import page_of, stay
 from tanteo.cli.machine import MachineOptions, ask, check_record
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 
 if TYPE_CHECKING:
@@ -37,18 +37,18 @@ class Options:
     tolerance: Annotated[
         float,
         args.option("--tolerance", "LENGTH", "Go on until all corners are placed within it, as 0.2mm."),
-        args.Words(partial(args.length, "--tolerance", "0.2mm"), str),
+        typed.Words(partial(typed.length, "--tolerance", "0.2mm"), str),
     ]
     confidence: Annotated[
         float,
         args.option("--confidence", None, "Probability with which the tolerance has to hold."),
-        args.Words(partial(args.fraction, "--confidence", "probability", "0.95"), float),
+        typed.Words(partial(typed.fraction, "--confidence", "probability", "0.95"), float),
     ] = 0.95
     feature: args.Feature = None
     max_measurements: Annotated[
         int,
         args.option("--max-measurements", None, "Readings after which to stop in any case."),
-        args.Words(partial(args.at_least, "--max-measurements", 1, "Use 30"), int),
+        typed.Words(partial(typed.at_least, "--max-measurements", 1, "Use 30"), int),
     ] = 30
     pose_prior: args.PosePriorAt = None
     sensor: args.Sensor = None

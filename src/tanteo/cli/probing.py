@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tanteo import io
 from tanteo.cli import arguments as args
-from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli import typed
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain
 from tanteo.errors import InputError, did_you_mean
 
@@ -40,7 +41,7 @@ def parse_speed(text: str, option: str = "--feed") -> float:
     length, _, time = text.replace(" ", "").partition("/")
     if time not in ("min", "s"):
         raise InputError(f"{option}: expected a speed, got '{text}'. Write it as 100mm/min or 2mm/s.")
-    return args.length(option, "100mm/min", length) / (60.0 if time == "min" else 1.0)
+    return typed.length(option, "100mm/min", length) / (60.0 if time == "min" else 1.0)
 
 
 def _height(text: str) -> float:
@@ -57,27 +58,27 @@ class ProgramOptions:
     program: Annotated[
         str | None,
         _option("--program", "CONTROLLER", "Print the probing program: linuxcnc, grbl, ur, fanuc, kuka or abb."),
-        args.Words(_program),
+        typed.Words(_program),
     ] = None
     tip_radius: Annotated[
         float | None,
         _option("--tip-radius", "LENGTH", "Of the ball of a touch probe, as 1.5mm."),
-        args.Words(partial(args.length, "--tip-radius", "1.5mm")),
+        typed.Words(partial(typed.length, "--tip-radius", "1.5mm")),
     ] = None
     feed: Annotated[
         float | None,
         _option("--feed", "SPEED", "Of the program's guarded motions, as 100mm/min or 2mm/s: 100mm/min."),
-        args.Words(parse_speed),
+        typed.Words(parse_speed),
     ] = None
     overtravel: Annotated[
         float | None,
         _option("--overtravel", "LENGTH", "How far beyond the expected contact a program searches: 3 sd of it."),
-        args.Words(partial(args.length, "--overtravel", "5mm")),
+        typed.Words(partial(typed.length, "--overtravel", "5mm")),
     ] = None
     retract_height: Annotated[
         float | None,
         _option("--retract-height", "Z", "World z of the ball over the part, as 150mm: just safe if not said."),
-        args.Words(_height),
+        typed.Words(_height),
     ] = None
 
     def __post_init__(self) -> None:

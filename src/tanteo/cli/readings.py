@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from tanteo import io
-from tanteo.cli.arguments import Words, at_least, option
+from tanteo.cli.arguments import option
 from tanteo.cli.printing import complain
+from tanteo.cli.typed import Words, at_least
 from tanteo.errors import InputError, ReadingsError, UnitError
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tanteo import answers, io, text
 from tanteo.cli import arguments as args
-from tanteo.cli import files
-from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli import files, typed
+from tanteo.cli.misuse import MisuseError, misuse, require_errors
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
 
@@ -46,32 +46,32 @@ class TopicOptions:
     latency: Annotated[
         float | None,
         _topics("--latency", "TIME", "How much older readings are than their stamps, as 5ms."),
-        args.Words(parse_latency),
+        typed.Words(parse_latency),
     ] = None
     radius: Annotated[
         float | None,
         _topics("--radius", "LENGTH", "Of the tip's ball, where points are its centres, as 1.5mm."),
-        args.Words(parse_radius),
+        typed.Words(parse_radius),
     ] = None
     direction: Annotated[
         Direction | None,
         _topics("--direction", "DIRECTION", "Where the tip moved, as down, -z, from:0,0,500mm."),
-        args.Words(parse_direction),
+        typed.Words(parse_direction),
     ] = None
     patience: Annotated[
         float,
         _topics("--patience", "TIME", "How long transforms at the stamp of a reading are waited for."),
-        args.Words(_time("--patience"), str, "1s"),
+        typed.Words(_time("--patience"), str, "1s"),
     ]
     max_age: Annotated[
         float,
         _topics("--max-age", "TIME", "A reading that is older when it comes is left out."),
-        args.Words(_time("--max-age"), str, "10s"),
+        typed.Words(_time("--max-age"), str, "10s"),
     ]
     every: Annotated[
         float,
         _topics("--every", "TIME", "Least time between two readings of a topic that count."),
-        args.Words(_time("--every"), str, "0.1s"),
+        typed.Words(_time("--every"), str, "0.1s"),
     ]
     node: Annotated[str, _topics("--node", "NAME", "Of the node, before its topics and services.")] = "tanteo"
     sim_time: Annotated[bool, _topics("--sim-time", None, "Take the time from /clock, as of a simulation or bag.")] = (
@@ -97,12 +97,12 @@ class Options:
     tolerance: Annotated[
         float | None,
         args.option("--tolerance", "LENGTH", "~/next asks until all corners are placed within it, as 0.5mm."),
-        args.Words(partial(args.length, "--tolerance", "0.5mm")),
+        typed.Words(partial(typed.length, "--tolerance", "0.5mm")),
     ] = None
     max_measurements: Annotated[
         int,
         args.option("--max-measurements", None, "Readings that count; later ones are left out until ~/reset."),
-        args.Words(partial(args.at_least, "--max-measurements", 1, "Use 300"), int),
+        typed.Words(partial(typed.at_least, "--max-measurements", 1, "Use 300"), int),
     ] = 300
     standoff: args.Standoff = None
     once: Annotated[bool, args.option("--once", None, "End when the part is recognized.")] = False
@@ -111,10 +111,7 @@ class Options:
     verbose: args.Verbose = False
 
     def __post_init__(self) -> None:
-        if self.sensor is not None and self.sd is not None:
-            raise MisuseError("--sensor, --sd: expected one of the two, got both. Say --sensor NAME.")
-        if self.sensor is None and self.sd is None:
-            raise MisuseError("--sensor, --sd: expected one of the two, got neither. Say --sd 0.3mm.")
+        require_errors(self.sensor, self.sd)
 
 
 def ros(options: Options, topics: TopicOptions) -> None:

@@ -11,8 +11,8 @@ import typer
 
 from tanteo import io, text
 from tanteo.cli import arguments as args
-from tanteo.cli import files
-from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli import files, typed
+from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put_json, say
 from tanteo.errors import InputError
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def _preset_names(incomplete: str) -> list[str]:
-    return [*args.sensor_names(incomplete), *args.robot_names(incomplete)]
+    return [*typed.sensor_names(incomplete), *typed.robot_names(incomplete)]
 
 
 Picture = Annotated[str | None, args.option("--picture", "FILE", "Draw it as well: a PNG, SVG or PDF file.")]
@@ -109,13 +109,13 @@ def fit(
     sensor: Annotated[
         str | None,
         args.option(
-            "--sensor", "NAME", "Preset of sensors that the rig does not have.", autocompletion=args.sensor_names
+            "--sensor", "NAME", "Preset of sensors that the rig does not have.", autocompletion=typed.sensor_names
         ),
     ] = None,
     robot: Annotated[
         str | None,
         args.option(
-            "--robot", "PRESET", args.ROBOT_HELP.replace(".", ", for the planes."), autocompletion=args.robot_names
+            "--robot", "PRESET", args.ROBOT_HELP.replace(".", ", for the planes."), autocompletion=typed.robot_names
         ),
     ] = None,
     write: Annotated[str | None, args.option("--write", "FILE", "Write the calibrated rig (TOML).")] = None,

@@ -16,10 +16,11 @@ import typer
 
 from tanteo import io
 from tanteo.cli import arguments as args
-from tanteo.cli.arguments import SessionOptions, misuse
+from tanteo.cli.misuse import misuse
 from tanteo.cli.printing import emit
 from tanteo.cli.replay import resume
-from tanteo.cli.sense import start_of
+from tanteo.cli.sense_part import start_of
+from tanteo.cli.session_options import SessionOptions
 from tanteo.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.answers import Answer, Clock, Hypothesis, Priors, check_question, sized, verdict
+from tanteo.answers import Answer, Clock, Hypothesis, Priors, Status, check_question, sized, verdict
 from tanteo.features import SharedError
 from tanteo.inference.around import without_pose
 from tanteo.inference.candidates import Candidates
@@ -118,14 +118,10 @@ def identify_points(
         hypotheses, unknown, significance, worst=worst, shares=shares, prior_p=check.p, elsewhere=check.elsewhere,
         same=candidates.names_alike(found[0].mode.prepared.part, _EQUAL) if found else (),
     )  # fmt: skip
-    if status == "unknown" and not check.elsewhere and posterior.left_out > 0.5 * unknown > 0:
-        status, message = "ambiguous", _among_unsearched(hypotheses, chosen, posterior)
-    if status == "unknown" and hypotheses and mostly_on(hypotheses[0], unknown) and not check.elsewhere:
-        message = not_on_it(hypotheses[0], unknown)
-    if status == "recognized" and _close_together(found[0]):
-        status, message = "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
-    if status == "recognized" and (doubt := against_labels(found[0], priors)):
-        status, message = "ambiguous", doubt
+    if status == "unknown" and not check.elsewhere:
+        status, message = _known_after_all(message, hypotheses, chosen, posterior)
+    if status == "recognized":
+        status, message = _doubted(message, found[0], priors)
     if hypotheses and status == "recognized":
         message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
     message += face_elsewhere(points, found[0], unknown, priors) if found and status != "insufficient" else ""
@@ -152,6 +148,25 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), hints=hints, certain=chosen.certain,
         left_out=LeftOut(len(rest), behind, alike),
     )  # fmt: skip
+
+
+def _known_after_all(
+    message: str, hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, posterior: Posterior
+) -> tuple[Status, str]:
+    """An unknown object that may be one of the parts that were not searched, or that lies beside the best."""
+    if posterior.left_out > 0.5 * posterior.unknown > 0:
+        return "ambiguous", _among_unsearched(hypotheses, chosen, posterior)
+    if hypotheses and mostly_on(hypotheses[0], posterior.unknown):
+        return "unknown", not_on_it(hypotheses[0], posterior.unknown)
+    return "unknown", message
+
+
+def _doubted(message: str, best: GoodnessOfFit, priors: Priors) -> tuple[Status, str]:
+    """A part that was recognised, unless its readings lie close together or contradict its labels."""
+    if _close_together(best):
+        return "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
+    doubt = against_labels(best, priors)
+    return ("ambiguous", doubt) if doubt else ("recognized", message)
 
 
 def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:

@@ -9,20 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tanteo.io.ros_answers import (
-    DIAGNOSTICS,
-    MARKERS,
-    OK,
-    POSE_COVARIANCE,
-    WARN,
-    Placed,
-    diagnostics_message,
-    marker_message,
-    point_message,
-    pose_message,
-    range_message,
-    transform,
-)
+from tanteo.io import ros_answers as ros
 from tanteo.io.ros_messages import POINT, RANGE, TF
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings
@@ -60,26 +47,26 @@ def of_step(session: Session, step: Step, readings: Readings | None, stamp: int)
         yield from _sensed(placed, stamp)
     if step.part >= 0:
         part = session.start.targets[step.part].part
-        pose = pose_message(step.T_world_part, step.covariance, stamp, _WORLD)
-        yield Sent(stamp, "/tanteo/pose", POSE_COVARIANCE, pose)
-        best = Placed(part, step.T_world_part, float(step.probabilities[step.part]))
-        yield Sent(stamp, "/tanteo/hypotheses", MARKERS, marker_message([best], points, stamp, _WORLD))
+        pose = ros.pose_message(step.T_world_part, step.covariance, stamp, _WORLD)
+        yield Sent(stamp, "/tanteo/pose", ros.POSE_COVARIANCE, pose)
+        best = ros.Placed(part, step.T_world_part, float(step.probabilities[step.part]))
+        yield Sent(stamp, "/tanteo/hypotheses", ros.MARKERS, ros.marker_message([best], points, stamp, _WORLD))
     yield Sent(stamp, SPREAD, _NUMBER, {"data": float(step.corner_sd)})
     names = [target.part.name for target in session.start.targets]
     values = {f"probability {name}": f"{p:.4f}" for name, p in zip(names, step.probabilities, strict=True)}
     values["probability unknown object"] = f"{step.unknown:.4f}"
     values["largest corner sd [mm]"] = f"{1e3 * step.corner_sd:.4f}"
     said = step.note or ", ".join(step.ids)
-    state = diagnostics_message(WARN if step.note else OK, said, values, stamp)
-    yield Sent(stamp, "/diagnostics", DIAGNOSTICS, state)
+    state = ros.diagnostics_message(ros.WARN if step.note else ros.OK, said, values, stamp)
+    yield Sent(stamp, "/diagnostics", ros.DIAGNOSTICS, state)
 
 
 def of_end(session: Session, document: dict[str, Any], stamp: int) -> Iterator[Sent]:
     """All that is possible at the end, and the document of the record."""
     parts = {target.part.name: target.part for target in session.start.targets}
-    placed = [Placed(parts[h.part], h.T_world_part, h.probability) for h in session.answer().hypotheses]
+    placed = [ros.Placed(parts[h.part], h.T_world_part, h.probability) for h in session.answer().hypotheses]
     points = None if session.readings is None else _in_world(session, session.readings).points
-    yield Sent(stamp, "/tanteo/hypotheses", MARKERS, marker_message(placed, points, stamp, _WORLD))
+    yield Sent(stamp, "/tanteo/hypotheses", ros.MARKERS, ros.marker_message(placed, points, stamp, _WORLD))
     yield Sent(stamp, RECORD, TEXT, {"data": json.dumps(document, allow_nan=False, separators=(",", ":"))})
 
 
@@ -101,10 +88,10 @@ def _sensed(readings: Readings, begin: int) -> Iterator[Sent]:
     for k, (point, direction) in enumerate(zip(readings.points, readings.directions, strict=True)):
         stamp, distance, free = begin + k * _APART, float(readings.ranges[k]), bool(readings.is_free[k])
         if np.isnan(direction).any() or readings.radii[k] > 0 or (np.isnan(distance) and not free):
-            yield Sent(stamp, "/tanteo/touch", POINT, point_message(point, stamp, _WORLD))
+            yield Sent(stamp, "/tanteo/touch", POINT, ros.point_message(point, stamp, _WORLD))
             continue
         T = SE3.from_parts(SO3.frame_from_axis(direction, 0), point if free else point - distance * direction)
-        yield Sent(stamp, "/tf", TF[0], transform(T, _WORLD, _PROBE, stamp))
+        yield Sent(stamp, "/tf", TF[0], ros.transform(T, _WORLD, _PROBE, stamp))
         most = float(np.nan_to_num(readings.max_ranges[k]))
-        fields = range_message(np.inf if free else distance, most, float(readings.sds[k]), stamp, _PROBE)
+        fields = ros.range_message(np.inf if free else distance, most, float(readings.sds[k]), stamp, _PROBE)
         yield Sent(stamp, "/tanteo/range", RANGE, fields)

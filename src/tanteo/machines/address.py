@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
+from tanteo import machines
 from tanteo.errors import InputError, did_you_mean
 from tanteo.machines.direct import DirectMachine
+from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.link import Link, SerialLink, TcpLink
 from tanteo.machines.protocol import LinkLostError, Machine
@@ -47,14 +48,14 @@ class Kind:
         turns: its tool looks along each reading; else it points down.
         serial: it may be on a serial port.
         open: the driver at an address.
-        fake: the fake in a world, with the tip at a place: where it listens, and how it ends.
+        fake: the class of its fake, a name of this room.
     """
 
     ports: tuple[int, ...]
     turns: bool
     serial: bool
     open: Callable[[Address], Machine]
-    fake: Callable[[World, Vectors, Faults, float], Any]
+    fake: str
 
 
 def parse_machine(text: str) -> Address:
@@ -71,7 +72,7 @@ def parse_machine(text: str) -> Address:
     kind, _, rest = text.partition(":")
     kind = kind.lower()
     if kind == "fake":
-        return Address(_known(rest.lower(), {**KINDS, "direct": None}, text), fake=True)
+        return Address(_known(rest.lower(), [*KINDS, "direct"], text), fake=True)
     if kind == "replay" and rest:
         return Address(kind, path=rest)
     _known(kind, KINDS, text)
@@ -85,7 +86,7 @@ def parse_machine(text: str) -> Address:
     raise InputError(f"--machine: expected an address as {_EXAMPLES}, got '{text}'. Correct it.")
 
 
-def _known(kind: str, kinds: dict[str, Any], text: str) -> str:
+def _known(kind: str, kinds: Collection[str], text: str) -> str:
     if kind not in kinds:
         names = ", ".join([*kinds, "replay"])
         raise InputError(
@@ -129,7 +130,7 @@ def opened(
     if address.kind == "direct":
         yield DirectMachine(world, start, hurry=hurry)
         return
-    fake = KINDS[address.kind].fake(world, start, faults or Faults(), hurry)
+    fake: Fake = getattr(machines, KINDS[address.kind].fake)(world, start, hurry=hurry, faults=faults)
     try:
         with opened(Address(address.kind, host="127.0.0.1", ports=fake.ports)) as machine:
             yield machine
@@ -155,12 +156,6 @@ def _grbl(address: Address) -> Machine:
     return GrblMachine(link)
 
 
-def _grbl_fake(world: World, start: Vectors, faults: Faults, hurry: float) -> Any:
-    from tanteo.machines.grbl_fake import GrblFake
-
-    return GrblFake(world, start, hurry=hurry, faults=faults)
-
-
 def _ur(address: Address) -> Machine:
     from tanteo.machines.ur import PORTS, UrMachine
 
@@ -176,27 +171,15 @@ def _ur(address: Address) -> Machine:
     return UrMachine(dashboard, script, data)
 
 
-def _ur_fake(world: World, start: Vectors, faults: Faults, hurry: float) -> Any:
-    from tanteo.machines.ur_fake import UrFake
-
-    return UrFake(world, start, hurry=hurry, faults=faults)
-
-
 def _linuxcnc(address: Address) -> Machine:
     from tanteo.machines.linuxcnc import LinuxCncMachine
 
     return LinuxCncMachine(TcpLink(address.host, *(address.ports or KINDS["linuxcnc"].ports)))
 
 
-def _linuxcnc_fake(world: World, start: Vectors, faults: Faults, hurry: float) -> Any:
-    from tanteo.machines.linuxcnc_fake import LinuxCncFake
-
-    return LinuxCncFake(world, start, hurry=hurry, faults=faults)
-
-
 KINDS: dict[str, Kind] = {
-    "grbl": Kind((23,), turns=False, serial=True, open=_grbl, fake=_grbl_fake),
-    "linuxcnc": Kind((5007,), turns=False, serial=False, open=_linuxcnc, fake=_linuxcnc_fake),
-    "ur": Kind((29999, 30002, 30004), turns=True, serial=False, open=_ur, fake=_ur_fake),
+    "grbl": Kind((23,), turns=False, serial=True, open=_grbl, fake="GrblFake"),
+    "linuxcnc": Kind((5007,), turns=False, serial=False, open=_linuxcnc, fake="LinuxCncFake"),
+    "ur": Kind((29999, 30002, 30004), turns=True, serial=False, open=_ur, fake="UrFake"),
 }
 """Kinds of machines."""

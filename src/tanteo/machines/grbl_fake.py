@@ -10,13 +10,12 @@ import os
 import queue
 import select
 import socket
-import time
 from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
 
-from tanteo.machines.axis import Tip
+from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.gcode import Modal
 from tanteo.machines.server import Server
@@ -27,51 +26,35 @@ _RAPID = 0.1
 """Speed of ``G0`` [m/s]."""
 
 
-class GrblFake:
+class GrblFake(Fake):
     """A controller with three axes and a touch probe.
 
     Attributes:
-        tip: its ball.
-        port: of loopback.
-        ports: the same, as of all fakes.
         modal: what its G-code has set, the offset of ``G54`` among it.
-        motions: how many it was told to make.
         heard: all lines that it was sent.
     """
 
     def __init__(
-        self,
-        world: World,
-        start: Vectors,
-        *,
-        hurry: float = np.inf,
-        faults: Faults | None = None,
-        port: int = 0,
-        inches: bool = False,
-        offset: Vectors | None = None,
-        work_positions: bool = False,
-        alarm: str = "",
-    ) -> None:
-        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
-        self.faults = faults or Faults()
+        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None, port: int = 0,
+        offset: Vectors | None = None, inches: bool = False, work_positions: bool = False, alarm: str = "",
+    ) -> None:  # fmt: skip
+        super().__init__(world, start, hurry, faults)
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
-        self.motions, self.heard = 0, list[str]()
+        self.heard = list[str]()
         self._inches, self._work_positions, self._alarm = inches, work_positions, alarm
-        self._send: Callable[[bytes], None] = _nowhere
-        self._drop: Callable[[], None] = _nobody
+        self._send: Callable[[bytes], None] = _nobody
+        self._hang_up: Callable[[], None] = _nobody
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._runs = 0
-        self._silent = self._closed = False
+        self._closed = False
         self._server = Server(self._serve, port)
-        self.port = self._server.port
-        self.ports = (self.port,)
+        self.ports = (self._server.port,)
 
     def close(self) -> None:
         """Switch it off."""
         self._closed = True
         self._lines.put(None)
         self._server.close()
-        self._send, self._drop = _nowhere, _nobody  # nothing holds what it was connected to
+        self._send = self._hang_up = _nobody  # nothing holds what it was connected to
 
     def press_stop(self) -> None:
         """The emergency stop: the drives lose power, the controller resets."""
@@ -104,10 +87,9 @@ class GrblFake:
     def _serve(self, client: socket.socket) -> None:
         self._talk(lambda: client.recv(4096), client.sendall, self._server.drop)
 
-    def _talk(self, read: Callable[[], bytes], send: Callable[[bytes], None], drop: Callable[[], None]) -> None:
+    def _talk(self, read: Callable[[], bytes], send: Callable[[bytes], None], hang_up: Callable[[], None]) -> None:
         """One client: real-time characters at once, lines by a thread that takes its time."""
-        self._send, self._drop, self._lines = send, drop, queue.SimpleQueue()
-        self._runs += 1
+        self._send, self._hang_up, self._lines = send, hang_up, queue.SimpleQueue()
         self._silent = False
         self._server.start(self._execute, self._lines)
         self._say("", "Grbl 1.1h ['$' for help]")
@@ -159,18 +141,15 @@ class GrblFake:
             self._send("".join(f"{row}\r\n" for row in rows).encode())
 
     def _status(self) -> str:
-        state = "Alarm" if self._alarm else "Hold:0" if self.tip.hold.is_set() and self._holds() else "Idle"
+        holds = self.tip.hold.is_set() and (self.tip.moving or not self._lines.empty())
+        state = "Alarm" if self._alarm else "Hold:0" if holds else "Idle"
         state = "Run" if self.tip.moving and not self.tip.hold.is_set() else state
-        place = self._shown(self.tip.place)
-        where = f"MPos:{place}"
+        where = f"MPos:{self._shown(self.tip.place)}"
         if self._work_positions:
             where = f"WPos:{self._shown(self.tip.place - self.modal.offset)}"
         tripped = "|Pn:P" if self.tip.world.tripped(self.tip.place) else ""
         wco = f"|WCO:{self._shown(self.modal.offset)}" if self._work_positions else ""
         return f"<{state}|{where}|FS:0,0{tripped}{wco}>"
-
-    def _holds(self) -> bool:
-        return self.tip.moving or not self._lines.empty()
 
     def _shown(self, place: Vectors) -> str:
         factor, digits = (1 / 25.4e-3, 4) if self._inches else (1e3, 3)
@@ -203,59 +182,29 @@ class GrblFake:
         else:
             self._say("ok")
 
+    def _drop(self) -> None:
+        self._hang_up()
+
     def _move(self, goal: Vectors) -> None:
-        self.motions += 1
-        n, faults = self.motions, self.faults
-        if n == faults.drop_before:
-            self._drop()
-            return
-        self._silent = self._silent or n == faults.silent
-        if self.modal.motion.startswith("38"):
-            self._probe(goal, n)
-        else:
-            self.tip.hold.clear()
-            speed = _RAPID if self.modal.motion == "0" else self.modal.feed
-            self.tip.go(goal, speed, until_contact=False, half_way=self._half(n))
-            self._answer(n)
-
-    def _half(self, n: int) -> Callable[[], None] | None:
-        return self.press_stop if n == self.faults.stop_at else None
-
-    def _probe(self, goal: Vectors, n: int) -> None:
-        start = self.tip.place
-        if float(np.linalg.norm(goal - start)) < 5e-7:
+        guarded = self.modal.motion.startswith("38")
+        if guarded and float(np.linalg.norm(goal - self.tip.place)) < 5e-7:
             self._say("error:33")
             return
-        if self.tip.world.tripped(start):
-            self._fail("4")
-            return
         self.tip.hold.clear()
-        ended = self.tip.go(goal, self.modal.feed, until_contact=True, half_way=self._half(n))
-        if ended in ("held", "stopped"):
-            return
-        met = ended == "met"
-        way = (goal - start) / np.linalg.norm(goal - start)
-        report = self.tip.place + (self.tip.world.noise(start, goal) * way if met else 0.0)
-        if n == self.faults.late:
-            time.sleep(self.faults.seconds)
-        if n == self.faults.drop_after:
-            self._drop()
-            return
-        self._say(f"[PRB:{self._shown(report)}:{int(met)}]")
-        if not met and self.modal.motion == "38.2":
-            self._fail("5")
-            return
-        self._say("ok")
+        speed = _RAPID if self.modal.motion == "0" else self.modal.feed
+        outcome, place = self._motion(goal, speed, guarded=guarded)
+        if outcome == "tripped":
+            self._fail("4")
+        elif outcome in ("there", "met"):
+            self._ended(outcome == "met", place, guarded=guarded)
 
-    def _answer(self, n: int) -> None:
-        if self.tip.emergency.is_set():
-            return
-        if n == self.faults.late:
-            time.sleep(self.faults.seconds)
-        if n == self.faults.drop_after:
-            self._drop()
-            return
-        self._say("ok")
+    def _ended(self, met: bool, place: Vectors, *, guarded: bool) -> None:
+        if guarded:
+            self._say(f"[PRB:{self._shown(place)}:{int(met)}]")
+        if not met and guarded and self.modal.motion == "38.2":
+            self._fail("5")
+        else:
+            self._say("ok")
 
     def _fail(self, alarm: str) -> None:
         self._alarm = alarm
@@ -277,9 +226,5 @@ class GrblFake:
             self._say("error:3")
 
 
-def _nowhere(data: bytes) -> None:
-    """Nobody is connected."""
-
-
-def _nobody() -> None:
+def _nobody(*_: bytes) -> None:
     """Nobody is connected."""

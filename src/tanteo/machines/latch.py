@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from tanteo.machines.link import Link
-from tanteo.machines.protocol import ContactError, LateError, LinkLostError, MachineState, StoppedError
+from tanteo.machines.protocol import ContactError, LateError, LinkLostError, MachineState, StoppedError, in_mm
 from tanteo.typing import Vectors
 
 
@@ -68,9 +68,8 @@ class Latch:
 
     def met(self, place: Vectors) -> ContactError:
         """A contact on a way that should be free."""
-        where = ", ".join(f"{1e3 * v:.3f}" for v in place)
         return ContactError(
-            f"{self.name}: expected a free way, met something at ({where}) mm. Give the part more clearance."
+            f"{self.name}: expected a free way, met something at {in_mm(place)}. Give the part more clearance."
         )
 
     def in_contact(self) -> ContactError:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.hand import Workspace
+from tanteo.typing import Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,3 +44,11 @@ class MachineLimits:
                 raise InputError(f"limits, {name}: expected a positive number, got {getattr(self, name)}. Correct it.")
         if not self.room >= 0:
             raise InputError(f"limits, room: expected 0 or more, got {self.room}. Correct it.")
+
+    def passed(self, here: Vectors, goal: Vectors) -> str:
+        """What a straight way of the tip goes past, in words; empty if it keeps all limits."""
+        rooms = self.workspace.rooms(goal)[0] - self.room
+        crossed = [box.name for box in self.workspace.forbidden if box.crossed(here, goal, self.room)]
+        if crossed:
+            return f"the forbidden box '{crossed[0]}'"
+        return self.workspace.limits[int(np.argmin(rooms))] if (rooms < 0).any() else ""

@@ -8,44 +8,33 @@ in ``docs/src/gcode`` of LinuxCNC/linuxcnc.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from tanteo.lie import SO3
 from tanteo.machines import offsets
-from tanteo.machines.gcode import feed_word, place_words
-from tanteo.machines.latch import Latch
+from tanteo.machines.gcode_machine import UNITS, GcodeMachine
 from tanteo.machines.link import Link
 from tanteo.machines.linuxcncrsh import RshClient
-from tanteo.machines.protocol import (
-    Facts,
-    LinkLostError,
-    MachineError,
-    MachineState,
-    MachineStatus,
-    Sensed,
-    StoppedError,
-    place_of,
-)
-from tanteo.typing import FloatArray, Transforms, Vectors
+from tanteo.machines.offsets import WorkFrame
+from tanteo.machines.protocol import LinkLostError, MachineState, MachineStatus, StoppedError
+from tanteo.typing import FloatArray, Vectors
 
 PORT = 5007
 CONNECT, ENABLE = "EMC", "EMCTOO"
 """The passwords that linuxcncrsh has if it is not told others."""
-_BRAKE = 0.2
-"""From an abort to letting go [s]."""
 _AGAIN = 0.5
 """After which a message is asked for again [s]."""
-_STILL = 1e-6
 _ASKED = ("ESTOP", "MACHINE", "PROGRAM_STATUS", "PROBE_VALUE", "ABS_ACT_POS")
 """What its status is made of, the place last."""
 _STATES: dict[str, MachineState] = {"RUNNING": "moving", "PAUSED": "held"}
-_UNITS = {"MM": 1e-3, "INCH": 25.4e-3, "CM": 1e-2}
-"""Of a machine: positions and offsets are in it, whatever the program is in; probed places are in the program's [m]."""
 
 
-class LinuxCncMachine:
+class LinuxCncMachine(GcodeMachine):
     """A machine of LinuxCNC with a touch probe on ``motion.probe-input``.
+
+    Positions and offsets are in the machine's own unit, whatever the program is in; probed places are in the program's.
 
     Attributes:
         facts: what does not change.
@@ -56,17 +45,10 @@ class LinuxCncMachine:
     """
 
     def __init__(self, link: Link, passwords: tuple[str, str] = (CONNECT, ENABLE), seconds: float = 10.0) -> None:
-        self._link = link
-        self._number, self._unit = 0, 1e-3
-        self._offset, self._shift, self._turn = np.zeros(3), np.zeros(3), np.eye(3)
-        self._latch = Latch("LinuxCNC", "Clear it there", self.abort)
-        self.facts = Facts("LinuxCNC", "linuxcnc")
+        super().__init__(link, "LinuxCNC", "linuxcnc")
+        self._passwords, self._number = passwords, 0
         self._rsh = RshClient(link, self._latch, _ASKED, self._heard)
-        try:
-            self._begin(passwords, time.monotonic() + seconds)
-        except MachineError:
-            self.close()
-            raise
+        self._open(time.monotonic() + seconds)
 
     def status(self) -> MachineStatus:
         """What was heard last."""
@@ -77,50 +59,11 @@ class LinuxCncMachine:
         tripped, age = self._rsh.said("PROBE_VALUE") == "1", self._rsh.age(_ASKED[-1])
         return MachineStatus(self._latch.state(state), place, tripped, age, words)
 
-    def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight there, as a probe cycle that should meet nothing."""
-        if self._probe(T_world_probe[:3, 3], speed, seconds) is not None:
-            raise self._latch.met(place_of(self))
-
-    def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight there; nothing stops it but the controller."""
-        deadline = time.monotonic() + seconds
-        self._mdi(f"G1 {self._words(T_world_probe[:3, 3])} {feed_word(speed)}", deadline)
-        self._settled(deadline)
-
-    def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """``G38.3`` along the direction."""
-        begun, start = time.monotonic(), place_of(self)
-        met = self._probe(start + reach * direction, speed, seconds)
-        distance = np.inf if met is None else float((met - start) @ direction)
-        return Sensed(start, direction, distance, reach, time.monotonic() - begun)
-
-    def abort(self) -> None:
-        """``SET ABORT``; from any thread, never waits, never raises."""
-        self._latch.stop("it was told to stop")
+    def _halt(self) -> None:
+        """``SET ABORT``."""
         self._rsh.send("set abort")
 
-    def write_frame(self, text: str, seconds: float) -> None:
-        """Its lines one by one; what they set is read back.
-
-        Raises:
-            MachineError: the controller has another frame than it was told.
-        """
-        deadline = time.monotonic() + seconds
-        for line in offsets.commands(text):
-            self._mdi(line, deadline)
-        self._settled(deadline)
-        for slot, wanted in offsets.frames_in(text).items():
-            first = 5201 + 20 * offsets.number_of(slot)
-            has = self._parameters(*range(first, first + 3), first + 9, deadline=deadline)
-            offsets.check(self.facts.name, slot, wanted, offsets.padded(1e3 * self._unit * has[:3], has[3]))
-        self._read_offsets(deadline)
-
-    def close(self) -> None:
-        """Stop what moves, and let go; never raises."""
-        if self.status().state == "moving":
-            self.abort()
-            time.sleep(_BRAKE)
+    def _hang_up(self) -> None:
         self._rsh.close()
 
     @property
@@ -142,9 +85,9 @@ class LinuxCncMachine:
             return "an emergency stop"
         return "" if self._rsh.said("MACHINE", "ON") == "ON" else "it is switched off"
 
-    def _begin(self, passwords: tuple[str, str], deadline: float) -> None:
+    def _begin(self, deadline: float) -> None:
         """Control, millimetres, absolute, ``G54`` without tool length from here on."""
-        connect, enable = passwords
+        connect, enable = self._passwords
         version = self._rsh.ask(f"hello {connect} tanteo 1.0", "HELLO", deadline)
         if not version.startswith("ACK"):
             raise LinkLostError(f"{self._link.name}: expected its connect password, got one that it refuses. Say it.")
@@ -152,11 +95,11 @@ class LinuxCncMachine:
         if self._rsh.ask("get enable", "ENABLE", deadline) != "ON":
             raise LinkLostError(f"{self._link.name}: expected control of it, got none. Check its enable password.")
         unit = self._rsh.ask("get user_linear_units", "USER_LINEAR_UNITS", deadline)
-        if unit not in _UNITS:
+        if unit not in UNITS:
             raise StoppedError(
                 f"{self._link.name}: expected a machine in mm, inch or cm, got {unit}. Set it in its INI."
             )
-        self._unit = _UNITS[unit]
+        self._unit = UNITS[unit]
         self._rsh.fresh(deadline)
         self._rsh.polling = True
         if why := self._unsafe():
@@ -166,41 +109,35 @@ class LinuxCncMachine:
         while self._rsh.ask("get error", "ERROR", deadline) != "OK":
             self._latch.late(deadline, "an end of old error messages")
         self._set("mode mdi", deadline)
-        self._mdi("G21 G90 G94 G54 G40 G49 G80", deadline)
-        self._settled(deadline)
-        self._read_offsets(deadline)
+        self._command("G21 G90 G94 G54 G40 G49 G80", deadline)
+        self._read_frames((), deadline)
         self._rsh.fresh(deadline)
 
-    def _read_offsets(self, deadline: float) -> None:
-        """Of ``G54``, its turn, and ``G92``: the interpreter keeps lengths in the machine's own unit."""
-        *values, turn, shifted = self._parameters(5221, 5222, 5223, 5211, 5212, 5213, 5230, 5210, deadline=deadline)
-        self._offset = self._unit * np.array(values[:3])
-        self._shift = self._unit * np.array(values[3:]) * bool(shifted)
-        self._turn = SO3.axis_rotation(2, np.radians(turn))
-
-    def _words(self, place: Vectors) -> str:
-        """A place of the machine in the coordinates of ``G54``: ``machine = turn (program + G92) + G54``."""
-        return place_words(self._turn.T @ (place - self._offset) - self._shift)
-
-    def _probe(self, goal: Vectors, speed: float, seconds: float) -> Vectors | None:
-        """A probe cycle: where it met something ``(3,)`` [m]; None for nothing."""
-        deadline = time.monotonic() + seconds
-        self._latch.check()
-        if np.linalg.norm(goal - place_of(self)) < _STILL:
-            return None
-        if self.status().tripped:
-            raise self._latch.in_contact()
-        self._mdi(f"G38.3 {self._words(goal)} {feed_word(speed)}", deadline)
+    def _read_frames(self, slots: Iterable[str], deadline: float) -> dict[str, Vectors]:
+        """By the interpreter's parameters, which are in the machine's own unit; ``G54`` has a turn, and ``G92``."""
         self._settled(deadline)
+        *values, turn, shifted = self._parameters(5221, 5222, 5223, 5211, 5212, 5213, 5230, 5210, deadline=deadline)
+        lengths = self._unit * np.array(values)
+        rotation = SO3.axis_rotation(2, np.radians(turn))
+        self._frame = WorkFrame(lengths[:3], rotation, lengths[3:] * bool(shifted))
+        return {slot: self._slot(5201 + 20 * offsets.number_of(slot), deadline) for slot in slots}
+
+    def _slot(self, first: int, deadline: float) -> Vectors:
+        """The frame whose parameters begin there, as :func:`offsets.check` takes it."""
+        has = self._parameters(*range(first, first + 3), first + 9, deadline=deadline)
+        return offsets.padded(1e3 * self._unit * has[:3], has[3])
+
+    def _contact(self, said: Sequence[str], deadline: float) -> Vectors | None:
+        """By the interpreter's parameters, in the program's unit."""
         met, *place = self._parameters(5070, 5061, 5062, 5063, deadline=deadline)
-        return self._turn @ (1e-3 * np.array(place) + self._shift) + self._offset if met else None
+        return self._frame.machine(UNITS["MM"] * np.array(place)) if met else None
 
     def _parameters(self, *names: int, deadline: float) -> FloatArray:
         """Parameters of the interpreter, once all before is done."""
         while True:
             self._number += 1
             mark = f"TANTEO{self._number}"
-            self._mdi(f"(debug,{mark} " + " ".join(f"#{name}" for name in names) + ")", deadline)
+            self._command(f"(debug,{mark} " + " ".join(f"#{name}" for name in names) + ")", deadline)
             again = min(deadline, time.monotonic() + _AGAIN)
             while time.monotonic() < again:
                 said = self._rsh.ask("get operator_display", "OPERATOR_DISPLAY", deadline)
@@ -209,23 +146,23 @@ class LinuxCncMachine:
                 time.sleep(0.005)
             self._latch.late(deadline, "the message that it was told to show: has another display taken it?")
 
-    def _mdi(self, line: str, deadline: float) -> None:
-        """One block; its error, if it has one, stops."""
+    def _command(self, line: str, deadline: float) -> Sequence[str]:
+        """One block by MDI."""
         self._set(f"mdi {line}", deadline)
+        return ()
 
     def _set(self, what: str, deadline: float) -> None:
         if not self._rsh.set(what, deadline):
             self._rsh.fresh(deadline)  # an emergency stop, if that is why
             raise self._latch.failed(f"a refusal of '{what}'")
 
+    def _at_rest(self, deadline: float) -> bool:
+        self._rsh.fresh(deadline)
+        return self._rsh.said("PROGRAM_STATUS") == "IDLE"
+
     def _settled(self, deadline: float) -> None:
-        """Wait until it has done all, and see that it did it without an error."""
-        while True:
-            self._rsh.fresh(deadline)
-            if self._rsh.said("PROGRAM_STATUS") == "IDLE":
-                break
-            self._latch.late(deadline, "it to come to rest")
-            time.sleep(0.005)
+        """And see that it did all without an error."""
+        super()._settled(deadline)
         if (error := self._rsh.ask("get error", "ERROR", deadline)) != "OK":
             raise self._latch.failed(f"'{error}'")
         self._rsh.fresh(deadline)

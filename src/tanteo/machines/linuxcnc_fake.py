@@ -8,13 +8,12 @@ from __future__ import annotations
 import queue
 import re
 import socket
-import time
 from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
 
-from tanteo.machines.axis import Tip
+from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.gcode import Modal
 from tanteo.machines.linuxcnc import CONNECT, ENABLE
@@ -23,39 +22,25 @@ from tanteo.machines.world import World
 from tanteo.typing import Vectors
 
 
-class LinuxCncFake:
+class LinuxCncFake(Fake):
     """A machine of three axes and a touch probe, under linuxcncrsh.
 
     Attributes:
-        tip: its ball.
-        ports: of loopback, one.
         modal: what its G-code has set.
-        motions: how many it was told to make.
         heard: all that it was sent.
     """
 
     def __init__(
-        self,
-        world: World,
-        start: Vectors,
-        *,
-        hurry: float = np.inf,
-        faults: Faults | None = None,
-        port: int = 0,
-        metric: bool = True,
-        offset: Vectors | None = None,
-        turn: float = 0.0,
-        on: bool = True,
-        thief: int = 0,
-    ) -> None:
-        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
-        self.faults = faults or Faults()
+        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None, port: int = 0,
+        offset: Vectors | None = None, turn: float = 0.0, metric: bool = True, on: bool = True, thief: int = 0,
+    ) -> None:  # fmt: skip
+        super().__init__(world, start, hurry, faults)
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
-        self.motions, self.heard = 0, list[str]()
+        self.heard = list[str]()
         self._unit, self._thief = _MM if metric else 25.4e-3, thief
         self.modal.turns[1] = np.radians(turn)
         self._estop, self._on, self._mode, self._error = False, on, "MANUAL", ""
-        self._display, self._silent, self._running = list[str](), False, False
+        self._display, self._running = list[str](), False
         self._probed = np.zeros(4)
         self._blocks: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._server = Server(self._serve, port)
@@ -103,23 +88,18 @@ class LinuxCncFake:
     def _get(self, name: str, client: _Client) -> str | None:
         fixed: dict[str, Callable[[], str]] = {
             "ESTOP": lambda: _on(self._estop), "MACHINE": lambda: _on(self._on), "MODE": lambda: self._mode,
-            "ENABLE": lambda: _on(client.enabled), "PROBE_VALUE": lambda: str(int(self._tripped())),
+            "ENABLE": lambda: _on(client.enabled),
+            "PROBE_VALUE": lambda: str(int(self.tip.world.tripped(self.tip.place))),
             "PROGRAM_STATUS": lambda: "RUNNING" if self._running or not self._blocks.empty() else "IDLE",
             "ABS_ACT_POS": lambda: " ".join(f"{v:.6f}" for v in (*(self.tip.place / self._unit + 0.0), 0.0, 0.0, 0.0)),
             "USER_LINEAR_UNITS": lambda: "MM" if self._unit == _MM else "INCH",
-            "OPERATOR_DISPLAY": self._message, "ERROR": self._told_error,
+            "OPERATOR_DISPLAY": lambda: self._display.pop(0) if self._display else "OK", "ERROR": self._told_error,
         }  # fmt: skip
         return fixed[name]() if name in fixed else None
-
-    def _message(self) -> str:
-        return self._display.pop(0) if self._display else "OK"
 
     def _told_error(self) -> str:
         said, self._error = self._error, ""
         return said or "OK"
-
-    def _tripped(self) -> bool:
-        return self.tip.world.tripped(self.tip.place)
 
     def _set(self, name: str, value: str, client: _Client) -> bool:
         """Whether it is done."""
@@ -191,29 +171,16 @@ class LinuxCncFake:
             return float(self.modal.offsets.get(slot, np.zeros(3))[k] / self._unit)
         return float(np.degrees(self.modal.turns.get(slot, 0.0))) if k == 9 and slot >= 1 else 0.0
 
+    def _drop(self) -> None:
+        self._server.drop()
+
     def _move(self, goal: Vectors) -> None:
-        self.motions += 1
-        n, faults, start = self.motions, self.faults, self.tip.place
-        if n == faults.drop_before:
-            self._server.drop()
-            return
-        self._silent = self._silent or n == faults.silent
         guarded = self.modal.motion.startswith("38")
-        if guarded and self._tripped():
+        outcome, place = self._motion(goal, self.modal.feed, guarded=guarded)
+        if outcome == "tripped":
             self._error = "Probe is already tripped when starting G38.2 or G38.3 move"
-            return
-        half = self.press_stop if n == faults.stop_at else None
-        ended = self.tip.go(goal, self.modal.feed, until_contact=guarded, half_way=half)
-        if ended in ("held", "stopped"):
-            return
-        if guarded:
-            way = (goal - start) / max(float(np.linalg.norm(goal - start)), 1e-12)
-            noise = self.tip.world.noise(start, goal) if ended == "met" else 0.0
-            self._probed = np.array([*(self.tip.place + noise * way), float(ended == "met")])
-        if n == faults.late:
-            time.sleep(faults.seconds)
-        if n == faults.drop_after:
-            self._server.drop()
+        elif guarded and outcome in ("there", "met"):
+            self._probed = np.array([*place, float(outcome == "met")])
 
 
 class _Client:

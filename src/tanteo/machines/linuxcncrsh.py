@@ -8,14 +8,13 @@ the requests.
 
 from __future__ import annotations
 
-import re
 import threading
 import time
 from collections.abc import Callable, Sequence
 
 from tanteo.machines.latch import Latch
 from tanteo.machines.link import Link
-from tanteo.machines.protocol import LinkLostError
+from tanteo.machines.row_reader import RowReader
 
 _PERIOD = 0.1
 """Between two questions for what is polled [s]."""
@@ -32,9 +31,8 @@ class RshClient:
         self.polling = False
         self._link, self._latch, self._polled, self._heard = link, latch, tuple(polled), heard
         self._said: dict[str, tuple[str, float]] = {}
-        self._busy, self._closed = threading.Lock(), False
-        self._listener = threading.Thread(target=self._listen, daemon=True, name="linuxcncrsh")
-        self._listener.start()
+        self._busy, self._asked = threading.Lock(), 0.0
+        self._reader = RowReader(link, latch, self._hear, self._poll)
 
     def said(self, name: str, default: str = "") -> str:
         """What was answered last under a name."""
@@ -77,28 +75,14 @@ class RshClient:
         return self.ask(f"set {what}", "SET " + what.partition(" ")[0].upper(), deadline) == "ACK"
 
     def close(self) -> None:
-        """Let go; never raises."""
-        self._closed = True
-        self._listener.join(0.5)
+        """Take leave; never raises, and leaves the connection open."""
+        self._reader.close()
         self.send("quit")
-        self._link.close()
 
-    def _listen(self) -> None:
-        """The thread that reads, and that polls."""
-        rest, asked = b"", 0.0
-        while not self._closed and self._latch.lost is None:
-            now = time.monotonic()
-            if self.polling and now - asked > _PERIOD:
-                asked = now
-                self.send("\r\n".join(f"get {name.lower()}" for name in self._polled))
-            try:
-                rest += self._link.read(0.05)
-            except LinkLostError as error:
-                self._latch.lose(error)
-                return
-            *rows, rest = re.split(rb"[\r\n]+", rest)
-            for row in rows:
-                self._hear(row.decode("ascii", "replace").strip())
+    def _poll(self) -> None:
+        if self.polling and time.monotonic() - self._asked > _PERIOD:
+            self._asked = time.monotonic()
+            self.send("\r\n".join(f"get {name.lower()}" for name in self._polled))
 
     def _hear(self, row: str) -> None:
         name, _, said = row.partition(" ")

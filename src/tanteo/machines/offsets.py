@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +14,29 @@ from tanteo.typing import Vectors
 _SLOTS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 _NEAR = 2e-3
 """Within which a controller shows what it was told: GRBL rounds to a micrometre [mm]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WorkFrame:
+    """The coordinates that a program is in: ``machine = turn (program + shift) + offset``.
+
+    Attributes:
+        offset: of the frame ``(3,)`` [m].
+        turn: of it ``(3, 3)``.
+        shift: of ``G92`` ``(3,)`` [m].
+    """
+
+    offset: Vectors = field(default_factory=lambda: np.zeros(3))
+    turn: Vectors = field(default_factory=lambda: np.eye(3))
+    shift: Vectors = field(default_factory=lambda: np.zeros(3))
+
+    def program(self, place: Vectors) -> Vectors:
+        """Of a place of the machine ``(3,)`` [m]."""
+        return np.asarray(self.turn.T @ (place - self.offset) - self.shift)
+
+    def machine(self, place: Vectors) -> Vectors:
+        """Of a place of the program ``(3,)`` [m]."""
+        return np.asarray(self.turn @ (place + self.shift) + self.offset)
 
 
 def commands(text: str) -> Iterator[str]:

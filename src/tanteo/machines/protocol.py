@@ -159,3 +159,13 @@ def place_of(machine: Machine) -> Vectors:
     if place is None:
         raise LinkLostError(f"{machine.facts.name}: expected a position, got none. Check the connection.")
     return place
+
+
+def in_words(values: Vectors) -> str:
+    """``(1.000, 2.000, 3.000)``."""
+    return "(" + ", ".join(f"{v:.3f}" for v in values + 0.0) + ")"
+
+
+def in_mm(place: Vectors) -> str:
+    """A place ``(3,)`` [m] in words."""
+    return f"{in_words(1e3 * place)} mm"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent import futures
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -23,6 +24,8 @@ from tanteo.machines.protocol import (
     RefusedError,
     Sensed,
     StoppedError,
+    in_mm,
+    in_words,
     place_of,
 )
 from tanteo.typing import Transforms, Vectors
@@ -84,13 +87,13 @@ class SafeMachine:
             ContactError: something was met; the machine was brought back to where it came from.
             StoppedError: no further motion.
         """
-        goal, here = T_world_probe[:3, 3], self.place()
-        self._allow(here, goal, f"move to {_mm(goal)}")
+        goal, here, speed = T_world_probe[:3, 3], self.place(), self.limits.travel
+        self._allow(here, goal, f"move to {in_mm(goal)}")
         if self._only_shown(goal):
             return
         came = SE3.from_parts(T_world_probe[:3, :3], here)
         try:
-            self._watched(lambda s: self.machine.move(T_world_probe, self.limits.travel, s), here, goal, "travel")
+            self._watched(lambda s: self.machine.move(T_world_probe, speed, s), here, goal, speed)
         except ContactError:
             self._go_back(came)
             raise
@@ -111,12 +114,12 @@ class SafeMachine:
         here = self.place()
         goal = here + reach * direction if contact else here
         self._allow(
-            here, goal, f"{'touch' if contact else 'range'} along {_numbers(direction)}, {1e3 * reach:.2f} mm at most"
+            here, goal, f"{'touch' if contact else 'range'} along {in_words(direction)}, {1e3 * reach:.2f} mm at most"
         )
         if self._only_shown(here):
             return Sensed(here, direction, np.inf, reach)
         speed = self.limits.touch
-        sensed = self._watched(lambda s: self.machine.sense(direction, reach, speed, s), here, goal, "touch")
+        sensed = self._watched(lambda s: self.machine.sense(direction, reach, speed, s), here, goal, speed)
         if sensed.met and not 0 <= sensed.distance <= reach + self.limits.arrival:
             self._stop(f"a contact {1e3 * sensed.distance:.3f} mm away, beyond the {1e3 * reach:.3f} mm that were sent")
         return sensed
@@ -164,12 +167,8 @@ class SafeMachine:
         self._check_running()
         if not np.isfinite(goal).all():
             raise RefusedError(f"{what}: expected finite numbers, got others. Nothing was sent.")
-        workspace, room = self.limits.workspace, self.limits.room
-        rooms = workspace.rooms(goal)[0] - room
-        crossed = [box.name for box in workspace.forbidden if box.crossed(here, goal, room)]
-        if crossed or (rooms < 0).any():
-            which = f"the forbidden box '{crossed[0]}'" if crossed else workspace.limits[int(np.argmin(rooms))]
-            raise RefusedError(f"{what}: expected a way that keeps its limits, got one past {which}. Nothing was sent.")
+        if past := self.limits.passed(here, goal):
+            raise RefusedError(f"{what}: expected a way that keeps its limits, got one past {past}. Nothing was sent.")
         if self.confirm is not None and not self.dry_run and not self.confirm(what):
             self._refused(what)
         if self.show is not None:
@@ -188,38 +187,34 @@ class SafeMachine:
             self._at = goal
         return self.dry_run
 
-    def _watched(self, run: Callable[[float], _T], here: Vectors, goal: Vectors, kind: str) -> _T:
+    def _watched(self, run: Callable[[float], _T], here: Vectors, goal: Vectors, speed: float) -> _T:
         """A motion in a thread of its own, which may hang without this one: its end, its error, or a stop."""
-        speed = self.limits.travel if kind == "travel" else self.limits.touch
         seconds = float(np.linalg.norm(goal - here)) / speed * 1.5 + self.limits.grace
-        ended, results, errors = threading.Event(), list[_T](), list[BaseException]()
+        motion = futures.Future[_T]()
 
         def call() -> None:
             try:
-                results.append(run(seconds))
+                motion.set_result(run(seconds))
             except BaseException as error:  # noqa: BLE001  handed to the thread that asked
-                errors.append(error)
-            finally:
-                ended.set()
+                motion.set_exception(error)
 
         threading.Thread(target=call, daemon=True, name="motion").start()
         try:
-            self._wait(ended, seconds + 1.0)
+            self._wait(motion, seconds + 1.0)
         except BaseException:
             self.abort("its motion was interrupted")
-            ended.wait(1.0)
+            futures.wait([motion], 1.0)
             raise
-        if errors:
-            self._latch(errors[0])
-            raise errors[0]
-        return results[0]
+        if (error := motion.exception()) is not None:
+            self._latch(error)
+        return motion.result()
 
-    def _wait(self, ended: threading.Event, seconds: float) -> None:
+    def _wait(self, motion: futures.Future[_T], seconds: float) -> None:
         begun = time.monotonic()
-        while not ended.wait(_TICK):
+        while not futures.wait([motion], _TICK).done:
             passed = time.monotonic() - begun
             if self._stopped:  # by another thread; the driver ends its motion by itself
-                ended.wait(1.0)
+                futures.wait([motion], 1.0)
                 self._check_running()
             if (age := self.machine.status().age) > self.limits.stale and passed > self.limits.stale:
                 self._late(f"the controller has said nothing for {min(age, passed):.1f} s")
@@ -242,7 +237,7 @@ class SafeMachine:
         here = self.place()
         off = float(np.linalg.norm(here - goal))
         if off > self.limits.arrival:
-            self._stop(f"a motion that ended {1e3 * off:.3f} mm from its goal, at {_mm(here)}")
+            self._stop(f"a motion that ended {1e3 * off:.3f} mm from its goal, at {in_mm(here)}")
 
     def _stop(self, got: str) -> None:
         self.abort(got)
@@ -251,14 +246,6 @@ class SafeMachine:
         )
 
     def _go_back(self, T: Transforms) -> None:
-        here, goal = self.place(), T[:3, 3]
-        self._watched(lambda s: self.machine.back(T, self.limits.travel, s), here, goal, "travel")
+        here, goal, speed = self.place(), T[:3, 3], self.limits.travel
+        self._watched(lambda s: self.machine.back(T, speed, s), here, goal, speed)
         self._arrived(goal)
-
-
-def _mm(place: Vectors) -> str:
-    return f"{_numbers(1e3 * place)} mm"
-
-
-def _numbers(values: Vectors) -> str:
-    return "(" + ", ".join(f"{v:.3f}" for v in values + 0.0) + ")"

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.machines import rtde
-from tanteo.machines.axis import Tip
+from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.server import Server
 from tanteo.machines.ur_script import ARRIVED, MET, NUMBER, PLACE, PUSHED, RESULT, TRIPPED
@@ -26,35 +26,28 @@ from tanteo.typing import Vectors
 
 _MOVEL = re.compile(r"movel\(p\[([^\]]+)\], a=([\d.]+), v=([\d.]+)\)")
 _NUMBER = re.compile(rf"write_output_integer_register\({NUMBER}, (\d+)\)")
+_RESULTS = {"there": ARRIVED, "met": MET, "tripped": TRIPPED, "pushed": PUSHED}
 _MODES = {"running": 7, "normal": 1, "emergency": 6}
 
 
-class UrFake:
+class UrFake(Fake):
     """A robot whose TCP is the centre of a ball.
 
     Attributes:
-        tip: its ball.
-        ports: of loopback, of dashboard, programs and RTDE.
+        ports: of dashboard, programs and RTDE.
         programs: all texts that it was sent.
-        motions: how many it was told to make.
     """
 
     def __init__(
-        self,
-        world: World,
-        start: Vectors,
-        *,
-        hurry: float = np.inf,
-        faults: Faults | None = None,
-        ports: tuple[int, int, int] = (0, 0, 0),
-        remote: bool = True,
-    ) -> None:
-        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
+        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None,
+        ports: tuple[int, int, int] = (0, 0, 0), remote: bool = True,
+    ) -> None:  # fmt: skip
+        super().__init__(world, start, hurry, faults)
         self.turn = np.array([np.pi, 0.0, 0.0])
-        self.faults, self.remote = faults or Faults(), remote
-        self.programs, self.motions = list[str](), 0
+        self.remote = remote
+        self.programs = list[str]()
         self._registers: dict[str, Any] = {}
-        self._playing, self._safety, self._silent = False, _MODES["normal"], False
+        self._playing, self._safety = False, _MODES["normal"]
         self._busy = threading.Lock()
         self._begun = time.monotonic()
         serve = (self._dashboard, self._program_port, self._rtde)
@@ -120,43 +113,19 @@ class UrFake:
             self._registers |= {f"output_int_register_{NUMBER}": int(number[1])}
             self._playing = True
             try:
-                self._motion(moves, guarded="thread search()" in program)
+                self._move(moves, guarded="thread search()" in program)
             finally:
                 self._playing = False
 
-    def _motion(self, moves: re.Match[str], *, guarded: bool) -> None:
-        self.motions += 1
-        n, faults = self.motions, self.faults
-        if n == faults.drop_before:
-            self._drop()
-            return
-        self._silent = self._silent or n == faults.silent
-        pose, start = np.array([float(v) for v in moves[1].split(",")]), self.tip.place
-        if guarded and self.tip.world.tripped(start):
-            self._registers |= {f"output_int_register_{RESULT}": TRIPPED}
-            return
-        if guarded and n == faults.stuck:
-            self.tip.go(0.5 * (start + pose[:3]), float(moves[3]), until_contact=False)
-            self._registers |= {f"output_int_register_{RESULT}": PUSHED}
-            return
-        half = self.press_stop if n == faults.stop_at else None
-        ended = self.tip.go(pose[:3], float(moves[3]), until_contact=guarded, half_way=half)
-        if ended in ("held", "stopped"):
-            return
-        self.turn = pose[3:]
-        if n == faults.late:
-            time.sleep(faults.seconds)
-        if n == faults.drop_after:
-            self._drop()
-            return
-        self._tell(start, pose[:3], met=ended == "met")
-
-    def _tell(self, start: Vectors, goal: Vectors, *, met: bool) -> None:
-        way = (goal - start) / max(float(np.linalg.norm(goal - start)), 1e-12)
-        here = self.tip.place + (self.tip.world.noise(start, goal) * way if met else 0.0)
-        values = [*here, *self.turn]
-        self._registers |= {f"output_double_register_{PLACE + k}": float(v) for k, v in enumerate(values)}
-        self._registers |= {f"output_int_register_{RESULT}": MET if met else ARRIVED}
+    def _move(self, moves: re.Match[str], *, guarded: bool) -> None:
+        pose = np.array([float(v) for v in moves[1].split(",")])
+        outcome, place = self._motion(pose[:3], float(moves[3]), guarded=guarded)
+        if outcome in ("there", "met"):
+            self.turn = pose[3:]
+            values = [*place, *self.turn]
+            self._registers |= {f"output_double_register_{PLACE + k}": float(v) for k, v in enumerate(values)}
+        if outcome != "unsaid":
+            self._registers |= {f"output_int_register_{RESULT}": _RESULTS[outcome]}
 
     def _rtde(self, client: socket.socket) -> None:
         buffer, names, types, period = bytearray(), list[str](), list[str](), 0.008

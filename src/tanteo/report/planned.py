@@ -13,7 +13,7 @@ from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.report.answered import Layer, picture, times
 from tanteo.report.charts import SHARES, Curve, curve_chart, lengths_scale
-from tanteo.report.page import Front, Section, element, fact_list, join, make_page, table
+from tanteo.report.page import Front, Html, Section, element, fact_list, join, make_page, table
 from tanteo.report.scene import feature_lines, overlay_numbers, packed, part_document, pose_numbers, view_document
 from tanteo.report.sections import pose_figures, rerun_section
 from tanteo.report.uncertainty import Way, find_ways
@@ -86,34 +86,12 @@ def _front(
 
 def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
     """What each reading brings, as curves and as a table."""
-    of_what = plan.feature or "the worst-known corner of the part's box"
     lead = (
-        f"How well {of_what} is expected to be known, one standard deviation, and how probably {_all(plan)} "
+        f"How well {_of_what(plan)} is expected to be known, one standard deviation, and how probably {_all(plan)} "
         f"{'is' if plan.feature else 'are'} within the tolerance: before the first reading and after each. The order "
         "is the one in which they help most; the first ones hardly show before enough directions are fixed. The "
         "standard deviation is for placements of the part where all readings so far meet their faces."
     )
-    places = ["before", *(str(k) for k in range(1, len(plan.readings) + 1))]
-    sds = MM * np.array([plan.before, *(r.sd for r in plan.readings)])
-    within = np.array([np.nan, *(r.within for r in plan.readings)])
-    words = ["before", *(f"after {k}" for k in places[1:])]
-    sd = Curve(f"{_worst(plan)}, 1 sd", sds, tuple(f"{w}: {v:.2g} mm" for w, v in zip(words, sds, strict=True)))
-    if_met = np.array([np.nan, *(r.within_if_met for r in plan.readings)])
-    chances = [
-        Curve(name, v, tuple(f"{w}: {percent(p)}" for w, p in zip(words, v, strict=True)), style)
-        for style, (name, v) in enumerate((("over all placements", within), ("if all meet their faces", if_met)))
-    ]
-    charts = [
-        curve_chart(
-            f"Standard deviation of {of_what} over {len(plan.readings)} readings, {sds[-1]:.2g} mm at last.",
-            [sd], lengths_scale(np.r_[sds, MM * tolerance]), places,
-            (MM * tolerance, f"tolerance, {length(tolerance)}"),
-        ),
-        curve_chart(
-            f"Probability to be within the tolerance, {percent(within[-1])} at last.",
-            chances, SHARES, places, (confidence, f"wanted, {percent(confidence)}"),
-        ),
-    ]  # fmt: skip
     headers = (
         "", "meets", f"{_worst(plan)}, 1 sd [mm]", "P(within)", "if all meet", "this one does",
         "from x, y, z [mm]", "along", "meets it at x, y, z [mm]",
@@ -124,9 +102,38 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
         "one does' is the share of them at which the reading meets its face."
     )
     note = element("p", said, class_="note")
-    return Section(
-        "steps", "What each reading brings", lead, (join([*charts, table(headers, rows, class_="plain"), note]),)
-    )
+    told = join([*_curves(plan, tolerance, confidence), table(headers, rows, class_="plain"), note])
+    return Section("steps", "What each reading brings", lead, (told,))
+
+
+def _curves(plan: Plan, tolerance: float, confidence: float) -> list[Html]:
+    """Standard deviation and probability after each reading."""
+    places = ["before", *(str(k) for k in range(1, len(plan.readings) + 1))]
+    sds = MM * np.array([plan.before, *(r.sd for r in plan.readings)])
+    within = np.array([np.nan, *(r.within for r in plan.readings)])
+    words = ["before", *(f"after {k}" for k in places[1:])]
+    sd = Curve(f"{_worst(plan)}, 1 sd", sds, tuple(f"{w}: {v:.2g} mm" for w, v in zip(words, sds, strict=True)))
+    if_met = np.array([np.nan, *(r.within_if_met for r in plan.readings)])
+    chances = [
+        Curve(name, v, tuple(f"{w}: {percent(p)}" for w, p in zip(words, v, strict=True)), style)
+        for style, (name, v) in enumerate((("over all placements", within), ("if all meet their faces", if_met)))
+    ]
+    return [
+        curve_chart(
+            f"Standard deviation of {_of_what(plan)} over {len(plan.readings)} readings, {sds[-1]:.2g} mm at last.",
+            [sd], lengths_scale(np.r_[sds, MM * tolerance]), places,
+            (MM * tolerance, f"tolerance, {length(tolerance)}"),
+        ),
+        curve_chart(
+            f"Probability to be within the tolerance, {percent(within[-1])} at last.",
+            chances, SHARES, places, (confidence, f"wanted, {percent(confidence)}"),
+        ),
+    ]  # fmt: skip
+
+
+def _of_what(plan: Plan) -> str:
+    """What the plan is to place, in a sentence."""
+    return plan.feature or "the worst-known corner of the part's box"
 
 
 def _worst(plan: Plan) -> str:

@@ -68,12 +68,7 @@ def measure(
         ReadingsError: A range is outside what its device can give.
     """
     sensor, robot = _checked(readings, sensor, robot, rig)
-    if sd is not None:
-        check_number("sd", sd, "m")
-    if sd is not None and not LEAST_SD <= sd <= LARGEST:
-        raise InputError(f"sd: expected one standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got {sd:g}.")
-    if bias_sd is not None:
-        check_length("bias_sd", bias_sd, LEAST_SD)
+    _check_sds(sd, bias_sd)
     devices, numbers = find_devices(readings, sensor, rig)
     placed = place(readings, devices, numbers)
     free = readings.is_free
@@ -90,12 +85,10 @@ def measure(
     if tip_sd is not None:
         shared.append(tip(readings, placed, tip_sd))
     aims = aims_of(readings, placed)
-    # a bias whose direction is unknown cannot be shared: it widens the independent part
-    bias = np.array([d.bias_sd for d in devices])[numbers]
-    covs = covs + np.where(np.isnan(aims[:, 0]), bias**2, 0.0)[:, None, None] * np.eye(3)
+    covs = covs + _unaimed(aims, np.array([d.bias_sd for d in devices])[numbers])
     shared += of_devices(placed, aims, devices, numbers, free)
     if bias_sd is not None:
-        covs = covs + np.where(np.isnan(aims[:, 0]), bias_sd**2, 0.0)[:, None, None] * np.eye(3)
+        covs = covs + _unaimed(aims, bias_sd)
         shared.append(offset(aims, hit, bias_sd))
     return PointMeasurements(
         ids=tuple(np.array(readings.ids, dtype=object)[hit]),
@@ -114,6 +107,21 @@ def measure(
         taken_off=(readings.radii - radii)[hit],
         circles=_circles(readings)[hit],
     )
+
+
+def _check_sds(sd: float | None, bias_sd: float | None) -> None:
+    """Spreads that readings can have."""
+    if sd is not None:
+        check_number("sd", sd, "m")
+    if sd is not None and not LEAST_SD <= sd <= LARGEST:
+        raise InputError(f"sd: expected one standard deviation from {LEAST_SD:g} to {LARGEST:g} m, got {sd:g}.")
+    if bias_sd is not None:
+        check_length("bias_sd", bias_sd, LEAST_SD)
+
+
+def _unaimed(aims: Vectors, sds: FloatArray | float) -> Covariances:
+    """A bias whose direction is unknown cannot be shared: it widens the independent part ``(n, 3, 3)``."""
+    return np.asarray(np.where(np.isnan(aims[:, 0]), np.square(sds), 0.0)[:, None, None] * np.eye(3))
 
 
 def _circles(readings: Readings) -> FloatArray:

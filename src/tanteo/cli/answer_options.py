@@ -1,0 +1,65 @@
+"""The options of ``tanteo identify`` and ``tanteo locate``, and what they assume beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from tanteo import answers, io
+from tanteo.cli import arguments as args
+from tanteo.cli import controller
+from tanteo.cli.misuse import MisuseError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Options of ``identify`` and ``locate``."""
+
+    units: args.Units = None
+    sensor: args.Sensor = None
+    sd: args.Sd = None
+    tolerance: args.Tolerance = 0.0
+    robot: args.Robot = None
+    tip_sd: args.TipSd = None
+    bias_sd: args.BiasSd = None
+    noise_factor: args.NoiseFactor = None
+    outlier_rate: args.OutlierRate = None
+    unknown_prior: args.UnknownPrior = None
+    rig: args.RigPath = None
+    furniture: args.FurniturePaths = None
+    table: args.TableAt = None
+    box: args.BoxAt = None
+    pose_prior: args.PosePriorAt = None
+    prior: args.PriorPath = None
+    mass: args.Mass = None
+    density: args.Density = None
+    size: args.Size = None
+    significance: args.Significance = 0.01
+    top: args.Top = 5
+    as_published: args.AsPublished = False
+    report: args.Report = None
+    pose_as: controller.PoseAs = None
+    wcs: controller.Wcs = None
+    best_guess: controller.BestGuess = False
+    json: args.Json = False
+    seed: args.Seed = 0
+    verbose: args.Verbose = False
+
+    def priors(self, known: answers.PosePrior | None) -> answers.Priors | None:
+        """What the options assume beforehand; None if nothing is."""
+        furniture = tuple(io.read_furniture(text, self.units, "--furniture") for text in self.furniture or ())
+        said: dict[str, Any] = {
+            "pose": known, "outlier_rate": self.outlier_rate, "unknown": self.unknown_prior,
+            "noise_factor": self.noise_factor, "furniture": furniture or None, "whole": self._whole(),
+        }  # fmt: skip
+        said = {name: value for name, value in said.items() if value is not None}
+        return answers.Priors(**said) if said else None
+
+    def _whole(self) -> answers.WholeObject | None:
+        """What was measured of the whole object."""
+        if self.mass is None and self.size is None:
+            if self.density is not None:
+                raise MisuseError("--density: expected --mass beside it, got none. A density alone says nothing.")
+            return None
+        sides, sd = self.size or (None, 0.0)
+        return answers.WholeObject(self.mass, self.density, sides, sd)

@@ -1,0 +1,133 @@
+"""``tanteo sense part``: a part, found by the simulated hand of a scene."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tanteo import answers, io, scenes, text
+from tanteo.cli import arguments as args
+from tanteo.cli import files
+from tanteo.cli.misuse import misuse
+from tanteo.cli.printing import UNDECIDED, complain, emit, has_colour, layout, leave, put, say, warned
+from tanteo.cli.session_options import SessionOptions
+from tanteo.cli.session_record import kept, write_session
+from tanteo.errors import InputError
+
+if TYPE_CHECKING:
+    from tanteo.active import Start
+    from tanteo.execution import Visit
+
+
+def image_files(image: str | None, camera: str | None, marks: str | None) -> list[tuple[str, str | None]]:
+    """The files of an image that are read, each with its option."""
+    return [("--image", None if image == "render" else image), ("--camera", camera), ("--marks", marks)]
+
+
+def viewed(scene: io.SceneFile, image: str, camera: str | None, marks: str | None) -> scenes.SceneView:
+    """What the image shows of the scene, with a warning for what was taken as something of its camera file."""
+    view = scenes.view_of(scene, image, camera, marks)
+    for note in view.camera.notes:
+        complain("warning", f"{camera or scene.source}: {note}")
+    return view
+
+
+def sense_part(
+    scene: args.SceneFile,
+    parts: Annotated[
+        list[str], args.option("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL) or folders of them.")
+    ],
+    options: SessionOptions,
+    record: Annotated[
+        str | None, args.option("--record", "FILE", "Write the session (JSON), or its readings (.csv).")
+    ] = None,
+    report: args.Report = None,
+    json: args.Json = False,
+    verbose: args.Verbose = False,
+) -> None:
+    """Find out which part is there and where, from a rough idea of its place, by range sensors on a hand."""
+    from tanteo.execution import sense_part
+
+    files.check_report(report)
+    files.check_target("--record", record)
+    sources = [("--scene", scene), *image_files(options.image, options.camera, options.marks)]
+    files.check_different(("--record", record), ("--report", report), inputs=sources, parts=parts)
+    place = scenes.change_scene(io.read_scene(scene), seed=options.seed, standoff=options.standoff)
+    start = start_of(place, parts, options, as_json=json)
+    with misuse(always=False):
+        session, robot, rules = scenes.session_of(place, start, options.stop(), options.policy)
+    with kept(session, record) as keep, _shown(verbose=verbose) as show:
+
+        def watch(visit: Visit) -> None:
+            keep()
+            show(visit)
+
+        done = sense_part(
+            session, robot, rules, furniture=scenes.furniture_of(place), errors=place.cell.robot, watch=watch
+        )
+    clearance = scenes.least_clearance(place, robot)
+    answer = session.answer()
+    if json:
+        put(io.executed_json(answer, done, readings=session.count, clearance=clearance, warnings=warned()))
+        if not done.end.reached:
+            say(done.end.why, sys.stderr)
+    else:
+        emit(text.executed_lines(answer, done, session.count, clearance, verbose=verbose, layout=layout()))
+    write_session(session, record)
+    if report is not None:
+        files.report_session(report, session, *text.executed_facts(done, session.count, clearance), as_json=json)
+    leave(decided=answer.status == "recognized" and done.end.reached)
+
+
+def start_of(
+    scene: io.SceneFile, part_paths: Sequence[str], options: SessionOptions, *, as_json: bool = False
+) -> Start:
+    """Where a session in a scene starts; what an image shows is said on standard error.
+
+    Raises:
+        InputError: Nobody says where the parts may be.
+        Exit: An image shows none of them, and nobody says either.
+    """
+    known = options.known()
+    view = None if options.image is None else viewed(scene, options.image, options.camera, options.marks)
+    parts = files.read_all_parts(part_paths, options.units, quiet=as_json)
+    start, seen = scenes.start_of(
+        scene, parts, known, view, outlier_rate=options.outlier_rate, unknown=options.unknown_prior
+    )
+    if view is not None:
+        say(text.sighting_words(seen), sys.stderr)
+    if start is not None:
+        return start
+    if view is None:
+        raise InputError(
+            f"{scene.source}: expected a table [prior] with the prior pose, got none. Add it, give --pose-prior, "
+            "or show an --image."
+        )
+    message = "the image shows no part on the table, and no prior pose is given. Give --pose-prior."
+    if as_json:
+        put(io.recognition_json(answers.Answer("unknown", message, (), 1.0)))
+    say(f"unknown: {message}", sys.stderr if as_json else sys.stdout)
+    raise typer.Exit(UNDECIDED)
+
+
+@contextmanager
+def _shown(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
+    """A line for every question on standard error; on a terminal also that the hand is under way."""
+    if not sys.stderr.isatty():
+        yield lambda visit: emit(text.visit_lines(visit, verbose=verbose), sys.stderr)
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True, no_color=not has_colour(sys.stderr), highlight=False)
+    with console.status("sensing") as status:
+
+        def watch(visit: Visit) -> None:
+            for line in text.visit_lines(visit, verbose=verbose):
+                console.print(line, markup=False, soft_wrap=True)
+            status.update(f"sensing: {visit.seconds:.0f} s simulated")
+
+        yield watch

@@ -1,0 +1,83 @@
+"""The options of a session in a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+from tanteo.cli import arguments as args
+from tanteo.cli import typed
+from tanteo.cli.misuse import MisuseError, require_image
+from tanteo.cli.typed import Words
+
+if TYPE_CHECKING:
+    from tanteo.active import Stop
+    from tanteo.answers import PosePrior
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionOptions:
+    """Options of a session in a scene: how to choose, when to end, what is known, and an image to start from."""
+
+    policy: Annotated[
+        str,
+        args.sensing("--policy", "NAME", "How the next reading is chosen.", autocompletion=typed.policy_names),
+        Words(typed.policy, str),
+    ] = "information"
+    probability: Annotated[
+        float,
+        args.sensing("--probability", None, "Probability of the part at which to stop."),
+        Words(partial(typed.fraction, "--probability", "probability", "0.99"), float),
+    ] = 0.99
+    tolerance: Annotated[
+        float | None,
+        args.sensing("--tolerance", "LENGTH", "Go on until all corners are placed within it, as 2mm."),
+        Words(partial(typed.length, "--tolerance", "2mm")),
+    ] = None
+    feature: args.Feature = None
+    confidence: Annotated[
+        float,
+        args.sensing("--confidence", None, "Probability with which the tolerance has to hold."),
+        Words(partial(typed.fraction, "--confidence", "probability", "0.99"), float),
+    ] = 0.95
+    max_measurements: Annotated[
+        int,
+        args.sensing("--max-measurements", None, "Readings after which to stop in any case."),
+        Words(partial(typed.at_least, "--max-measurements", 1, "Use 100"), int),
+    ] = 100
+    standoff: args.Standoff = None
+    units: args.Units = None
+    pose_prior: args.PosePriorAt = None
+    prior: args.PriorPath = None
+    outlier_rate: args.OutlierRate = None
+    unknown_prior: args.UnknownPrior = None
+    image: args.ImageFile = None
+    camera: args.CameraFile = None
+    marks: args.MarksFile = None
+    seed: args.SceneSeed = None
+
+    def __post_init__(self) -> None:
+        if self.feature is not None and self.tolerance is None:
+            raise MisuseError(
+                f"--feature: expected --tolerance with '{self.feature}', got none. Say --tolerance 0.5mm."
+            )
+        require_image(self.image, self.camera, self.marks)
+
+    def known(self) -> PosePrior | None:
+        """The prior pose; what says more than that raises MisuseError."""
+        known = typed.read_known(None, None, self.pose_prior, self.prior)
+        if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
+            raise MisuseError(
+                "--pose-prior, --prior: expected a prior pose and nothing else, got a table or a box. Say --pose-prior."
+            )
+        return known
+
+    def stop(self) -> Stop:
+        """When to end."""
+        from tanteo.active import Stop
+
+        return Stop(
+            probability=self.probability, tolerance=self.tolerance, confidence=self.confidence,
+            max_measurements=self.max_measurements, feature=self.feature,
+        )  # fmt: skip
