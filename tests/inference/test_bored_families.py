@@ -57,7 +57,7 @@ BOTH = [(25, 30, 12, 2.4, 8), (50, 15, 4, 0.3, 6), (25, 30, 12, 5.0, 4)]
 
 
 @pytest.mark.parametrize("walls", [LARGE, BOTH], ids=["one bore and a side", "two bores"])
-def test_plates_that_differ_where_nothing_was_sensed_are_all_named(plates, walls):
+def test_plates_that_are_alike_where_sensed_are_all_named(plates, walls):
     areas = {part.name: part.area for part in plates}
     for seed in (1, 2):
         points = sensed(walls, np.random.default_rng(seed))

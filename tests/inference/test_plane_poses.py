@@ -10,10 +10,7 @@ import pytest
 from bare_scenes import no_paths, touches_of
 from scenes import random_pose
 from tanteo.answers import sized
-from tanteo.inference import Problem, identify_points
-from tanteo.inference.labelled_planes import labelled_planes
-from tanteo.inference.plane_votes import plane_poses
-from tanteo.inference.sensed_planes import sensed_planes
+from tanteo.inference import Problem, identify_points, plane_votes, sensed_planes
 from tanteo.lie import SE3
 
 SD = 3e-4
@@ -51,9 +48,13 @@ def scene(target, seed, *, radius=0.0, directed=False, faces=None):
     return T, touches
 
 
-def poses(touches, target):
+def planes_of(touches, target):
     problem = Problem(touches, no_paths(), sized(None, target.part.radius))
-    return plane_poses(sensed_planes(problem, touches), target)
+    return sensed_planes.sensed_planes(problem, touches)
+
+
+def poses(touches, target):
+    return plane_votes.plane_poses(planes_of(touches, target), target)
 
 
 def nearest(target, T, Ts):
@@ -69,8 +70,7 @@ def test_the_true_pose_is_among_them(models_of_faces, name, directed):
     target = models_of_faces[name]
     for seed in range(5):
         T, touches = scene(target, seed, directed=directed)
-        planes = labelled_planes(touches)
-        assert planes.sided.all() == directed
+        assert planes_of(touches, target).rows[:, 10].all() == directed
         assert nearest(target, T, poses(touches, target)) < 0.1 * target.part.diagonal
 
 
@@ -91,11 +91,11 @@ def test_what_is_no_plane_says_nothing(models_of_faces):
     around /= np.linalg.norm(around, axis=1, keepdims=True) / 0.02
     for points, kind in ((line[:2], "point"), (line, "point"), (around, "point"), (rng.uniform(size=(4, 3)), "edge")):
         touches = replace(touches_of(points, SD), labels=("a",) * len(points), kinds=(kind,) * len(points))
-        assert len(labelled_planes(touches).offsets) == 0
+        assert len(planes_of(touches, target).rows) == 0
     opposite = np.flatnonzero(np.abs(target.part.planes.normals @ target.part.planes.normals[0]) > 0.99)[:2]
     across = np.flatnonzero(np.abs(target.part.planes.normals @ target.part.planes.normals[0]) < 0.01)[:1]
     _, touches = scene(target, 4, faces=[*opposite, *across])
-    assert len(labelled_planes(touches).offsets) == 3
+    assert len(planes_of(touches, target).rows) == 3
     assert len(poses(touches, target)) == 0
 
 
@@ -145,10 +145,10 @@ def test_every_pose_puts_three_faces_where_the_planes_are(models_of_faces, name)
     target = models_of_faces[name]
     for seed in range(3):
         _, touches = scene(target, (12, seed), directed=True)
-        planes = labelled_planes(touches)
+        normals = planes_of(touches, target).rows[:, :3]
         Ts = poses(touches, target)
         assert len(Ts)
         assert np.isfinite(Ts).all()
         rotated = np.einsum("kij,mj->kmi", Ts[:, :3, :3], target.part.planes.normals)
-        cosines = np.einsum("kmi,ni->kmn", rotated, planes.normals).max(axis=1)
+        cosines = np.einsum("kmi,ni->kmn", rotated, normals).max(axis=1)
         assert cosines.min() > np.cos(0.15)

@@ -2,7 +2,7 @@
 
 The centre of a hole may be at any height along its axis, so two of them are as far apart as places of two axes can be;
 that of a sphere, or an apex, is an axis without length.
-Of many holes few triples fit that, as few triples of faces fit three labelled planes (``label_tuples.py``).
+Of many holes few triples fit that, as few triples of faces fit three planes (``plane_votes.py``).
 """
 
 from __future__ import annotations
