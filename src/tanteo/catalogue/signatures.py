@@ -60,9 +60,12 @@ def diameter(points: Vectors) -> float:
     return float(np.sqrt(max(gaps.max(), 0.0)))
 
 
-def faces_of(part: Part) -> tuple[np.ndarray, np.ndarray, float]:
-    """What sensed planes are compared with: rows of planes ``(M, 7)``, of cylinders ``(K, 9)``, the share of others."""
-    return _planes(part).astype(np.float32), rounds_of(part), _unseen_share(part)
+def faces_of(part: Part) -> dict[str, np.ndarray]:
+    """The columns with which sensed planes are compared, as a table of one part has them."""
+    planes, rounds, numbers = _planes(part).astype(np.float32), rounds_of(part), np.zeros((1, 17))
+    numbers[0, 16] = _unseen_share(part)
+    starts = {"planes_start": np.array([0, len(planes)]), "rounds_start": np.array([0, len(rounds)])}
+    return {"planes": planes, "rounds": rounds, "numbers": numbers, **starts}
 
 
 def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:

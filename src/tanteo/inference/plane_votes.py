@@ -6,7 +6,8 @@ has to call one of the two an outlier. The sorted columns of a catalogue say at 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
@@ -30,9 +31,6 @@ _SHARE = 0.3
 _KEPT, _OF_ONE = 8, 1000
 """Poses of a part of many; of one, all that three planes of a part with many faces may mean."""
 
-_FAR = 16.0
-"""Nats behind the best at which poses of one part are given up: two sensed normals of no face."""
-
 BEHIND = 10.0
 """Nats behind the best up to which a part is in: less than a labelled plane of no face."""
 
@@ -45,52 +43,59 @@ def on_planes(
     What is so far behind the best costs at least as much, as far as is known.
     """
     lacking, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
-    costs = _by_triples(sensed.first, candidates, rows, lacking, far, hints)
-    more = sensed.more
-    if costs.min(initial=LIMIT) > sensed.doubtful and len(more.triples) + len(more.walls):
-        costs = np.minimum(costs, _by_triples(more, candidates, rows, lacking, far, hints))
+    costs = _by_poses(_Faces(candidates.tables, rows, far, _KEPT), sensed, lacking, hints)
     return costs, hints
 
 
-def _by_triples(
-    sensed: SensedPlanes,
-    candidates: Candidates,
-    rows: IntArray,
-    lacking: FloatArray,
-    far: float,
-    hints: dict[int, Transforms],
-) -> FloatArray:
-    """Nats of parts that lack so many by votes, by poses.
+def plane_poses(sensed: SensedPlanes, prepared: PreparedPart) -> Transforms:
+    """Poses of one part at which the planes are on its faces ``(S, 4, 4)``; none where they leave a motion free."""
+    hints = dict[int, Transforms]()
+    if len(sensed.triples) and sensed.triples[2] >= 0:
+        faces = _Faces([(0, prepared.faces)], np.zeros(1, dtype=np.int64), BEHIND, _OF_ONE)
+        _by_poses(faces, sensed, np.zeros(1), hints)
+    return hints.get(0, np.zeros((0, 4, 4)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Faces:
+    """The faces of some parts.
+
+    Attributes:
+        tables: row of the first part of each, and its arrays.
+        rows: of the parts ``(m,)``.
+        far: nats behind the best at which poses are given up.
+        keep: poses of each.
+    """
+
+    tables: Sequence[tuple[int, Mapping[str, Any]]]
+    rows: IntArray
+    far: float
+    keep: int
+
+
+def _by_poses(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, hints: dict[int, Transforms]) -> FloatArray:
+    """Nats of parts that lack so many by votes, by poses, of other triples where the first lead to nothing."""
+    costs, more = _by_triples(faces, sensed.first, lacking, hints), sensed.more
+    if costs.min(initial=LIMIT) > sensed.doubtful and len(more.triples) + len(more.walls):
+        costs = np.minimum(costs, _by_triples(faces, more, lacking, hints))
+    return costs
+
+
+def _by_triples(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, hints: dict[int, Transforms]) -> FloatArray:
+    """Nats of parts by poses of some triples.
 
     These are tried up to a limit of nats, as each nat more takes longer. It is raised until a part is found, or no
     plane would be of a face any more.
     """
     costs, lowest, limit = lacking, LIMIT, float(len(sensed.rows))
     while True:
-        costs, lowest = _tried(sensed, candidates, rows, lacking, limit, far, hints)
+        costs, lowest = _tried(faces, sensed, lacking, limit, hints)
         if lowest < limit or limit >= sensed.hopeless:
             break
         limit = min(2 * limit, sensed.hopeless)
-    if limit < lowest + far < LIMIT:
-        costs, _ = _tried(sensed, candidates, rows, lacking, lowest + far, far, hints)
+    if limit < lowest + faces.far < LIMIT:
+        costs, _ = _tried(faces, sensed, lacking, lowest + faces.far, hints)
     return costs
-
-
-def plane_poses(sensed: SensedPlanes, prepared: PreparedPart) -> Transforms:
-    """Poses of one part at which the planes are on its faces ``(S, 4, 4)``; none where they leave a motion free."""
-    best, out = LIMIT, np.zeros((0, 4, 4))
-    if not len(sensed.triples) or sensed.triples[2] < 0:
-        return out
-    planes, rounds, unseen = prepared.faces
-    for some in (sensed.first, sensed.more):
-        if best < sensed.doubtful:
-            break
-        (costs,), (Ts,) = _core.on_planes(
-            planes.ravel(), np.array([0, len(planes)]), rounds.ravel(), np.array([0, len(rounds)]), np.array([unseen]),
-            np.zeros(1, dtype=np.int32), some.rows, some.triples, some.walls, LIMIT, _FAR, _OF_ONE,
-        )  # fmt: skip
-        best, out = min(best, costs[0]), np.concatenate([out, Ts[costs < LIMIT]])
-    return out
 
 
 def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> FloatArray:
@@ -103,23 +108,17 @@ def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> Float
 
 
 def _tried(
-    sensed: SensedPlanes,
-    candidates: Candidates,
-    rows: IntArray,
-    lacking: FloatArray,
-    limit: float,
-    far: float,
-    hints: dict[int, Transforms],
+    faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, limit: float, hints: dict[int, Transforms]
 ) -> tuple[FloatArray, float]:
     """Nats of parts by poses that cost less than a limit, else the limit, and the least; hints are set."""
-    costs, lowest = np.maximum(lacking, limit), LIMIT
-    for start, table in candidates.tables:
+    costs, lowest, rows = np.maximum(lacking, limit), LIMIT, faces.rows
+    for start, table in faces.tables:
         here = np.flatnonzero((lacking < limit) & (rows >= start) & (rows < start + len(table["numbers"])))
-        local, upto = (rows[here] - start).astype(np.int32), min(limit, lowest + far)
+        local, upto = (rows[here] - start).astype(np.int32), min(limit, lowest + faces.far)
         found, Ts = _core.on_planes(
             np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), np.asarray(table["rounds"]).ravel(),
             np.asarray(table["rounds_start"]), np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows,
-            sensed.triples, sensed.walls, upto, far, _KEPT,
+            sensed.triples, sensed.walls, upto, faces.far, faces.keep,
         )  # fmt: skip
         costs[here] = np.maximum(found[:, 0], lacking[here])
         some = np.flatnonzero(found[:, 0] < upto)

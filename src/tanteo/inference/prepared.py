@@ -64,8 +64,8 @@ class PreparedPart:
         return distance_field(self.surface)
 
     @cached_property
-    def faces(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Rows of planar faces and of cylinders, and the share of the surface that is neither."""
+    def faces(self) -> dict[str, np.ndarray]:
+        """What sensed planes are compared with, as the tables of a catalogue have it."""
         return faces_of(self.part)
 
     def close(self) -> None:
