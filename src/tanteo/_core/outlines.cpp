@@ -14,8 +14,8 @@ namespace {
 constexpr double PI = 3.14159265358979323846;
 constexpr int K = AROUND;
 constexpr int LIT = 9;              // directions at least this many steps from that of the shadow have none of it
-constexpr int COARSE = 2;           // every so many directions of a shadow are tried first
-constexpr int REFINED = 4, ROUNDS = 5;  // yaws that are refined, and steps of each
+constexpr int COARSE = 4;           // every so many directions of a shadow are tried first
+constexpr int REFINED = 3, ROUNDS = 4;  // yaws that are refined, and steps of each
 constexpr double FARTHEST = 0.15;   // a yaw is refined by no more than this: the next one is PI / 16 away
 constexpr double HIGHEST = 0.9;     // share of the camera's height that a part may have
 
@@ -73,23 +73,41 @@ Lying lying(const std::vector<Vec3>& points, const Vec3& down, const OutlineSeen
     return out;
 }
 
-// Squares of what is seen beyond the part, with the shadow at direction w and the place that fits best.
-double cost_of(const double* beyond, int w, double height, const OutlineSeen& seen) {
+// What remains of values in each direction, from that of the shadow on, when the place that fits best is taken off.
+void placed(const double* values, int w, double* out) {
     const Circle& u = circle();
-    double turned[K], along = 0, across = 0;
-    for (int a = 0; a < K; ++a) turned[a] = beyond[(w + a) % K];
+    double along = 0, across = 0;
+    for (int a = 0; a < K; ++a) out[a] = values[(w + a) % K];
     for (int a = LIT; a <= K - LIT; ++a) {
-        along += turned[a] * u.c[a];
-        across += turned[a] * u.s[a];
+        along += out[a] * u.c[a];
+        across += out[a] * u.s[a];
     }
     along /= u.cc;
     across /= u.ss;
+    for (int a = 0; a < K; ++a) out[a] -= along * u.c[a] + across * u.s[a];
+}
+
+// Squares of what is seen beyond the part, with the shadow at direction w and the place that fits best; and with the
+// best yaw nearby, where it is known how that changes what is seen.
+double cost_of(const double* beyond, const double* change, int w, double height, const OutlineSeen& seen) {
+    const Circle& u = circle();
+    double off[K], turned[K];
+    placed(beyond, w, off);
+    if (change) {
+        placed(change, w, turned);
+        double top = 0, bottom = 1e-12;
+        for (int a = LIT; a <= K - LIT; ++a) {
+            top += off[a] * turned[a];
+            bottom += turned[a] * turned[a];
+        }
+        const double turn = std::clamp(top / bottom, -PI / K, PI / K);
+        for (int a = 0; a < K; ++a) off[a] -= turn * turned[a];
+    }
     double sum = 0, shadow = 0;
     for (int a = 0; a < K; ++a) {
-        const double off = turned[a] - along * u.c[a] - across * u.s[a];
         const bool lit = a >= LIT && a <= K - LIT;
-        if (lit || off < 0) sum += off * off;
-        else shadow += off * std::max(u.c[a], 0.0);
+        if (lit || off[a] < 0) sum += off[a] * off[a];
+        else shadow += off[a] * std::max(u.c[a], 0.0);
     }
     const double longer = shadow / (u.dark_cc * (height + seen.sd) * seen.shadow);
     return sum / (seen.sd * seen.sd) + longer * longer;
@@ -100,8 +118,8 @@ struct Start {
     int yaw = 0, shadow = 0;
 };
 
-// The most promising yaws, by what is seen beyond the part at each.
-std::vector<Start> starts(const Lying& part, const OutlineSeen& seen) {
+// What is seen beyond the part at each yaw, about where it has to be ``(K, K)``.
+std::vector<double> beyond_of(const Lying& part, const OutlineSeen& seen) {
     const Circle& u = circle();
     const size_t n = part.x.size();
     std::vector<double> around(n * 2 * K), moved(n * K);  // of each point, twice around, and what its place adds
@@ -110,25 +128,36 @@ std::vector<Start> starts(const Lying& part, const OutlineSeen& seen) {
             around[v * 2 * K + k] = around[v * 2 * K + K + k] = part.scale[v] * (part.x[v] * u.c[k] + part.y[v] * u.s[k]);
             moved[v * K + k] = part.scale[v] * (part.place[0] * u.c[k] + part.place[1] * u.s[k]);
         }
-    std::vector<Start> out;
-    double reach[K], beyond[K];
+    std::vector<double> out(K * K);
     for (int j = 0; j < K; ++j) {
+        double reach[K];
         std::fill(reach, reach + K, -1e300);
         for (size_t v = 0; v < n; ++v) {
             const double *a = &around[v * 2 * K + K - j], *b = &moved[v * K];
             for (int k = 0; k < K; ++k) reach[k] = std::max(reach[k], a[k] + b[k]);
         }
-        double mean = 0;
+        for (int k = 0; k < K; ++k) out[j * K + k] = seen.from_eye(k) - reach[k];
+    }
+    return out;
+}
+
+// The most promising yaws.
+std::vector<Start> starts(const Lying& part, const OutlineSeen& seen) {
+    const std::vector<double> beyond = beyond_of(part, seen);
+    std::vector<Start> out;
+    for (int j = 0; j < K; ++j) {
+        const double *now = &beyond[j * K], *before = &beyond[(j + K - 1) % K * K], *after = &beyond[(j + 1) % K * K];
+        double mean = 0, change[K];
         for (int k = 0; k < K; ++k) {
-            beyond[k] = seen.reach[k] - reach[k] + (seen.middle[0] - seen.eye.x) * u.c[k] + (seen.middle[1] - seen.eye.y) * u.s[k];
-            mean += beyond[k] / K;
+            mean += now[k] / K;
+            change[k] = (before[k] - after[k]) * K / (4 * PI);  // of the part's reach
         }
         // wherever it is, a part that goes farther around costs as much
         if (mean < 0 && K * mean * mean > 4 * seen.most * seen.sd * seen.sd) continue;
         Start best;
         best.yaw = j;
         for (int w = 0; w < K; w += COARSE) {
-            const double cost = cost_of(beyond, w, part.height, seen);
+            const double cost = cost_of(now, change, w, part.height, seen);
             if (cost < best.cost) best.cost = cost, best.shadow = w;
         }
         out.push_back(best);
@@ -158,7 +187,7 @@ At at(const Lying& part, const double place[2], double yaw, const OutlineSeen& s
             out.J[k][1] = part.scale[v] * u.s[k];
             out.J[k][2] = part.scale[v] * (x * u.s[k] - y * u.c[k]);
         }
-        out.beyond[k] = seen.reach[k] - best + (seen.middle[0] - seen.eye.x) * u.c[k] + (seen.middle[1] - seen.eye.y) * u.s[k];
+        out.beyond[k] = seen.from_eye(k) - best;
     }
     return out;
 }
@@ -199,7 +228,7 @@ OutlineFit refined(const Lying& part, const Start& start, const OutlineSeen& see
         double cost = 1e300;
         int nearest = shadow;
         for (int w = shadow - COARSE; w <= shadow + COARSE; ++w) {
-            const double own = cost_of(now.beyond, (w + K) % K, part.height, seen);
+            const double own = cost_of(now.beyond, nullptr, (w + K) % K, part.height, seen);
             if (own < cost) cost = own, nearest = (w + K) % K;
         }
         shadow = nearest;
@@ -214,6 +243,10 @@ OutlineFit refined(const Lying& part, const Start& start, const OutlineSeen& see
 }
 
 }  // namespace
+
+double OutlineSeen::from_eye(int k) const {
+    return reach[k] + (middle[0] - eye.x) * circle().c[k] + (middle[1] - eye.y) * circle().s[k];
+}
 
 OutlineFit fit_outline(const std::vector<Vec3>& points, const Vec3& down, const OutlineSeen& seen) {
     OutlineFit best;

@@ -17,6 +17,8 @@ struct OutlineSeen {
     double sd = 1;       // of a reach
     double shadow = 0.4; // standard deviation of a shadow's length, in heights of the part
     double most = 1e9;   // costs beyond this are alike
+
+    double from_eye(int k) const;  // how far it goes in a direction, from below the camera
 };
 
 struct OutlineFit {
