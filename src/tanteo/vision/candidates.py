@@ -173,8 +173,7 @@ def evidence_at(
 def _areas(model: VisionModel, camera: Camera, Ts: Transforms) -> FloatArray:
     """About how large a part looks ``(B,)`` [px of area]: as the middle one of its outlines from above."""
     depth = SE3.apply(Ts, model.part.centroid)[..., 2]
-    area = float(np.median([outline["area"] for outline in model.outlines]))
-    return np.asarray(area * float(camera.focal.mean()) ** 2 / depth**2)
+    return np.asarray(model.area * float(camera.focal.mean()) ** 2 / depth**2)
 
 
 def _distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:
