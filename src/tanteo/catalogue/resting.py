@@ -75,7 +75,7 @@ def known_rests(part: Part) -> tuple[Rest, ...]:
 
 
 def rest_rows(part: Part) -> np.ndarray:
-    """Of each stable pose the direction down in the part's frame, and its probability ``(R, 4)``; of flat parts none."""
+    """Of each stable pose the direction down in the part's frame, and its probability ``(R, 4)``; none if flat."""
     rows = _stored(part)
     try:
         return _computed(part) if rows is None else rows

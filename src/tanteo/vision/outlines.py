@@ -6,7 +6,7 @@ What is left out counts, as it does for readings (decisions 76 and 83).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from tanteo.answers import OTHERWISE, SeenOutline
 from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.special import log_sum
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 from tanteo.vision.camera import Camera, on_plane, opencv, project
 from tanteo.vision.edges import find_edges
@@ -54,15 +55,33 @@ class Narrowed:
         rows: of the parts that are looked for, the likeliest first.
         alike: rows of parts by their outlines, the likeliest first; a few.
         left_out: how many are not looked for.
-        as_good: log of what these could explain together, by their outlines, over what the best part does.
+        shares: likelihoods of the rows by their outlines, over that of the best ``(m,)``.
+        rest: the same of all that are not looked for, together.
         otherwise: probability beforehand that the object is one of them and its outline misleads.
     """
 
     rows: IntArray
     alike: IntArray
     left_out: int = 0
-    as_good: float = -np.inf
+    shares: FloatArray = field(default_factory=lambda: np.zeros(0))
+    rest: float = 0.0
     otherwise: float = 0.0
+
+    def log_left_out(self, evidence: FloatArray, mislead: float) -> float:
+        """Log evidence of all that were not looked for.
+
+        Where their outlines fit, they are taken to explain the edges as the less promising half of those that were
+        looked for do on average; where outlines mislead, as an unknown object does.
+
+        Args:
+            evidence: log evidence of each row ``(m,)``.
+            mislead: of a part that explains no edge, its prior left out.
+        """
+        if not self.left_out:
+            return -np.inf
+        half = slice(len(self.rows) // 2, None)
+        as_these = float(log_sum(evidence[half])) + float(np.log(max(self.rest, 1e-300) / self.shares[half].sum()))
+        return float(log_sum([as_these, mislead + np.log(self.otherwise)]))
 
 
 def narrowed(outline: SeenOutline | None, parts: Sequence[Any]) -> Narrowed:
@@ -79,8 +98,8 @@ def narrowed(outline: SeenOutline | None, parts: Sequence[Any]) -> Narrowed:
     rest = np.cumsum(shares[::-1])[::-1]  # of each and all behind it
     count = min(max(int(np.searchsorted(-rest, -_REST * rest[0])), 1), MOST)
     left = len(log) - count
-    as_good = float(np.log(rest[count])) if left and rest[count] > 0 else -np.inf
-    return Narrowed(order[:count], alike, left, as_good, OTHERWISE * left / len(log))
+    out = float(rest[count]) if left else 0.0
+    return Narrowed(order[:count], alike, left, shares[:count], out, OTHERWISE * left / len(log))
 
 
 def check_size(image: FloatArray, camera: Camera) -> None:

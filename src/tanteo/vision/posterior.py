@@ -80,25 +80,28 @@ def infer(
     candidates: Sequence[PoseCandidates],
     stretches: float,
     weights: Weights,
-    parts: int,
-    chosen: Narrowed | None = None,
+    models: Sequence[VisionModel],
+    chosen: Narrowed,
 ) -> ImagePosterior:
     """Posterior from candidates; poses that are one by symmetry or by convergence are merged, the best remain.
 
-    Parts that were left out may explain the edges as well as the best one, as far as their outlines are as good; or
-    no better than an unknown object does, where outlines mislead.
+    Args:
+        candidates: poses of parts that were looked for.
+        stretches: of edge that the region has.
+        weights: of the evidence.
+        models: all that were looked for, in the order of the rows that were chosen.
+        chosen: which of the parts these are.
     """
+    parts = len(models) + chosen.left_out
     modes: list[ImageMode] = []
+    own = {id(model): -np.inf for model in models}
     for c in candidates:
         log = np.log((1 - UNKNOWN) / parts) + c.priors + log_weight(c.evidence, weights)
         kept = distinct_poses(c.model.part, c.T_camera_part, log)
         modes += [ImageMode(c.model, int(c.rests[k]), c.T_camera_part[k], float(log[k])) for k in kept]
+        own[id(c.model)] = float(log_sum(log[kept]))
     none = np.log(UNKNOWN) + weights.unknown * stretches + weights.base
-    left = -np.inf
-    if chosen is not None and chosen.left_out:
-        best = max((m.log for m in modes), default=-np.inf)
-        mislead = none - np.log(UNKNOWN) + np.log((1 - UNKNOWN) * chosen.otherwise)
-        left = float(log_sum([best + chosen.as_good, mislead]))
+    left = chosen.log_left_out(np.array(list(own.values())), none + np.log(1 / UNKNOWN - 1))
     total = float(log_sum([m.log for m in modes] + [none, left]))
     # that none of the poses holds is a strange part's doing, or the search's that missed the true one
     strange = UNKNOWN / (UNKNOWN + (1 - UNKNOWN) * MISSED)
@@ -106,7 +109,7 @@ def infer(
     scored = tuple(ImageMode(m.model, m.rest, m.T_camera_part, m.log, float(np.exp(m.log - total))) for m in modes)
     out = float(np.exp(left - total))
     unknown = strange * float(np.exp(none - total)) + out
-    return ImagePosterior(scored, unknown, out, chosen.left_out if chosen is not None else 0)
+    return ImagePosterior(scored, unknown, out, chosen.left_out)
 
 
 def distinct_poses(part: Part, Ts: Transforms, log: FloatArray) -> list[int]:

@@ -179,7 +179,7 @@ def see_table(
             continue
         models = [prepared(parts[int(row)]) for row in chosen.rows]
         found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights)
-        posterior = infer(found, stretches, weights, len(parts), chosen)
+        posterior = infer(found, stretches, weights, models, chosen)
         seen = _sighting(posterior, camera, edges, region, T_world_table, table, weights, top)
         names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.alike))
         objects.append(replace(seen, outline=drawn, alike=names))
