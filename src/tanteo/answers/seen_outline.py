@@ -7,7 +7,7 @@ any yaw and place, with its height. A shadow may be part of what was seen (decis
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -58,6 +58,8 @@ class SeenOutline:
     middle: FloatArray
     eye: Vectors
     pixel: float
+    _known: list[Any] = field(default_factory=list, init=False, repr=False)
+    """Parts and their likelihoods: the same are asked about several times for one answer."""
 
     def __post_init__(self) -> None:
         for name, size in (("reach", AROUND), ("middle", 2), ("eye", 3)):
@@ -76,7 +78,9 @@ class SeenOutline:
 
     def log_likelihood(self, parts: Sequence[Any]) -> FloatArray:
         """Of every part, up to a constant: the mean over its stable poses, each at its best place and yaw ``(n,)``."""
-        return np.concatenate([np.zeros(0), *(self._of_table(*table) for table in _tables(parts))])
+        if not self._known or self._known[0] is not parts:
+            self._known[:] = parts, np.concatenate([np.zeros(0), *(self._of_table(*table) for table in _tables(parts))])
+        return np.asarray(self._known[1])
 
     def log_odds(self, parts: Sequence[Any]) -> FloatArray:
         """Log likelihood of every part over that of an unknown object, whose outline may be any of theirs ``(n,)``."""

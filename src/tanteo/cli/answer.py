@@ -16,6 +16,7 @@ from tanteo import answers, inference, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files
 from tanteo.cli.arguments import MisuseError, misuse
+from tanteo.cli.image import outline_of, read_taken
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
 from tanteo.errors import ReadingsError
@@ -52,6 +53,9 @@ class Options:
     mass: args.Mass = None
     density: args.Density = None
     size: args.Size = None
+    image: args.ImagePath = None
+    camera: args.CameraPath = None
+    marks: args.MarksPath = None
     significance: args.Significance = 0.01
     top: args.Top = 5
     as_published: args.AsPublished = False
@@ -74,17 +78,25 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         )
     words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
-    sources = [("the readings", readings), ("--rig", options.rig)]
+    taken = read_taken(options.image, options.camera, options.marks)
+    sources = [
+        ("the readings", readings),
+        ("--rig", options.rig),
+        ("--image", options.image),
+        ("--camera", options.camera),
+    ]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
     given = read_given(readings, parts, options, file)
     from tanteo.recognition import identify
 
+    table = known.table if known is not None else None
+    outline = None if taken is None else outline_of(taken, given.measured.points, given.parts, table)
     loaded = time.perf_counter() - start
     with misuse():
         furniture = tuple(io.read_furniture(text, options.units, "--furniture") for text in options.furniture or ())
         said: dict[str, Any] = {
             "pose": known, "outlier_rate": options.outlier_rate, "unknown": options.unknown_prior,
-            "noise_factor": options.noise_factor, "furniture": furniture or None, "whole": _whole(options),
+            "noise_factor": options.noise_factor, "furniture": furniture or None, "whole": _whole(options, outline),
         }  # fmt: skip
         said = {name: value for name, value in said.items() if value is not None}
         priors = answers.Priors(**said) if said else None
@@ -138,14 +150,14 @@ def _say_latency(path: str, answer: answers.Answer, given: Given, options: Optio
         say(found.words(file.latency or 0.0), sys.stderr)
 
 
-def _whole(options: Options) -> answers.WholeObject | None:
+def _whole(options: Options, outline: answers.SeenOutline | None) -> answers.WholeObject | None:
     """What was measured of the whole object."""
-    if options.mass is None and options.size is None:
+    if options.mass is None and options.size is None and outline is None:
         if options.density is not None:
             raise MisuseError("--density: expected --mass beside it, got none. A density alone says nothing.")
         return None
     sides, sd = options.size or (None, 0.0)
-    return answers.WholeObject(options.mass, options.density, sides, sd)
+    return answers.WholeObject(options.mass, options.density, sides, sd, outline)
 
 
 def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
