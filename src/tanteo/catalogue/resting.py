@@ -155,7 +155,9 @@ def _equal(part: Part, first: FloatArray, second: FloatArray) -> bool:
 
 
 def _of_rows(part: Part, rows: np.ndarray) -> tuple[Rest, ...]:
-    return tuple(_rest(part, row[:3] / np.linalg.norm(row[:3]), float(row[3])) for row in rows.astype(np.float64))
+    exact = rows.astype(np.float64)
+    down = exact[:, :3] / np.linalg.norm(exact[:, :3], axis=1, keepdims=True)
+    return tuple(_rest(part, d, float(p)) for d, p in zip(down, exact[:, 3] / exact[:, 3].sum(), strict=True))
 
 
 def _rest(part: Part, down: FloatArray, probability: float) -> Rest:
