@@ -16,7 +16,7 @@ from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.frames import freeze
 from tanteo.special import log_sum
-from tanteo.typing import FloatArray, Vectors
+from tanteo.typing import FloatArray, IntArray, Vectors
 
 AROUND = 32
 """Directions of the table in which an outline is told, from x towards y."""
@@ -59,7 +59,7 @@ class SeenOutline:
     eye: Vectors
     pixel: float
     _known: list[Any] = field(default_factory=list, init=False, repr=False)
-    """Parts and their likelihoods: the same are asked about several times for one answer."""
+    """Parts and what came of them: the same are asked about several times for one answer."""
 
     def __post_init__(self) -> None:
         for name, size in (("reach", AROUND), ("middle", 2), ("eye", 3)):
@@ -76,28 +76,38 @@ class SeenOutline:
         """Standard deviation of how far it goes in a direction [m]."""
         return float(np.sqrt((_PIXELS * self.pixel) ** 2 + _LEAST_SD**2 + (_MADE * self.reach.mean()) ** 2))
 
-    def log_likelihood(self, parts: Sequence[Any]) -> FloatArray:
-        """Of every part, up to a constant: the mean over its stable poses, each at its best place and yaw ``(n,)``."""
+    def by_rest(self, parts: Sequence[Any]) -> tuple[FloatArray, IntArray]:
+        """Log likelihood of every stable pose of every part at its best place and yaw, times the pose's probability.
+
+        Returns:
+            Up to a constant, of all poses one after the other ``(R,)``; where those of each part start, and end
+            ``(n + 1,)``.
+        """
         if not self._known or self._known[0] is not parts:
-            self._known[:] = parts, np.concatenate([np.zeros(0), *(self._of_table(*table) for table in _tables(parts))])
-        return np.asarray(self._known[1])
+            found = [self._of_table(*table) for table in _tables(parts)]
+            counts = [0, *(count for _, start in found for count in np.diff(start))]
+            self._known[:] = parts, np.concatenate([np.zeros(0), *(log for log, _ in found)]), np.cumsum(counts)
+        return self._known[1], self._known[2]
+
+    def log_likelihood(self, parts: Sequence[Any]) -> FloatArray:
+        """Of every part, up to a constant ``(n,)``."""
+        log, start = self.by_rest(parts)
+        out, some = np.full(len(start) - 1, _log(_MOST)), np.diff(start) > 0  # a flat part has no stable pose
+        out[some] = np.logaddexp.reduceat(log, start[:-1][some]) if some.any() else 0.0
+        return out
 
     def log_odds(self, parts: Sequence[Any]) -> FloatArray:
         """Log likelihood of every part over that of an unknown object, whose outline may be any of theirs ``(n,)``."""
         return odds_among(self.log_likelihood(parts))
 
-    def _of_table(self, hull: Any, hull_start: Any, rests: Any, rests_start: Any) -> FloatArray:
-        counts = np.diff(rests_start)
-        of = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    def _of_table(self, hull: Any, hull_start: Any, rests: Any, start: Any) -> tuple[FloatArray, Any]:
+        counts = np.diff(start)
         costs, _ = _core.fit_outlines(
-            np.ascontiguousarray(hull), np.ascontiguousarray(hull_start), np.ascontiguousarray(rests[:, :3]), of,
+            np.ascontiguousarray(hull), np.ascontiguousarray(hull_start), np.ascontiguousarray(rests[:, :3]),
+            np.repeat(np.arange(len(counts), dtype=np.int32), counts),
             self.reach, self.middle, self.eye, self.sd, _SHADOW, _MOST,
         )  # fmt: skip
-        out = np.full(len(counts), _log(_MOST))
-        some = counts > 0  # a flat part has no stable pose
-        log = _log(costs) + np.log(rests[:, 3])
-        out[some] = np.logaddexp.reduceat(log, rests_start[:-1][some]) if some.any() else 0.0
-        return out
+        return _log(costs) + np.log(rests[:, 3]), start
 
 
 def odds_among(log: FloatArray) -> FloatArray:

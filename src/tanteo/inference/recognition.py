@@ -93,6 +93,9 @@ def identify_points(
     problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
     posterior = _answer(problem, candidates, chosen, seed)
+    if chosen.aside and posterior.unknown > 0.5:  # nothing explains the points: what was measured may be of another
+        chosen = narrowed(problem, candidates, odds, every=True)
+        posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
     found = [goodness_of_fit(mode) for mode in posterior.modes]
     hypotheses = tuple(as_hypothesis(points, one, priors.pose) for one in found[:top])
@@ -150,7 +153,7 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
     behind = chosen.left_out if chosen.certain else None
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), hints=hints, certain=chosen.certain,
-        left_out=LeftOut(len(rest), behind, alike),
+        left_out=LeftOut(len(rest), behind, chosen.discount, alike),
     )  # fmt: skip
 
 

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 __all__ = [
     "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "CirclePose",
     "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "Look", "OutlineOfReadings", "Question",
-    "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "VisionModel", "circle_poses", "describe",
-    "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions", "find_segments", "fit_camera",
+    "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "VisionModel", "circle_poses",
+    "describe", "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions", "find_segments", "fit_camera",
     "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner", "image_edge",
     "map_edges", "on_plane", "opencv", "outline_of_readings", "prepare_vision", "project", "project_circle", "rays",
     "render", "rigid", "see", "see_anywhere", "see_table", "silhouette", "thing", "without_distortion",

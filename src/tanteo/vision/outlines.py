@@ -26,6 +26,9 @@ FEW = 64
 MOST, _REST = 200, 5e-3
 """So many are looked for at most; fewer where all others together have less than this share of the likelihood."""
 
+_HOPELESS = 12.0
+"""Nats behind the likeliest part at which a stable pose is not looked for."""
+
 _CUT = 0.5
 """A corner lies between points of an outline and is cut by about so much [px]."""
 
@@ -54,6 +57,7 @@ class Narrowed:
     Attributes:
         rows: of the parts that are looked for, the likeliest first.
         alike: rows of parts by their outlines, the likeliest first; a few.
+        rests: of each row the stable poses that are looked for; all of them where none is given.
         left_out: how many are not looked for.
         shares: likelihoods of the rows by their outlines, over that of the best ``(m,)``.
         rest: the same of all that are not looked for, together.
@@ -62,6 +66,7 @@ class Narrowed:
 
     rows: IntArray
     alike: IntArray
+    rests: tuple[IntArray, ...] = ()
     left_out: int = 0
     shares: FloatArray = field(default_factory=lambda: np.zeros(0))
     rest: float = 0.0
@@ -99,7 +104,15 @@ def narrowed(outline: SeenOutline | None, parts: Sequence[Any]) -> Narrowed:
     count = min(max(int(np.searchsorted(-rest, -_REST * rest[0])), 1), MOST)
     left = len(log) - count
     out = float(rest[count]) if left else 0.0
-    return Narrowed(order[:count], alike, left, shares[:count], out, OTHERWISE * left / len(log))
+    rests = tuple(_likely(outline, parts, int(row), log[order[0]]) for row in order[:count])
+    return Narrowed(order[:count], alike, rests, left, shares[:count], out, OTHERWISE * left / len(log))
+
+
+def _likely(outline: SeenOutline, parts: Sequence[Any], row: int, best: float) -> IntArray:
+    """Numbers of a part's stable poses that may have the outline: the likeliest, and others near the best of all."""
+    log, start = outline.by_rest(parts)
+    own = log[start[row] : start[row + 1]]
+    return np.flatnonzero((own > best - _HOPELESS) | (own == own.max(initial=-np.inf)))
 
 
 def check_size(image: FloatArray, camera: Camera) -> None:

@@ -178,7 +178,7 @@ def see_table(
             objects.append(Sighting(too_many(len(parts)), (), None, region, drawn))
             continue
         models = [prepared(parts[int(row)]) for row in chosen.rows]
-        found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights)
+        found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights, chosen.rests)
         posterior = infer(found, stretches, weights, models, chosen)
         seen = _sighting(posterior, camera, edges, region, T_world_table, table, weights, top)
         names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.alike))
