@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tanteo.vision.ellipses import Ellipses, find_ellipses
     from tanteo.vision.features import image_centre, image_circle, image_corner, image_edge
     from tanteo.vision.models import VisionModel, prepare_vision
-    from tanteo.vision.outlines import OutlineOfReadings, outline_of_readings
+    from tanteo.vision.outlines import Narrowed, OutlineOfReadings, narrowed, outline_of_readings
     from tanteo.vision.picture import draw_sight
     from tanteo.vision.regions import Region, find_regions, silhouette
     from tanteo.vision.rendering import Look, Stage, Thing, render, thing
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "CirclePose",
-    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "Look", "OutlineOfReadings", "Question",
+    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "Look", "Narrowed", "OutlineOfReadings", "Question",
     "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "VisionModel", "circle_poses",
-    "describe", "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions", "find_segments", "fit_camera",
-    "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner", "image_edge",
-    "map_edges", "on_plane", "opencv", "outline_of_readings", "prepare_vision", "project", "project_circle", "rays",
+    "describe", "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions", "find_segments",
+    "fit_camera", "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner", "image_edge",
+    "map_edges", "narrowed", "on_plane", "opencv", "outline_of_readings", "prepare_vision", "project", "project_circle", "rays",
     "render", "rigid", "see", "see_anywhere", "see_table", "silhouette", "thing", "without_distortion",
 ]  # fmt: skip
 
@@ -64,7 +64,7 @@ __getattr__, __dir__ = lazy(
         "ellipses": "Ellipses find_ellipses",
         "features": "image_centre image_circle image_corner image_edge",
         "models": "VisionModel prepare_vision",
-        "outlines": "OutlineOfReadings outline_of_readings",
+        "outlines": "Narrowed OutlineOfReadings narrowed outline_of_readings",
         "picture": "draw_sight",
         "regions": "Region find_regions silhouette",
         "rendering": "Look Stage Thing render thing",
