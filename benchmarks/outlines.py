@@ -86,7 +86,8 @@ def answered(
     if kind == "outline":
         out.cpu.append(looked)
         shares = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
-        return "ambiguous", 0.0, {catalogue.name(int(row)): float(shares[row]) for row in chosen.rows}
+        rest = chosen.rest / (chosen.shares.sum() + chosen.rest)
+        return "ambiguous", rest, {catalogue.name(int(row)): float(shares[row]) for row in chosen.rows}
     if kind == "image":
         sight = see_table(shot.image, shot.camera, catalogue, T_world_table=T_world_table, top=1000)
         answer = sight.objects[0].answer

@@ -29,6 +29,7 @@ from tanteo.vision.evidence import (
     weigh,
 )
 from tanteo.vision.fit import BIAS, EdgeMatches, meet, refine
+from tanteo.vision.outlines import Narrowed
 from tanteo.vision.posterior import MISSED, UNKNOWN, ImageMode, infer
 from tanteo.vision.settle import settle
 from vision_scenes import bracket, seen_alone
@@ -131,7 +132,8 @@ def test_probabilities_are_those_of_the_weighted_evidence(model):
     area = np.array([0.0, 288.0])
     evidence = Evidence(np.array([40.0, 30.0]), np.array([-3.0, -2.0]), area)
     found = PoseCandidates(model, Ts, np.array([0, 0]), np.log([0.5, 0.25]), evidence)
-    posterior = infer([found], 15.0, weights, 4)
+    none = np.zeros(0, dtype=int)
+    posterior = infer([found], 15.0, weights, [model] * 4, Narrowed(np.arange(4), none))
     # that none of the poses holds is shared by what is strange and what was missed, as often as they are beforehand
     none = posterior.unknown * (1 + (1 - UNKNOWN) * MISSED / UNKNOWN)
     assert sum(m.probability for m in posterior.modes) + none == pytest.approx(1)

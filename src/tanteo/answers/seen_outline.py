@@ -27,8 +27,8 @@ _PIXELS, _LEAST_SD, _MADE = 0.6, 2e-4, 2e-3
 _SHADOW = 0.4
 """Standard deviation of the length of a shadow, in heights of what throws it."""
 
-_TOGETHER = 3.0
-"""So many directions err as one: squares count as much less."""
+_TOGETHER = 2.0
+"""So many directions err as one, and squares count as much less: with this the true part is the most probable."""
 
 _MOST = 150.0
 """Squares beyond this are alike: the outline is of another part."""
