@@ -70,7 +70,7 @@ def outline_of(taken: Taken, points: Vectors, parts: Sequence[Any], table: Table
     of = f"one of {found.regions} objects" if found.regions > 1 else "the object"
     say(
         f"The readings are taken as of {of} of the image, at {found.pixels[0]:.0f}, {found.pixels[1]:.0f} px: "
-        f"{int(np.count_nonzero(odds > 0)):,} of {len(odds):,} parts have its outline.",
+        f"{int(np.count_nonzero(odds > 0)):,} of {len(odds):,} parts fit its outline.",
         sys.stderr,
     )
     if found.beside:

@@ -177,7 +177,7 @@ def outline_of_readings(
             "camera and the readings in one world, in one unit?"
         )
     regions = find_regions(image, find_edges(image))
-    away = np.array([_away(region, pixels[inside]) for region in regions]).reshape(len(regions), -1)
+    away = np.array([_away(region, pixels[inside]) for region in regions]).reshape(len(regions), int(inside.sum()))
     near = away < _BESIDE
     if not near.any():
         raise InputError(
