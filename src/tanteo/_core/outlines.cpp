@@ -15,7 +15,9 @@ constexpr double PI = 3.14159265358979323846;
 constexpr int K = AROUND;
 constexpr int LIT = 9;              // directions at least this many steps from that of the shadow have none of it
 constexpr int COARSE = 4;           // every so many directions of a shadow are tried first
-constexpr int REFINED = 3, ROUNDS = 4;  // yaws that are refined, and steps of each
+constexpr int REFINED = 3, OF_TALL = 12, ROUNDS = 5;  // yaws that are refined, and steps of each
+constexpr double TALL = 0.15;       // share of the camera's height from which it matters much where a part is
+constexpr double LEANING = 0.05;    // how much farther around a part may seem to go where it is not, in its heights
 constexpr double FARTHEST = 0.15;   // a yaw is refined by no more than this: the next one is PI / 16 away
 constexpr double HIGHEST = 0.9;     // share of the camera's height that a part may have
 
@@ -152,8 +154,9 @@ std::vector<Start> starts(const Lying& part, const OutlineSeen& seen) {
             mean += now[k] / K;
             change[k] = (before[k] - after[k]) * K / (4 * PI);  // of the part's reach
         }
-        // wherever it is, a part that goes farther around costs as much
-        if (mean < 0 && K * mean * mean > 4 * seen.most * seen.sd * seen.sd) continue;
+        // wherever it is, a part that goes farther around costs as much; where it is tall, that depends on where it is
+        const double farther = -mean - LEANING * part.height;
+        if (farther > 0 && K * farther * farther > 4 * seen.most * seen.sd * seen.sd) continue;
         Start best;
         best.yaw = j;
         for (int w = 0; w < K; w += COARSE) {
@@ -162,7 +165,7 @@ std::vector<Start> starts(const Lying& part, const OutlineSeen& seen) {
         }
         out.push_back(best);
     }
-    const size_t kept = std::min<size_t>(out.size(), REFINED);
+    const size_t kept = std::min<size_t>(out.size(), part.height > TALL * seen.eye.z ? OF_TALL : REFINED);
     std::partial_sort(out.begin(), out.begin() + kept, out.end(), [](const Start& a, const Start& b) { return a.cost < b.cost; });
     out.resize(kept);
     return out;
