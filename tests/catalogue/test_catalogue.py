@@ -92,7 +92,7 @@ def test_of_a_fine_hull_a_few_corners_are_kept(tmp_path):
     hull = hull_points(read_part(tmp_path / "ball.off", unit="mm"))
     assert 100 < len(hull) <= 200
     for way in np.eye(3):
-        assert (hull @ way).max() == pytest.approx(0.05, abs=5e-4)
+        assert (hull @ way).max() == pytest.approx(0.05, abs=7e-4)
 
 
 def test_a_catalogue_is_a_sequence_of_parts(built):

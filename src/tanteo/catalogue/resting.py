@@ -25,8 +25,8 @@ _SAME = 0.02
 """Directions down that differ less than this are one [rad]."""
 
 _FINE, _HULL = 2000, 200
-"""Points of a hull from which a few of them stand for it; so many at most are kept of any. A ball of 50 mm is taken
-as 0.1 mm smaller for that."""
+"""Points of a hull from which a few of them stand for it; so many at most are kept of any: a ball of 50 mm is
+taken as up to half a millimetre smaller."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,8 +84,15 @@ def rest_rows(part: Part) -> np.ndarray:
 
 
 def hull_points(part: Part) -> np.ndarray:
-    """Corners of the convex hull, or those of very many that are the farthest in some direction ``(N, 3)``."""
-    return _few(_hull(part), _HULL).astype(np.float32)
+    """Corners of the convex hull, or those of very many that are the farthest in some direction ``(N, 3)``.
+
+    Of a flat part, which has none, they are taken among all its vertices.
+    """
+    try:
+        corners = _hull(part)
+    except InputError:
+        corners = part.vertices
+    return _few(corners, _HULL).astype(np.float32)
 
 
 def _stored(part: Part) -> np.ndarray | None:
@@ -100,15 +107,11 @@ def _stored(part: Part) -> np.ndarray | None:
 def _computed(part: Part, least: float = 0.01) -> np.ndarray:
     """Rows of the stable poses; those that symmetry makes equal are one."""
     import trimesh  # slow to import
-    from scipy.spatial import QhullError
 
-    try:
-        hull = trimesh.convex.convex_hull(_few(_hull(part), _FINE))
-        Ts, shares = trimesh.poses.compute_stable_poses(
-            hull, center_mass=np.array(part.centroid), sigma=0.0, n_samples=1, threshold=0.0
-        )
-    except QhullError:
-        raise InputError(f"{part.name}: expected a solid that can lie on a table, got a flat one.") from None
+    hull = trimesh.convex.convex_hull(_few(_hull(part), _FINE))
+    Ts, shares = trimesh.poses.compute_stable_poses(
+        hull, center_mass=np.array(part.centroid), sigma=0.0, n_samples=1, threshold=0.0
+    )
     down = -np.asarray(Ts)[:, 2, :3]
     kept: list[tuple[FloatArray, float]] = []
     for k in np.argsort(-np.asarray(shares), kind="stable"):
@@ -124,13 +127,17 @@ def _computed(part: Part, least: float = 0.01) -> np.ndarray:
 
 
 def _hull(part: Part) -> Vectors:
-    """Corners of the convex hull; all vertices of a part that is flat."""
+    """Corners of the convex hull.
+
+    Raises:
+        InputError: the part is flat.
+    """
     from scipy.spatial import ConvexHull, QhullError  # slow to import
 
     try:
         return part.vertices[ConvexHull(part.vertices).vertices]
     except QhullError:
-        return part.vertices
+        raise InputError(f"{part.name}: expected a solid that can lie on a table, got a flat one.") from None
 
 
 def _few(points: Vectors, most: int) -> Vectors:

@@ -76,6 +76,8 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         raise MisuseError(
             "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
         )
+    if options.image is not None and options.as_published:
+        raise MisuseError("--as-published: expected readings alone, which is what the paper compares. Drop --image.")
     words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
     taken = read_taken(options.image, options.camera, options.marks)

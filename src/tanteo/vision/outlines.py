@@ -162,8 +162,17 @@ def outline_of_readings(
         MissingExtraError: without OpenCV.
 
     Example:
-        >>> from tanteo.vision import outline_of_readings
-        >>> camera = tanteo.read_camera("images/table_camera.yaml")
+        >>> from dataclasses import replace
+        >>> from tanteo.io import read_marks
+        >>> from tanteo.vision import fit_camera, outline_of_readings
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> place = fit_camera(camera, *read_marks("images/marks.csv"))
+        >>> camera = replace(camera, T_world_camera=place.T_world_camera)
+        >>> sensed = np.array([[0.088, -0.016, 0.06], [0.11, -0.02, 0.055]])
+        >>> found = outline_of_readings(tanteo.read_image("images/three_parts.png"), camera, sensed)
+        >>> parts = tanteo.read_parts(["parts/block.step", "parts/housing.step"])
+        >>> found.regions, int(found.outline.log_odds(parts).argmax())
+        (3, 1)
     """
     check_size(image, camera)
     if camera.T_world_camera is None:
