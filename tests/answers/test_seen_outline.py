@@ -9,7 +9,7 @@ from random_parts import write_off
 from tanteo.answers import SeenOutline, WholeObject
 from tanteo.catalogue import known_rests
 from tanteo.errors import InputError
-from tanteo.inference.candidates import Candidates
+from tanteo.inference import candidates
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 
@@ -106,7 +106,7 @@ def test_what_was_measured_counts_together(parts):
     sides = tuple(np.ptp(parts[3].box, axis=0))
     alone, size = WholeObject(outline=seen), WholeObject(sides=sides, side_sd=1e-3)
     both = WholeObject(sides=sides, side_sd=1e-3, outline=seen)
-    odds = [Candidates(parts).log_odds(whole) for whole in (alone, size, both)]
+    odds = [candidates.Candidates(parts).log_odds(whole) for whole in (alone, size, both)]
     np.testing.assert_allclose(odds[0] + odds[1], odds[2])
 
 

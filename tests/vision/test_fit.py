@@ -10,7 +10,7 @@ import pytest
 
 from core.image_oracle import normal_equations
 from tanteo.lie import SE3
-from tanteo.vision import project
+from tanteo.vision import Narrowed, project
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.candidates import PoseCandidates
 from tanteo.vision.edges import CORRELATION
@@ -29,7 +29,6 @@ from tanteo.vision.evidence import (
     weigh,
 )
 from tanteo.vision.fit import BIAS, EdgeMatches, meet, refine
-from tanteo.vision.outlines import Narrowed
 from tanteo.vision.posterior import MISSED, UNKNOWN, ImageMode, infer
 from tanteo.vision.settle import settle
 from vision_scenes import bracket, seen_alone

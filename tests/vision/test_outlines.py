@@ -22,9 +22,9 @@ from tanteo.vision import (
     render,
     see_anywhere,
     see_table,
+    seen_outline,
     thing,
 )
-from tanteo.vision.outlines import seen_outline
 from vision_scenes import random_shot
 
 COUNT = 24

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tanteo.vision.ellipses import Ellipses, find_ellipses
     from tanteo.vision.features import image_centre, image_circle, image_corner, image_edge
     from tanteo.vision.models import VisionModel, prepare_vision
-    from tanteo.vision.outlines import Narrowed, OutlineOfReadings, narrowed, outline_of_readings
+    from tanteo.vision.outlines import Narrowed, OutlineOfReadings, narrowed, outline_of_readings, seen_outline
     from tanteo.vision.picture import draw_sight
     from tanteo.vision.regions import Region, find_regions, silhouette
     from tanteo.vision.rendering import Look, Stage, Thing, render, thing
@@ -47,8 +47,8 @@ __all__ = [
     "circle_poses", "describe", "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions",
     "find_segments", "fit_camera", "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner",
     "image_edge", "map_edges", "narrowed", "on_plane", "opencv", "outline_of_readings", "prepare_vision", "project",
-    "project_circle", "rays", "render", "rigid", "see", "see_anywhere", "see_table", "silhouette", "thing",
-    "without_distortion",
+    "project_circle", "rays", "render", "rigid", "see", "see_anywhere", "see_table", "seen_outline", "silhouette",
+    "thing", "without_distortion",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -65,7 +65,7 @@ __getattr__, __dir__ = lazy(
         "ellipses": "Ellipses find_ellipses",
         "features": "image_centre image_circle image_corner image_edge",
         "models": "VisionModel prepare_vision",
-        "outlines": "Narrowed OutlineOfReadings narrowed outline_of_readings",
+        "outlines": "Narrowed OutlineOfReadings narrowed outline_of_readings seen_outline",
         "picture": "draw_sight",
         "regions": "Region find_regions silhouette",
         "rendering": "Look Stage Thing render thing",
