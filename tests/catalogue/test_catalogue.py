@@ -70,13 +70,12 @@ def test_a_part_of_a_catalogue_lies_as_that_of_its_file(parts, built, monkeypatc
         assert {tuple(corner) for corner in hull_points(stored)} == corners
 
 
-def test_a_flat_part_has_no_way_to_lie_and_is_kept(tmp_path):
+def test_a_sheet_lies_on_both_sides(tmp_path):
     (tmp_path / "sheet.off").write_text("OFF\n4 2 0\n0 0 0\n50 0 0\n50 30 0\n0 30 0\n3 0 1 2\n3 0 2 3\n")
     assert build_catalogue(tmp_path / "sheet.off", tmp_path / "catalogue", unit="mm", workers=0).parts == 1
-    (table,) = (segment.table for segment in open_catalogue(tmp_path / "catalogue").segments)
-    assert table["rests"].shape == (0, 4)
-    with pytest.raises(InputError, match="sheet: expected a solid that can lie on a table"):
-        rests(open_catalogue(tmp_path / "catalogue")[0])
+    lying = known_rests(open_catalogue(tmp_path / "catalogue")[0])
+    assert sum(rest.probability for rest in lying) == pytest.approx(1)
+    assert {abs(rest.T_table_part[2, 2]) for rest in lying} == {1.0}
 
 
 def test_of_a_fine_hull_a_few_corners_are_kept(tmp_path):

@@ -92,7 +92,7 @@ class SeenOutline:
     def log_likelihood(self, parts: Sequence[Any]) -> FloatArray:
         """Of every part, up to a constant ``(n,)``."""
         log, start = self.by_rest(parts)
-        out, some = np.full(len(start) - 1, _log(_MOST)), np.diff(start) > 0  # a flat part has no stable pose
+        out, some = np.full(len(start) - 1, _log(_MOST)), np.diff(start) > 0  # what balances on nothing has no pose
         out[some] = np.logaddexp.reduceat(log, start[:-1][some]) if some.any() else 0.0
         return out
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.catalogue import cache
-from tanteo.errors import InputError
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms, Vectors
@@ -54,19 +53,12 @@ def rests(part: Part, least: float = 0.01) -> tuple[Rest, ...]:
     Args:
         part: with its mesh; its density is taken as even.
         least: poses that dropped parts take less often than this are left out, but for the best.
-
-    Raises:
-        InputError: the part is flat, and has no hull.
     """
     return _of_rows(part, _computed(part, least))
 
 
 def known_rests(part: Part) -> tuple[Rest, ...]:
-    """The same; what was found before is beside the part, in the cache or its catalogue.
-
-    Raises:
-        InputError: the part is flat, and has no hull.
-    """
+    """The same; what was found before is beside the part, in the cache or its catalogue."""
     rows = _stored(part)
     if rows is None:
         rows = _computed(part)
@@ -75,12 +67,9 @@ def known_rests(part: Part) -> tuple[Rest, ...]:
 
 
 def rest_rows(part: Part) -> np.ndarray:
-    """Of each stable pose the direction down in the part's frame, and its probability ``(R, 4)``; none if flat."""
+    """Of each stable pose the direction down in the part's frame, and its probability ``(R, 4)``."""
     rows = _stored(part)
-    try:
-        return _computed(part) if rows is None else rows
-    except InputError:
-        return np.zeros((0, 4), np.float32)
+    return _computed(part) if rows is None else rows
 
 
 def hull_points(part: Part) -> np.ndarray:
@@ -88,11 +77,8 @@ def hull_points(part: Part) -> np.ndarray:
 
     Of a flat part, which has none, they are taken among all its vertices.
     """
-    try:
-        corners = _hull(part)
-    except InputError:
-        corners = part.vertices
-    return _few(corners, _HULL).astype(np.float32)
+    corners = _hull(part)
+    return _few(part.vertices if corners is None else corners, _HULL).astype(np.float32)
 
 
 def _stored(part: Part) -> np.ndarray | None:
@@ -106,13 +92,7 @@ def _stored(part: Part) -> np.ndarray | None:
 
 def _computed(part: Part, least: float = 0.01) -> np.ndarray:
     """Rows of the stable poses; those that symmetry makes equal are one."""
-    import trimesh  # slow to import
-
-    hull = trimesh.convex.convex_hull(_few(_hull(part), _FINE))
-    Ts, shares = trimesh.poses.compute_stable_poses(
-        hull, center_mass=np.array(part.centroid), sigma=0.0, n_samples=1, threshold=0.0
-    )
-    down = -np.asarray(Ts)[:, 2, :3]
+    down, shares = _faces_down(part)
     kept: list[tuple[FloatArray, float]] = []
     for k in np.argsort(-np.asarray(shares), kind="stable"):
         equal = [j for j, (other, _) in enumerate(kept) if _equal(part, down[k], other)]
@@ -123,21 +103,32 @@ def _computed(part: Part, least: float = 0.01) -> np.ndarray:
     kept = [pair for j, pair in enumerate(kept) if pair[1] >= least or j == 0]
     total = sum(share for _, share in kept)
     rows = [(*d, (1 - ANY) * share / total + ANY / len(kept)) for d, share in kept]
-    return np.array(sorted(rows, key=lambda row: -row[3]), dtype=np.float32)
+    return np.array(sorted(rows, key=lambda row: -row[3]), dtype=np.float32).reshape(-1, 4)
 
 
-def _hull(part: Part) -> Vectors:
-    """Corners of the convex hull.
+def _faces_down(part: Part) -> tuple[Vectors, FloatArray]:
+    """Directions down of faces of the hull that the part may lie on, and how often it does; of a sheet both sides."""
+    import trimesh  # slow to import
 
-    Raises:
-        InputError: the part is flat.
-    """
+    corners = _hull(part)
+    if corners is None:
+        normal = np.linalg.svd(part.vertices - part.vertices.mean(axis=0), full_matrices=False)[2][2]
+        return np.stack([normal, -normal]), np.full(2, 0.5)
+    hull = trimesh.convex.convex_hull(_few(corners, _FINE))
+    Ts, shares = trimesh.poses.compute_stable_poses(
+        hull, center_mass=np.array(part.centroid), sigma=0.0, n_samples=1, threshold=0.0
+    )
+    return -np.asarray(Ts)[:, 2, :3], np.asarray(shares)
+
+
+def _hull(part: Part) -> Vectors | None:
+    """Corners of the convex hull; None of a part that is flat."""
     from scipy.spatial import ConvexHull, QhullError  # slow to import
 
     try:
         return part.vertices[ConvexHull(part.vertices).vertices]
     except QhullError:
-        raise InputError(f"{part.name}: expected a solid that can lie on a table, got a flat one.") from None
+        return None
 
 
 def _few(points: Vectors, most: int) -> Vectors:
