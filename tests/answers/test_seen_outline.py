@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,19 @@ def test_an_outline_is_its_own_part_s_at_any_yaw(parts):
         part, rest = parts[k], k % 3
         log, _ = outline(part, rest, rng.uniform(-3, 3)).by_rest([part])
         assert log[rest] == pytest.approx(np.log(known_rests(part)[rest].probability), abs=0.05)
+
+
+def test_an_outline_tells_the_pose_of_its_part(parts):
+    """In the world, wherever the table is; to a half turn, which the hull of a block hardly tells."""
+    rng = np.random.default_rng(4)
+    T_world_table = SE3.exp(np.array([0.3, -0.1, 0.2, 0.1, 0.2, 0.3]))
+    for k in range(8):
+        yaw, rest = rng.uniform(-3, 3), known_rests(parts[k])[0]
+        seen = replace(outline(parts[k], 0, yaw), T_world_table=T_world_table)
+        lying = SE3.from_parts(SO3.axis_rotation(2, yaw), np.array([0.03, 0.02, 0.0])) @ rest.T_table_part
+        truth = SE3.apply(T_world_table @ lying, parts[k].vertices)
+        off = [np.abs(SE3.apply(T, parts[k].vertices) - truth).max() for T in seen.poses(parts, k)]
+        assert min(off) < 1e-3
 
 
 def test_a_shadow_does_not_make_it_another_s(parts):

@@ -45,12 +45,14 @@ const Circle& circle() {
 struct Lying {  // a part on the table, about the middle of its box
     std::vector<double> x, y, scale;
     double height = 0;
+    Vec3 e, f, up, middle;     // axes of the table in the part's frame before any yaw, and what is at their origin
     double place[2] = {0, 0};  // where that has to be for half its height to be seen in the middle, from the eye
 };
 
 Lying lying(const std::vector<Vec3>& points, const Vec3& down, const OutlineSeen& seen) {
     const Vec3 up = -(1 / norm(down)) * down, e = any_across(up), f = cross(up, e);
     Lying out;
+    out.e = e, out.f = f, out.up = up;
     double low = 1e300, high = -1e300, box[4] = {1e300, -1e300, 1e300, -1e300};
     for (const Vec3& p : points) {
         const double x = dot(e, p), y = dot(f, p), z = dot(up, p);
@@ -65,9 +67,10 @@ Lying lying(const std::vector<Vec3>& points, const Vec3& down, const OutlineSeen
         out.scale.push_back(z);
     }
     out.height = high - low;
+    out.middle = {0.5 * (box[0] + box[1]), 0.5 * (box[2] + box[3]), low};
     for (size_t v = 0; v < points.size(); ++v) {
-        out.x[v] -= 0.5 * (box[0] + box[1]);
-        out.y[v] -= 0.5 * (box[2] + box[3]);
+        out.x[v] -= out.middle.x;
+        out.y[v] -= out.middle.y;
         out.scale[v] = seen.eye.z / (seen.eye.z - (out.scale[v] - low));
     }
     const double nearer = 1 - 0.5 * out.height / seen.eye.z;
@@ -221,6 +224,18 @@ bool step(const At& now, int shadow, double out[3]) {
     return true;
 }
 
+// Where a part is, by the place of its middle from the eye and its yaw.
+Pose pose_of(const Lying& part, const double place[2], double yaw, const OutlineSeen& seen) {
+    const double c = std::cos(yaw), s = std::sin(yaw);
+    const Vec3 rows[3] = {c * part.e + (-s) * part.f, s * part.e + c * part.f, part.up};
+    Pose out;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) out.R.m[3 * i + j] = rows[i][j];
+    out.t = {place[0] + seen.eye.x - (c * part.middle.x - s * part.middle.y),
+             place[1] + seen.eye.y - (s * part.middle.x + c * part.middle.y), -part.middle.z};
+    return out;
+}
+
 OutlineFit refined(const Lying& part, const Start& start, const OutlineSeen& seen) {
     double place[2] = {part.place[0], part.place[1]}, yaw = 2 * PI * start.yaw / K;
     const double first = yaw;
@@ -235,7 +250,7 @@ OutlineFit refined(const Lying& part, const Start& start, const OutlineSeen& see
             if (own < cost) cost = own, nearest = (w + K) % K;
         }
         shadow = nearest;
-        if (cost < best.cost) best.cost = cost, best.yaw = yaw;
+        if (cost < best.cost) best.cost = cost, best.pose = pose_of(part, place, yaw, seen);
         double move[3];
         if (round == ROUNDS || !step(now, shadow, move)) break;
         place[0] += move[0];

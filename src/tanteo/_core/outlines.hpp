@@ -23,7 +23,7 @@ struct OutlineSeen {
 
 struct OutlineFit {
     double cost = 1e300;  // sum of squares in standard deviations
-    double yaw = 0;
+    Pose pose;            // of the part, in the frame of the table
 };
 
 // The best yaw and place of a part on the table; `down` is the direction in its frame that is down.

@@ -21,7 +21,7 @@ OutlineSeen seen_of(const Doubles& reach, const Doubles& middle, const Doubles& 
     return out;
 }
 
-// Costs of every way to lie and the yaws that have them; `hull` are the points of part k from start[k] to start[k + 1].
+// Costs of every way to lie and the poses that have them; `hull` are the points of part k from start[k] to start[k + 1].
 nb::tuple fit_outlines(Floats hull, Starts start, Floats downs, Ints of, Doubles reach, Doubles middle, Doubles eye,
                        double sd, double shadow, double most) {
     if (hull.size() % 3) refuse("hull", "expected three numbers a point");
@@ -36,7 +36,7 @@ nb::tuple fit_outlines(Floats hull, Starts start, Floats downs, Ints of, Doubles
     seen.sd = expect(sd, "sd", 1e-9, 1e3);
     seen.shadow = expect(shadow, "shadow", 1e-6, 1e3);
     seen.most = expect(most, "most", 1e-6, 1e12);
-    std::vector<double> costs(whose.size()), yaws(whose.size());
+    std::vector<double> costs(whose.size()), Ts(16 * whose.size());
     {
         nb::gil_scoped_release release;
         for_all(whose.size(), [&] {
@@ -49,12 +49,12 @@ nb::tuple fit_outlines(Floats hull, Starts start, Floats downs, Ints of, Doubles
                 const float* d = downs.data() + 3 * m;
                 const OutlineFit fit = fit_outline(points, {d[0], d[1], d[2]}, seen);
                 costs[m] = fit.cost;
-                yaws[m] = fit.yaw;
+                store_pose(fit.pose, &Ts[16 * m]);
             };
         });
     }
     const size_t count = costs.size();
-    return nb::make_tuple(array_of(std::move(costs), {count}), array_of(std::move(yaws), {count}));
+    return nb::make_tuple(array_of(std::move(costs), {count}), array_of(std::move(Ts), {count, 4, 4}));
 }
 
 }  // namespace

@@ -15,8 +15,9 @@ import numpy as np
 from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.frames import freeze
+from tanteo.lie import SE3
 from tanteo.special import log_sum
-from tanteo.typing import FloatArray, IntArray, Vectors
+from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 AROUND = 32
 """Directions of the table in which an outline is told, from x towards y."""
@@ -36,6 +37,9 @@ _MOST = 150.0
 _FITS = 40.0
 """Squares up to which an outline may be a part's: where none is better, the unknown object is as much better."""
 
+_HOPELESS = 12.0
+"""Nats behind the likeliest at which a stable pose is not proposed."""
+
 OTHERWISE = 0.05
 """Share of regions that are not the outline of one part: it is hidden, touches another one, or has the table's grey."""
 
@@ -49,6 +53,7 @@ class SeenOutline:
         middle: of it ``(2,)`` [m].
         eye: where the camera is ``(3,)`` [m].
         pixel: length of a pixel there [m].
+        T_world_table: where the table is ``(4, 4)``; the world's own frame without.
 
     Raises:
         InputError: an array of another shape, a camera that is not above the table, a pixel without length.
@@ -58,6 +63,7 @@ class SeenOutline:
     middle: FloatArray
     eye: Vectors
     pixel: float
+    T_world_table: Transforms = field(default_factory=lambda: np.eye(4))
     _known: list[Any] = field(default_factory=list, init=False, repr=False)
     """Parts and what came of them: the same are asked about several times for one answer."""
 
@@ -69,7 +75,7 @@ class SeenOutline:
             raise InputError(
                 f"eye: expected one above the table, and pixels of a length, got {self.eye}, {self.pixel}."
             )
-        freeze(self, "reach", "middle", "eye")
+        freeze(self, "reach", "middle", "eye", "T_world_table")
 
     @property
     def sd(self) -> float:
@@ -85,9 +91,21 @@ class SeenOutline:
         """
         if not self._known or self._known[0] is not parts:
             found = [self._of_table(*table) for table in _tables(parts)]
-            counts = [0, *(count for _, start in found for count in np.diff(start))]
-            self._known[:] = parts, np.concatenate([np.zeros(0), *(log for log, _ in found)]), np.cumsum(counts)
+            counts = [0, *(count for _, _, start in found for count in np.diff(start))]
+            log = np.concatenate([np.zeros(0), *(log for log, _, _ in found)])
+            Ts = np.concatenate([np.zeros((0, 4, 4)), *(Ts for _, Ts, _ in found)])
+            self._known[:] = parts, log, np.cumsum(counts), Ts
         return self._known[1], self._known[2]
+
+    def poses(self, parts: Sequence[Any], row: int) -> Transforms:
+        """Where a part may lie to be seen so, half turned as well, as hulls hardly tell: ``T_world_part (k, 4, 4)``."""
+        log, start = self.by_rest(parts)
+        own = slice(int(start[row]), int(start[row + 1]))
+        likely = log[own] > log.max(initial=-np.inf) - _HOPELESS
+        Ts = self._known[3][own][likely].astype(np.float64)
+        about = SE3.from_parts(np.eye(3), np.array([*self.middle, 0.0]))
+        half = about @ SE3.from_parts(np.diag([-1.0, -1.0, 1.0]), np.zeros(3)) @ SE3.inverse(about)
+        return np.asarray(self.T_world_table @ np.concatenate([Ts, half @ Ts]))
 
     def log_likelihood(self, parts: Sequence[Any]) -> FloatArray:
         """Of every part, up to a constant ``(n,)``."""
@@ -100,14 +118,14 @@ class SeenOutline:
         """Log likelihood of every part over that of an unknown object, whose outline may be any of theirs ``(n,)``."""
         return odds_among(self.log_likelihood(parts))
 
-    def _of_table(self, hull: Any, hull_start: Any, rests: Any, start: Any) -> tuple[FloatArray, Any]:
+    def _of_table(self, hull: Any, hull_start: Any, rests: Any, start: Any) -> tuple[FloatArray, Any, Any]:
         counts = np.diff(start)
-        costs, _ = _core.fit_outlines(
+        costs, Ts = _core.fit_outlines(
             np.ascontiguousarray(hull), np.ascontiguousarray(hull_start), np.ascontiguousarray(rests[:, :3]),
             np.repeat(np.arange(len(counts), dtype=np.int32), counts),
             self.reach, self.middle, self.eye, self.sd, _SHADOW, _MOST,
         )  # fmt: skip
-        return _log(costs) + np.log(rests[:, 3]), start
+        return _log(costs) + np.log(rests[:, 3]), Ts.astype(np.float32), start
 
 
 def odds_among(log: FloatArray) -> FloatArray:

@@ -36,7 +36,9 @@ _BESIDE = 25.0
 """Readings that are farther from every region are of none [px]."""
 
 
-def seen_outline(camera: Camera, region: Region, T_camera_table: Transforms) -> SeenOutline | None:
+def seen_outline(
+    camera: Camera, region: Region, T_camera_table: Transforms, T_world_table: Transforms | None = None
+) -> SeenOutline | None:
     """The convex outline of a region where its rays meet the table; None of one that leaves the image or the table."""
     points, beside = (
         on_plane(camera, pixels, T_camera_table)[:, :2] for pixels in (region.contour, region.contour + region.normals)
@@ -47,7 +49,8 @@ def seen_outline(camera: Camera, region: Region, T_camera_table: Transforms) -> 
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     turns = 2 * np.pi * np.arange(32) / 32
     reach = ((points - middle) @ np.stack([np.cos(turns), np.sin(turns)])).max(axis=0) + _CUT * pixel
-    return SeenOutline(reach, middle, SE3.inverse(T_camera_table)[:3, 3], pixel)
+    T_world_table = np.eye(4) if T_world_table is None else T_world_table
+    return SeenOutline(reach, middle, SE3.inverse(T_camera_table)[:3, 3], pixel, T_world_table)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,7 +198,7 @@ def outline_of_readings(
         )
     best = int(np.lexsort((away.sum(axis=1), -near.sum(axis=1)))[0])
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
-    outline = seen_outline(camera, regions[best], T_camera_world @ T_world_table)
+    outline = seen_outline(camera, regions[best], T_camera_world @ T_world_table, T_world_table)
     if outline is None:
         raise InputError(
             "image: expected the object of the readings whole in it, got one that leaves it. Take it from farther away."
