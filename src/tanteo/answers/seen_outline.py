@@ -38,7 +38,7 @@ _FITS = 40.0
 """Squares up to which an outline may be a part's: where none is better, the unknown object is as much better."""
 
 _HOPELESS = 12.0
-"""Nats behind the likeliest at which a stable pose is not proposed."""
+"""Nats behind the likeliest of all at which a stable pose is not looked for."""
 
 OTHERWISE = 0.05
 """Share of regions that are not the outline of one part: it is hidden, touches another one, or has the table's grey."""
@@ -97,12 +97,16 @@ class SeenOutline:
             self._known[:] = parts, log, np.cumsum(counts), Ts
         return self._known[1], self._known[2]
 
+    def likely(self, parts: Sequence[Any], row: int) -> IntArray:
+        """Numbers of a part's stable poses that may be seen so: the likeliest, and others near the best of all."""
+        log, start = self.by_rest(parts)
+        own = log[start[row] : start[row + 1]]
+        return np.flatnonzero((own > log.max() - _HOPELESS) | (own == own.max())) if len(own) else np.zeros(0, np.int64)
+
     def poses(self, parts: Sequence[Any], row: int) -> Transforms:
         """Where a part may lie to be seen so, half turned as well, as hulls hardly tell: ``T_world_part (k, 4, 4)``."""
-        log, start = self.by_rest(parts)
-        own = slice(int(start[row]), int(start[row + 1]))
-        likely = log[own] > log.max(initial=-np.inf) - _HOPELESS
-        Ts = self._known[3][own][likely].astype(np.float64)
+        which = self.likely(parts, row)
+        Ts = self._known[3][self._known[2][row] + which].astype(np.float64)
         about = SE3.from_parts(np.eye(3), np.array([*self.middle, 0.0]))
         half = about @ SE3.from_parts(np.diag([-1.0, -1.0, 1.0]), np.zeros(3)) @ SE3.inverse(about)
         return np.asarray(self.T_world_table @ np.concatenate([Ts, half @ Ts]))

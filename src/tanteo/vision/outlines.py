@@ -26,9 +26,6 @@ FEW = 64
 MOST, _REST = 200, 5e-3
 """So many are looked for at most; fewer where all others together have less than this share of the likelihood."""
 
-_HOPELESS = 12.0
-"""Nats behind the likeliest part at which a stable pose is not looked for."""
-
 _CUT = 0.5
 """A corner lies between points of an outline and is cut by about so much [px]."""
 
@@ -107,15 +104,8 @@ def narrowed(outline: SeenOutline | None, parts: Sequence[Any]) -> Narrowed:
     count = min(max(int(np.searchsorted(-rest, -_REST * rest[0])), 1), MOST)
     left = len(log) - count
     out = float(rest[count]) if left else 0.0
-    rests = tuple(_likely(outline, parts, int(row), log[order[0]]) for row in order[:count])
+    rests = tuple(outline.likely(parts, int(row)) for row in order[:count])
     return Narrowed(order[:count], alike, rests, left, shares[:count], out, OTHERWISE * left / len(log))
-
-
-def _likely(outline: SeenOutline, parts: Sequence[Any], row: int, best: float) -> IntArray:
-    """Numbers of a part's stable poses that may have the outline: the likeliest, and others near the best of all."""
-    log, start = outline.by_rest(parts)
-    own = log[start[row] : start[row + 1]]
-    return np.flatnonzero((own > best - _HOPELESS) | (own == own.max(initial=-np.inf)))
 
 
 def check_size(image: FloatArray, camera: Camera) -> None:
