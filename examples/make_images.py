@@ -12,10 +12,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from rendered import slab_thing, table_camera
+from tanteo.catalogue import rests
 from tanteo.io import write_image
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import Look, Stage, project, render, rests, thing
+from tanteo.vision import Look, Stage, project, render, thing
 
 HERE = Path(__file__).resolve().parent
 CAMERA = table_camera(distance=0.62, tilt=22.0, turn=30.0)

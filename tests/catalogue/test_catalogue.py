@@ -9,11 +9,22 @@ import time
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 import tanteo
-from tanteo.catalogue import add_to_catalogue, build_catalogue, open_catalogue, read_parts
+from random_parts import write_off
+from tanteo.catalogue import (
+    add_to_catalogue,
+    build_catalogue,
+    hull_points,
+    known_rests,
+    open_catalogue,
+    read_parts,
+    rests,
+)
 from tanteo.errors import InputError, PartError, UnitError
 from tanteo.inference import prepare
+from tanteo.parts import read_part
 
 TETRAHEDRON = "OFF\n4 4 0\n0 0 0\n{0} 0 0\n0 {0} 0\n0 0 {0}\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
 
@@ -45,6 +56,42 @@ def test_parts_of_a_catalogue_are_those_of_their_files(parts, built):
         np.testing.assert_array_equal(stored.vertices, part.vertices)
         np.testing.assert_array_equal(stored.planes.normals, part.planes.normals)
         assert prepare(stored).shape.bytes() == prepare(part).shape.bytes()
+
+
+def test_a_part_of_a_catalogue_lies_as_that_of_its_file(parts, built, monkeypatch):
+    read = list(read_parts(parts, unit="mm", workers=0, cache=False))
+    lying = [rests(part) for part in read]
+    monkeypatch.setattr("tanteo.catalogue.resting._computed", lambda part: pytest.fail("it is in the catalogue"))
+    for stored, part, expected in zip(open_catalogue(built), read, lying, strict=True):
+        known = known_rests(stored)
+        np.testing.assert_array_equal([r.T_table_part for r in known], [r.T_table_part for r in expected])
+        assert [(r.probability, r.height) for r in known] == [(r.probability, r.height) for r in expected]
+        corners = {tuple(corner) for corner in part.vertices.astype(np.float32)}
+        assert {tuple(corner) for corner in hull_points(stored)} == corners
+
+
+def test_a_sheet_lies_on_both_sides(tmp_path):
+    (tmp_path / "sheet.off").write_text("OFF\n4 2 0\n0 0 0\n50 0 0\n50 30 0\n0 30 0\n3 0 1 2\n3 0 2 3\n")
+    assert build_catalogue(tmp_path / "sheet.off", tmp_path / "catalogue", unit="mm", workers=0).parts == 1
+    lying = known_rests(open_catalogue(tmp_path / "catalogue")[0])
+    assert sum(rest.probability for rest in lying) == pytest.approx(1)
+    assert {abs(rest.T_table_part[2, 2]) for rest in lying} == {1.0}
+
+
+def test_of_a_fine_hull_a_few_corners_are_kept(tmp_path):
+    k = np.arange(1500) + 0.5
+    z, turn = 1 - k / 750, 2.4 * k
+    ball = 50 * np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
+    triangles = ConvexHull(ball).simplices
+    out = np.sum(
+        np.cross(*(ball[triangles[:, i]] - ball[triangles[:, 0]] for i in (1, 2))) * ball[triangles[:, 0]], axis=1
+    )
+    triangles[out < 0] = triangles[out < 0][:, ::-1]
+    write_off(tmp_path / "ball.off", ball, triangles)
+    hull = hull_points(read_part(tmp_path / "ball.off", unit="mm"))
+    assert 100 < len(hull) <= 200
+    for way in np.eye(3):
+        assert (hull @ way).max() == pytest.approx(0.05, abs=7e-4)
 
 
 def test_a_catalogue_is_a_sequence_of_parts(built):

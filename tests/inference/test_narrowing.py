@@ -5,7 +5,7 @@ import pytest
 
 from random_parts import write_off
 from tanteo import _core
-from tanteo.answers import sized
+from tanteo.answers import Priors, WholeObject, sized
 from tanteo.catalogue import build_catalogue, open_catalogue
 from tanteo.inference import Problem, candidates, identify_points, narrowing, plane_votes, search, sensed_planes
 from tanteo.lie import SE3
@@ -147,6 +147,29 @@ def test_what_is_left_out_is_as_probable_as_it_may_be():
     assert search.LeftOut().log_evidence(10.0, 5.0) == -np.inf
     assert search.LeftOut(100, -3.0).log_evidence(10.0, 5.0) == 7.0
     assert search.LeftOut(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
+
+
+def test_what_is_known_of_the_whole_is_looked_at_first(catalogue):
+    every = candidates.Candidates(catalogue)
+    points = sensed(catalogue[41], "points", np.random.default_rng(4))
+    odds = np.where(np.arange(len(catalogue)) % 4 == 1, 3.0, -3.0)
+    chosen = narrowing.narrowed(question(points, every), every, odds)
+    assert 41 in chosen.rows
+    assert chosen.aside > 0
+    assert (odds[list(chosen.hints)] > 0).all()  # the others are not looked at
+    assert chosen.discount < -2
+    everything = narrowing.narrowed(question(points, every), every, odds, every=True)
+    assert (everything.aside, 41 in everything.rows) == (0, True)
+
+
+def test_a_part_is_found_though_the_whole_object_misleads(catalogue):
+    """Sides of another part leave its own aside; as nothing else explains the readings, it is looked at after all."""
+    part = catalogue[41]
+    sides = tuple(np.ptp(part.box, axis=0) + 0.02)
+    priors = Priors(whole=WholeObject(sides=sides, side_sd=1e-4))
+    points = sensed(part, "points", np.random.default_rng(4))
+    answer = identify_points(points, FreeRays.none(), catalogue, priors=priors)
+    assert part.name in {h.part for h in answer.hypotheses}
 
 
 def test_sizes_of_a_catalogue_are_those_of_its_parts(catalogue):

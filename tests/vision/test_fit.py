@@ -10,7 +10,7 @@ import pytest
 
 from core.image_oracle import normal_equations
 from tanteo.lie import SE3
-from tanteo.vision import project
+from tanteo.vision import Narrowed, project
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.candidates import PoseCandidates
 from tanteo.vision.edges import CORRELATION
@@ -131,7 +131,8 @@ def test_probabilities_are_those_of_the_weighted_evidence(model):
     area = np.array([0.0, 288.0])
     evidence = Evidence(np.array([40.0, 30.0]), np.array([-3.0, -2.0]), area)
     found = PoseCandidates(model, Ts, np.array([0, 0]), np.log([0.5, 0.25]), evidence)
-    posterior = infer([found], 15.0, weights, 4)
+    none = np.zeros(0, dtype=int)
+    posterior = infer([found], 15.0, weights, [model] * 4, Narrowed(np.arange(4), none))
     # that none of the poses holds is shared by what is strange and what was missed, as often as they are beforehand
     none = posterior.unknown * (1 + (1 - UNKNOWN) * MISSED / UNKNOWN)
     assert sum(m.probability for m in posterior.modes) + none == pytest.approx(1)

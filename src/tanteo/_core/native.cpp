@@ -26,6 +26,7 @@ namespace tanteo {
 void offer_images(nb::module_& m);  // image_door.cpp
 void offer_beams(nb::module_& m);   // beam_door.cpp
 void offer_coarse(nb::module_& m);  // coarse_door.cpp
+void offer_outlines(nb::module_& m);  // outlines_door.cpp
 void offer_planes(nb::module_& m);  // planes_door.cpp
 void offer_rounds(nb::module_& m);  // rounds_door.cpp
 }
@@ -591,6 +592,7 @@ NB_MODULE(native, m) {
     offer_images(m);
     offer_beams(m);
     offer_coarse(m);
+    offer_outlines(m);
     offer_planes(m);
     offer_rounds(m);
 }

@@ -173,6 +173,18 @@ def coarse(
     pairs_each: int,
     keep: int,
 ) -> tuple[FloatArray, FloatArray]: ...
+def fit_outlines(
+    hull: NDArray[np.float32],
+    hull_start: NDArray[np.int64],
+    downs: NDArray[np.float32],
+    of: AnyInts,
+    reach: FloatArray,
+    middle: FloatArray,
+    eye: FloatArray,
+    sd: float,
+    shadow: float,
+    most: float,
+) -> tuple[FloatArray, FloatArray]: ...
 def on_planes(
     planes: NDArray[np.float32],
     starts: NDArray[np.int64],

@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from tanteo.answers.priors import STATED, Priors, sized
     from tanteo.answers.question import Clock, check_question, with_elapsed
     from tanteo.answers.results import Answer, Finding, FindingKind, Hypothesis, Status
+    from tanteo.answers.seen_outline import OTHERWISE, SeenOutline
     from tanteo.answers.status import CONFIDENCE, doubt, verdict
     from tanteo.answers.whole_object import WholeObject
 
 __all__ = [
     "CONFIDENCE",
+    "OTHERWISE",
     "STATED",
     "Answer",
     "Clock",
@@ -40,6 +42,7 @@ __all__ = [
     "Misfit",
     "PosePrior",
     "Priors",
+    "SeenOutline",
     "Status",
     "Table",
     "WholeObject",
@@ -73,6 +76,7 @@ __getattr__, __dir__ = lazy(
         "furniture": "Furniture",
         "hypothesis": "hypothesis_at",
         "misfit": "Misfit",
+        "seen_outline": "OTHERWISE SeenOutline",
         "status": "CONFIDENCE doubt verdict",
         "part_motions": (
             "box_corners corner_moves corner_sd motion_words observed_covariance part_scale "

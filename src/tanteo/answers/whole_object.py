@@ -1,4 +1,4 @@
-"""What is known of the object as a whole, whatever its pose: its mass, the sides of a box about it.
+"""What is known of the object as a whole: its mass, the sides of a box about it, the outline that a camera saw.
 
 Each enters as a likelihood: a part that differs is less probable, never impossible.
 """
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.answers.seen_outline import SeenOutline
 from tanteo.errors import InputError
 from tanteo.limits import check_number
 from tanteo.typing import FloatArray
@@ -29,6 +30,7 @@ class WholeObject:
         density: of the material, and its standard deviation [kg/m^3]; needed with a mass.
         sides: of the smallest box about the object, in any order [m]; None if they were not measured.
         side_sd: standard deviation of each [m].
+        outline: of the object on a table, as a camera saw it; None if none did.
 
     Raises:
         InputError: a number that is not positive, a mass without a density, sides without a standard deviation.
@@ -43,6 +45,7 @@ class WholeObject:
     density: tuple[float, float] | None = None
     sides: tuple[float, float, float] | None = None
     side_sd: float = 0.0
+    outline: SeenOutline | None = None
 
     def __post_init__(self) -> None:
         for name in ("mass", "density"):
@@ -60,6 +63,8 @@ class WholeObject:
 
     def log_odds(self, volumes: FloatArray, boxes: FloatArray) -> FloatArray:
         """Log likelihood of parts over that of an unknown object, which is as large as any of them may be ``(n,)``.
+
+        The outline is compared apart (:meth:`SeenOutline.log_odds`): it takes more of a part than its sizes.
 
         Args:
             volumes: of the parts ``(n,)`` [m^3]; 0 of one that does not close, of which no mass says anything.

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from tanteo.catalogue.cache import cache_folder
     from tanteo.catalogue.opened import Catalogue, open_catalogue
     from tanteo.catalogue.reading import Failure, Parts, read_parts
+    from tanteo.catalogue.resting import Rest, hull_points, known_rests, rest_rows, rests
     from tanteo.catalogue.segment import tables_of
     from tanteo.catalogue.shaping import SAMPLES, SHAPE, compiled_shape
     from tanteo.catalogue.signatures import LEVELS, PLACES, faces_of, signature, widths
@@ -25,6 +26,7 @@ __all__ = [
     "Catalogue",
     "Failure",
     "Parts",
+    "Rest",
     "add_to_catalogue",
     "build_catalogue",
     "cache_folder",
@@ -32,10 +34,14 @@ __all__ = [
     "coarse_meshes",
     "compiled_shape",
     "faces_of",
+    "hull_points",
     "is_catalogue",
+    "known_rests",
     "open_catalogue",
     "read_parts",
     "repaired",
+    "rest_rows",
+    "rests",
     "signature",
     "skipped_folders",
     "tables_of",
@@ -52,6 +58,7 @@ __getattr__, __dir__ = lazy(
         "cache": "cache_folder",
         "opened": "Catalogue open_catalogue",
         "reading": "Failure Parts read_parts",
+        "resting": "Rest hull_points known_rests rest_rows rests",
         "segment": "tables_of",
         "shaping": "SAMPLES SHAPE compiled_shape",
         "signatures": "LEVELS PLACES faces_of signature widths",

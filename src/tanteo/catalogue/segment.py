@@ -13,6 +13,7 @@ import numpy as np
 from tanteo.catalogue.archive import part_from_bytes
 from tanteo.catalogue.index import index_of
 from tanteo.catalogue.record import Record
+from tanteo.catalogue.resting import RESTS
 from tanteo.catalogue.shaping import SHAPE
 from tanteo.catalogue.store import Mapped, Packed, Table, damaged, new_name, write_table
 from tanteo.errors import InputError
@@ -21,7 +22,7 @@ from tanteo.parts import Part
 MOST = 8192
 """Parts of a segment: so many rows are in memory while it is written."""
 
-RAGGED = ("planes", "rounds", "same", "opposite", "angles", "places", "field")
+RAGGED = ("planes", "rounds", "same", "opposite", "angles", "places", "field", "hull", "rests")
 """Columns of which a part has any number of rows; where they start is in ``<name>_start``."""
 
 _KEY = 32
@@ -148,6 +149,9 @@ class Segment:
         """What is kept beside a part, by its kind."""
 
         def load(kind: str) -> Any:
+            if kind == RESTS:
+                start = self.table["rests_start"]
+                return self.table["rests"][start[row] : start[row + 1]].reshape(-1).view(np.uint8)
             if kind != SHAPE:
                 return None
             return np.frombuffer(self._unpacked(self.packed(row)[1], name), dtype=np.uint8)

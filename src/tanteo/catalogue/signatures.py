@@ -1,4 +1,4 @@
-"""What is asked of every part of a catalogue before any is opened: sizes, faces, distances of faces, a coarse field.
+"""What is asked of every part of a catalogue before any is opened: sizes, faces, a coarse field, how it may lie.
 
 All of it is a function of the part alone, in its own frame, in metres, and small: three kilobytes a part.
 """
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
+from tanteo.catalogue.resting import hull_points, rest_rows
 from tanteo.parts import Face, Part
 from tanteo.shapes import ClosestPoints, Surface, as_signed
 from tanteo.typing import FloatArray, Vectors
@@ -79,7 +80,8 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
         ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
         whether it is continuous, unseen share. Arrays of any length: ``planes`` (normal, centroid, reach), ``rounds``
         (cylinders), ``same`` and ``opposite`` (distances of parallel faces), ``angles`` (of others), ``places`` (of the
-        surface, with normals), ``field``; and ``grid`` (origin, step, shape).
+        surface, with normals), ``field``, ``hull`` (corners of the convex hull), ``rests`` (stable poses: direction
+        down, probability); and ``grid`` (origin, step, shape).
     """
     planes = _planes(part)
     grid, field = _field(part, shape)
@@ -92,6 +94,7 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     return {
         "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "same": same,
         "opposite": opposite, "angles": angles, "places": _places(shape), "grid": grid, "field": field,
+        "hull": hull_points(part), "rests": rest_rows(part),
     }  # fmt: skip
 
 

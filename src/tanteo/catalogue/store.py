@@ -34,7 +34,7 @@ MANIFEST, LOCK = "catalogue.json", "catalogue.lock"
 
 SCHEMA = "tanteo.catalogue/1"
 
-FORMATS = {"part": FORMAT_VERSION, "shape": SHAPE, "table": 1, "byteorder": sys.byteorder}
+FORMATS = {"part": FORMAT_VERSION, "shape": SHAPE, "table": 2, "byteorder": sys.byteorder}
 """Of what a catalogue holds: one that has others is built anew."""
 
 _ALIGNED = 64

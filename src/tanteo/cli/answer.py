@@ -16,6 +16,7 @@ from tanteo import answers, inference, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
 from tanteo.cli.answer_options import Options
+from tanteo.cli.image import outline_of, read_taken
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
@@ -38,16 +39,26 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         raise MisuseError(
             "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
         )
+    if options.image is not None and options.as_published:
+        raise MisuseError("--as-published: expected readings alone, which is what the paper compares. Drop --image.")
     words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
-    sources = [("the readings", readings), ("--rig", options.rig)]
+    taken = read_taken(options.image, options.camera, options.marks)
+    sources = [
+        ("the readings", readings),
+        ("--rig", options.rig),
+        ("--image", options.image),
+        ("--camera", options.camera),
+    ]
     files.check_different(("--report", options.report), inputs=sources, parts=parts)
     given = read_given(readings, parts, options, file)
     from tanteo.recognition import identify
 
+    table = known.table if known is not None else None
+    outline = None if taken is None else outline_of(taken, given.measured.points, given.parts, table)
     loaded = time.perf_counter() - start
     with misuse():
-        priors = options.priors(known)
+        priors = options.priors(known, outline)
     ask = partial(
         identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,

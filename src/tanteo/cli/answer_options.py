@@ -34,6 +34,9 @@ class Options:
     mass: args.Mass = None
     density: args.Density = None
     size: args.Size = None
+    image: args.ImagePath = None
+    camera: args.CameraPath = None
+    marks: args.MarksPath = None
     significance: args.Significance = 0.01
     top: args.Top = 5
     as_published: args.AsPublished = False
@@ -45,21 +48,23 @@ class Options:
     seed: args.Seed = 0
     verbose: args.Verbose = False
 
-    def priors(self, known: answers.PosePrior | None) -> answers.Priors | None:
-        """What the options assume beforehand; None if nothing is."""
+    def priors(
+        self, known: answers.PosePrior | None, outline: answers.SeenOutline | None = None
+    ) -> answers.Priors | None:
+        """What the options and an image tell beforehand; None if nothing does."""
         furniture = tuple(io.read_furniture(text, self.units, "--furniture") for text in self.furniture or ())
         said: dict[str, Any] = {
             "pose": known, "outlier_rate": self.outlier_rate, "unknown": self.unknown_prior,
-            "noise_factor": self.noise_factor, "furniture": furniture or None, "whole": self._whole(),
+            "noise_factor": self.noise_factor, "furniture": furniture or None, "whole": self._whole(outline),
         }  # fmt: skip
         said = {name: value for name, value in said.items() if value is not None}
         return answers.Priors(**said) if said else None
 
-    def _whole(self) -> answers.WholeObject | None:
+    def _whole(self, outline: answers.SeenOutline | None) -> answers.WholeObject | None:
         """What was measured of the whole object."""
-        if self.mass is None and self.size is None:
+        if self.mass is None and self.size is None and outline is None:
             if self.density is not None:
                 raise MisuseError("--density: expected --mass beside it, got none. A density alone says nothing.")
             return None
         sides, sd = self.size or (None, 0.0)
-        return answers.WholeObject(self.mass, self.density, sides, sd)
+        return answers.WholeObject(self.mass, self.density, sides, sd, outline)

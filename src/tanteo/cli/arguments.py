@@ -126,6 +126,17 @@ Size = Annotated[
     Words(lambda text: io.parse_size(text, "--size")),
 ]
 
+ImagePath = Annotated[
+    str | None,
+    _prior("--image", "FILE", "Image of the object on a table: its outline narrows the parts. Needs --camera."),
+]
+CameraPath = Annotated[
+    str | None, _prior("--camera", "FILE", "Calibration of the camera of --image, placed in the world or by --marks.")
+]
+MarksPath = Annotated[
+    str | None, _prior("--marks", "FILE", "Known points of the table in --image, to place the camera (CSV).")
+]
+
 Significance = Annotated[
     float,
     _answer("--significance", None, "Significance level of the tests."),

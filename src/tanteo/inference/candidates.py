@@ -74,7 +74,8 @@ class Candidates:
         """Log odds of each by what was measured of the whole object ``(n,)``; 0 without."""
         if whole is None:
             return np.zeros(len(self))
-        return whole.log_odds(self.volumes, self._numbers[:, 11:14] - self._numbers[:, 8:11])
+        out = whole.log_odds(self.volumes, self._numbers[:, 11:14] - self._numbers[:, 8:11])
+        return out if whole.outline is None else out + whole.outline.log_odds(self.parts)
 
     def named(self, odds: FloatArray, rows: Iterable[int]) -> dict[str, float]:
         """Numbers of some parts by their names."""

@@ -7,7 +7,7 @@ evidence for an object that was not searched (decision 76).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from tanteo.inference.plane_votes import on_planes, voted
 from tanteo.inference.problem import Problem
 from tanteo.inference.sensed_planes import sensed_planes
 from tanteo.measurements import ContactPoints
+from tanteo.special import log_sum, softmax
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 FEW = 64
@@ -38,6 +39,10 @@ _SURELY = 40.0
 _PLANES_TELL, _LOOK_TELLS = 1.33, 0.5
 """Nats of log evidence for each nat of planes, where the noise is taken as larger than it is stated and an outlier as
 cheaper; and of a coarse look, which is as uncertain as its field."""
+
+_ASIDE, _CLEARLY = 0.06, 4.0
+"""Parts that are out of a coarse look by what was measured of the whole object: together they have no more than this
+share of probability, and each is so many nats behind the best. Where nothing else explains the points, they are in."""
 
 _LEVEL = 1e-4
 """Probability of more outliers than are allowed for when sizes are compared."""
@@ -59,6 +64,8 @@ class Narrowed:
         left_out: log of what the others could explain together, over what the best of these explains; -inf for nothing.
         others: rows of parts that were left out though their size fits.
         certain: whether the hints are all poses that planes allow.
+        aside: how many of the others were not looked at, by what was measured of the whole object.
+        discount: log odds of the others by that, on average, over those of the less promising half of the rows.
     """
 
     rows: IntArray
@@ -67,15 +74,20 @@ class Narrowed:
     left_out: float = -np.inf
     others: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     certain: bool = False
+    aside: int = 0
+    discount: float = 0.0
 
 
-def narrowed(problem: Problem, candidates: Candidates, odds: FloatArray | None = None) -> Narrowed:
+def narrowed(
+    problem: Problem, candidates: Candidates, odds: FloatArray | None = None, *, every: bool = False
+) -> Narrowed:
     """The parts that are worth a search; all that are large enough where they are few.
 
     Args:
         problem: the question.
         candidates: all parts.
         odds: log odds of each by what was measured of the whole object ``(n,)``.
+        every: none is left aside by that.
     """
     points = problem.points.take(problem.around.others)
     rows = np.flatnonzero(_large_enough(points, candidates))
@@ -84,20 +96,36 @@ def narrowed(problem: Problem, candidates: Candidates, odds: FloatArray | None =
     rows = rows[_wide_enough(problem, points, candidates, rows)]
     if len(rows) <= FEW:
         return Narrowed(rows, behind=np.zeros(len(rows)))
-    costs, hints, certain = _compared(problem, points, candidates, rows)
-    if odds is not None:
-        costs = costs - odds[rows]
-    return _best(rows, costs, hints, certain=certain)
+    own = np.zeros(len(rows)) if odds is None else odds[rows]
+    in_it = np.ones(len(rows), dtype=bool) if every else _promising(own)
+    costs, hints, certain = _compared(problem, points, candidates, rows, in_it)
+    found = _best(rows, costs - own, hints, certain=certain)
+    if certain or odds is None or not len(found.others):
+        return found
+    half = found.rows[len(found.rows) // 2 :]
+    discount = float(log_sum(odds[found.others]) - log_sum(odds[half]) + np.log(len(half) / len(found.others)))
+    return replace(found, aside=int(np.count_nonzero(~in_it)), discount=discount)
+
+
+def _promising(odds: FloatArray) -> BoolArray:
+    """Which parts are looked at, by their log odds ``(m,)``."""
+    order = np.argsort(odds, kind="stable")
+    out = np.ones(len(odds), dtype=bool)
+    out[order[np.cumsum(softmax(odds)[order]) <= _ASIDE]] = False
+    return out | (odds > odds.max() - _CLEARLY)
 
 
 def _compared(
-    problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray
+    problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray, in_it: BoolArray
 ) -> tuple[FloatArray, dict[int, Transforms], bool]:
-    """Nats of each part and poses, by planes if three fix a pose, else by points; whether these are all poses."""
+    """Nats of each part and poses, by planes if three fix a pose, else by points; whether these are all poses.
+
+    Points are compared with those parts only that are ``in_it``.
+    """
     sensed = sensed_planes(problem, points)
     if not len(sensed.triples):
         lacking = voted(sensed, candidates, rows)
-        few = lacking < lacking.min() + BEHIND_PLANES
+        few = in_it & (lacking < lacking[in_it].min() + BEHIND_PLANES)
         looked, hints = coarse_look(problem, points, candidates, rows[few])
         lacking[few] = np.maximum(lacking[few], looked)
         lacking[~few] += looked.max(initial=0.0)

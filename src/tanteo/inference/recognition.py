@@ -32,7 +32,7 @@ from tanteo.inference.search import LeftOut
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 from tanteo.sensors import CENTRE
-from tanteo.typing import FloatArray
+from tanteo.typing import FloatArray, Transforms
 
 LEAST = 3
 """Fewer measurements than this fit any surface in any way."""
@@ -93,6 +93,9 @@ def identify_points(
     problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
     posterior = _answer(problem, candidates, chosen, seed)
+    if chosen.aside and posterior.unknown > 0.5:  # nothing explains the points: what was measured may be of another
+        chosen = narrowed(problem, candidates, odds, every=True)
+        posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
     found = [goodness_of_fit(mode) for mode in posterior.modes]
     hypotheses = tuple(as_hypothesis(points, one, priors.pose) for one in found[:top])
@@ -134,7 +137,7 @@ def identify_points(
 def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: int) -> Posterior:
     """The posterior of the parts that are worth a search."""
     parts = [candidates.prepared(int(row)) for row in chosen.rows]
-    hints = [chosen.hints.get(int(row)) for row in chosen.rows]
+    hints = [_proposed(problem, candidates, chosen, int(row)) for row in chosen.rows]
     rest = set(chosen.others.tolist())
 
     def alike(part: PreparedPart) -> list[PreparedPart]:
@@ -146,7 +149,7 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
     behind = chosen.left_out if chosen.certain else None
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), hints=hints, certain=chosen.certain,
-        left_out=LeftOut(len(rest), behind, alike),
+        left_out=LeftOut(len(rest), behind, chosen.discount, alike),
     )  # fmt: skip
 
 
@@ -167,6 +170,17 @@ def _doubted(message: str, best: GoodnessOfFit, priors: Priors) -> tuple[Status,
         return "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
     doubt = against_labels(best, priors)
     return ("ambiguous", doubt) if doubt else ("recognized", message)
+
+
+def _proposed(problem: Problem, candidates: Candidates, chosen: Narrowed, row: int) -> Transforms | None:
+    """Poses of a part to begin with: by what was sensed, and where an image shows the outline of the object."""
+    whole, found = problem.priors.whole, chosen.hints.get(row)
+    if whole is None or whole.outline is None:
+        return found
+    seen = whole.outline.poses(candidates.parts, row)
+    if not len(seen):
+        return found
+    return seen if found is None else np.concatenate([found, seen])
 
 
 def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:

@@ -50,18 +50,20 @@ class LeftOut:
         count: of them.
         behind: log of what they could explain together over what the best part explains; None where that is as much as
             parts that were hardly promising do.
+        discount: log odds of them over those of hardly promising ones, by what was measured of the whole object.
         alike: those of them that are like a part.
     """
 
     count: int = 0
     behind: float | None = None
+    discount: float = 0.0
     alike: Callable[[PreparedPart], list[PreparedPart]] = lambda part: []
 
     def log_evidence(self, best: float, tail: float) -> float:
         """Of all of them together, at most: by that of the best part, and the mean of hardly promising ones."""
         if not self.count:
             return -np.inf
-        return best + self.behind if self.behind is not None else tail + float(np.log(self.count))
+        return best + self.behind if self.behind is not None else tail + float(np.log(self.count)) + self.discount
 
 
 def race(

@@ -25,12 +25,13 @@ if TYPE_CHECKING:
         without_distortion,
     )
     from tanteo.vision.circles import CirclePose, circle_poses, project_circle
-    from tanteo.vision.descriptors import DESCRIPTOR_NAMES, Descriptors, describe, like_outline
+    from tanteo.vision.descriptors import DESCRIPTOR_NAMES, Descriptors, describe
     from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
     from tanteo.vision.ellipse_fit import Ellipse, fit_ellipse
     from tanteo.vision.ellipses import Ellipses, find_ellipses
     from tanteo.vision.features import image_centre, image_circle, image_corner, image_edge
-    from tanteo.vision.models import Rest, VisionModel, prepare_vision, rests
+    from tanteo.vision.models import VisionModel, prepare_vision
+    from tanteo.vision.outlines import Narrowed, OutlineOfReadings, narrowed, outline_of_readings, seen_outline
     from tanteo.vision.picture import draw_sight
     from tanteo.vision.regions import Region, find_regions, silhouette
     from tanteo.vision.rendering import Look, Stage, Thing, render, thing
@@ -41,12 +42,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "CirclePose",
-    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "Look", "Question", "Region", "Rest",
-    "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "VisionModel", "circle_poses", "describe",
-    "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions", "find_segments", "fit_camera",
-    "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner", "image_edge", "like_outline",
-    "map_edges", "on_plane", "opencv", "prepare_vision", "project", "project_circle", "rays", "render", "rests",
-    "rigid", "see", "see_anywhere", "see_table", "silhouette", "thing", "without_distortion",
+    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "Look", "Narrowed", "OutlineOfReadings",
+    "Question", "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "VisionModel",
+    "circle_poses", "describe", "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions",
+    "find_segments", "fit_camera", "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner",
+    "image_edge", "map_edges", "narrowed", "on_plane", "opencv", "outline_of_readings", "prepare_vision", "project",
+    "project_circle", "rays", "render", "rigid", "see", "see_anywhere", "see_table", "seen_outline", "silhouette",
+    "thing", "without_distortion",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -57,12 +59,13 @@ __getattr__, __dir__ = lazy(
         "answers": "Question",
         "camera": "DISTORTION_COUNTS PIXELS USUAL_EDGE_SD Camera on_plane opencv project rays rigid without_distortion",
         "circles": "CirclePose circle_poses project_circle",
-        "descriptors": "DESCRIPTOR_NAMES Descriptors describe like_outline",
+        "descriptors": "DESCRIPTOR_NAMES Descriptors describe",
         "edges": "EdgeMap EdgePoints find_edges map_edges",
         "ellipse_fit": "Ellipse fit_ellipse",
         "ellipses": "Ellipses find_ellipses",
         "features": "image_centre image_circle image_corner image_edge",
-        "models": "Rest VisionModel prepare_vision rests",
+        "models": "VisionModel prepare_vision",
+        "outlines": "Narrowed OutlineOfReadings narrowed outline_of_readings seen_outline",
         "picture": "draw_sight",
         "regions": "Region find_regions silhouette",
         "rendering": "Look Stage Thing render thing",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import Hypothesis, Misfit, Status, hypothesis_at, part_scale, spins, verdict, without_spins
+from tanteo.answers import Answer, Hypothesis, Misfit, Status, hypothesis_at, part_scale, spins, verdict, without_spins
 from tanteo.lie import SE3
 from tanteo.localization import covariance_with_free, weak_motions
 from tanteo.parts import Part
@@ -17,6 +17,14 @@ from tanteo.vision.camera import Camera
 from tanteo.vision.fit import EdgeMatches
 from tanteo.vision.posterior import ImageMode, ImagePosterior
 from tanteo.vision.settle import Settled
+
+_LIKE = (
+    "whose outlines are as like to it: take an image from nearer or steeper above, or sense it "
+    "(tanteo identify READINGS --image)."
+)
+
+_MAY_MISS = 0.05
+"""Probability of parts that were not looked for from which it is said."""
 
 _MISFIT = 1e-6
 """Below this probability a fit is said to be bad."""
@@ -60,13 +68,31 @@ def _rms(met: EdgeMatches, camera: Camera, T_camera_part: Transforms, part: Part
 def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, str]:
     """Status and sentence. Edges of real parts are not those of models: a poor fit widens, and is said."""
     status, message = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    if status == "unknown" and posterior.left_out > 0.5 * posterior.unknown:
+        best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
+        return "ambiguous", f"{best} one of {posterior.count:,} parts that were not looked for, {_LIKE}"
     if status == "unknown":
         closest = f"; the closest is {hypotheses[0].part} (P = {hypotheses[0].probability:.2f})" if hypotheses else ""
         message = f"None of the parts is the best explanation (P = {posterior.unknown:.2f}){closest}: "
         message += "check camera file, marks, light and focus, or add the part's file."
     elif hypotheses[0].p_value < _MISFIT:
         message += f" Its edges fit badly (p = {hypotheses[0].p_value:.1g}): check the camera's file, marks and CAD."
+    if status != "recognized" and posterior.left_out > _MAY_MISS:
+        message += (
+            f" {posterior.count:,} parts were not looked for; that it is one of them has a probability of up to "
+            f"{100 * posterior.left_out:.0f} %."
+        )
     return status, message
+
+
+def too_many(parts: int) -> Answer:
+    """Of an object whose outline narrows nothing, with more parts than can be looked for."""
+    return Answer(
+        "insufficient",
+        f"It leaves the image, so that its outline does not tell which of {parts:,} parts to look for: move it into "
+        "the image, or give fewer parts.",
+        (), 1.0,
+    )  # fmt: skip
 
 
 _CELLS = 48

@@ -64,14 +64,17 @@ def candidates_in(
     region: Region,
     table: TableErrors,
     weights: Weights,
+    ways: Sequence[IntArray] = (),
 ) -> tuple[list[PoseCandidates], float]:
     """Poses of every part in a region with their evidence, and the stretches of edge that the region has.
 
-    The weights choose which poses of the first look are refined to the end, and beside which others are looked for.
+    Of each part those stable poses are tried whose numbers ``ways`` has; all of them without. The weights choose which
+    poses of the first look are refined to the end, and beside which others are looked for.
     """
     used = own_edges(region, edges)
     chance = chance_hits(edges.points, used)
-    looks = _first_looks(models, camera, T_camera_table, edges, region, table, weights, chance)
+    ways = ways or [np.arange(len(model.rests)) for model in models]
+    looks = _first_looks(models, ways, camera, T_camera_table, edges, region, table, weights, chance)
     scores = np.concatenate([score for _, _, score in looks])
     least = max(np.sort(scores)[-KEPT:][0], -1e9) if len(scores) else 0.0
     out = []
@@ -98,6 +101,7 @@ def candidates_in(
 
 def _first_looks(
     models: Sequence[VisionModel],
+    ways: Sequence[IntArray],
     camera: Camera,
     T_camera_table: Transforms,
     edges: EdgeMap,
@@ -110,7 +114,8 @@ def _first_looks(
     distances, bare = small_distances(edges), bare_table(region.mask)
     places = slides(region, camera)
     out = []
-    for model, proposal in [(m, propose(m, camera, T_camera_table, distances, places)) for m in models]:
+    for model, own in zip(models, ways, strict=True):
+        proposal = propose(model, own, camera, T_camera_table, distances, places)
         prior = _lying(model, T_camera_table, proposal.T_camera_part, table)
         T = refine(model.coarse, camera, edges, proposal.T_camera_part, prior=prior, reaches=_QUICK)
         met = meet(model.coarse, camera, edges, T, 2 * REACH)
@@ -173,8 +178,7 @@ def evidence_at(
 def _areas(model: VisionModel, camera: Camera, Ts: Transforms) -> FloatArray:
     """About how large a part looks ``(B,)`` [px of area]: as the middle one of its outlines from above."""
     depth = SE3.apply(Ts, model.part.centroid)[..., 2]
-    area = float(np.median([outline["area"] for outline in model.outlines]))
-    return np.asarray(area * float(camera.focal.mean()) ** 2 / depth**2)
+    return np.asarray(model.area * float(camera.focal.mean()) ** 2 / depth**2)
 
 
 def _distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:

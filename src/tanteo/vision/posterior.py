@@ -24,6 +24,7 @@ from tanteo.vision.edges import EdgeMap
 from tanteo.vision.evidence import Weights, chance_hits, log_weight
 from tanteo.vision.fit import BESIDE, pixel_length, refine
 from tanteo.vision.models import VisionModel
+from tanteo.vision.outlines import Narrowed
 from tanteo.vision.regions import Region
 from tanteo.vision.settle import Settled, as_one, covariance_of, information_of, settle
 from tanteo.vision.table import TableErrors, lying_information
@@ -63,28 +64,52 @@ class ImagePosterior:
 
     Attributes:
         modes: best first.
-        unknown: probability of the unknown object. What is missing to 1 belongs to the parts in poses that were not
-            found.
+        unknown: probability of the unknown object, and of parts that were not looked for. What is missing to 1 belongs
+            to the parts in poses that were not found.
+        left_out: probability of the parts that were not looked for, at most.
+        count: how many these are.
     """
 
     modes: tuple[ImageMode, ...]
     unknown: float
+    left_out: float = 0.0
+    count: int = 0
 
 
-def infer(candidates: Sequence[PoseCandidates], stretches: float, weights: Weights, parts: int) -> ImagePosterior:
-    """Posterior from candidates; poses that are one by symmetry or by convergence are merged, the best remain."""
+def infer(
+    candidates: Sequence[PoseCandidates],
+    stretches: float,
+    weights: Weights,
+    models: Sequence[VisionModel],
+    chosen: Narrowed,
+) -> ImagePosterior:
+    """Posterior from candidates; poses that are one by symmetry or by convergence are merged, the best remain.
+
+    Args:
+        candidates: poses of parts that were looked for.
+        stretches: of edge that the region has.
+        weights: of the evidence.
+        models: all that were looked for, in the order of the rows that were chosen.
+        chosen: which of the parts these are.
+    """
+    parts = len(models) + chosen.left_out
     modes: list[ImageMode] = []
+    own = {id(model): -np.inf for model in models}
     for c in candidates:
         log = np.log((1 - UNKNOWN) / parts) + c.priors + log_weight(c.evidence, weights)
         kept = distinct_poses(c.model.part, c.T_camera_part, log)
         modes += [ImageMode(c.model, int(c.rests[k]), c.T_camera_part[k], float(log[k])) for k in kept]
+        own[id(c.model)] = float(log_sum(log[kept]))
     none = np.log(UNKNOWN) + weights.unknown * stretches + weights.base
-    total = float(log_sum([m.log for m in modes] + [none]))
+    left = chosen.log_left_out(np.array(list(own.values())), none + np.log(1 / UNKNOWN - 1))
+    total = float(log_sum([m.log for m in modes] + [none, left]))
     # that none of the poses holds is a strange part's doing, or the search's that missed the true one
     strange = UNKNOWN / (UNKNOWN + (1 - UNKNOWN) * MISSED)
     modes.sort(key=lambda m: -m.log)
     scored = tuple(ImageMode(m.model, m.rest, m.T_camera_part, m.log, float(np.exp(m.log - total))) for m in modes)
-    return ImagePosterior(scored, strange * float(np.exp(none - total)))
+    out = float(np.exp(left - total))
+    unknown = strange * float(np.exp(none - total)) + out
+    return ImagePosterior(scored, unknown, out, chosen.left_out)
 
 
 def distinct_poses(part: Part, Ts: Transforms, log: FloatArray) -> list[int]:

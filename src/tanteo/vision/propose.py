@@ -95,17 +95,19 @@ def slides(region: Region, camera: Camera) -> Slides:
 
 def propose(
     model: VisionModel,
+    ways: IntArray,
     camera: Camera,
     T_camera_table: Transforms,
     distances: np.ndarray,
     places: Slides,
     most: int = 20,
 ) -> Proposal:
-    """Pose proposals of a part in a region, so many at most of each stable pose."""
+    """Pose proposals of a part in a region, so many at most of each stable pose whose number ``ways`` has."""
     found = []
     if not len(places.pixels):
         return Proposal(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64), np.zeros(0))
-    for k, rest in enumerate(model.rests):
+    for k in ways.tolist():
+        rest = model.rests[k]
         turned = SO3.axis_rotation(2, 2 * np.pi * np.arange(YAWS) / YAWS)
         Ts = SE3.from_parts(turned, np.zeros(3)) @ rest.T_table_part
         lift = float((Ts[0, :3, :3] @ model.part.centroid + Ts[0, :3, 3])[2])

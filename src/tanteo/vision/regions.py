@@ -165,6 +165,25 @@ def silhouette(surface: Surface, camera: Camera, T_camera_part: Transforms) -> B
     return mask.view(np.bool_)
 
 
+_ACROSS = 600
+"""Pixels of a drawing across a part."""
+
+
+def area_from_above(surface: Surface, T_table_part: Transforms) -> float:
+    """Area [m^2] of the silhouette of a part on the table, seen from straight above; holes are filled."""
+    cv2 = opencv()
+    flat = SE3.apply(T_table_part, surface.vertices)[:, :2]
+    low = flat.min(axis=0)
+    step = float(np.ptp(flat, axis=0).max()) / _ACROSS
+    up = SE3.apply(T_table_part[:3, :3], surface.normals)[:, 2] > 0
+    scaled = (flat - low) / step + 2.0
+    mask = np.zeros((_ACROSS + 5, _ACROSS + 5), dtype=np.uint8)
+    for polygon in np.rint(scaled[surface.triangles[up]] * 16).astype(np.int32):
+        cv2.fillConvexPoly(mask, polygon, 1, lineType=cv2.LINE_8, shift=4)
+    found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_TC89_KCOS)
+    return float(max(map(cv2.contourArea, found)) * step**2)
+
+
 def spilled(surface: Surface, camera: Camera, Ts_camera_part: Transforms, mask: BoolArray) -> FloatArray:
     """How much of a part's silhouette lies where the image shows bare table ``(B,)`` [px of area]."""
     bare = bare_table(mask)

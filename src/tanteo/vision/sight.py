@@ -5,23 +5,25 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from tanteo.answers import Answer
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.parts import Part
+from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.typing import BoolArray, FloatArray, Transforms
-from tanteo.vision.answers import Question, ask, hypothesis, judged
+from tanteo.vision.answers import Question, ask, hypothesis, judged, too_many
 from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.candidates import candidates_in
-from tanteo.vision.descriptors import Descriptors, describe, like_outline
+from tanteo.vision.descriptors import Descriptors, describe
 from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
 from tanteo.vision.ellipses import Ellipses, find_ellipses
 from tanteo.vision.evidence import Weights
 from tanteo.vision.fit import BIAS
 from tanteo.vision.models import VisionModel, prepare_vision
+from tanteo.vision.outlines import check_size, narrowed, seen_outline
 from tanteo.vision.posterior import POSSIBLE, ImageMode, ImagePosterior, infer, settle_lying
 from tanteo.vision.regions import Region, find_regions
 from tanteo.vision.rims import name_ellipses
@@ -31,30 +33,38 @@ _FARTHEST = 200.0
 """A camera that stands more diagonals of the largest part above the table is told in a wrong unit."""
 
 
-def check_sight(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[VisionModel]) -> list[VisionModel]:
-    """The parts prepared, if all fits together.
+def check_sight(image: FloatArray, camera: Camera, parts: Any) -> Sequence[Any]:
+    """The parts, stored ones unopened, if there are any and the image is of the camera.
 
     Raises:
         InputError: it does not.
     """
-    if not parts:
+    parts = as_parts("parts", parts)
+    if not len(parts):
         raise InputError("parts: expected at least one part, got none.")
-    if np.shape(image) != (camera.size[1], camera.size[0]):
-        raise InputError(
-            f"image: expected {camera.size[1]} rows x {camera.size[0]} columns as the camera has, got "
-            f"{np.shape(image)}. Give the calibration of this camera at this resolution."
-        )
-    return [part if isinstance(part, VisionModel) else prepare_vision(part) for part in parts]
+    check_size(image, camera)
+    return parts
 
 
-def check_place(camera: Camera, T_camera_table: Transforms, models: Sequence[VisionModel]) -> None:
-    """The camera is above the table, not far away, and looks at it.
+def prepared(one: Part | VisionModel) -> VisionModel:
+    """A part made ready, if it is not."""
+    return one if isinstance(one, VisionModel) else prepare_vision(one)
+
+
+def part_of(one: Any) -> Part:
+    """A part, of what may be prepared of it."""
+    found: Part = getattr(one, "part", one)
+    return found
+
+
+def check_place(camera: Camera, T_camera_table: Transforms, parts: Sequence[Any]) -> None:
+    """The camera is above the table, not far away for parts of this size, and looks at it.
 
     Raises:
         InputError: it does not.
     """
     height = float(SE3.inverse(T_camera_table)[2, 3])
-    size = max(model.part.diagonal for model in models)
+    size = _largest(parts)
     corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * (np.array(camera.size) - 1.0)
     if height <= 0:
         got = f"one {-1e3 * height:.0f} mm below. Are x and y of the marks exchanged or mirrored, or its pose inverted?"
@@ -65,6 +75,13 @@ def check_place(camera: Camera, T_camera_table: Transforms, models: Sequence[Vis
     else:
         return
     raise InputError(f"camera: expected it above the table, looking at it, got {got}")
+
+
+def _largest(parts: Sequence[Any]) -> float:
+    """The longest diagonal of a box about one of them [m]."""
+    if isinstance(parts, StoredParts):
+        return float(np.linalg.norm(parts.numbers[:, 11:14] - parts.numbers[:, 8:11], axis=1).max())
+    return max(float(part_of(one).diagonal) for one in parts)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +95,7 @@ class Sighting:
         region: the pixels it was seen in; None where none was asked for.
         outline: descriptors of the region's outline as if it were drawn on the table, shadow and all [m]; None without
             a region.
-        alike: names of parts by how like their outlines from above are to it, the likest first: a first look.
+        alike: names of parts whose outlines from there are the likest, the likest first: a first look.
         rims: of each ellipse of the image, of which hole or boss of the best answer it is a rim; empty if of none.
     """
 
@@ -126,7 +143,8 @@ def see_table(
     Args:
         image: rows x columns, grey levels from 0 to 255.
         camera: calibrated, standing at ``camera.T_world_camera``.
-        parts: candidates, as parts or prepared (``prepare_vision(part)``, which is kept with the part).
+        parts: candidates, as parts or prepared (``prepare_vision(part)``, which is kept with the part). More than 64
+            are narrowed by their outlines first, and the answer says where what was left out decides.
         T_world_table: the table is z = 0 of this frame, things lie on its upper side; the world's own if not given.
         table: how well that is known.
         weights: of the evidence.
@@ -140,13 +158,13 @@ def see_table(
         InputError: no parts, an image of another size, or a camera whose place is not known or cannot be.
         MissingExtraError: without OpenCV.
     """
-    models = check_sight(image, camera, parts)
+    parts = check_sight(image, camera, parts)
     if camera.T_world_camera is None:
         raise InputError("camera: expected where it stands (T_world_camera), got none. Fit it with fit_camera.")
     start = time.perf_counter()
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
-    check_place(camera, T_camera_table, models)
+    check_place(camera, T_camera_table, parts)
     table, weights = seen_table(table or TableErrors(), camera, T_world_table), weights or Weights()
     points = find_edges(image)
     edges = map_edges(points)
@@ -154,12 +172,17 @@ def see_table(
     for region in find_regions(image, points):
         if ignore is not None and (region.mask & ignore).sum() > 0.5 * region.mask.sum():
             continue
-        found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights)
-        posterior = infer(found, stretches, weights, len(models))
+        drawn = outline_on_table(camera, region, T_camera_table)
+        chosen = narrowed(seen_outline(camera, region, T_camera_table), parts)
+        if not len(chosen.rows):
+            objects.append(Sighting(too_many(len(parts)), (), None, region, drawn))
+            continue
+        models = [prepared(parts[int(row)]) for row in chosen.rows]
+        found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights, chosen.rests)
+        posterior = infer(found, stretches, weights, models, chosen)
         seen = _sighting(posterior, camera, edges, region, T_world_table, table, weights, top)
-        outline = outline_on_table(camera, region, T_camera_table)
-        order = [] if outline is None else [model.part.name for model, _, _ in like_outline(outline, models)]
-        objects.append(replace(seen, outline=outline, alike=tuple(dict.fromkeys(order))))
+        names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.alike))
+        objects.append(replace(seen, outline=drawn, alike=names))
     ellipses = find_ellipses(camera, points)
     seconds = {"total": time.perf_counter() - start}
     timed = [replace(o, answer=replace(o.answer, elapsed=seconds)) for o in objects]

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers import Answer, box_corners
+from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.special import log_sum
@@ -26,12 +27,13 @@ from tanteo.vision.ellipses import find_ellipses
 from tanteo.vision.evidence import REACH, Weights, chance_hits, chance_map, log_weight, weigh
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.models import VisionModel
+from tanteo.vision.outlines import MOST
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
 from tanteo.vision.posterior import UNKNOWN, ImageMode, ImagePosterior, distinct_poses
 from tanteo.vision.rims import poses_from_ellipses
 from tanteo.vision.segments import find_corners, find_segments
 from tanteo.vision.settle import settle
-from tanteo.vision.sight import Sight, Sighting, check_sight, see_table, with_rims
+from tanteo.vision.sight import Sight, Sighting, check_sight, prepared, see_table, with_rims
 from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
 
 TRIED, KEPT = 240, 48
@@ -66,10 +68,16 @@ def see_anywhere(
         One object with its modes, or none where no corner or ellipse of the image fits any part.
 
     Raises:
-        InputError: no parts, or an image of another size than the camera's.
+        InputError: no parts, more than 200, or an image of another size than the camera's.
         MissingExtraError: without OpenCV.
     """
-    models = check_sight(image, camera, parts)
+    parts = check_sight(image, camera, parts)
+    if len(parts) > MOST:
+        raise InputError(
+            f"parts: expected at most {MOST} where the camera's place is not known, as nothing narrows them, got "
+            f"{len(parts):,}. Say where the camera stands over the table (--marks, T_world_camera), or give fewer."
+        )
+    models = [prepared(one) for one in parts]
     points = find_edges(image)
     edges = map_edges(points)
     T_world_camera = np.eye(4) if camera.T_world_camera is None else camera.T_world_camera

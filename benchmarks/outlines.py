@@ -1,0 +1,161 @@
+"""What an image of a table tells of which part of a catalogue lies there, alone and beside a dozen points.
+
+``python benchmarks/outlines.py CATALOGUE [SCENES] [KIND...] [--seed N] [--say]`` for a catalogue of parts of
+``families.py``. Scenes are rendered (``tests/vision_scenes.py``): one part in a stable pose, light and shadow from
+anywhere, the camera 0.5 to 0.7 m away and 5 to 35 degrees off the vertical, a table that is told with errors as stated.
+Points are sensed at the pose of the image, at places drawn at random over the whole surface.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from bench_catalogue import SD, SURE, points_on
+from common import Table
+
+import tanteo
+from tanteo.answers import Priors, WholeObject
+from tanteo.inference import identify_points
+from tanteo.lie import SE3
+from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.vision import narrowed, outline_of_readings, prepare_vision, see_table
+from vision_scenes import random_shot, told_table
+
+KINDS = {
+    "outline": "the outline alone",
+    "image": "an image",
+    "points12": "12 points",
+    "both": "12 points and an image",
+    "points30": "30 points",
+    "both30": "30 points and an image",
+}
+
+
+@dataclass
+class Outcome:
+    """What came of the scenes of one kind."""
+
+    cpu: list[float] = field(default_factory=list)
+    alike: list[int] = field(default_factory=list)
+    outline: int = 0
+    kept: int = 0
+    right: int = 0
+    among: int = 0
+    wrong: int = 0
+    undecided: int = 0
+    skipped: int = 0
+
+
+def sensed(part: tanteo.Part, T: np.ndarray, count: int, rng: np.random.Generator) -> ContactPoints:
+    """Points of a part at a pose, without normals or labels."""
+    p, _ = points_on(part, np.arange(len(part.triangles)), count, rng)
+    p = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
+    return ContactPoints(
+        ids=tuple(map(str, range(count))), points=p, covs=np.tile(SD**2 * np.eye(3), (count, 1, 1)),
+        radii=np.zeros(count), directions=np.zeros((count, 3)), normals=np.zeros((count, 3)),
+        normal_sds=np.full(count, np.pi), reach=np.zeros(count), shared_jacobian=np.zeros((count, 3, 0)),
+        sd=np.full(count, SD), labels=(), kinds=(), sides=np.zeros((count, 3)),
+    )  # fmt: skip
+
+
+def answered(
+    catalogue: tanteo.Catalogue, kind: str, part: tanteo.Part, rng: np.random.Generator, out: Outcome
+) -> tuple[str, float, dict[str, float]] | None:
+    """Status, probability of the unknown object and of each part in one scene; None where the part leaves the image."""
+    shot = random_shot([prepare_vision(part)], rng)
+    T_world_table = told_table(shot, part, rng)
+    points = sensed(part, shot.T_world_part, 30 if kind.endswith("30") else 12, rng)
+    start = time.process_time()
+    try:
+        outline = outline_of_readings(shot.image, shot.camera, points.points, T_world_table=T_world_table).outline
+    except tanteo.InputError:
+        return None
+    log = outline.log_likelihood(catalogue)
+    looked, start = time.process_time() - start, time.process_time()
+    chosen = narrowed(outline, catalogue)
+    out.alike.append(len(chosen.rows))
+    out.outline += int(catalogue.row_of(part.name)) in chosen.rows.tolist()
+    if kind == "outline":
+        out.cpu.append(looked)
+        shares = np.exp(log - log.max()) / np.exp(log - log.max()).sum()
+        rest = chosen.rest / (chosen.shares.sum() + chosen.rest)
+        return "ambiguous", rest, {catalogue.name(int(row)): float(shares[row]) for row in chosen.rows}
+    if kind == "image":
+        sight = see_table(shot.image, shot.camera, catalogue, T_world_table=T_world_table, top=1000)
+        answer = sight.objects[0].answer
+    else:
+        whole = WholeObject(outline=outline) if kind.startswith("both") else None
+        answer = identify_points(points, FreeRays.none(), catalogue, top=10_000, priors=Priors(whole=whole))
+    out.cpu.append(time.process_time() - start + looked * kind.startswith("both"))
+    shares = {}
+    for h in answer.hypotheses:
+        shares[h.part] = shares.get(h.part, 0.0) + h.probability
+    return answer.status, answer.unknown_probability, shares
+
+
+def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, say: bool = False) -> Outcome:
+    """Scenes of parts that are drawn from all."""
+    out = Outcome()
+    for number in range(scenes):
+        rng = np.random.default_rng((seed, number))
+        part = catalogue[int(rng.integers(len(catalogue)))]
+        found = answered(catalogue, kind, part, rng, out)
+        if found is None:
+            out.skipped += 1
+            continue
+        status, unknown, shares = found
+        best = max(shares, key=lambda name: shares[name], default="")
+        wrong = best != part.name and status == "recognized"
+        out.right += best == part.name and status == "recognized"
+        out.among += part.name in shares and status != "recognized"
+        out.wrong += wrong
+        out.undecided += part.name not in shares and not wrong
+        out.kept += part.name in shares or unknown > 1 - SURE
+        if say:
+            own = f"own {shares.get(part.name, 0):.3f}, unknown {unknown:.3f}"
+            print(number, part.name, status, best, own, f"{out.alike[-1]} left, {out.cpu[-1]:.1f} s", flush=True)
+    return out
+
+
+def row_of(size: int, kind: str, out: Outcome) -> tuple[str, ...]:
+    """A row of the table."""
+    n = len(out.cpu)
+    return (
+        f"{size:,}", KINDS[kind], str(n), f"{np.median(out.cpu):.1f}", f"{np.quantile(out.cpu, 0.9):.1f}",
+        f"{np.median(out.alike):.0f}", f"{100 * out.outline / n:.0f} %", f"{100 * out.kept / n:.1f} %",
+        f"{100 * out.right / n:.0f} %", f"{100 * out.among / n:.0f} %", f"{100 * out.undecided / n:.1f} %",
+        f"{100 * out.wrong / n:.1f} %",
+    )  # fmt: skip
+
+
+COLUMNS = (
+    "parts", "told by", "scenes", "CPU s, median", "90 %", "left by the outline, median", "true part among them",
+    "true part kept", "right", "among several", "left open", "wrong and sure",
+)  # fmt: skip
+
+
+def main() -> None:
+    """Measure one catalogue, and print a table."""
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("catalogue")
+    words.add_argument("scenes", type=int, nargs="?", default=20)
+    words.add_argument("kinds", nargs="*", metavar="KIND", default=list(KINDS))
+    words.add_argument("--seed", type=int, default=1)
+    words.add_argument("--say", action="store_true", help="a line a scene")
+    asked = words.parse_args()
+    catalogue = tanteo.open_catalogue(asked.catalogue)
+    found = {kind: run(catalogue, kind, asked.scenes, asked.seed, say=asked.say) for kind in asked.kinds}
+    rows = [row_of(len(catalogue), kind, out) for kind, out in found.items()]
+    print(Table("Outlines", "Scenes of which the part leaves the image are left out.", COLUMNS, rows).markdown())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,203 @@
+"""The outline of a region on the table, by which very many parts are narrowed before any is looked for.
+
+What is left out counts, as it does for readings (decisions 76 and 83).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tanteo.answers import OTHERWISE, SeenOutline
+from tanteo.errors import InputError
+from tanteo.lie import SE3
+from tanteo.special import log_sum
+from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.vision.camera import Camera, on_plane, opencv, project
+from tanteo.vision.edges import find_edges
+from tanteo.vision.regions import Region, find_regions
+
+FEW = 64
+"""So many parts are looked for without being narrowed."""
+
+MOST, _REST = 200, 5e-3
+"""So many are looked for at most; fewer where all others together have less than this share of the likelihood."""
+
+_CUT = 0.5
+"""A corner lies between points of an outline and is cut by about so much [px]."""
+
+_BESIDE = 25.0
+"""Readings that are farther from every region are of none [px]."""
+
+
+def seen_outline(
+    camera: Camera, region: Region, T_camera_table: Transforms, T_world_table: Transforms | None = None
+) -> SeenOutline | None:
+    """The convex outline of a region where its rays meet the table; None of one that leaves the image or the table."""
+    points, beside = (
+        on_plane(camera, pixels, T_camera_table)[:, :2] for pixels in (region.contour, region.contour + region.normals)
+    )
+    if region.cut or not np.all(np.isfinite(points)) or not np.all(np.isfinite(beside)):
+        return None
+    pixel = float(np.linalg.norm(beside - points, axis=1).mean())
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    turns = 2 * np.pi * np.arange(32) / 32
+    reach = ((points - middle) @ np.stack([np.cos(turns), np.sin(turns)])).max(axis=0) + _CUT * pixel
+    T_world_table = np.eye(4) if T_world_table is None else T_world_table
+    return SeenOutline(reach, middle, SE3.inverse(T_camera_table)[:3, 3], pixel, T_world_table)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Narrowed:
+    """Which parts are looked for in a region, and what the others may be.
+
+    Attributes:
+        rows: of the parts that are looked for, the likeliest first.
+        alike: rows of parts by their outlines, the likeliest first; a few.
+        rests: of each row the stable poses that are looked for; all of them where none is given.
+        left_out: how many are not looked for.
+        shares: likelihoods of the rows by their outlines, over that of the best ``(m,)``.
+        rest: the same of all that are not looked for, together.
+        otherwise: probability beforehand that the object is one of them and its outline misleads.
+    """
+
+    rows: IntArray
+    alike: IntArray
+    rests: tuple[IntArray, ...] = ()
+    left_out: int = 0
+    shares: FloatArray = field(default_factory=lambda: np.zeros(0))
+    rest: float = 0.0
+    otherwise: float = 0.0
+
+    def log_left_out(self, evidence: FloatArray, mislead: float) -> float:
+        """Log evidence of all that were not looked for.
+
+        Where their outlines fit, they are taken to explain the edges as the less promising half of those that were
+        looked for do on average; where outlines mislead, as an unknown object does.
+
+        Args:
+            evidence: log evidence of each row ``(m,)``.
+            mislead: of a part that explains no edge, its prior left out.
+        """
+        if not self.left_out:
+            return -np.inf
+        half = slice(len(self.rows) // 2, None)
+        as_these = float(log_sum(evidence[half])) + float(np.log(max(self.rest, 1e-300) / self.shares[half].sum()))
+        return float(log_sum([as_these, mislead + np.log(self.otherwise)]))
+
+
+def narrowed(outline: SeenOutline | None, parts: Sequence[Any]) -> Narrowed:
+    """The parts that are worth a look: all of few; none of many, if there is no outline to narrow them by."""
+    none = np.zeros(0, dtype=np.int64)
+    if outline is None:
+        return Narrowed(np.arange(len(parts)) if len(parts) <= FEW else none, none)
+    log = outline.log_likelihood(parts)
+    order = np.argsort(-log, kind="stable")
+    alike = order[:10]
+    if len(log) <= FEW:
+        return Narrowed(np.arange(len(log)), alike)
+    shares = np.exp(log[order] - log[order[0]])
+    rest = np.cumsum(shares[::-1])[::-1]  # of each and all behind it
+    count = min(max(int(np.searchsorted(-rest, -_REST * rest[0])), 1), MOST)
+    left = len(log) - count
+    out = float(rest[count]) if left else 0.0
+    rests = tuple(outline.likely(parts, int(row)) for row in order[:count])
+    return Narrowed(order[:count], alike, rests, left, shares[:count], out, OTHERWISE * left / len(log))
+
+
+def check_size(image: FloatArray, camera: Camera) -> None:
+    """An image has the size of its camera.
+
+    Raises:
+        InputError: it has not.
+    """
+    if np.shape(image) != (camera.size[1], camera.size[0]):
+        raise InputError(
+            f"image: expected {camera.size[1]} rows x {camera.size[0]} columns as the camera has, got "
+            f"{np.shape(image)}. Give the calibration of this camera at this resolution."
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutlineOfReadings:
+    """The outline of the object that readings are of.
+
+    Attributes:
+        outline: on the table.
+        pixels: where the middle of its region is ``(2,)`` [px].
+        regions: how many there are in the image.
+        beside: of how many readings the pixels are off the region.
+    """
+
+    outline: SeenOutline
+    pixels: FloatArray
+    regions: int
+    beside: int
+
+
+def outline_of_readings(
+    image: FloatArray, camera: Camera, points: Vectors, *, T_world_table: Transforms | None = None
+) -> OutlineOfReadings:
+    """The outline of what readings were taken of, in an image of it on a table: that region on which most of them are.
+
+    Args:
+        image: rows x columns, grey levels from 0 to 255.
+        camera: calibrated, standing at ``camera.T_world_camera``.
+        points: sensed, in the same world ``(n, 3)`` [m].
+        T_world_table: the table is z = 0 of this frame; the world's own if not given.
+
+    Raises:
+        InputError: it is not known where the camera stands, the readings are not in the image, nothing lies where they
+            are, or what lies there leaves the image.
+        MissingExtraError: without OpenCV.
+
+    Example:
+        >>> from dataclasses import replace
+        >>> from tanteo.io import read_marks
+        >>> from tanteo.vision import fit_camera, outline_of_readings
+        >>> camera = tanteo.read_camera("images/camera.yaml")
+        >>> place = fit_camera(camera, *read_marks("images/marks.csv"))
+        >>> camera = replace(camera, T_world_camera=place.T_world_camera)
+        >>> sensed = np.array([[0.088, -0.016, 0.06], [0.11, -0.02, 0.055]])
+        >>> found = outline_of_readings(tanteo.read_image("images/three_parts.png"), camera, sensed)
+        >>> parts = tanteo.read_parts(["parts/block.step", "parts/housing.step"])
+        >>> found.regions, int(found.outline.log_odds(parts).argmax())
+        (3, 1)
+    """
+    check_size(image, camera)
+    if camera.T_world_camera is None:
+        raise InputError("camera: expected where it stands (T_world_camera), got none. Say --marks, or fit_camera.")
+    T_camera_world = SE3.inverse(camera.T_world_camera)
+    pixels = project(camera, SE3.apply(T_camera_world, points))
+    inside = np.all((pixels >= 0) & (pixels <= np.array(camera.size) - 1.0), axis=1)
+    if inside.sum() < 0.5 * len(points) or not len(points):
+        raise InputError(
+            f"image: expected the places of the readings in it, got {int(inside.sum())} of {len(points)}. Are the "
+            "camera and the readings in one world, in one unit?"
+        )
+    regions = find_regions(image, find_edges(image))
+    away = np.array([_away(region, pixels[inside]) for region in regions]).reshape(len(regions), int(inside.sum()))
+    near = away < _BESIDE
+    if not near.any():
+        raise InputError(
+            f"image: expected an object where the readings are, got {len(regions)} elsewhere. Was it taken before the "
+            "object was moved, or is the camera in another world than the readings?"
+        )
+    best = int(np.lexsort((away.sum(axis=1), -near.sum(axis=1)))[0])
+    T_world_table = np.eye(4) if T_world_table is None else T_world_table
+    outline = seen_outline(camera, regions[best], T_camera_world @ T_world_table, T_world_table)
+    if outline is None:
+        raise InputError(
+            "image: expected the object of the readings whole in it, got one that leaves it. Take it from farther away."
+        )
+    return OutlineOfReadings(outline, regions[best].centre, len(regions), int(len(points) - near[best].sum()))
+
+
+def _away(region: Region, pixels: FloatArray) -> FloatArray:
+    """How far pixels ``(n, 2)`` are from a region [px]."""
+    away = opencv().distanceTransform((~region.mask).astype(np.uint8), 2, 3)
+    at = np.rint(pixels).astype(np.int64)
+    return np.asarray(away[at[:, 1], at[:, 0]], dtype=np.float64)
