@@ -28,6 +28,8 @@ EACH = 4
 KINDS = {
     "labelled": "6 labelled faces, 4 points each",
     "normals": "10 points with sensed normals",
+    "holes": "centres and radii of up to 4 holes, 3 points of a face",
+    "centres": "centres of up to 4 holes without radii, 3 points of a face",
     "points12": "12 points",
     "points30": "30 points",
 }

@@ -317,4 +317,10 @@ std::vector<PlanePose> plane_poses(const ModelFaces& faces, const std::vector<Se
     return out;
 }
 
+PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, const Pose& pose) {
+    static const std::vector<SensedPlane> none;
+    const Match to = Comparison(faces, none).match(plane, pose, 0, plane.at);
+    return {to.cost, to.found, to.normal, to.height};
+}
+
 }  // namespace tanteo

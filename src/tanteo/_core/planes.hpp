@@ -36,6 +36,16 @@ struct PlanePose {
     double cost = 1e300;
 };
 
+// One sensed plane at a pose: the least it costs, whether it is of a face or cylinder then, the normal of that and how far
+// it is from there, in the part.
+struct PlaneMatch {
+    double cost = 1e300;
+    bool found = false;
+    Vec3 normal;
+    double height = 0;
+};
+PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, const Pose& pose);
+
 // Poses that put three of the planes on three faces, and what all of them cost there in nats, best first. Each triple
 // has three numbers of sensed planes; the last of them may be of a cylinder where it is one point, or -1 where there is no third. A pose that costs more than the limit is not looked at to its end.
 std::vector<PlanePose> plane_poses(const ModelFaces& faces, const std::vector<SensedPlane>& sensed,

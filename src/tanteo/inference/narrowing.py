@@ -1,4 +1,4 @@
-"""Which of very many parts are worth a search: by sizes, by labelled planes and sensed normals, by a coarse look.
+"""Which of very many parts are worth a search: by sizes, by labelled planes, normals and centres, by a coarse look.
 
 Each stage says how many nats a part is behind at least, as far as it can tell, and costs less the more parts it sees.
 What is nearly as good as the best is searched. What is left out counts: as much as it could explain at the most is
@@ -13,10 +13,11 @@ import numpy as np
 
 from tanteo.catalogue import widths
 from tanteo.inference.candidates import Candidates
+from tanteo.inference.centre_votes import lacking, on_axes, sensed_centres
 from tanteo.inference.coarse_look import coarse_look
 from tanteo.inference.outliers import so_many
 from tanteo.inference.plane_votes import BEHIND as BEHIND_PLANES
-from tanteo.inference.plane_votes import on_planes, sensed_planes, voted
+from tanteo.inference.plane_votes import SensedPlanes, on_planes, sensed_planes, voted
 from tanteo.inference.problem import Problem
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
@@ -30,6 +31,9 @@ BEHIND = 24.0
 _SEARCHED, _AT_LEAST, _REST = 1200, 200, 5e-3
 """Parts that are looked at in full, at most, and after a coarse look at least; fewer where all others together are less
 probable than this share of the best, by what a stage can tell."""
+
+_PAIR = 2
+"""Points that are needed for a coarse look."""
 
 _SURELY = 40.0
 """Nats behind the best, votes among them, at which no part is looked at."""
@@ -78,7 +82,7 @@ def narrowed(problem: Problem, candidates: Candidates, odds: FloatArray | None =
     """
     points = problem.points.take(problem.around.others)
     rows = np.flatnonzero(_large_enough(points, candidates))
-    if len(rows) <= FEW or len(points) < 3:
+    if len(rows) <= FEW or (len(points) < 3 and not points.centres.any()):
         return Narrowed(rows, behind=np.zeros(len(rows)))
     rows = rows[_wide_enough(problem, points, candidates, rows)]
     if len(rows) <= FEW:
@@ -92,20 +96,42 @@ def narrowed(problem: Problem, candidates: Candidates, odds: FloatArray | None =
 def _compared(
     problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray
 ) -> tuple[FloatArray, dict[int, Transforms], bool]:
-    """Nats of each part and poses, by planes if three fix a pose, else by points; whether these are all poses."""
-    sensed = sensed_planes(problem, points)
-    if not len(sensed.triples):
-        lacking = voted(sensed, candidates, rows)
-        few = lacking < lacking.min() + BEHIND_PLANES
-        looked, hints = coarse_look(problem, points, candidates, rows[few])
-        lacking[few] = np.maximum(lacking[few], looked)
-        lacking[~few] += looked.max(initial=0.0)
-        return lacking, hints, False
-    costs, hints = on_planes(sensed, candidates, rows)
-    if sensed.certain and costs.min() < sensed.hopeless:
-        return costs, hints, True
-    rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
-    return np.minimum(costs, rough), others | hints, False
+    """Nats of each part and poses, by planes and centres that fix a pose, else by points; whether these are all."""
+    planes = sensed_planes(problem, points)
+    if len(planes.triples):
+        costs, hints = on_planes(planes, candidates, rows)
+        certain = planes.certain and costs.min() < planes.hopeless
+    else:
+        costs, hints, certain = voted(planes, candidates, rows), {}, False
+    if points.centres.any():
+        certain = _by_centres(problem, points, planes, candidates, rows, costs, hints) or certain
+    if certain or np.count_nonzero(~points.centres) < _PAIR:
+        return costs, hints, certain
+    if len(planes.triples):
+        rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
+        return np.minimum(costs, rough), others | hints, False
+    few = costs < costs.min() + BEHIND_PLANES
+    looked, hints = coarse_look(problem, points, candidates, rows[few])
+    costs[few] = np.maximum(costs[few], looked)
+    costs[~few] += looked.max(initial=0.0)
+    return costs, hints, False
+
+
+def _by_centres(
+    problem: Problem, points: ContactPoints, planes: SensedPlanes, candidates: Candidates, rows: IntArray,
+    costs: FloatArray, hints: dict[int, Transforms],
+) -> bool:  # fmt: skip
+    """Nats of centres beside those of planes, in place; whether both fix all poses that may be right."""
+    centres = sensed_centres(problem, points, planes)
+    few = np.flatnonzero(costs < costs.min() + BEHIND_PLANES)
+    own = costs[few] + lacking(centres, candidates, rows[few])
+    if len(centres.seeds):
+        near = np.flatnonzero(own < own.min() + BEHIND_PLANES)
+        found = own[near]
+        on_axes(centres, candidates, rows[few[near]], found, hints)
+        own[near] = found
+    costs[few] = own
+    return bool(len(centres.seeds)) and centres.certain and float(own.min()) < centres.hopeless
 
 
 def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], *, certain: bool) -> Narrowed:
@@ -130,8 +156,14 @@ def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
 
 
 def _wide_enough(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> BoolArray:
-    """Whether each part holds all points but those that may be outliers: its widths are no less ``(m,)``."""
+    """Whether each part holds all points but those that may be outliers: its widths are no less ``(m,)``.
+
+    A centre may be beyond the end of its hole.
+    """
+    points = points.take(np.flatnonzero(~points.centres))
     rate, n = problem.priors.outlier_rate, len(points)
+    if n < 3:
+        return np.ones(len(rows), dtype=bool)
     outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < _LEVEL)
     if n - outliers < 3:
         return np.ones(len(rows), dtype=bool)

@@ -1,0 +1,422 @@
+// Poses of a part from seeds: few sensed centres and planes on axes and faces that stand to each other as they do.
+#include <algorithm>
+#include <cmath>
+
+#include "axes.hpp"
+
+namespace tanteo {
+
+namespace {
+
+constexpr double SDS = 4;               // within which lengths and angles agree
+constexpr double TURNED = 0.004;        // and so much more [rad]
+constexpr double PARALLEL = 1e-3;       // sine below which axes are
+constexpr double FAR = 0.1, WIDE = 0.3; // how far a step of a pose may lead [m, rad]
+constexpr double SHORT = 1e-7;          // at which steps end
+constexpr double SHARP = 0.05;          // least sine of two directions that fix an attitude
+constexpr int SEED_STEPS = 8, STEPS = 4, REFINED = 12;
+constexpr int TRIED = 4000;             // poses of a part that are tried
+
+// Information about a pose, and what pulls it: of lengths and angles, each as what it is off along one direction.
+struct Pull {
+    double A[36] = {}, b[6] = {};
+
+    Pull() {
+        for (int i = 0; i < 6; ++i) A[7 * i] = i < 3 ? 1 / (FAR * FAR) : 1 / (WIDE * WIDE);
+    }
+    void add(const double* J, double r, double weight) {
+        for (int i = 0; i < 6; ++i) {
+            b[i] -= weight * J[i] * r;
+            for (int k = 0; k <= i; ++k) A[6 * i + k] += weight * J[i] * J[k];
+        }
+    }
+    // a place of the part that is so far along a direction from where it should be
+    void place(const Vec3& n, const Vec3& p, double off, double weight) {
+        const Vec3 turn = cross(p, n);
+        const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
+        add(J, off, weight);
+    }
+    // a direction in the part that should be another one
+    void direction(const Vec3& own, const Vec3& n, double weight) {
+        const Vec3 u = any_across(n), v = cross(n, u);
+        for (const Vec3& e : {u, v}) {
+            const Vec3 g = cross(own, e);
+            const double J[6] = {0, 0, 0, -g.x, -g.y, -g.z};
+            add(J, dot(own, e), weight);
+        }
+    }
+};
+
+// How well a pose is known: what of it shows at a place, and of directions.
+struct Spread {
+    double of[36] = {};
+
+    void set(const double* L) {  // of a factored information
+        for (int k = 0; k < 6; ++k) {
+            double column[6] = {};
+            column[k] = 1;
+            solve_cholesky(L, 6, column);
+            for (int i = 0; i < 6; ++i) of[6 * i + k] = column[i];
+        }
+    }
+    Mat3 at(const Vec3& q) const {  // a place moves by -v + q x w
+        const double J[18] = {-1, 0, 0, 0, -q.z, q.y, 0, -1, 0, q.z, 0, -q.x, 0, 0, -1, -q.y, q.x, 0};
+        double JS[18] = {};
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < 6; ++k)
+                if (J[6 * i + k] != 0)
+                    for (int j = 0; j < 6; ++j) JS[6 * i + j] += J[6 * i + k] * of[6 * k + j];
+        Mat3 out;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+                for (int k = 0; k < 6; ++k) out(i, j) += JS[6 * i + k] * J[6 * j + k];
+        return out;
+    }
+    double turned() const { return of[21] + of[28] + of[35]; }  // variance
+};
+
+// An axis or face that an item of a seed may be of; of planes whose side nobody knows, the other way round.
+struct Partner {
+    int which = 0;
+    double sign = 1;
+};
+
+class Search {
+  public:
+    Search(const ModelAxes& axes, const ModelFaces& faces, const SensedScene& scene, double limit)
+        : axes(axes.all), faces(faces), scene(scene), fits(axes, scene.centres), limit(limit),
+          C(static_cast<int>(scene.centres.size())) {
+        for (const double share : axes.unseen) all = all && share < 1e-3;
+    }
+
+    void seed(const int* rows) {
+        count = 0;
+        while (count < 3 && rows[count] >= 0) {
+            item[count] = rows[count];
+            ++count;
+        }
+        chosen(0);
+    }
+
+    // A pose that planes proposed: what it is near to says how well it is known.
+    void start(const Pose& pose) {
+        Spread known;
+        Pull pull;
+        for (const SensedPlane& plane : scene.planes) pull_plane(pull, plane, pose, known);
+        if (!cholesky(pull.A, 6)) return;
+        known.set(pull.A);
+        keep(pose, known);
+    }
+
+    AxisPoses found(int most) {
+        const auto less = [](const Rough& x, const Rough& y) { return x.cost < y.cost; };
+        std::sort(rough.begin(), rough.end(), less);
+        if (rough.size() > REFINED) rough.resize(REFINED);
+        AxisPoses out;
+        for (const Rough& one : rough) out.best.push_back(refined(one.pose, one.known));
+        std::sort(out.best.begin(), out.best.end(), [](const PlanePose& x, const PlanePose& y) { return x.cost < y.cost; });
+        if (static_cast<int>(out.best.size()) > most) out.best.resize(most);
+        out.all = all;
+        return out;
+    }
+
+  private:
+    struct Rough {
+        Pose pose;
+        double cost;
+        Spread known;
+    };
+    struct Match {
+        double cost;
+        int axis = -1;
+    };
+
+    const std::vector<ModelAxis>& axes;
+    const ModelFaces& faces;
+    const SensedScene& scene;
+    AxisFits fits;
+    double limit;
+    int C, count = 0, item[3] = {}, tried = 0;
+    Partner of[3];
+    bool all = true;
+    std::vector<Rough> rough;
+
+    const SensedCentre& centre(int k) const { return scene.centres[item[k]]; }
+    const SensedPlane& plane(int k) const { return scene.planes[item[k] - C]; }
+    bool is_centre(int k) const { return item[k] < C; }
+    Vec3 normal(int k) const { return of[k].sign * faces.planes[of[k].which].normal; }
+
+    // Partners for one more item of the seed, that agree with those of the others.
+    void chosen(int k) {
+        if (k >= std::min(count, 3)) return placed();
+        const int options = static_cast<int>(is_centre(k) ? axes.size() : faces.planes.size());
+        const bool both = !is_centre(k) && !plane(k).sided;
+        for (int which = 0; which < options; ++which)
+            for (const double sign : {1.0, -1.0}) {
+                if ((sign < 0 && !both) || tried > TRIED) continue;
+                of[k] = {which, sign};
+                if (is_centre(k) && !fits.may_be(item[k], which)) continue;
+                bool agree = true;
+                for (int j = 0; j < k && agree; ++j) agree = together(j, k);
+                if (agree) chosen(k + 1);
+            }
+    }
+
+    bool together(int j, int k) const {
+        const int a = of[j].which, b = of[k].which;
+        if (is_centre(j) && is_centre(k)) return a != b && fits.agree(item[j], a, item[k], b);
+        if (is_centre(j)) return over(j, k);
+        const double c = std::clamp(dot(normal(j), normal(k)), -1.0, 1.0);
+        const double felt = std::clamp(dot(plane(j).normal, plane(k).normal), -1.0, 1.0);
+        return a != b && std::fabs(std::acos(c) - std::acos(felt)) < SDS * std::hypot(plane(j).tilt, plane(k).tilt) + TURNED;
+    }
+
+    // Whether a centre can be as high over a plane as places of an axis are over a face, and the axis as steep.
+    bool over(int j, int k) const {
+        const SensedCentre& c = centre(j);
+        const SensedPlane& p = plane(k);
+        const ModelAxis& axis = axes[of[j].which];
+        const Vec3 n = normal(k), way = c.at - p.at;
+        const double height = dot(way, p.normal), lever = norm(way - height * p.normal);
+        const double within = SDS * std::sqrt(c.sd * c.sd + p.sd * p.sd + (lever * lever) * (p.tilt * p.tilt));
+        const double base = dot(n, axis.middle - faces.planes[of[k].which].centre), rise = dot(n, axis.along);
+        const double first = base + rise * axis.low, last = base + rise * axis.high;
+        if (height < std::min(first, last) - within || height > std::max(first, last) + within) return false;
+        if (!c.oriented()) return true;
+        const double felt = std::acos(std::clamp(std::fabs(dot(c.axis, p.normal)), 0.0, 1.0));
+        return std::fabs(felt - std::acos(std::clamp(std::fabs(rise), 0.0, 1.0))) < SDS * std::hypot(c.tilt, p.tilt) + TURNED;
+    }
+
+    // All items of the seed have partners: poses from about there.
+    void placed() {
+        Vec3 world[3], part[3], directions[2], own[2];  // places, and directions
+        int places = 0, ways = 0, free_sign = -1;
+        for (int k = 0; k < count; ++k) {
+            if (!is_centre(k)) {
+                if (ways == 2) continue;
+                directions[ways] = plane(k).normal;
+                own[ways++] = normal(k);
+                continue;
+            }
+            world[places] = centre(k).at;
+            part[places++] = axes[of[k].which].middle;
+        }
+        if (places == 3) return of_three(world, part);
+        for (int k = 0; k < count && ways < 2; ++k)
+            if (is_centre(k) && centre(k).oriented() && (ways + (places == 2) < 2)) {
+                directions[ways] = centre(k).axis;
+                own[ways] = axes[of[k].which].along;
+                free_sign = axes[of[k].which].point ? -1 : ways;
+                ++ways;
+            }
+        if (places == 2 && ways == 1) {
+            directions[1] = world[1] - world[0];
+            own[1] = part[1] - part[0];
+            ways = 2;
+        }
+        if (ways < 2) return;
+        for (const double sign : {1.0, -1.0}) {
+            if (sign < 0 && free_sign < 0) continue;
+            if (free_sign >= 0) own[free_sign] = sign * own[free_sign];
+            Mat3 R;
+            if (!turned(directions[0], directions[1], own[0], own[1], R)) continue;
+            attempt({R, places ? world[0] - R * part[0] : Vec3{}});
+        }
+    }
+
+    // The attitude that turns the first direction of the part to that of the world, the second into their plane.
+    static bool turned(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, Mat3& R) {
+        const auto frame = [](const Vec3& x, const Vec3& y, Mat3& F) {
+            const Vec3 e = unit(x), across = cross(e, y);
+            if (!(norm(across) > SHARP * norm(y))) return false;
+            const Vec3 z = unit(across), f = cross(z, e);
+            F = {{e.x, f.x, z.x, e.y, f.y, z.y, e.z, f.z, z.z}};
+            return true;
+        };
+        Mat3 F, G;
+        if (!frame(a, b, F) || !frame(c, d, G)) return false;
+        R = F * transposed(G);
+        return true;
+    }
+
+    // Three centres: places of the axes that are as far apart as they are, if these are parallel, seen from either side.
+    void of_three(const Vec3* world, Vec3* part) {
+        const ModelAxis* axis[3];
+        for (int k = 0; k < 3; ++k) axis[k] = &axes[of[k].which];
+        bool parallel = true;
+        for (int k = 0; k < 3; ++k) {
+            parallel = parallel && !axis[k]->point;
+            parallel = parallel && norm(cross(axis[0]->along, axis[k]->along)) < PARALLEL;
+        }
+        if (!parallel) return on_places(world, part);
+        const Vec3 u = axis[0]->along;
+        const auto rise = [&](int i, int j) {
+            const Vec3 off = part[j] - part[i];
+            return std::sqrt(std::max(squared(world[j] - world[i]) - squared(off - dot(off, u) * u), 0.0));
+        };
+        const double second = rise(0, 1), third = rise(0, 2), last = rise(1, 2);
+        const double sign = std::fabs(std::fabs(third - second) - last) < std::fabs(third + second - last) ? 1 : -1;
+        const double heights[3] = {0, second, sign * third};
+        const double middle = (dot(u, part[0] + part[1] + part[2])) / 3, mean = (second + sign * third) / 3;
+        const bool flat = std::max(second, third) < SDS * scene.centres[item[0]].sd;
+        for (const double way : {1.0, -1.0}) {
+            if (way < 0 && flat) continue;
+            Vec3 places[3];
+            for (int k = 0; k < 3; ++k) places[k] = part[k] + (middle + way * (heights[k] - mean) - dot(u, part[k])) * u;
+            on_places(world, places);
+        }
+    }
+
+    void on_places(const Vec3* world, const Vec3* part) {
+        Mat3 R;
+        if (!turned(world[1] - world[0], world[2] - world[0], part[1] - part[0], part[2] - part[0], R)) return;
+        const Vec3 there = (1.0 / 3) * (world[0] + world[1] + world[2]), from = (1.0 / 3) * (part[0] + part[1] + part[2]);
+        attempt({R, there - R * from});
+    }
+
+    // Moves a pose to where the items of the seed are nearest to their partners.
+    void attempt(Pose pose) {
+        if (++tried > TRIED) {
+            all = false;
+            return;
+        }
+        Spread known;
+        for (int step = 0; step <= SEED_STEPS; ++step) {
+            Pull pull;
+            for (int k = 0; k < count; ++k) pull_item(pull, k, pose);
+            if (!cholesky(pull.A, 6)) return;
+            solve_cholesky(pull.A, 6, pull.b);
+            const Vec3 v = load(pull.b), w = load(pull.b + 3);
+            pose = moved(pose, v, w, Vec3{});
+            if (squared(v) + squared(w) > SHORT * SHORT && step < SEED_STEPS) continue;
+            known.set(pull.A);
+            break;
+        }
+        keep(pose, known);
+    }
+
+    void pull_item(Pull& pull, int k, const Pose& pose) const {
+        if (is_centre(k)) return pull_centre(pull, centre(k), axes[of[k].which], pose);
+        const SensedPlane& p = plane(k);
+        const Vec3 n = normal(k), q = into_part(pose, p.at);
+        pull.place(n, q, dot(q - faces.planes[of[k].which].centre, n), 1 / (p.sd * p.sd + 1e-14));
+        pull.direction(transposed_times(pose.R, p.normal), n, 1 / (p.tilt * p.tilt + TURNED * TURNED));
+    }
+
+    static void pull_centre(Pull& pull, const SensedCentre& c, const ModelAxis& axis, const Pose& pose) {
+        const Vec3 q = into_part(pose, c.at), off = q - axis.middle, u = any_across(axis.along), v = cross(axis.along, u);
+        const double weight = 1 / (c.sd * c.sd + 1e-14);
+        pull.place(u, q, dot(off, u), weight);
+        pull.place(v, q, dot(off, v), weight);
+        if (axis.point) pull.place(axis.along, q, dot(off, axis.along), weight);
+        if (!c.oriented()) return;
+        const Vec3 m = transposed_times(pose.R, c.axis);
+        const bool back = !axis.point && dot(m, axis.along) < 0;
+        pull.direction(back ? -m : m, axis.along, 1 / (c.tilt * c.tilt + TURNED * TURNED));
+    }
+
+    void pull_plane(Pull& pull, const SensedPlane& plane, const Pose& pose, const Spread& known) const {
+        const PlaneMatch to = of_planes(plane, pose, known);
+        if (!to.found) return;
+        const Vec3 own = transposed_times(pose.R, plane.normal);
+        pull.place(to.normal, into_part(pose, plane.at), to.height, 1 / (plane.sd * plane.sd + 1e-14));
+        pull.direction(dot(own, to.normal) < 0 ? -own : own, to.normal, 1 / (plane.tilt * plane.tilt + TURNED * TURNED));
+    }
+
+    PlaneMatch of_planes(SensedPlane plane, const Pose& pose, const Spread& known) const {
+        const Vec3 n = transposed_times(pose.R, plane.normal);
+        plane.sd = std::sqrt(plane.sd * plane.sd + dot(n, known.at(into_part(pose, plane.at)) * n));
+        plane.tilt = std::sqrt(plane.tilt * plane.tilt + known.turned());
+        return match_plane(faces, plane, pose);
+    }
+
+    // The axis that a centre is nearest to, as well as the pose is known; slack: how far it may be along it.
+    Match of_axes(int i, const Pose& pose, const Spread& known, const Spread& slack) const {
+        const SensedCentre& c = scene.centres[i];
+        const Vec3 q = into_part(pose, c.at), m = transposed_times(pose.R, c.axis);
+        Mat3 S = known.at(q);
+        for (int k = 0; k < 3; ++k) S(k, k) += c.sd * c.sd;
+        const Mat3 along = slack.at(q);
+        const double tilt2 = c.tilt * c.tilt + TURNED * TURNED + known.turned();
+        Match best{fits.most(i)};
+        for (size_t a = 0; a < axes.size(); ++a) {
+            const ModelAxis& axis = axes[a];
+            double cost = fits.size(i, static_cast<int>(a));
+            if (cost >= best.cost) continue;
+            cost += beside(q - axis.middle, axis, S);
+            if (cost < best.cost && !axis.point)
+                cost += height(axis, dot(q - axis.middle, axis.along), std::sqrt(dot(axis.along, along * axis.along) + c.sd * c.sd));
+            if (cost < best.cost && c.oriented()) {
+                const double cosine = dot(m, axis.along);
+                cost += (1 - (axis.point ? cosine : std::fabs(cosine))) / tilt2;
+            }
+            if (cost < best.cost) best = {cost, static_cast<int>(a)};
+        }
+        return best;
+    }
+
+    static double beside(const Vec3& off, const ModelAxis& axis, const Mat3& S) {
+        if (axis.point) {
+            double L[9], x[3] = {off.x, off.y, off.z};
+            std::copy(S.m, S.m + 9, L);
+            if (!cholesky(L, 3)) return 1e300;
+            solve_cholesky(L, 3, x);
+            return 0.5 * dot(off, load(x));
+        }
+        const Vec3 u = any_across(axis.along), v = cross(axis.along, u), Su = S * u;
+        const double uu = dot(u, Su), uv = dot(v, Su), vv = dot(v, S * v), x = dot(off, u), y = dot(off, v);
+        return 0.5 * (vv * x * x - 2 * uv * x * y + uu * y * y) / std::max(uu * vv - uv * uv, 1e-60);
+    }
+
+    static double height(const ModelAxis& axis, double t, double sd) {
+        const double slack = SDS * sd;
+        if (std::fabs(t) < axis.wall + slack) return 0;
+        return t > axis.low - slack && t < axis.high + slack ? axis.price : 1e300;
+    }
+
+    double cost(const Pose& pose, const Spread& known, const Spread& slack) const {
+        double sum = 0;
+        for (int i = 0; i < C && sum < limit; ++i) sum += of_axes(i, pose, known, slack).cost;
+        for (size_t k = 0; k < scene.planes.size() && sum < limit; ++k) sum += of_planes(scene.planes[k], pose, known).cost;
+        return sum;
+    }
+
+    void keep(const Pose& pose, const Spread& known) {
+        const double sum = cost(pose, known, known);
+        if (!(sum < limit)) return;
+        rough.push_back({pose, sum, known});
+        if (rough.size() <= 4 * REFINED) return;
+        std::nth_element(rough.begin(), rough.begin() + REFINED, rough.end(),
+                         [](const Rough& x, const Rough& y) { return x.cost < y.cost; });
+        rough.resize(REFINED);
+    }
+
+    // Moves a pose to where everything is nearest to what it is of.
+    PlanePose refined(Pose pose, Spread known) const {
+        for (int step = 0; step < STEPS; ++step) {
+            Pull pull;
+            for (int i = 0; i < C; ++i) {
+                const Match to = of_axes(i, pose, known, known);
+                if (to.axis >= 0) pull_centre(pull, scene.centres[i], axes[to.axis], pose);
+            }
+            for (const SensedPlane& one : scene.planes) pull_plane(pull, one, pose, known);
+            if (!cholesky(pull.A, 6)) break;
+            known.set(pull.A);
+            solve_cholesky(pull.A, 6, pull.b);
+            pose = moved(pose, load(pull.b), load(pull.b + 3), Vec3{});
+        }
+        return {pose, cost(pose, Spread{}, known)};
+    }
+};
+
+}  // namespace
+
+AxisPoses axis_poses(const ModelAxes& axes, const ModelFaces& faces, const SensedScene& scene,
+                     const std::vector<int>& seeds, const std::vector<Pose>& starts, double limit, int keep) {
+    Search search(axes, faces, scene, limit);
+    for (const Pose& pose : starts) search.start(pose);
+    for (size_t k = 0; k + 2 < seeds.size(); k += 3) search.seed(&seeds[k]);
+    return search.found(keep);
+}
+
+}  // namespace tanteo
