@@ -14,6 +14,8 @@ constexpr double PARALLEL = 1e-3;       // sine below which axes are
 constexpr double FAR = 0.1, WIDE = 0.3; // how far a step of a pose may lead [m, rad]
 constexpr double SHORT = 1e-7;          // at which steps end
 constexpr double SHARP = 0.05;          // least sine of two directions that fix an attitude
+constexpr double PI = 3.14159265358979323846;
+constexpr int TURNS = 3;                // about a direction, where nothing says how
 constexpr int SEED_STEPS = 8, STEPS = 4, REFINED = 12;
 constexpr int TRIED = 4000;             // poses of a part that are tried
 
@@ -189,7 +191,7 @@ class Search {
 
     // All items of the seed have partners: poses from about there.
     void placed() {
-        Vec3 world[3], part[3], directions[2], own[2];  // places, and directions
+        Vec3 world[3], part[3], directions[2], own[2];  // places, and directions; a second one that is 0 is any
         int places = 0, ways = 0, free_sign = -1;
         for (int k = 0; k < count; ++k) {
             if (!is_centre(k)) {
@@ -214,28 +216,31 @@ class Search {
             own[1] = part[1] - part[0];
             ways = 2;
         }
-        if (ways < 2) return;
+        if (!ways) return;
         for (const double sign : {1.0, -1.0}) {
             if (sign < 0 && free_sign < 0) continue;
             if (free_sign >= 0) own[free_sign] = sign * own[free_sign];
             Mat3 R;
             if (!turned(directions[0], directions[1], own[0], own[1], R)) continue;
-            attempt({R, places ? world[0] - R * part[0] : Vec3{}});
+            const bool free = norm(cross(unit(own[0]), own[1])) <= SHARP * norm(own[1]);
+            for (int k = 0; k < (free ? TURNS : 1); ++k) {
+                const Mat3 Q = R * rotation((2 * PI * k / TURNS) * unit(own[0]));
+                attempt({Q, places ? world[0] - Q * part[0] : Vec3{}});
+            }
         }
     }
 
-    // The attitude that turns the first direction of the part to that of the world, the second into their plane.
+    // The attitude that turns the first direction of the part to that of the world, the second into their plane; where
+    // neither has two, any turn about the first.
     static bool turned(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, Mat3& R) {
-        const auto frame = [](const Vec3& x, const Vec3& y, Mat3& F) {
-            const Vec3 e = unit(x), across = cross(e, y);
-            if (!(norm(across) > SHARP * norm(y))) return false;
-            const Vec3 z = unit(across), f = cross(z, e);
-            F = {{e.x, f.x, z.x, e.y, f.y, z.y, e.z, f.z, z.z}};
-            return true;
+        const auto sharp = [](const Vec3& x, const Vec3& y) { return norm(cross(unit(x), y)) > SHARP * norm(y); };
+        const auto frame = [](const Vec3& x, const Vec3& y) {
+            const Vec3 e = unit(x), z = unit(cross(e, y)), f = cross(z, e);
+            return Mat3{{e.x, f.x, z.x, e.y, f.y, z.y, e.z, f.z, z.z}};
         };
-        Mat3 F, G;
-        if (!frame(a, b, F) || !frame(c, d, G)) return false;
-        R = F * transposed(G);
+        const bool both = sharp(a, b);
+        if (both != sharp(c, d)) return false;
+        R = frame(a, both ? b : any_across(a)) * transposed(frame(c, both ? d : any_across(c)));
         return true;
     }
 
@@ -316,16 +321,18 @@ class Search {
     }
 
     void pull_plane(Pull& pull, const SensedPlane& plane, const Pose& pose, const Spread& known) const {
-        const PlaneMatch to = of_planes(plane, pose, known);
+        const PlaneMatch to = of_planes(plane, pose, known, known);
         if (!to.found) return;
         const Vec3 own = transposed_times(pose.R, plane.normal);
         pull.place(to.normal, into_part(pose, plane.at), to.height, 1 / (plane.sd * plane.sd + 1e-14));
         pull.direction(dot(own, to.normal) < 0 ? -own : own, to.normal, 1 / (plane.tilt * plane.tilt + TURNED * TURNED));
     }
 
-    PlaneMatch of_planes(SensedPlane plane, const Pose& pose, const Spread& known) const {
-        const Vec3 n = transposed_times(pose.R, plane.normal);
-        plane.sd = std::sqrt(plane.sd * plane.sd + dot(n, known.at(into_part(pose, plane.at)) * n));
+    PlaneMatch of_planes(SensedPlane plane, const Pose& pose, const Spread& known, const Spread& slack) const {
+        const Vec3 n = transposed_times(pose.R, plane.normal), q = into_part(pose, plane.at);
+        const Mat3 beside = slack.at(q);
+        plane.span += 2 * SDS * std::sqrt(std::max(beside(0, 0) + beside(1, 1) + beside(2, 2), 0.0));
+        plane.sd = std::sqrt(plane.sd * plane.sd + dot(n, known.at(q) * n));
         plane.tilt = std::sqrt(plane.tilt * plane.tilt + known.turned());
         return match_plane(faces, plane, pose);
     }
@@ -377,7 +384,7 @@ class Search {
     double cost(const Pose& pose, const Spread& known, const Spread& slack) const {
         double sum = 0;
         for (int i = 0; i < C && sum < limit; ++i) sum += of_axes(i, pose, known, slack).cost;
-        for (size_t k = 0; k < scene.planes.size() && sum < limit; ++k) sum += of_planes(scene.planes[k], pose, known).cost;
+        for (size_t k = 0; k < scene.planes.size() && sum < limit; ++k) sum += of_planes(scene.planes[k], pose, known, slack).cost;
         return sum;
     }
 

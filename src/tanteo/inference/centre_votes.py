@@ -53,7 +53,8 @@ class SensedCentres:
         planes: as the core compares them, counted after the centres ``(k, 12)``.
         seeds: of which poses are made, none of which needs what all others need ``(m, 3)``.
         more: others, without each two.
-        certain: whether no seed needs a sensed normal that no other one is parallel to: it may be of a curved face.
+        certain: whether these fix poses, without a sensed normal that no other one is parallel to: it may be of a
+            curved face.
     """
 
     rows: FloatArray
@@ -103,7 +104,9 @@ def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes
     )
     flat = ~_lonely(planes.rows)
     found = _Seeds(rows, planes.rows, flat if flat.any() else ~flat)
-    return SensedCentres(np.ascontiguousarray(rows), planes.rows, *found.chosen(), bool(flat.any() or not len(flat)))
+    seeds, more, fixed = found.chosen()
+    certain = fixed and bool(flat.any() or not len(flat))
+    return SensedCentres(np.ascontiguousarray(rows), planes.rows, seeds, more, certain)
 
 
 def _lonely(planes: FloatArray) -> BoolArray:
@@ -147,15 +150,18 @@ class _Seeds:
         at = np.concatenate([rows[:, :3], planes[:, 3:6]])
         self.reach = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 0.0
 
-    def chosen(self) -> tuple[Indices, Indices]:
-        """Seeds of which no item is in all, and others of which no two are in all of both."""
-        if not self.count:
-            return np.zeros((0, 3), dtype=np.int32), np.zeros((0, 3), dtype=np.int32)
+    def chosen(self) -> tuple[Indices, Indices, bool]:
+        """Seeds of which no item is in all; others of which no two are in all of both; whether they fix a pose.
+
+        Where none does, two centres and a plane tell parts apart still: what they leave free moves none of them.
+        """
         known = sorted((error, seed) for seed in self._all() if (error := self._error(seed)) is not None)
         seeds = [seed for _, seed in known]
+        if not seeds:
+            seeds = [(*two, k) for two in combinations(self.centres, 2) for k in self.flat]
+            seeds = seeds or [(k, m) for k in self.centres for m in self.flat]
         first = _covering(seeds, [], 1, _TRIED)
-        more = _covering(seeds, first, 2, _MORE)
-        return _as_rows(first), _as_rows(more)
+        return _as_rows(first), _as_rows(_covering(seeds, first, 2, _MORE)), len(known) > 0
 
     def _all(self) -> list[tuple[int, ...]]:
         c, f = self.centres, self.flat
@@ -204,15 +210,14 @@ def _covering(seeds: list[tuple[int, ...]], known: list[tuple[int, ...]], wrong:
     """The best seeds, so that with those that are known some is right although so many items are wrong."""
     items = sorted({k for seed in seeds for k in seed})
     spoiled = [set(some) for some in combinations(items, wrong) if all(set(some) & set(seed) for seed in known)]
-    chosen = list[tuple[int, ...]]()
+    chosen = list[tuple[int, ...]]() if known else seeds[:1]
+    spoiled = [some for some in spoiled if not any(some.isdisjoint(seed) for seed in chosen)]
     while spoiled and len(chosen) < most:
         right = [sum(some.isdisjoint(seed) for some in spoiled) for seed in seeds]
-        if not right or not max(right):
+        if not max(right):
             break
-        enough = 0 if not (chosen or known) else max(right)
-        best = next(seed for seed, count in zip(seeds, right, strict=True) if count >= enough)
-        chosen.append(best)
-        spoiled = [some for some in spoiled if not some.isdisjoint(best)]
+        chosen.append(seeds[int(np.argmax(right))])
+        spoiled = [some for some in spoiled if not some.isdisjoint(chosen[-1])]
     return chosen
 
 

@@ -32,8 +32,8 @@ _SEARCHED, _AT_LEAST, _REST = 1200, 200, 5e-3
 """Parts that are looked at in full, at most, and after a coarse look at least; fewer where all others together are less
 probable than this share of the best, by what a stage can tell."""
 
-_PAIR = 2
-"""Points that are needed for a coarse look."""
+_LOOKED = 5
+"""Points on the surface from which a coarse look tells anything; fewer fit any part."""
 
 _SURELY = 40.0
 """Nats behind the best, votes among them, at which no part is looked at."""
@@ -61,7 +61,8 @@ class Narrowed:
         behind: nats that each is behind the best, as far as is known ``(m,)``.
         left_out: log of what the others could explain together, over what the best of these explains; -inf for nothing.
         others: rows of parts that were left out though their size fits.
-        certain: whether the hints are all poses that planes allow.
+        certain: whether the hints are all poses that planes and centres allow.
+        bound: whether parts are behind by so much at least; a coarse look estimates it.
     """
 
     rows: IntArray
@@ -70,6 +71,7 @@ class Narrowed:
     left_out: float = -np.inf
     others: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     certain: bool = False
+    bound: bool = False
 
 
 def narrowed(problem: Problem, candidates: Candidates, odds: FloatArray | None = None) -> Narrowed:
@@ -87,64 +89,73 @@ def narrowed(problem: Problem, candidates: Candidates, odds: FloatArray | None =
     rows = rows[_wide_enough(problem, points, candidates, rows)]
     if len(rows) <= FEW:
         return Narrowed(rows, behind=np.zeros(len(rows)))
-    costs, hints, certain = _compared(problem, points, candidates, rows)
+    found = _compared(problem, points, candidates, rows)
     if odds is not None:
-        costs = costs - odds[rows]
-    return _best(rows, costs, hints, certain=certain)
+        found.costs = found.costs - odds[rows]
+    return _best(rows, found)
 
 
-def _compared(
-    problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray
-) -> tuple[FloatArray, dict[int, Transforms], bool]:
-    """Nats of each part and poses, by planes and centres that fix a pose, else by points; whether these are all."""
+@dataclass(slots=True, eq=False)
+class _Compared:
+    """Nats of parts and poses by their rows; whether these are all poses, and the nats what they are behind at least."""
+
+    costs: FloatArray
+    hints: dict[int, Transforms]
+    certain: bool
+    bound: bool
+
+
+def _compared(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> _Compared:
+    """Nats of each part and poses, by planes and centres, and by points where these do not fix a pose."""
     planes = sensed_planes(problem, points)
+    found = _Compared(np.zeros(0), {}, certain=False, bound=True)
     if len(planes.triples):
-        costs, hints = on_planes(planes, candidates, rows)
-        certain = planes.certain and costs.min() < planes.hopeless
+        found.costs, found.hints = on_planes(planes, candidates, rows)
+        found.certain = planes.certain and found.costs.min() < planes.hopeless
     else:
-        costs, hints, certain = voted(planes, candidates, rows), {}, False
+        found.costs = voted(planes, candidates, rows)
     if points.centres.any():
-        certain = _by_centres(problem, points, planes, candidates, rows, costs, hints) or certain
-    if certain or np.count_nonzero(~points.centres) < _PAIR:
-        return costs, hints, certain
+        _by_centres(problem, points, planes, candidates, rows, found)
+    if found.certain or np.count_nonzero(~points.centres) < _LOOKED:
+        return found
+    found.bound = False
     if len(planes.triples):
         rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
-        return np.minimum(costs, rough), others | hints, False
-    few = costs < costs.min() + BEHIND_PLANES
+        found.costs, found.hints = np.minimum(found.costs, rough), others | found.hints
+        return found
+    few = found.costs < found.costs.min() + BEHIND_PLANES
     looked, hints = coarse_look(problem, points, candidates, rows[few])
-    costs[few] = np.maximum(costs[few], looked)
-    costs[~few] += looked.max(initial=0.0)
-    return costs, hints, False
+    found.costs[few] = np.maximum(found.costs[few], looked)
+    found.costs[~few] += looked.max(initial=0.0)
+    found.hints = hints | found.hints
+    return found
 
 
 def _by_centres(
     problem: Problem, points: ContactPoints, planes: SensedPlanes, candidates: Candidates, rows: IntArray,
-    costs: FloatArray, hints: dict[int, Transforms],
-) -> bool:  # fmt: skip
-    """Nats of centres beside those of planes, in place; whether both fix all poses that may be right."""
+    found: _Compared,
+) -> None:  # fmt: skip
+    """Nats of centres beside those of planes, and poses by both."""
     centres = sensed_centres(problem, points, planes)
-    few = np.flatnonzero(costs < costs.min() + BEHIND_PLANES)
-    own = costs[few] + lacking(centres, candidates, rows[few])
+    found.costs += lacking(centres, candidates, rows)
     if len(centres.seeds):
-        near = np.flatnonzero(own < own.min() + BEHIND_PLANES)
-        found = own[near]
-        on_axes(centres, candidates, rows[few[near]], found, hints)
-        own[near] = found
-    costs[few] = own
-    return bool(len(centres.seeds)) and centres.certain and float(own.min()) < centres.hopeless
+        on_axes(centres, candidates, rows, found.costs, found.hints)
+        found.certain |= centres.certain and float(found.costs.min()) < centres.hopeless
 
 
-def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], *, certain: bool) -> Narrowed:
+def _best(rows: IntArray, found: _Compared) -> Narrowed:
     """Those that are little behind the best, and what the others could explain."""
-    order = np.argsort(costs, kind="stable")
-    behind = costs[order] - costs[order[0]]
-    tells, out, least = (_PLANES_TELL, BEHIND_PLANES, 1) if certain else (_LOOK_TELLS, BEHIND, _AT_LEAST)
+    order = np.argsort(found.costs, kind="stable")
+    behind = found.costs[order] - found.costs[order[0]]
+    tells, out, least = (_PLANES_TELL, BEHIND_PLANES, 1) if found.bound else (_LOOK_TELLS, BEHIND, _AT_LEAST)
     rest = np.cumsum(np.exp(-tells * behind)[::-1])[::-1]  # of each and all behind it
-    count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)), _SEARCHED)
+    most = _SEARCHED if found.hints else FEW
+    count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)), most)
     count = min(max(count, min(least, int(np.searchsorted(behind, _SURELY))), 1), len(rows))
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
-    own = {int(row): hints[int(row)] for row in kept if int(row) in hints}
-    return Narrowed(kept, own, behind[:count], left, rows[order[count:]], certain)
+    own = {int(row): found.hints[int(row)] for row in kept if int(row) in found.hints}
+    others = rows[order[count:]]
+    return Narrowed(kept, own, behind[:count], left, others, found.certain, found.bound)
 
 
 def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
