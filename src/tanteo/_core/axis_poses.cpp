@@ -221,27 +221,25 @@ class Search {
             if (sign < 0 && free_sign < 0) continue;
             if (free_sign >= 0) own[free_sign] = sign * own[free_sign];
             Mat3 R;
-            if (!turned(directions[0], directions[1], own[0], own[1], R)) continue;
-            const bool free = norm(cross(unit(own[0]), own[1])) <= SHARP * norm(own[1]);
-            for (int k = 0; k < (free ? TURNS : 1); ++k) {
-                const Mat3 Q = R * rotation((2 * PI * k / TURNS) * unit(own[0]));
+            const int turns = turned(directions[0], directions[1], own[0], own[1], R) ? 1 : TURNS;
+            for (int k = 0; k < turns; ++k) {
+                const Mat3 Q = R * rotation((2 * PI * k / turns) * unit(own[0]));
                 attempt({Q, places ? world[0] - Q * part[0] : Vec3{}});
             }
         }
     }
 
     // The attitude that turns the first direction of the part to that of the world, the second into their plane; where
-    // neither has two, any turn about the first.
+    // there is one direction only, here or there, any turn about it.
     static bool turned(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d, Mat3& R) {
         const auto sharp = [](const Vec3& x, const Vec3& y) { return norm(cross(unit(x), y)) > SHARP * norm(y); };
         const auto frame = [](const Vec3& x, const Vec3& y) {
             const Vec3 e = unit(x), z = unit(cross(e, y)), f = cross(z, e);
             return Mat3{{e.x, f.x, z.x, e.y, f.y, z.y, e.z, f.z, z.z}};
         };
-        const bool both = sharp(a, b);
-        if (both != sharp(c, d)) return false;
+        const bool both = sharp(a, b) && sharp(c, d);
         R = frame(a, both ? b : any_across(a)) * transposed(frame(c, both ? d : any_across(c)));
-        return true;
+        return both;
     }
 
     // Three centres: places of the axes that are as far apart as they are, if these are parallel, seen from either side.

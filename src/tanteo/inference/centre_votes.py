@@ -182,7 +182,8 @@ class _Seeds:
         if len(held) + len(ways) < (3 if len(seed) == 2 else 2) or len(ways) < 2:
             return None
         size = abs(np.linalg.det([n for n, _ in ways])) if len(ways) == 3 else np.linalg.norm(np.cross(*_two(ways)))
-        return float(self.reach * max(tilt for _, tilt in ways) / size) if size > _SHARP else None
+        tilt = max(tilt for _, tilt in ways)
+        return float(self.reach * tilt / size) if size > max(_SHARP, _SDS * tilt) else None
 
     def _plane(self, k: int) -> FloatArray:
         return np.asarray(self.planes[k - self.count])
@@ -197,7 +198,7 @@ class _Seeds:
     def _of_two(self, held: list[int], way: FloatArray, tilt: float) -> float | None:
         off = self.rows[held[1], :3] - self.rows[held[0], :3]
         across = float(np.linalg.norm(off - (off @ way) * way))
-        if across <= _BESIDE * float(np.linalg.norm(off)):
+        if across <= max(_BESIDE, _SDS * tilt) * float(np.linalg.norm(off)):
             return None
         return self.reach * max(tilt, float(np.linalg.norm(self.rows[held, 6])) / across)
 

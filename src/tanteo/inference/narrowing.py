@@ -150,6 +150,8 @@ def _best(rows: IntArray, found: _Compared) -> Narrowed:
     tells, out, least = (_PLANES_TELL, BEHIND_PLANES, 1) if found.bound else (_LOOK_TELLS, BEHIND, _AT_LEAST)
     rest = np.cumsum(np.exp(-tells * behind)[::-1])[::-1]  # of each and all behind it
     most = _SEARCHED if found.hints else FEW
+    if found.bound and len(rest) > most and rest[most] > 1:  # which of them it is will not be known
+        most = min(most, _AT_LEAST)
     count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)), most)
     count = min(max(count, min(least, int(np.searchsorted(behind, _SURELY))), 1), len(rows))
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
