@@ -12,21 +12,23 @@ constexpr double SDS = 4;               // within which lengths and angles agree
 constexpr double TURNED = 0.004;        // and so much more [rad]
 constexpr double PARALLEL = 1e-3;       // sine below which axes are
 constexpr double FAR = 0.1, WIDE = 0.3; // how far a step of a pose may lead [m, rad]
-constexpr double SHORT = 1e-7;          // at which steps end
+constexpr double SHORT = 1e-6;          // at which steps end
+constexpr double HOPELESS = 100, NEARLY = 2;  // of what a pose may cost, the cost of a seed at which it is given up
 constexpr double SHARP = 0.05;          // least sine of two directions that fix an attitude
 constexpr double PI = 3.14159265358979323846;
 constexpr int TURNS = 3;                // about a direction, where nothing says how
-constexpr int SEED_STEPS = 8, STEPS = 4, REFINED = 12;
+constexpr int LATE = 3, SEED_STEPS = 8, STEPS = 4, REFINED = 12;
 constexpr int TRIED = 4000;             // poses of a part that are tried
 
 // Information about a pose, and what pulls it: of lengths and angles, each as what it is off along one direction.
 struct Pull {
-    double A[36] = {}, b[6] = {};
+    double A[36] = {}, b[6] = {}, cost = 0;
 
     Pull() {
         for (int i = 0; i < 6; ++i) A[7 * i] = i < 3 ? 1 / (FAR * FAR) : 1 / (WIDE * WIDE);
     }
     void add(const double* J, double r, double weight) {
+        cost += 0.5 * weight * r * r;
         for (int i = 0; i < 6; ++i) {
             b[i] -= weight * J[i] * r;
             for (int k = 0; k <= i; ++k) A[6 * i + k] += weight * J[i] * J[k];
@@ -150,7 +152,10 @@ class Search {
 
     // Partners for one more item of the seed, that agree with those of the others.
     void chosen(int k) {
-        if (k >= std::min(count, 3)) return placed();
+        if (k >= std::min(count, 3)) {
+            if (beside()) placed();
+            return;
+        }
         const int options = static_cast<int>(is_centre(k) ? axes.size() : faces.planes.size());
         const bool both = !is_centre(k) && !plane(k).sided;
         for (int which = 0; which < options; ++which)
@@ -187,6 +192,18 @@ class Search {
         if (!c.oriented()) return true;
         const double felt = std::acos(std::clamp(std::fabs(dot(c.axis, p.normal)), 0.0, 1.0));
         return std::fabs(felt - std::acos(std::clamp(std::fabs(rise), 0.0, 1.0))) < SDS * std::hypot(c.tilt, p.tilt) + TURNED;
+    }
+
+    // Whether two centres are as far apart across a plane's normal as their axes, where these are along it.
+    bool beside() const {
+        if (count < 3 || !is_centre(1) || is_centre(2)) return true;
+        const ModelAxis &a = axes[of[0].which], &b = axes[of[1].which];
+        const Vec3 n = normal(2), way = centre(1).at - centre(0).at;
+        if (a.point || b.point || norm(cross(a.along, n)) > PARALLEL || norm(cross(b.along, n)) > PARALLEL) return true;
+        const double rise = dot(way, plane(2).normal), apart = norm(way - rise * plane(2).normal);
+        const double sd2 = centre(0).sd * centre(0).sd + centre(1).sd * centre(1).sd + rise * rise * plane(2).tilt * plane(2).tilt;
+        const double within = SDS * std::sqrt(sd2) + PARALLEL * (a.high - a.low + b.high - b.low);
+        return std::fabs(apart - fits.least_apart(of[0].which, of[1].which)) < within;
     }
 
     // All items of the seed have partners: poses from about there.
@@ -253,21 +270,35 @@ class Search {
         }
         if (!parallel) return on_places(world, part);
         const Vec3 u = axis[0]->along;
-        const auto rise = [&](int i, int j) {
-            const Vec3 off = part[j] - part[i];
-            return std::sqrt(std::max(squared(world[j] - world[i]) - squared(off - dot(off, u) * u), 0.0));
-        };
-        const double second = rise(0, 1), third = rise(0, 2), last = rise(1, 2);
-        const double sign = std::fabs(std::fabs(third - second) - last) < std::fabs(third + second - last) ? 1 : -1;
-        const double heights[3] = {0, second, sign * third};
-        const double middle = (dot(u, part[0] + part[1] + part[2])) / 3, mean = (second + sign * third) / 3;
-        const bool flat = std::max(second, third) < SDS * scene.centres[item[0]].sd;
+        const Rise second = rise(world, part, u, 0, 1), third = rise(world, part, u, 0, 2), last = rise(world, part, u, 1, 2);
+        const bool level = last.may_be(third.least - second.most, third.most - second.least) ||
+                           last.may_be(second.least - third.most, second.most - third.least);
+        const bool across = last.may_be(third.least + second.least, third.most + second.most);
+        if (!level && !across) return;
+        const double off = std::fabs(std::fabs(third.about - second.about) - last.about);
+        const double sign = level && (!across || off < std::fabs(third.about + second.about - last.about)) ? 1 : -1;
+        const double heights[3] = {0, second.about, sign * third.about};
+        const double middle = dot(u, part[0] + part[1] + part[2]) / 3, mean = (heights[1] + heights[2]) / 3;
+        const bool flat = std::max(second.about, third.about) < SDS * centre(0).sd;
         for (const double way : {1.0, -1.0}) {
             if (way < 0 && flat) continue;
             Vec3 places[3];
             for (int k = 0; k < 3; ++k) places[k] = part[k] + (middle + way * (heights[k] - mean) - dot(u, part[k])) * u;
             on_places(world, places);
         }
+    }
+
+    // How much higher along their axes one of two centres is than the other, for them to be as far apart as they are.
+    struct Rise {
+        double least, about, most;
+        bool may_be(double from, double to) const { return from <= most && to >= least; }
+    };
+    Rise rise(const Vec3* world, const Vec3* part, const Vec3& u, int i, int j) const {
+        const Vec3 off = part[j] - part[i], way = world[j] - world[i];
+        const double square = squared(way) - squared(off - dot(off, u) * u), sd = std::hypot(centre(i).sd, centre(j).sd);
+        const double within = SDS * sd * (2 * norm(way) + SDS * sd);
+        const auto root = [](double x) { return std::sqrt(std::max(x, 0.0)); };
+        return {root(square - within), root(square), root(square + within)};
     }
 
     void on_places(const Vec3* world, const Vec3* part) {
@@ -287,11 +318,12 @@ class Search {
         for (int step = 0; step <= SEED_STEPS; ++step) {
             Pull pull;
             for (int k = 0; k < count; ++k) pull_item(pull, k, pose);
-            if (!cholesky(pull.A, 6)) return;
+            if ((step >= LATE && pull.cost > HOPELESS * limit) || !cholesky(pull.A, 6)) return;
             solve_cholesky(pull.A, 6, pull.b);
             const Vec3 v = load(pull.b), w = load(pull.b + 3);
             pose = moved(pose, v, w, Vec3{});
             if (squared(v) + squared(w) > SHORT * SHORT && step < SEED_STEPS) continue;
+            if (pull.cost > NEARLY * limit) return;
             known.set(pull.A);
             break;
         }
@@ -348,7 +380,7 @@ class Search {
             const ModelAxis& axis = axes[a];
             double cost = fits.size(i, static_cast<int>(a));
             if (cost >= best.cost) continue;
-            cost += beside(q - axis.middle, axis, S);
+            cost += off_axis(q - axis.middle, axis, S);
             if (cost < best.cost && !axis.point)
                 cost += height(axis, dot(q - axis.middle, axis.along), std::sqrt(dot(axis.along, along * axis.along) + c.sd * c.sd));
             if (cost < best.cost && c.oriented()) {
@@ -360,7 +392,7 @@ class Search {
         return best;
     }
 
-    static double beside(const Vec3& off, const ModelAxis& axis, const Mat3& S) {
+    static double off_axis(const Vec3& off, const ModelAxis& axis, const Mat3& S) {
         if (axis.point) {
             double L[9], x[3] = {off.x, off.y, off.z};
             std::copy(S.m, S.m + 9, L);
