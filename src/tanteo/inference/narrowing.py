@@ -38,6 +38,9 @@ _LOOKED = 5
 _SURELY = 40.0
 """Nats behind the best, votes among them, at which no part is looked at."""
 
+_NAMED = 16
+"""Parts that are searched where planes and centres fix no pose and very many have them: it will not be known which."""
+
 _PLANES_TELL, _LOOK_TELLS = 1.33, 0.5
 """Nats of log evidence for each nat of planes, where the noise is taken as larger than it is stated and an outlier as
 cheaper; and of a coarse look, which is as uncertain as its field."""
@@ -116,7 +119,8 @@ def _compared(problem: Problem, points: ContactPoints, candidates: Candidates, r
         found.costs = voted(planes, candidates, rows)
     if points.centres.any():
         _by_centres(problem, points, planes, candidates, rows, found)
-    if found.certain or np.count_nonzero(~points.centres) < _LOOKED:
+    few_points = np.count_nonzero(~points.centres) < _LOOKED and not len(planes.triples)
+    if found.certain or few_points:
         return found
     found.bound = False
     if len(planes.triples):
@@ -149,10 +153,11 @@ def _best(rows: IntArray, found: _Compared) -> Narrowed:
     behind = found.costs[order] - found.costs[order[0]]
     tells, out, least = (_PLANES_TELL, BEHIND_PLANES, 1) if found.bound else (_LOOK_TELLS, BEHIND, _AT_LEAST)
     rest = np.cumsum(np.exp(-tells * behind)[::-1])[::-1]  # of each and all behind it
-    most = _SEARCHED if found.hints else FEW
-    if found.bound and len(rest) > most and rest[most] > 1:  # which of them it is will not be known
-        most = min(most, _AT_LEAST)
-    count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)), most)
+    count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)))
+    if found.bound and not found.certain:
+        count = count if count <= FEW else _NAMED
+    elif count > _SEARCHED:
+        count = _AT_LEAST if found.bound and rest[_SEARCHED] > 1 else _SEARCHED
     count = min(max(count, min(least, int(np.searchsorted(behind, _SURELY))), 1), len(rows))
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
     own = {int(row): found.hints[int(row)] for row in kept if int(row) in found.hints}
