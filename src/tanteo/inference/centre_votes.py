@@ -207,7 +207,9 @@ def _two(ways: list[tuple[FloatArray, float]]) -> tuple[FloatArray, FloatArray]:
     return ways[0][0], ways[1][0]
 
 
-def _covering(seeds: list[tuple[int, ...]], known: list[tuple[int, ...]], wrong: int, most: int) -> list[tuple[int, ...]]:
+def _covering(
+    seeds: list[tuple[int, ...]], known: list[tuple[int, ...]], wrong: int, most: int
+) -> list[tuple[int, ...]]:
     """The best seeds, so that with those that are known some is right although so many items are wrong."""
     items = sorted({k for seed in seeds for k in seed})
     spoiled = [set(some) for some in combinations(items, wrong) if all(set(some) & set(seed) for seed in known)]
