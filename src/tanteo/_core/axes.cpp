@@ -103,23 +103,23 @@ bool AxisFits::agree(int i, int a, int j, int b) const {
 
 double AxisFits::lacking() const {
     const int n = static_cast<int>(centres.size()), N = static_cast<int>(axes.all.size());
-    std::vector<char> counted(n, 0);
+    std::vector<double> more(n);  // what each costs beyond the least, if it is of no axis
     double sum = 0;
     for (int i = 0; i < n; ++i) {
         double least = most(i);
         for (int a = 0; a < N; ++a) least = std::min(least, size(i, a));
-        counted[i] = least >= most(i);
-        sum += counted[i] ? least : 0;
+        more[i] = most(i) - least;
+        sum += least;
     }
     for (int i = 0; i < n; ++i)
         for (int j = 0; j < i; ++j) {
-            if (counted[i] || counted[j] || axes.unseen[centres[i].kind] > LEFT_OUT) continue;
+            if (!(more[i] > 0 && more[j] > 0) || axes.unseen[centres[i].kind] > LEFT_OUT) continue;
             bool fits = false;
             for (int a = 0; a < N && !fits; ++a)
                 for (int b = 0; b < N && !fits && may_be(i, a); ++b) fits = may_be(j, b) && agree(i, a, j, b);
             if (fits) continue;
-            counted[i] = counted[j] = 1;
-            sum += std::min(most(i), most(j));
+            sum += std::min(more[i], more[j]);
+            more[i] = more[j] = 0;
         }
     return sum;
 }

@@ -2,82 +2,20 @@
 #include <algorithm>
 #include <cmath>
 
-#include "axes.hpp"
+#include "axis_fit.hpp"
 
 namespace tanteo {
 
 namespace {
 
-constexpr double SDS = 4;               // within which lengths and angles agree
-constexpr double TURNED = 0.004;        // and so much more [rad]
-constexpr double PARALLEL = 1e-3;       // sine below which axes are
-constexpr double FAR = 0.1, WIDE = 0.3; // how far a step of a pose may lead [m, rad]
-constexpr double SHORT = 1e-6;          // at which steps end
+constexpr double PARALLEL = 1e-3;  // sine below which axes are
+constexpr double SHORT = 1e-6;     // at which steps end
 constexpr double HOPELESS = 100, NEARLY = 2;  // of what a pose may cost, the cost of a seed at which it is given up
-constexpr double SHARP = 0.05;          // least sine of two directions that fix an attitude
+constexpr double SHARP = 0.05;  // least sine of two directions that fix an attitude
 constexpr double PI = 3.14159265358979323846;
-constexpr int TURNS = 3;                // about a direction, where nothing says how
-constexpr int LATE = 3, SEED_STEPS = 8, STEPS = 4, REFINED = 12;
-constexpr int TRIED = 4000;             // poses of a part that are tried
-
-// Information about a pose, and what pulls it: of lengths and angles, each as what it is off along one direction.
-struct Pull {
-    double A[36] = {}, b[6] = {}, cost = 0;
-
-    Pull() {
-        for (int i = 0; i < 6; ++i) A[7 * i] = i < 3 ? 1 / (FAR * FAR) : 1 / (WIDE * WIDE);
-    }
-    void add(const double* J, double r, double weight) {
-        cost += 0.5 * weight * r * r;
-        for (int i = 0; i < 6; ++i) {
-            b[i] -= weight * J[i] * r;
-            for (int k = 0; k <= i; ++k) A[6 * i + k] += weight * J[i] * J[k];
-        }
-    }
-    // a place of the part that is so far along a direction from where it should be
-    void place(const Vec3& n, const Vec3& p, double off, double weight) {
-        const Vec3 turn = cross(p, n);
-        const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
-        add(J, off, weight);
-    }
-    // a direction in the part that should be another one
-    void direction(const Vec3& own, const Vec3& n, double weight) {
-        const Vec3 u = any_across(n), v = cross(n, u);
-        for (const Vec3& e : {u, v}) {
-            const Vec3 g = cross(own, e);
-            const double J[6] = {0, 0, 0, -g.x, -g.y, -g.z};
-            add(J, dot(own, e), weight);
-        }
-    }
-};
-
-// How well a pose is known: what of it shows at a place, and of directions.
-struct Spread {
-    double of[36] = {};
-
-    void set(const double* L) {  // of a factored information
-        for (int k = 0; k < 6; ++k) {
-            double column[6] = {};
-            column[k] = 1;
-            solve_cholesky(L, 6, column);
-            for (int i = 0; i < 6; ++i) of[6 * i + k] = column[i];
-        }
-    }
-    Mat3 at(const Vec3& q) const {  // a place moves by -v + q x w
-        const double J[18] = {-1, 0, 0, 0, -q.z, q.y, 0, -1, 0, q.z, 0, -q.x, 0, 0, -1, -q.y, q.x, 0};
-        double JS[18] = {};
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < 6; ++k)
-                if (J[6 * i + k] != 0)
-                    for (int j = 0; j < 6; ++j) JS[6 * i + j] += J[6 * i + k] * of[6 * k + j];
-        Mat3 out;
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < 3; ++j)
-                for (int k = 0; k < 6; ++k) out(i, j) += JS[6 * i + k] * J[6 * j + k];
-        return out;
-    }
-    double turned() const { return of[21] + of[28] + of[35]; }  // variance
-};
+constexpr int TURNS = 3;  // about a direction, where nothing says how
+constexpr int LATE = 3, STEPS = 8, REFINED = 12;
+constexpr int TRIED = 4000;  // poses of a part that are tried
 
 // An axis or face that an item of a seed may be of; of planes whose side nobody knows, the other way round.
 struct Partner {
@@ -88,7 +26,7 @@ struct Partner {
 class Search {
   public:
     Search(const ModelAxes& axes, const ModelFaces& faces, const SensedScene& scene, double limit)
-        : axes(axes.all), faces(faces), scene(scene), fits(axes, scene.centres), limit(limit),
+        : comparison(axes, faces, scene), axes(axes.all), faces(faces), scene(scene), limit(limit),
           C(static_cast<int>(scene.centres.size())) {
         for (const double share : axes.unseen) all = all && share < 1e-3;
     }
@@ -106,7 +44,7 @@ class Search {
     void start(const Pose& pose) {
         Spread known;
         Pull pull;
-        for (const SensedPlane& plane : scene.planes) pull_plane(pull, plane, pose, known);
+        for (const SensedPlane& plane : scene.planes) comparison.pull_plane(pull, plane, pose, known);
         if (!cholesky(pull.A, 6)) return;
         known.set(pull.A);
         keep(pose, known);
@@ -117,7 +55,7 @@ class Search {
         std::sort(rough.begin(), rough.end(), less);
         if (rough.size() > REFINED) rough.resize(REFINED);
         AxisPoses out;
-        for (const Rough& one : rough) out.best.push_back(refined(one.pose, one.known));
+        for (const Rough& one : rough) out.best.push_back(comparison.refined(one.pose, one.known, limit));
         std::sort(out.best.begin(), out.best.end(), [](const PlanePose& x, const PlanePose& y) { return x.cost < y.cost; });
         if (static_cast<int>(out.best.size()) > most) out.best.resize(most);
         out.all = all;
@@ -130,15 +68,11 @@ class Search {
         double cost;
         Spread known;
     };
-    struct Match {
-        double cost;
-        int axis = -1;
-    };
 
+    const AxisComparison comparison;
     const std::vector<ModelAxis>& axes;
     const ModelFaces& faces;
     const SensedScene& scene;
-    AxisFits fits;
     double limit;
     int C, count = 0, item[3] = {}, tried = 0;
     Partner of[3];
@@ -162,7 +96,7 @@ class Search {
             for (const double sign : {1.0, -1.0}) {
                 if ((sign < 0 && !both) || tried > TRIED) continue;
                 of[k] = {which, sign};
-                if (is_centre(k) && !fits.may_be(item[k], which)) continue;
+                if (is_centre(k) && !comparison.fits.may_be(item[k], which)) continue;
                 bool agree = true;
                 for (int j = 0; j < k && agree; ++j) agree = together(j, k);
                 if (agree) chosen(k + 1);
@@ -171,11 +105,11 @@ class Search {
 
     bool together(int j, int k) const {
         const int a = of[j].which, b = of[k].which;
-        if (is_centre(j) && is_centre(k)) return a != b && fits.agree(item[j], a, item[k], b);
+        if (is_centre(j) && is_centre(k)) return a != b && comparison.fits.agree(item[j], a, item[k], b);
         if (is_centre(j)) return over(j, k);
         const double c = std::clamp(dot(normal(j), normal(k)), -1.0, 1.0);
         const double felt = std::clamp(dot(plane(j).normal, plane(k).normal), -1.0, 1.0);
-        return a != b && std::fabs(std::acos(c) - std::acos(felt)) < SDS * std::hypot(plane(j).tilt, plane(k).tilt) + TURNED;
+        return a != b && std::fabs(std::acos(c) - std::acos(felt)) < AXIS_SDS * std::hypot(plane(j).tilt, plane(k).tilt) + AXIS_TURNED;
     }
 
     // Whether a centre can be as high over a plane as places of an axis are over a face, and the axis as steep.
@@ -185,13 +119,13 @@ class Search {
         const ModelAxis& axis = axes[of[j].which];
         const Vec3 n = normal(k), way = c.at - p.at;
         const double height = dot(way, p.normal), lever = norm(way - height * p.normal);
-        const double within = SDS * std::sqrt(c.sd * c.sd + p.sd * p.sd + (lever * lever) * (p.tilt * p.tilt));
+        const double within = AXIS_SDS * std::sqrt(c.sd * c.sd + p.sd * p.sd + (lever * lever) * (p.tilt * p.tilt));
         const double base = dot(n, axis.middle - faces.planes[of[k].which].centre), rise = dot(n, axis.along);
         const double first = base + rise * axis.low, last = base + rise * axis.high;
         if (height < std::min(first, last) - within || height > std::max(first, last) + within) return false;
         if (!c.oriented()) return true;
         const double felt = std::acos(std::clamp(std::fabs(dot(c.axis, p.normal)), 0.0, 1.0));
-        return std::fabs(felt - std::acos(std::clamp(std::fabs(rise), 0.0, 1.0))) < SDS * std::hypot(c.tilt, p.tilt) + TURNED;
+        return std::fabs(felt - std::acos(std::clamp(std::fabs(rise), 0.0, 1.0))) < AXIS_SDS * std::hypot(c.tilt, p.tilt) + AXIS_TURNED;
     }
 
     // Whether two centres are as far apart across a plane's normal as their axes, where these are along it.
@@ -202,8 +136,8 @@ class Search {
         if (a.point || b.point || norm(cross(a.along, n)) > PARALLEL || norm(cross(b.along, n)) > PARALLEL) return true;
         const double rise = dot(way, plane(2).normal), apart = norm(way - rise * plane(2).normal);
         const double sd2 = centre(0).sd * centre(0).sd + centre(1).sd * centre(1).sd + rise * rise * plane(2).tilt * plane(2).tilt;
-        const double within = SDS * std::sqrt(sd2) + PARALLEL * (a.high - a.low + b.high - b.low);
-        return std::fabs(apart - fits.least_apart(of[0].which, of[1].which)) < within;
+        const double within = AXIS_SDS * std::sqrt(sd2) + PARALLEL * (a.high - a.low + b.high - b.low);
+        return std::fabs(apart - comparison.fits.least_apart(of[0].which, of[1].which)) < within;
     }
 
     // All items of the seed have partners: poses from about there.
@@ -279,7 +213,7 @@ class Search {
         const double sign = level && (!across || off < std::fabs(third.about + second.about - last.about)) ? 1 : -1;
         const double heights[3] = {0, second.about, sign * third.about};
         const double middle = dot(u, part[0] + part[1] + part[2]) / 3, mean = (heights[1] + heights[2]) / 3;
-        const bool flat = std::max(second.about, third.about) < SDS * centre(0).sd;
+        const bool flat = std::max(second.about, third.about) < AXIS_SDS * centre(0).sd;
         for (const double way : {1.0, -1.0}) {
             if (way < 0 && flat) continue;
             Vec3 places[3];
@@ -296,7 +230,7 @@ class Search {
     Rise rise(const Vec3* world, const Vec3* part, const Vec3& u, int i, int j) const {
         const Vec3 off = part[j] - part[i], way = world[j] - world[i];
         const double square = squared(way) - squared(off - dot(off, u) * u), sd = std::hypot(centre(i).sd, centre(j).sd);
-        const double within = SDS * sd * (2 * norm(way) + SDS * sd);
+        const double within = AXIS_SDS * sd * (2 * norm(way) + AXIS_SDS * sd);
         const auto root = [](double x) { return std::sqrt(std::max(x, 0.0)); };
         return {root(square - within), root(square), root(square + within)};
     }
@@ -315,14 +249,14 @@ class Search {
             return;
         }
         Spread known;
-        for (int step = 0; step <= SEED_STEPS; ++step) {
+        for (int step = 0; step <= STEPS; ++step) {
             Pull pull;
             for (int k = 0; k < count; ++k) pull_item(pull, k, pose);
             if ((step >= LATE && pull.cost > HOPELESS * limit) || !cholesky(pull.A, 6)) return;
             solve_cholesky(pull.A, 6, pull.b);
             const Vec3 v = load(pull.b), w = load(pull.b + 3);
             pose = moved(pose, v, w, Vec3{});
-            if (squared(v) + squared(w) > SHORT * SHORT && step < SEED_STEPS) continue;
+            if (squared(v) + squared(w) > SHORT * SHORT && step < STEPS) continue;
             if (pull.cost > NEARLY * limit) return;
             known.set(pull.A);
             break;
@@ -331,118 +265,21 @@ class Search {
     }
 
     void pull_item(Pull& pull, int k, const Pose& pose) const {
-        if (is_centre(k)) return pull_centre(pull, centre(k), axes[of[k].which], pose);
+        if (is_centre(k)) return AxisComparison::pull_centre(pull, centre(k), axes[of[k].which], pose);
         const SensedPlane& p = plane(k);
         const Vec3 n = normal(k), q = into_part(pose, p.at);
         pull.place(n, q, dot(q - faces.planes[of[k].which].centre, n), 1 / (p.sd * p.sd + 1e-14));
-        pull.direction(transposed_times(pose.R, p.normal), n, 1 / (p.tilt * p.tilt + TURNED * TURNED));
-    }
-
-    static void pull_centre(Pull& pull, const SensedCentre& c, const ModelAxis& axis, const Pose& pose) {
-        const Vec3 q = into_part(pose, c.at), off = q - axis.middle, u = any_across(axis.along), v = cross(axis.along, u);
-        const double weight = 1 / (c.sd * c.sd + 1e-14);
-        pull.place(u, q, dot(off, u), weight);
-        pull.place(v, q, dot(off, v), weight);
-        if (axis.point) pull.place(axis.along, q, dot(off, axis.along), weight);
-        if (!c.oriented()) return;
-        const Vec3 m = transposed_times(pose.R, c.axis);
-        const bool back = !axis.point && dot(m, axis.along) < 0;
-        pull.direction(back ? -m : m, axis.along, 1 / (c.tilt * c.tilt + TURNED * TURNED));
-    }
-
-    void pull_plane(Pull& pull, const SensedPlane& plane, const Pose& pose, const Spread& known) const {
-        const PlaneMatch to = of_planes(plane, pose, known, known);
-        if (!to.found) return;
-        const Vec3 own = transposed_times(pose.R, plane.normal);
-        pull.place(to.normal, into_part(pose, plane.at), to.height, 1 / (plane.sd * plane.sd + 1e-14));
-        pull.direction(dot(own, to.normal) < 0 ? -own : own, to.normal, 1 / (plane.tilt * plane.tilt + TURNED * TURNED));
-    }
-
-    PlaneMatch of_planes(SensedPlane plane, const Pose& pose, const Spread& known, const Spread& slack) const {
-        const Vec3 n = transposed_times(pose.R, plane.normal), q = into_part(pose, plane.at);
-        const Mat3 beside = slack.at(q);
-        plane.span += 2 * SDS * std::sqrt(std::max(beside(0, 0) + beside(1, 1) + beside(2, 2), 0.0));
-        plane.sd = std::sqrt(plane.sd * plane.sd + dot(n, known.at(q) * n));
-        plane.tilt = std::sqrt(plane.tilt * plane.tilt + known.turned());
-        return match_plane(faces, plane, pose);
-    }
-
-    // The axis that a centre is nearest to, as well as the pose is known; slack: how far it may be along it.
-    Match of_axes(int i, const Pose& pose, const Spread& known, const Spread& slack) const {
-        const SensedCentre& c = scene.centres[i];
-        const Vec3 q = into_part(pose, c.at), m = transposed_times(pose.R, c.axis);
-        Mat3 S = known.at(q);
-        for (int k = 0; k < 3; ++k) S(k, k) += c.sd * c.sd;
-        const Mat3 along = slack.at(q);
-        const double tilt2 = c.tilt * c.tilt + TURNED * TURNED + known.turned();
-        Match best{fits.most(i)};
-        for (size_t a = 0; a < axes.size(); ++a) {
-            const ModelAxis& axis = axes[a];
-            double cost = fits.size(i, static_cast<int>(a));
-            if (cost >= best.cost) continue;
-            cost += off_axis(q - axis.middle, axis, S);
-            if (cost < best.cost && !axis.point)
-                cost += height(axis, dot(q - axis.middle, axis.along), std::sqrt(dot(axis.along, along * axis.along) + c.sd * c.sd));
-            if (cost < best.cost && c.oriented()) {
-                const double cosine = dot(m, axis.along);
-                cost += (1 - (axis.point ? cosine : std::fabs(cosine))) / tilt2;
-            }
-            if (cost < best.cost) best = {cost, static_cast<int>(a)};
-        }
-        return best;
-    }
-
-    static double off_axis(const Vec3& off, const ModelAxis& axis, const Mat3& S) {
-        if (axis.point) {
-            double L[9], x[3] = {off.x, off.y, off.z};
-            std::copy(S.m, S.m + 9, L);
-            if (!cholesky(L, 3)) return 1e300;
-            solve_cholesky(L, 3, x);
-            return 0.5 * dot(off, load(x));
-        }
-        const Vec3 u = any_across(axis.along), v = cross(axis.along, u), Su = S * u;
-        const double uu = dot(u, Su), uv = dot(v, Su), vv = dot(v, S * v), x = dot(off, u), y = dot(off, v);
-        return 0.5 * (vv * x * x - 2 * uv * x * y + uu * y * y) / std::max(uu * vv - uv * uv, 1e-60);
-    }
-
-    static double height(const ModelAxis& axis, double t, double sd) {
-        const double slack = SDS * sd;
-        if (std::fabs(t) < axis.wall + slack) return 0;
-        return t > axis.low - slack && t < axis.high + slack ? axis.price : 1e300;
-    }
-
-    double cost(const Pose& pose, const Spread& known, const Spread& slack) const {
-        double sum = 0;
-        for (int i = 0; i < C && sum < limit; ++i) sum += of_axes(i, pose, known, slack).cost;
-        for (size_t k = 0; k < scene.planes.size() && sum < limit; ++k) sum += of_planes(scene.planes[k], pose, known, slack).cost;
-        return sum;
+        pull.direction(transposed_times(pose.R, p.normal), n, 1 / (p.tilt * p.tilt + AXIS_TURNED * AXIS_TURNED));
     }
 
     void keep(const Pose& pose, const Spread& known) {
-        const double sum = cost(pose, known, known);
+        const double sum = comparison.cost(pose, known, known, limit);
         if (!(sum < limit)) return;
         rough.push_back({pose, sum, known});
         if (rough.size() <= 4 * REFINED) return;
         std::nth_element(rough.begin(), rough.begin() + REFINED, rough.end(),
                          [](const Rough& x, const Rough& y) { return x.cost < y.cost; });
         rough.resize(REFINED);
-    }
-
-    // Moves a pose to where everything is nearest to what it is of.
-    PlanePose refined(Pose pose, Spread known) const {
-        for (int step = 0; step < STEPS; ++step) {
-            Pull pull;
-            for (int i = 0; i < C; ++i) {
-                const Match to = of_axes(i, pose, known, known);
-                if (to.axis >= 0) pull_centre(pull, scene.centres[i], axes[to.axis], pose);
-            }
-            for (const SensedPlane& one : scene.planes) pull_plane(pull, one, pose, known);
-            if (!cholesky(pull.A, 6)) break;
-            known.set(pull.A);
-            solve_cholesky(pull.A, 6, pull.b);
-            pose = moved(pose, load(pull.b), load(pull.b + 3), Vec3{});
-        }
-        return {pose, cost(pose, Spread{}, known)};
     }
 };
 
