@@ -106,7 +106,7 @@ def scene(part: Part, kind: str, rng: np.random.Generator) -> ContactPoints:
 
 
 def bores(part: Part, rng: np.random.Generator, *, sized: bool) -> ContactPoints:
-    """Centres of up to four holes and bosses, anywhere along them, with their radii or without, and points of a face."""
+    """Centres of up to four holes and bosses, anywhere along them, with radii or without, and points of a face."""
     rounds = round_features(part)
     some = [rounds[k] for k in rng.permutation(len(rounds))[:4]]
     centres = np.array([r.ends[0] + rng.uniform() * (r.ends[1] - r.ends[0]) for r in some])

@@ -6,7 +6,7 @@ import pytest
 from tanteo import _core
 from tanteo.answers import Priors
 from tanteo.catalogue import tables_of
-from tanteo.inference import Problem, centre_votes, narrowing, plane_votes
+from tanteo.inference import Problem, narrowing, plane_votes, pose_seeds
 from tanteo.inference.centre_votes import lacking, on_axes, sensed_centres
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
@@ -376,10 +376,11 @@ def given(sensed_ones, every, **changed):
     rows = np.arange(3, dtype=np.int32)
     own = {
         "axes": table["axes"].ravel(), "axes_start": table["axes_start"], "planes": table["planes"].ravel(),
-        "planes_start": table["planes_start"], "rounds": table["rounds"].ravel(), "rounds_start": table["rounds_start"],
+        "planes_start": table["planes_start"], "rounds": table["rounds"].ravel(),
+        "rounds_start": table["rounds_start"],
         "unseen": np.zeros(len(every)), "rows": rows, "centres": sensed_ones.rows,
-        "sensed": sensed_ones.planes, "seeds": sensed_ones.seeds.ravel(), "poses_before": np.zeros((0, 4, 4)), "poses_start": np.zeros(4, dtype=np.int32),
-        "limit": 60.0, "behind": 16.0, "keep": 3,
+        "sensed": sensed_ones.planes, "seeds": sensed_ones.seeds.ravel(), "poses_before": np.zeros((0, 4, 4)),
+        "poses_start": np.zeros(4, dtype=np.int32), "limit": 60.0, "behind": 16.0, "keep": 3,
     }  # fmt: skip
     return _core.on_axes(**{**own, **changed})
 
@@ -423,4 +424,4 @@ def test_axes_of_no_length_or_no_number_end_in_costs(blocks):
 
 
 def test_centres_are_taken_from_all_sides(blocks):
-    assert sorted(centre_votes._spread(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]
+    assert sorted(pose_seeds.spread_out(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]

@@ -74,8 +74,9 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     Returns:
         ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
         whether it is continuous, unseen share. Arrays of any length: ``planes`` (normal, centroid, reach), ``rounds``
-        (cylinders), ``axes`` (where centres may be, as the likelihood has it), ``same`` and ``opposite`` (distances of parallel faces), ``angles`` (of others), ``places`` (of the
-        surface, with normals), ``field``; and ``grid`` (origin, step, shape).
+        (cylinders), ``axes`` (where centres may be), ``same`` and ``opposite`` (distances of parallel faces),
+        ``angles`` (of others), ``places`` (of the surface, with normals), ``field``; and ``grid`` (origin, step,
+        counts).
     """
     planes = _planes(part)
     grid, field = _field(part, shape)

@@ -7,7 +7,6 @@ fewer with planes or sensed axes, fix a pose, at which all centres and planes ar
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -15,10 +14,11 @@ from tanteo import _core
 from tanteo.inference.around import outlier_log_density
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.plane_votes import BEHIND, LIMIT, SensedPlanes
+from tanteo.inference.pose_seeds import Seeds, spread_out
 from tanteo.inference.problem import Problem, number_of
 from tanteo.measurements import ContactPoints
 from tanteo.sensors import CENTRE
-from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
+from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms
 
 _WIDER, _MADE = 0.6, 5e-5
 """Of the log of the factor to which the noise is known: so much larger it is taken to be; and holes are not made where
@@ -27,17 +27,14 @@ they are drawn [m]."""
 _MOST, _LEAST, _HOLES = 13.0, 2.0, 20
 """Nats that a centre of no axis costs: what it does by the outlier rate on a part of so many holes, within limits."""
 
-_COMPARED, _IN_SEEDS = 12, 8
-"""Centres that are compared, far from each other; those of them, and planes, that poses are made of."""
+_COMPARED = 12
+"""Centres that are compared, far from each other."""
 
 _SDS, _TILT = 4.0, 0.004
 """Normals are parallel within so many standard deviations and so much more [rad]."""
 
-_SHARP, _BESIDE = 0.25, 0.1
-"""Least sine of two directions that fix an attitude; least share of a distance that is across a direction."""
-
-_TRIED, _MORE = 4, 10
-"""Seeds of poses, and where these lead to nothing."""
+_COLUMNS, _NONE = ("axes", "planes", "rounds"), np.zeros((0, 4, 4))
+"""Columns of a catalogue that are read; poses of a part of which none are known."""
 
 _FAR, _KEPT = 16.0, 8
 """Nats behind the best at which poses of a part are given up; poses of a part."""
@@ -84,7 +81,7 @@ class SensedCentres:
 def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes) -> SensedCentres:
     """The centres among the points, with their noise as large as it may be."""
     own = points.take(np.flatnonzero(points.centres))
-    own = own.take(_spread(own.points, _COMPARED))
+    own = own.take(spread_out(own.points, _COMPARED))
     factor = float(np.exp(_WIDER * problem.scale_sd))
     shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
     sizes, size_sds, sides = own.circles.T
@@ -103,7 +100,7 @@ def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes
         ]
     )
     flat = ~_lonely(planes.rows)
-    found = _Seeds(rows, planes.rows, flat if flat.any() else ~flat)
+    found = Seeds(rows, planes.rows, flat if flat.any() else ~flat)
     seeds, more, fixed = found.chosen()
     certain = fixed and bool(flat.any() or not len(flat))
     return SensedCentres(np.ascontiguousarray(rows), planes.rows, seeds, more, certain)
@@ -116,19 +113,6 @@ def _lonely(planes: FloatArray) -> BoolArray:
     return np.asarray((planes[:, 11] > 0) & (near.sum(axis=1) < 2))
 
 
-def _spread(p: Vectors, count: int) -> IntArray:
-    """Rows of points that are far from each other, the farthest from their middle first."""
-    if not len(p):
-        return np.zeros(0, dtype=np.int64)
-    chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
-    nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(p)):
-        nearest[chosen[-1]] = -1.0
-        chosen.append(int(np.argmax(nearest)))
-        nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
-    return np.array(chosen)
-
-
 def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatArray:
     """Nats that a centre costs if it is of no axis ``(n,)``."""
     rate, sizes = problem.priors.outlier_rate, own.circles[:, 0]
@@ -138,94 +122,6 @@ def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatA
     peak += np.where(sizes > 0, -0.5 * np.log(2 * np.pi) - np.log(np.where(sizes > 0, own.circles[:, 1], 1.0)), 0.0)
     elsewhere = outlier_log_density(own, problem.priors) + np.where(own.oriented, np.log(4 * np.pi), 0.0)
     return np.asarray((peak - elsewhere + np.log1p(-rate) - np.log(rate)).clip(_LEAST, _MOST))
-
-
-class _Seeds:
-    """Which centres and planes fix a pose, those first that fix it best."""
-
-    def __init__(self, rows: FloatArray, planes: FloatArray, usable: BoolArray) -> None:
-        self.rows, self.planes, self.count = rows, planes, len(rows)
-        self.centres = list(range(min(len(rows), _IN_SEEDS)))
-        self.flat = [len(rows) + int(k) for k in np.flatnonzero(usable)[:_IN_SEEDS]]
-        at = np.concatenate([rows[:, :3], planes[:, 3:6]])
-        self.reach = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 0.0
-
-    def chosen(self) -> tuple[Indices, Indices, bool]:
-        """Seeds of which no item is in all; others of which no two are in all of both; whether they fix a pose.
-
-        Where none does, two centres and a plane tell parts apart still: what they leave free moves none of them.
-        """
-        known = sorted((error, seed) for seed in self._all() if (error := self._error(seed)) is not None)
-        seeds = [seed for _, seed in known]
-        if not seeds:
-            seeds = [(*two, k) for two in combinations(self.centres, 2) for k in self.flat]
-            seeds = seeds or [(k, m) for k in self.centres for m in self.flat]
-        first = _covering(seeds, [], 1, _TRIED)
-        return _as_rows(first), _as_rows(_covering(seeds, first, 2, _MORE)), len(known) > 0
-
-    def _all(self) -> list[tuple[int, ...]]:
-        c, f = self.centres, self.flat
-        some = [*combinations(c, 3), *combinations(f, 3), *combinations(c, 2)]
-        some += [(*two, k) for two in combinations(c, 2) for k in f]
-        return some + [(k, *two) for k in c for two in combinations(f, 2)] + [(k, m) for k in c for m in f]
-
-    def _error(self, seed: tuple[int, ...]) -> float | None:
-        """About how far off the pose may be at the farthest reading [m]; None where a seed does not fix it."""
-        held = [k for k in seed if k < self.count]
-        ways = [(self._plane(k)[:3], self._plane(k)[7]) for k in seed if k >= self.count]
-        if len(held) == 3:
-            return self._of_three(held)
-        if len(seed) == 2:  # the axis of a centre instead of a plane
-            ways += [(self.rows[k, 3:6], self.rows[k, 7]) for k in held if np.any(self.rows[k, 3:6])][:1]
-        if len(held) == 2 and len(ways) == 1:
-            return self._of_two(held, *ways[0])
-        if len(held) + len(ways) < (3 if len(seed) == 2 else 2) or len(ways) < 2:
-            return None
-        size = abs(np.linalg.det([n for n, _ in ways])) if len(ways) == 3 else np.linalg.norm(np.cross(*_two(ways)))
-        tilt = max(tilt for _, tilt in ways)
-        return float(self.reach * tilt / size) if size > max(_SHARP, _SDS * tilt) else None
-
-    def _plane(self, k: int) -> FloatArray:
-        return np.asarray(self.planes[k - self.count])
-
-    def _of_three(self, held: list[int]) -> float | None:
-        """Heights along the axes are not known, so that they tell a tilt badly."""
-        a, b, c = self.rows[held, :3]
-        longest = max(float(np.linalg.norm(x)) for x in (b - a, c - a, c - b))
-        height = float(np.linalg.norm(np.cross(b - a, c - a))) / max(longest, 1e-12)
-        return 4 * self.reach * float(self.rows[held, 6].max()) / height if height > _BESIDE * longest else None
-
-    def _of_two(self, held: list[int], way: FloatArray, tilt: float) -> float | None:
-        off = self.rows[held[1], :3] - self.rows[held[0], :3]
-        across = float(np.linalg.norm(off - (off @ way) * way))
-        if across <= max(_BESIDE, _SDS * tilt) * float(np.linalg.norm(off)):
-            return None
-        return self.reach * max(tilt, float(np.linalg.norm(self.rows[held, 6])) / across)
-
-
-def _two(ways: list[tuple[FloatArray, float]]) -> tuple[FloatArray, FloatArray]:
-    return ways[0][0], ways[1][0]
-
-
-def _covering(
-    seeds: list[tuple[int, ...]], known: list[tuple[int, ...]], wrong: int, most: int
-) -> list[tuple[int, ...]]:
-    """The best seeds, so that with those that are known some is right although so many items are wrong."""
-    items = sorted({k for seed in seeds for k in seed})
-    spoiled = [set(some) for some in combinations(items, wrong) if all(set(some) & set(seed) for seed in known)]
-    chosen = list[tuple[int, ...]]() if known else seeds[:1]
-    spoiled = [some for some in spoiled if not any(some.isdisjoint(seed) for seed in chosen)]
-    while spoiled and len(chosen) < most:
-        right = [sum(some.isdisjoint(seed) for some in spoiled) for seed in seeds]
-        if not max(right):
-            break
-        chosen.append(seeds[int(np.argmax(right))])
-        spoiled = [some for some in spoiled if not some.isdisjoint(chosen[-1])]
-    return chosen
-
-
-def _as_rows(seeds: list[tuple[int, ...]]) -> Indices:
-    return np.array([[*seed, *[-1] * (3 - len(seed))] for seed in seeds], dtype=np.int32).reshape(-1, 3)
 
 
 def lacking(sensed: SensedCentres, candidates: Candidates, rows: IntArray) -> FloatArray:
@@ -279,10 +175,12 @@ def _tried(
         here = np.flatnonzero(some & (rows >= start) & (rows < start + len(table["numbers"])))
         before = [hints.get(int(row), _NONE) for row in rows[here]]
         limit = min(LIMIT, lowest + _FAR)
+        axes, planes, rounds = (np.asarray(table[name]).ravel() for name in _COLUMNS)
+        starts = [np.asarray(table[f"{name}_start"]) for name in _COLUMNS]
         found, Ts, whole = _core.on_axes(
-            *(np.asarray(table[name]).ravel() for column in _COLUMNS for name in (column, f"{column}_start")),
-            np.ascontiguousarray(table["numbers"][:, 16]), (rows[here] - start).astype(np.int32), sensed.rows,
-            sensed.planes, seeds.ravel(), np.ascontiguousarray(np.concatenate([_NONE, *before])),
+            axes, starts[0], planes, starts[1], rounds, starts[2], np.ascontiguousarray(table["numbers"][:, 16]),
+            (rows[here] - start).astype(np.int32), sensed.rows, sensed.planes, seeds.ravel(),
+            np.ascontiguousarray(np.concatenate([_NONE, *before])),
             np.cumsum([0, *map(len, before)]).astype(np.int32), limit, _FAR, _KEPT,
         )  # fmt: skip
         at_least = np.where(whole > 0, found[:, 0], 0.0)  # others may have poses that were not tried
@@ -291,7 +189,3 @@ def _tried(
         for k in np.flatnonzero(found[:, 0] < limit):
             hints[int(rows[here[k]])] = Ts[k][found[k] < limit]
     return lowest
-
-
-_NONE = np.zeros((0, 4, 4))
-_COLUMNS = "axes", "planes", "rounds"

@@ -100,7 +100,7 @@ def narrowed(problem: Problem, candidates: Candidates, odds: FloatArray | None =
 
 @dataclass(slots=True, eq=False)
 class _Compared:
-    """Nats of parts and poses by their rows; whether these are all poses, and the nats what they are behind at least."""
+    """Nats of parts, and poses by their rows; whether these are all, and whether the nats are bounds."""
 
     costs: FloatArray
     hints: dict[int, Transforms]
