@@ -6,8 +6,7 @@ import pytest
 from tanteo import _core
 from tanteo.answers import Priors
 from tanteo.catalogue import tables_of
-from tanteo.inference import Problem, narrowing, plane_votes, pose_seeds
-from tanteo.inference.centre_votes import lacking, on_axes, sensed_centres
+from tanteo.inference import Problem, centre_votes, narrowing, plane_votes, pose_seeds
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.sensors import APEX, BALL, CENTRE
@@ -108,14 +107,14 @@ def sensed(part, rng, which, *, sized=True, oriented=False, face=True, heights=N
 
 def felt(points):
     problem = Problem(points, FreeRays.none(), Priors(radius=RADIUS))
-    return sensed_centres(problem, points, plane_votes.sensed_planes(problem, points))
+    return centre_votes.sensed_centres(problem, points, plane_votes.sensed_planes(problem, points))
 
 
 def compared(points, every):
     """Nats of all parts, by centres and planes, and poses."""
     centres, rows, hints = felt(points), np.arange(len(every)), {}
-    costs = lacking(centres, every, rows)
-    on_axes(centres, every, rows, costs, hints)
+    costs = centre_votes.lacking(centres, every, rows)
+    centre_votes.on_axes(centres, every, rows, costs, hints)
     return costs, hints
 
 
@@ -198,7 +197,7 @@ def test_a_radius_that_no_hole_has_costs_an_outlier(blocks, every):
     _, points = sensed(blocks[3], rng, range(4))
     points.circles[1, 0] += 0.02
     centres = felt(points)
-    costs = lacking(centres, every, np.arange(len(blocks)))
+    costs = centre_votes.lacking(centres, every, np.arange(len(blocks)))
     assert costs[3] == pytest.approx(centres.rows[1, 10], abs=3)
     assert np.all(costs > 12)
 
@@ -232,7 +231,7 @@ def test_twins_are_told_by_the_hole_that_differs_only(blocks):
 
 def test_one_hole_met_twice_lacks_nothing(blocks, every):
     _, points = sensed(blocks[5], np.random.default_rng(7), [0, 0, 1, 2], heights=[0.3, 0.7, 0.5, 0.5])
-    assert lacking(felt(points), every, np.array([5])) < 4
+    assert centre_votes.lacking(felt(points), every, np.array([5])) < 4
     costs, _ = compared(points, every)
     assert costs[5] < costs.min() + plane_votes.BEHIND
 
@@ -281,7 +280,7 @@ def test_spheres_and_apexes_are_points(blocks):
     assert 0 in hints
 
 
-def test_two_coaxial_holes_and_a_face_fix_no_pose_but_tell_lengths(blocks):
+def test_coaxial_holes_and_a_face_fix_no_pose_but_tell_lengths(blocks):
     """The face across them says how far they may be; nothing says how they are turned."""
 
     def fork(gap):
@@ -319,7 +318,7 @@ def test_compiled_nats_are_those_of_plain_numbers(blocks, every):
         row = int(rng.integers(len(blocks)))
         _, points = sensed(blocks[row], rng, range(3), oriented=True)
         centres, hints, costs = felt(points), {}, np.zeros(1)
-        on_axes(centres, every, np.array([row]), costs, hints)
+        centre_votes.on_axes(centres, every, np.array([row]), costs, hints)
         plain = [plainly(centres, blocks[row], T) for T in hints[row]]
         assert min(plain) == pytest.approx(costs[0], abs=1e-3)
 
