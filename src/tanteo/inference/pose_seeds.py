@@ -65,7 +65,7 @@ class Seeds:
 
     def _all(self) -> list[tuple[int, ...]]:
         c, f = self.centres, self.flat
-        some = [*combinations(c, 3), *combinations(f, 3), *combinations(c, 2)]
+        some = [*combinations(c, 3), *combinations(c, 2)]
         some += [(*two, k) for two in combinations(c, 2) for k in f]
         return some + [(k, *two) for k in c for two in combinations(f, 2)] + [(k, m) for k in c for m in f]
 
@@ -79,10 +79,9 @@ class Seeds:
             ways += [(self.rows[k, 3:6], self.rows[k, 7]) for k in held if np.any(self.rows[k, 3:6])][:1]
         if len(held) == 2 and len(ways) == 1:
             return self._of_two(held, *ways[0])
-        if len(held) + len(ways) < (3 if len(seed) == 2 else 2) or len(ways) < 2:
+        if len(ways) < 2:
             return None
-        size = abs(np.linalg.det([n for n, _ in ways])) if len(ways) == 3 else np.linalg.norm(np.cross(*_two(ways)))
-        tilt = max(tilt for _, tilt in ways)
+        size, tilt = float(np.linalg.norm(np.cross(ways[0][0], ways[1][0]))), max(tilt for _, tilt in ways)
         return float(self.reach * tilt / size) if size > max(_SHARP, _SDS * tilt) else None
 
     def _plane(self, k: int) -> FloatArray:
@@ -101,10 +100,6 @@ class Seeds:
         if across <= max(_BESIDE, _SDS * tilt) * float(np.linalg.norm(off)):
             return None
         return self.reach * max(tilt, float(np.linalg.norm(self.rows[held, 6])) / across)
-
-
-def _two(ways: list[tuple[FloatArray, float]]) -> tuple[FloatArray, FloatArray]:
-    return ways[0][0], ways[1][0]
 
 
 def _covering(

@@ -150,7 +150,7 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
     behind = chosen.left_out if chosen.bound else None
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), hints=hints, certain=chosen.certain,
-        left_out=LeftOut(len(rest), behind, alike),
+        left_out=LeftOut(len(rest), behind, alike, untried=chosen.bound and not chosen.certain),
     )  # fmt: skip
 
 
