@@ -1,5 +1,7 @@
 """Centres of holes narrow many parts: the own part stays in, others drop out, and what is wrong costs an outlier."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -424,3 +426,23 @@ def test_axes_of_no_length_or_no_number_end_in_costs(blocks):
 
 def test_centres_are_taken_from_all_sides(blocks):
     assert sorted(pose_seeds.spread_out(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]
+
+
+def test_a_lonely_normal_makes_no_poses(blocks, every):
+    """It may be of a face that is no plane, which a table does not have."""
+    _, points = sensed(blocks[4], np.random.default_rng(17), [0, 1], face=False)
+    normal = np.array([[0.6, 0.0, 0.8]])
+    one = replace(
+        points.take(np.array([0])), kinds=("point",), normals=normal, normal_sds=np.array([0.01]),
+        circles=np.zeros((1, 3)), points=points.points[:1] + 0.01 * normal,
+    )  # fmt: skip
+    names = [f for f in ContactPoints.__dataclass_fields__ if ContactPoints.__dataclass_fields__[f].init]
+    both = {name: (getattr(points, name), getattr(one, name)) for name in names}
+    joined = {
+        name: a + b if isinstance(a, tuple) else np.concatenate([a, b]) if isinstance(a, np.ndarray) else a
+        for name, (a, b) in both.items()
+    }
+    centres = felt(ContactPoints(**joined))
+    assert len(centres.planes) == 1
+    assert not len(centres.seeds)
+    assert not centres.certain

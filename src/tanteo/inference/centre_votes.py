@@ -50,8 +50,7 @@ class SensedCentres:
         planes: as the core compares them, counted after the centres ``(k, 12)``.
         seeds: of which poses are made, none of which needs what all others need ``(m, 3)``.
         more: others, without each two.
-        certain: whether these fix poses, without a sensed normal that no other one is parallel to: it may be of a
-            curved face.
+        certain: whether these fix poses.
     """
 
     rows: FloatArray
@@ -99,15 +98,12 @@ def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes
             kinds,
         ]
     )
-    flat = ~_lonely(planes.rows)
-    found = Seeds(rows, planes.rows, flat if flat.any() else ~flat)
-    seeds, more, fixed = found.chosen()
-    certain = fixed and bool(flat.any() or not len(flat))
-    return SensedCentres(np.ascontiguousarray(rows), planes.rows, seeds, more, certain)
+    seeds = Seeds(rows, planes.rows, ~_lonely(planes.rows)).chosen()
+    return SensedCentres(np.ascontiguousarray(rows), planes.rows, *seeds)
 
 
 def _lonely(planes: FloatArray) -> BoolArray:
-    """Which are one sensed normal that no other one is parallel to ``(k,)``."""
+    """Which are one sensed normal that no other one is parallel to ``(k,)``: it may be of a curved face."""
     sines = np.linalg.norm(np.cross(planes[:, None, :3], planes[:, :3]), axis=-1)
     near = sines < _SDS * np.hypot(planes[:, None, 7], planes[:, 7]) + _TILT
     return np.asarray((planes[:, 11] > 0) & (near.sum(axis=1) < 2))
