@@ -162,21 +162,50 @@ class Search {
                 free_sign = axes[of[k].which].point ? -1 : ways;
                 ++ways;
             }
-        if (places == 2 && ways == 1) {
-            directions[1] = world[1] - world[0];
-            own[1] = part[1] - part[0];
-            ways = 2;
-        }
         if (!ways) return;
+        if (places == 2) return of_two(world, directions[0], own[0], free_sign == 0);
         for (const double sign : {1.0, -1.0}) {
             if (sign < 0 && free_sign < 0) continue;
             if (free_sign >= 0) own[free_sign] = sign * own[free_sign];
-            Mat3 R;
-            const int turns = turned(directions[0], directions[1], own[0], own[1], R) ? 1 : TURNS;
-            for (int k = 0; k < turns; ++k) {
-                const Mat3 Q = R * rotation((2 * PI * k / turns) * unit(own[0]));
-                attempt({Q, places ? world[0] - Q * part[0] : Vec3{}});
+            in_place(directions, own, places ? world[0] : Vec3{}, places ? part[0] : Vec3{});
+        }
+    }
+
+    // Two centres and a direction: from places of the axes that are as far apart as they are.
+    void of_two(const Vec3* world, const Vec3& direction, const Vec3& own, bool either) {
+        const ModelAxis &a = axes[of[0].which], &b = axes[of[1].which];
+        double first[5] = {0, -0.5, 0.5, -0.5, 0.5}, second[5] = {0, -0.5, 0.5, 0.5, -0.5};
+        int tries = 5;  // in halves of the walls
+        if (is_along(a, own) && is_along(b, own)) tries = 1;
+        const bool parallel = !a.point && !b.point && norm(cross(a.along, b.along)) < PARALLEL;
+        for (int k = 0; k < tries; ++k) {
+            Vec3 part[2] = {a.middle + first[k] * a.wall * a.along, b.middle + second[k] * b.wall * b.along};
+            if (parallel && tries > 1) {
+                if (k > 1) break;
+                const double rise_of = (k ? -0.5 : 0.5) * rise(world, part, a.along, 0, 1).about;
+                const double level = 0.5 * dot(a.along, a.middle + b.middle);
+                part[0] = a.middle + (level - rise_of - dot(a.along, a.middle)) * a.along;
+                part[1] = b.middle + (level + rise_of - dot(a.along, b.middle)) * a.along;
             }
+            for (const double sign : {1.0, -1.0}) {
+                if (sign < 0 && !either) continue;
+                const Vec3 there[2] = {direction, world[1] - world[0]}, here[2] = {sign * own, part[1] - part[0]};
+                in_place(there, here, 0.5 * (world[0] + world[1]), 0.5 * (part[0] + part[1]));
+            }
+        }
+    }
+
+    static bool is_along(const ModelAxis& axis, const Vec3& way) {
+        return axis.point || norm(cross(axis.along, unit(way))) < PARALLEL;
+    }
+
+    // Two directions and a place of the part, and where they are.
+    void in_place(const Vec3* there, const Vec3* here, const Vec3& to, const Vec3& from) {
+        Mat3 R;
+        const int turns = turned(there[0], there[1], here[0], here[1], R) ? 1 : TURNS;
+        for (int k = 0; k < turns; ++k) {
+            const Mat3 Q = R * rotation((2 * PI * k / turns) * unit(here[0]));
+            attempt({Q, to - Q * from});
         }
     }
 
@@ -202,7 +231,15 @@ class Search {
             parallel = parallel && !axis[k]->point;
             parallel = parallel && norm(cross(axis[0]->along, axis[k]->along)) < PARALLEL;
         }
-        if (!parallel) return on_places(world, part);
+        if (!parallel) {
+            for (int which = 0; which < 9; ++which) {  // the middles of the walls, then their ends
+                Vec3 places[3];
+                for (int k = 0; k < 3; ++k)
+                    places[k] = part[k] + (which == 8 ? 0 : (which >> k & 1 ? 0.5 : -0.5) * axis[k]->wall) * axis[k]->along;
+                on_places(world, places);
+            }
+            return;
+        }
         const Vec3 u = axis[0]->along;
         const Rise second = rise(world, part, u, 0, 1), third = rise(world, part, u, 0, 2), last = rise(world, part, u, 1, 2);
         const bool level = last.may_be(third.least - second.most, third.most - second.least) ||
