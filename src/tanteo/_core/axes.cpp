@@ -42,6 +42,7 @@ ModelAxes::ModelAxes(const float* rows, size_t count) {
     double share[KINDS] = {}, density = 0;
     for (size_t k = 0; k < count; ++k) {
         const float* x = rows + 12 * k;
+        if (!std::all_of(x, x + 12, [](float value) { return std::fabs(value) < 1e6f; })) continue;  // counts as unseen
         const Vec3 a{x[0], x[1], x[2]}, b{x[3], x[4], x[5]};
         const double weight = x[8], half = 0.5 * norm(b - a);
         const int number = static_cast<int>(x[10]), kind = std::clamp(static_cast<int>(x[11]), 0, KINDS - 1);
