@@ -96,6 +96,7 @@ double AxisComparison::cost(const Pose& pose, const Spread& known, const Spread&
 }
 
 PlanePose AxisComparison::refined(Pose pose, Spread known, double limit) const {
+    PlanePose best{pose, cost(pose, Spread{}, known, limit)};
     for (int step = 0; step < STEPS; ++step) {
         Pull pull;
         for (size_t i = 0; i < scene.centres.size(); ++i) {
@@ -107,8 +108,10 @@ PlanePose AxisComparison::refined(Pose pose, Spread known, double limit) const {
         known.set(pull.A);
         solve_cholesky(pull.A, 6, pull.b);
         pose = moved(pose, load(pull.b), load(pull.b + 3), Vec3{});
+        const double here = cost(pose, Spread{}, known, limit);
+        if (here < best.cost) best = {pose, here};
     }
-    return {pose, cost(pose, Spread{}, known, limit)};
+    return best;
 }
 
 }  // namespace tanteo

@@ -15,8 +15,9 @@ struct Pull {
     static constexpr double STEP = 0.1, TURN = 0.3;  // how far a step of a pose may lead [m, rad]
     double A[36] = {}, b[6] = {}, cost = 0;
 
-    Pull() {
-        for (int i = 0; i < 6; ++i) A[7 * i] = i < 3 ? 1 / (STEP * STEP) : 1 / (TURN * TURN);
+    Pull() { damp(1); }
+    void damp(double times) {
+        for (int i = 0; i < 6; ++i) A[7 * i] += times / (i < 3 ? STEP * STEP : TURN * TURN);
     }
     void add(const double* J, double r, double weight) {
         cost += 0.5 * weight * r * r;

@@ -14,7 +14,7 @@ constexpr double HOPELESS = 100, NEARLY = 2;  // of what a pose may cost, the co
 constexpr double SHARP = 0.05;  // least sine of two directions that fix an attitude
 constexpr double PI = 3.14159265358979323846;
 constexpr int TURNS = 3;  // about a direction, where nothing says how
-constexpr int LATE = 3, STEPS = 8, REFINED = 12;
+constexpr int LATE = 4, STEPS = 12, REFINED = 12;
 constexpr int TRIED = 4000;  // poses of a part that are tried
 
 // An axis or face that an item of a seed may be of; of planes whose side nobody knows, the other way round.
@@ -285,20 +285,32 @@ class Search {
             all = false;
             return;
         }
-        Spread known;
-        for (int step = 0; step <= STEPS; ++step) {
-            Pull pull;
-            for (int k = 0; k < count; ++k) pull_item(pull, k, pose);
-            if ((step >= LATE && pull.cost > HOPELESS * limit) || !cholesky(pull.A, 6)) return;
-            solve_cholesky(pull.A, 6, pull.b);
-            const Vec3 v = load(pull.b), w = load(pull.b + 3);
-            pose = moved(pose, v, w, Vec3{});
-            if (squared(v) + squared(w) > SHORT * SHORT && step < STEPS) continue;
-            if (pull.cost > NEARLY * limit) return;
-            known.set(pull.A);
-            break;
+        Pull pull = pulled(pose);
+        double damping = 0;  // where two heights are nearly one, a step leads far beyond
+        for (int step = 0; step < STEPS; ++step) {
+            Pull own = pull;
+            own.damp(damping);
+            if ((step >= LATE && pull.cost > HOPELESS * limit) || !cholesky(own.A, 6)) return;
+            solve_cholesky(own.A, 6, own.b);
+            const Vec3 v = load(own.b), w = load(own.b + 3);
+            if (squared(v) + squared(w) < SHORT * SHORT) break;
+            const Pose next = moved(pose, v, w, Vec3{});
+            const Pull there = pulled(next);
+            damping = there.cost <= pull.cost ? 0.1 * damping : std::max(16 * damping, 16.0);
+            if (there.cost > pull.cost) continue;
+            pose = next;
+            pull = there;
         }
+        if (pull.cost > NEARLY * limit || !cholesky(pull.A, 6)) return;
+        Spread known;
+        known.set(pull.A);
         keep(pose, known);
+    }
+
+    Pull pulled(const Pose& pose) const {
+        Pull pull;
+        for (int k = 0; k < count; ++k) pull_item(pull, k, pose);
+        return pull;
     }
 
     void pull_item(Pull& pull, int k, const Pose& pose) const {
