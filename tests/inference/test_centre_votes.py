@@ -318,6 +318,18 @@ def test_seeds_leave_every_reading_out_once(blocks):
         assert np.any(~np.any(np.isin(both, pair), axis=1)), pair
 
 
+def test_holes_of_nearly_one_height_beside_a_face_are_found(blocks, every):
+    """How the part is turned about the normal of a side follows from the heights of two holes along their axes."""
+    for k in range(20):
+        rng = np.random.default_rng((18, k))
+        row = int(rng.integers(len(blocks)))
+        heights = 0.5 + rng.choice([0.0, 0.01, 0.1, 0.2], 2)
+        _, points = sensed(blocks[row], rng, [0, 1], face=int(rng.integers(4)), heights=heights)
+        costs, hints = compared(points, every)
+        assert row in hints
+        assert costs[row] < 9
+
+
 def test_compiled_nats_are_those_of_plain_numbers(blocks, every):
     for k in range(10):
         rng = np.random.default_rng((12, k))
