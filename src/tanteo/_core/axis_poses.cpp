@@ -142,7 +142,7 @@ class Search {
 
     // All items of the seed have partners: poses from about there.
     void placed() {
-        Vec3 world[3], part[3], directions[2], own[2];  // places, and directions; a second one that is 0 is any
+        Vec3 world[3], part[3], directions[2], own[2];  // places, and directions, of which a second one that is 0 is any
         int places = 0, ways = 0, free_sign = -1;
         for (int k = 0; k < count; ++k) {
             if (!is_centre(k)) {
@@ -171,28 +171,28 @@ class Search {
         }
     }
 
-    // Two centres and a direction: from places of the axes that are as far apart as they are.
+    // Two centres and a direction: from places of the axes that are as far apart, where these are parallel, seen from
+    // either side; else from the middles of the walls and their ends.
     void of_two(const Vec3* world, const Vec3& direction, const Vec3& own, bool either) {
         const ModelAxis &a = axes[of[0].which], &b = axes[of[1].which];
-        double first[5] = {0, -0.5, 0.5, -0.5, 0.5}, second[5] = {0, -0.5, 0.5, 0.5, -0.5};
-        int tries = 5;  // in halves of the walls
-        if (is_along(a, own) && is_along(b, own)) tries = 1;
-        const bool parallel = !a.point && !b.point && norm(cross(a.along, b.along)) < PARALLEL;
-        for (int k = 0; k < tries; ++k) {
-            Vec3 part[2] = {a.middle + first[k] * a.wall * a.along, b.middle + second[k] * b.wall * b.along};
-            if (parallel && tries > 1) {
-                if (k > 1) break;
-                const double rise_of = (k ? -0.5 : 0.5) * rise(world, part, a.along, 0, 1).about;
-                const double level = 0.5 * dot(a.along, a.middle + b.middle);
-                part[0] = a.middle + (level - rise_of - dot(a.along, a.middle)) * a.along;
-                part[1] = b.middle + (level + rise_of - dot(a.along, b.middle)) * a.along;
-            }
+        const auto between = [&](const Vec3& p, const Vec3& q) {
+            const Vec3 there[2] = {direction, world[1] - world[0]};
             for (const double sign : {1.0, -1.0}) {
-                if (sign < 0 && !either) continue;
-                const Vec3 there[2] = {direction, world[1] - world[0]}, here[2] = {sign * own, part[1] - part[0]};
-                in_place(there, here, 0.5 * (world[0] + world[1]), 0.5 * (part[0] + part[1]));
+                const Vec3 here[2] = {sign * own, q - p};
+                if (sign > 0 || either) in_place(there, here, 0.5 * (world[0] + world[1]), 0.5 * (p + q));
             }
+        };
+        if (is_along(a, own) && is_along(b, own)) return between(a.middle, b.middle);
+        if (!a.point && !b.point && is_along(a, b.along)) {
+            const Vec3 part[2] = {a.middle, b.middle};
+            const double level = 0.5 * dot(a.along, b.middle - a.middle), high = 0.5 * rise(world, part, a.along, 0, 1).about;
+            for (const double way : {high, -high})
+                between(a.middle + (level - way) * a.along, b.middle + (way - level) * a.along);
+            return;
         }
+        between(a.middle, b.middle);
+        for (const double s : {-0.5, 0.5})
+            for (const double t : {-0.5, 0.5}) between(a.middle + s * a.wall * a.along, b.middle + t * b.wall * b.along);
     }
 
     static bool is_along(const ModelAxis& axis, const Vec3& way) {

@@ -123,7 +123,7 @@ def rounds_of(part: Part) -> np.ndarray:
 
 
 def _largest_axes(part: Part) -> np.ndarray:
-    """Where centres may be ``(K, 12)``, as the core has it; of each kind those about the largest, as most are sensed.
+    """Where centres may be ``(K, 12)``, as the core has it; of each kind the largest, for most are sensed of these.
 
     Their weights are those among all: what they lack of 1 is the share of those that are left out.
     """
