@@ -17,7 +17,7 @@ import tanteo
 from tanteo.inference import identify_points
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
-from tanteo.parts import Part, exact_faces
+from tanteo.parts import Part, exact_faces, round_features
 
 SD, NORMAL_SD = 1e-4, 0.02
 """Standard deviations of a point [m], and of each tilt of a sensed normal [rad]."""
@@ -25,12 +25,20 @@ SD, NORMAL_SD = 1e-4, 0.02
 EACH = 4
 """Points of a labelled face."""
 
+BORE_SD, ON_FACE = 3e-5, 3
+"""Standard deviation of the centre and radius that a bore cycle finds [m]; points of the face beside them."""
+
 KINDS = {
     "labelled": "6 labelled faces, 4 points each",
     "normals": "10 points with sensed normals",
+    "holes": "centres and radii of up to 4 holes, 3 points of a face",
+    "centres": "centres of up to 4 holes without radii, 3 points of a face",
     "points12": "12 points",
     "points30": "30 points",
 }
+
+BORES = ("holes", "centres")
+"""Kinds of scenes of parts with two holes or bosses, or more."""
 
 SURE = 0.95
 """Probability from which an answer is sure of its part."""
@@ -70,6 +78,8 @@ def points_on(part: Part, triangles: np.ndarray, n: int, rng: np.random.Generato
 
 def scene(part: Part, kind: str, rng: np.random.Generator) -> ContactPoints:
     """What is sensed of a part at a random pose."""
+    if kind in BORES:
+        return bores(part, rng, sized=kind == "holes")
     labels: tuple[str, ...] = ()
     if kind == "labelled":
         planes = part.planes
@@ -95,6 +105,31 @@ def scene(part: Part, kind: str, rng: np.random.Generator) -> ContactPoints:
     )  # fmt: skip
 
 
+def bores(part: Part, rng: np.random.Generator, *, sized: bool) -> ContactPoints:
+    """Centres of up to four holes and bosses, anywhere along them, with radii or without, and points of a face."""
+    rounds = round_features(part)
+    some = [rounds[k] for k in rng.permutation(len(rounds))[:4]]
+    centres = np.array([r.ends[0] + rng.uniform() * (r.ends[1] - r.ends[0]) for r in some])
+    planes = part.planes
+    face = planes.faces[rng.choice(len(planes), p=planes.areas / planes.areas.sum())]
+    felt, n = points_on(part, np.flatnonzero(part.triangle_face == face), ON_FACE, rng)
+    T = SE3.exp(np.concatenate([rng.uniform(-0.3, 0.3, size=3), rng.normal(size=3)]))
+    p = SE3.apply(T, np.concatenate([centres, felt]))
+    c, m = len(centres), len(p)
+    radii = np.array([r.radii.mean() for r in some]) + BORE_SD * rng.normal(size=c)
+    circles = np.zeros((m, 3))
+    circles[:c] = np.column_stack([radii, np.full(c, np.hypot(BORE_SD, 1e-4)), [1 if r.hole else -1 for r in some]])
+    sides = np.concatenate([np.zeros((c, 3)), n @ T[:3, :3].T])
+    return ContactPoints(
+        ids=tuple(str(k) for k in range(m)), points=p + BORE_SD * rng.normal(size=p.shape),
+        covs=np.tile(BORE_SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m), directions=np.zeros((m, 3)),
+        normals=np.zeros((m, 3)), normal_sds=np.full(m, np.pi), reach=np.zeros(m),
+        shared_jacobian=np.zeros((m, 3, 0)), sd=np.full(m, BORE_SD),
+        labels=("",) * c + ("face",) * (m - c), kinds=("centre",) * c + ("plane",) * (m - c), sides=sides,
+        circles=circles if sized else np.zeros((m, 3)),
+    )  # fmt: skip
+
+
 def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, say: bool = False) -> Outcome:
     """Scenes of parts that are drawn from all."""
     out = Outcome()
@@ -102,6 +137,9 @@ def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, s
         rng = np.random.default_rng((seed, number + 1))
         row = int(rng.integers(len(catalogue)))
         part = catalogue[row]
+        while kind in BORES and len(round_features(part)) < 2:
+            row = int(rng.integers(len(catalogue)))
+            part = catalogue[row]
         points = scene(part, kind, rng)
         start, begun = time.perf_counter(), time.process_time()
         answer = identify_points(points, FreeRays.none(), catalogue, top=10_000)

@@ -28,6 +28,7 @@ void offer_beams(nb::module_& m);   // beam_door.cpp
 void offer_coarse(nb::module_& m);  // coarse_door.cpp
 void offer_outlines(nb::module_& m);  // outlines_door.cpp
 void offer_planes(nb::module_& m);  // planes_door.cpp
+void offer_axes(nb::module_& m);  // axes_door.cpp
 void offer_rounds(nb::module_& m);  // rounds_door.cpp
 }
 
@@ -594,5 +595,6 @@ NB_MODULE(native, m) {
     offer_coarse(m);
     offer_outlines(m);
     offer_planes(m);
+    offer_axes(m);
     offer_rounds(m);
 }

@@ -199,6 +199,27 @@ def on_planes(
     behind: float,
     keep: int,
 ) -> tuple[FloatArray, FloatArray]: ...
+def axes_lack(
+    axes: NDArray[np.float32], starts: NDArray[np.int64], rows: AnyInts, centres: FloatArray
+) -> FloatArray: ...
+def on_axes(
+    axes: NDArray[np.float32],
+    axes_start: NDArray[np.int64],
+    planes: NDArray[np.float32],
+    planes_start: NDArray[np.int64],
+    rounds: NDArray[np.float32],
+    rounds_start: NDArray[np.int64],
+    unseen: FloatArray,
+    rows: AnyInts,
+    centres: FloatArray,
+    sensed: FloatArray,
+    seeds: AnyInts,
+    poses_before: FloatArray,
+    poses_start: AnyInts,
+    limit: float,
+    behind: float,
+    keep: int,
+) -> tuple[FloatArray, FloatArray, Indices]: ...
 def closest_points(shape: Shape, points: FloatArray) -> tuple[FloatArray, FloatArray, Indices]: ...
 def first_hits(shape: Shape, origins: FloatArray, directions: FloatArray) -> tuple[FloatArray, Indices]: ...
 def beams(

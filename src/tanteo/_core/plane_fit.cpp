@@ -34,13 +34,13 @@ WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point
     return {cost, true, round.sign / d * across, round.sign * h};
 }
 
-PlaneFit::Match PlaneFit::match(int k, const Pose& pose, double turned, const Vec3& about) const {
-    const SensedPlane& plane = sensed[k];
+PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, double most, const Pose& pose, double turned,
+                       const Vec3& about) {
     const Vec3 n = transposed_times(pose.R, plane.normal), p = into_part(pose, plane.at);
     const double tilt2 = plane.tilt * plane.tilt + turned * turned + MADE * MADE;
     const double lever = norm(plane.at - about), sd2 = plane.sd * plane.sd + turned * turned * lever * lever;
     const double near = std::cos(std::min(SDS * std::sqrt(tilt2), 1.5));
-    Match best{most[k], false, {}, 0, {}, 0};
+    PlaneMatch best{most, false, {}, 0, {}, 0};
     for (const ModelPlane& face : faces.planes) {
         double c = dot(n, face.normal);
         if (!plane.sided) c = std::fabs(c);
@@ -66,7 +66,7 @@ bool PlaneFit::stepped(Pose& pose, double turned, const Vec3& about) const {
     for (int i = 0; i < 6; ++i) A[7 * i] = 1e-6;
     for (size_t k = 0; k < sensed.size(); ++k) {
         const SensedPlane& plane = sensed[k];
-        const Match to = match(static_cast<int>(k), pose, turned, about);
+        const PlaneMatch to = match_plane(faces, plane, most[k], pose, turned, about);
         if (!to.found) continue;
         const Vec3 p = into_part(pose, plane.at), &n = to.normal;
         const Vec3 own = transposed_times(pose.R, plane.normal), turn = cross(p, n);
@@ -81,7 +81,7 @@ bool PlaneFit::stepped(Pose& pose, double turned, const Vec3& about) const {
 }
 
 // The own normal turns by -w x n in the part; that of a wall turns, too, as the place on it moves around its axis.
-void PlaneFit::add_tilt(const Match& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const {
+void PlaneFit::add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const {
     const Vec3 first = to.bend != 0 ? to.axis : any_across(to.normal), second = cross(to.normal, first);
     for (int k = 0; k < 2; ++k) {
         const Vec3& e = k ? second : first;
@@ -96,7 +96,7 @@ void PlaneFit::add_tilt(const Match& to, const Vec3& own, const Vec3& at, double
 PlanePose PlaneFit::refined(Pose pose, double turned, const Vec3& about) const {
     for (int step = 0; step < STEPS && stepped(pose, turned, about); ++step) turned *= 0.25;
     double sum = 0;
-    for (size_t k = 0; k < sensed.size(); ++k) sum += match(static_cast<int>(k), pose, 0, about).cost;
+    for (size_t k = 0; k < sensed.size(); ++k) sum += match_plane(faces, sensed[k], most[k], pose, 0, about).cost;
     return {pose, sum};
 }
 

@@ -6,6 +6,21 @@
 
 namespace tanteo {
 
+// The least that a plane costs, and of which surface it is then, if of any: its normal in the part, how far off it is, and
+// how a wall bends, across its axis: the normal turns by so much for each metre.
+struct PlaneMatch {
+    double cost;
+    bool found;
+    Vec3 normal;
+    double height;
+    Vec3 axis;
+    double bend;
+};
+
+// One sensed plane at a pose whose attitude is known so well about a point [rad]. Most: nats if it is of no face.
+PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, double most, const Pose& pose, double turned,
+                       const Vec3& about);
+
 class PlaneFit {
   public:
     PlaneFit(const ModelFaces& faces, const std::vector<SensedPlane>& sensed, const std::vector<double>& most)
@@ -15,24 +30,12 @@ class PlaneFit {
     PlanePose refined(Pose pose, double turned, const Vec3& about) const;
 
   private:
-    // The least that a plane costs, and of which surface it is then, if of any: its normal in the part, how far off it is,
-    // and how a wall bends, across its axis: the normal turns by so much for each metre.
-    struct Match {
-        double cost;
-        bool found;
-        Vec3 normal;
-        double height;
-        Vec3 axis;
-        double bend;
-    };
-
     const ModelFaces& faces;
     const std::vector<SensedPlane>& sensed;
     const std::vector<double>& most;
 
-    Match match(int k, const Pose& pose, double turned, const Vec3& about) const;
     bool stepped(Pose& pose, double turned, const Vec3& about) const;
-    void add_tilt(const Match& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const;
+    void add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const;
 };
 
 // A point with its normal on the wall of a cylinder: nats, if they are less than most; the normal of the wall there, and how

@@ -44,7 +44,7 @@ def compiled_shape(part: Part) -> _core.Shape:
     return _core.make_shape(
         _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),
         _doubles(profiles), _doubles(part.edges.ends).reshape(-1, 6), _doubles(part.corners.points),
-        _axes(part), _doubles(_hull(part)), _doubles(part.centroid), samples, _doubles(normals[rows]), _CELLS,
+        axes_of(part), _doubles(_hull(part)), _doubles(part.centroid), samples, _doubles(normals[rows]), _CELLS,
     )  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray
     return np.ascontiguousarray(u * a + (v - u) * b + (1 - v) * c), rows
 
 
-def _axes(part: Part) -> FloatArray:
+def axes_of(part: Part) -> FloatArray:
     """Where centres may be ``(K, 12)``: ends, sizes, weight, side, number, kind of point.
 
     Of circles it is on the axes of holes and bosses, all alike; of each the wall, and with a smaller weight all heights

@@ -12,12 +12,16 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.catalogue.resting import hull_points, rest_rows
+from tanteo.catalogue.shaping import axes_of
 from tanteo.parts import Face, Part
 from tanteo.shapes import ClosestPoints, Surface, as_signed
 from tanteo.typing import FloatArray, Vectors
 
 FACES = 64
 """Largest planar faces that are compared; what else a part's surface is made of is its unseen share."""
+
+AXES = 128
+"""Holes and bosses of a part, the largest, and spheres, and cones, of which it is compared where centres may be."""
 
 PLACES = 64
 """Places of the surface, far from each other, on which far points may be."""
@@ -79,9 +83,9 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     Returns:
         ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
         whether it is continuous, unseen share. Arrays of any length: ``planes`` (normal, centroid, reach), ``rounds``
-        (cylinders), ``same`` and ``opposite`` (distances of parallel faces), ``angles`` (of others), ``places`` (of the
-        surface, with normals), ``field``, ``hull`` (corners of the convex hull), ``rests`` (stable poses: direction
-        down, probability); and ``grid`` (origin, step, shape).
+        (cylinders), ``axes`` (where centres may be), ``same`` and ``opposite`` (distances of parallel faces),
+        ``angles`` (of others), ``places`` (of the surface, with normals), ``field``, ``hull`` (corners of the convex hull), ``rests`` (stable poses: direction
+        down, probability); and ``grid`` (origin, step, counts).
     """
     planes = _planes(part)
     grid, field = _field(part, shape)
@@ -92,8 +96,8 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     ]  # fmt: skip
     same, opposite, angles = pairs_of(planes)
     return {
-        "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "same": same,
-        "opposite": opposite, "angles": angles, "places": _places(shape), "grid": grid, "field": field,
+        "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "axes": _largest_axes(part),
+        "same": same, "opposite": opposite, "angles": angles, "places": _places(shape), "grid": grid, "field": field,
         "hull": hull_points(part), "rests": rest_rows(part),
     }  # fmt: skip
 
@@ -126,6 +130,20 @@ def rounds_of(part: Part) -> np.ndarray:
         half, sign = 0.5 * np.ptp(along), 1.0 if face.convex else -1.0
         rows.append(np.r_[middle, face.axis_direction, face.radius, half, sign])
     return np.array(rows, dtype=np.float32).reshape(-1, 9)
+
+
+def _largest_axes(part: Part) -> np.ndarray:
+    """Where centres may be ``(K, 12)``, as the core has it; of each kind the largest, for most are sensed of these.
+
+    Their weights are those among all: what they lack of 1 is the share of those that are left out.
+    """
+    rows = axes_of(part)
+    kept = list[int]()
+    for kind in np.unique(rows[:, 11]):
+        own = np.flatnonzero(rows[:, 11] == kind)
+        largest = dict.fromkeys(rows[own[np.argsort(-rows[own, 7], kind="stable")], 10])
+        kept += own[np.isin(rows[own, 10], list(largest)[:AXES])].tolist()
+    return rows[sorted(kept)].astype(np.float32)
 
 
 def _planes(part: Part) -> FloatArray:

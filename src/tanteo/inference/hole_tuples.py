@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from tanteo import _core
+from tanteo.inference.pose_seeds import spread_out
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints
@@ -116,7 +117,7 @@ def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedP
 
 def _triples(centres: ContactPoints) -> list[IntArray]:
     """Triples of centres that are far apart and not in a row, the largest triangles first."""
-    spread = _spread(centres.points, _AMONG)
+    spread = spread_out(centres.points, _AMONG)
     triples = np.array(list(combinations(spread.tolist(), 3)))
     a, b, c = centres.points[triples].transpose(1, 0, 2)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -127,16 +128,6 @@ def _triples(centres: ContactPoints) -> list[IntArray]:
             chosen.append(triples[k])
             used.update(triples[k].tolist())
     return chosen[:_TRIPLES]
-
-
-def _spread(p: Vectors, count: int) -> IntArray:
-    """Rows of points that are far from each other."""
-    chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
-    nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(p)):
-        chosen.append(int(np.argmax(nearest)))
-        nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
-    return np.array(chosen)
 
 
 def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
@@ -183,7 +174,7 @@ def _aligned(places: Vectors, p: Vectors) -> Transforms:
 
 def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
     """How far some of the centres are from the axes, in what they may be off, each as one at most ``(S,)``."""
-    some = _spread(centres.points, _SOME)
+    some = spread_out(centres.points, _SOME)
     a, along = axes.ends[:, 0], axes.ends[:, 1] - axes.ends[:, 0]
     squares, allowed = np.maximum(np.sum(along**2, axis=1), _TINY), axes.allowed(centres.take(some))
     within = _SDS * centres.sd[some] + 2 * _MADE

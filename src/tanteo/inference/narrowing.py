@@ -1,4 +1,4 @@
-"""Which of very many parts are worth a search: by sizes, by labelled planes and sensed normals, by a coarse look.
+"""Which of very many parts are worth a search: by sizes, by labelled planes, normals and centres, by a coarse look.
 
 Each stage says how many nats a part is behind at least, as far as it can tell, and costs less the more parts it sees.
 What is nearly as good as the best is searched. What is left out counts: as much as it could explain at the most is
@@ -13,12 +13,13 @@ import numpy as np
 
 from tanteo.catalogue import widths
 from tanteo.inference.candidates import Candidates
+from tanteo.inference.centre_votes import lacking, on_axes, sensed_centres
 from tanteo.inference.coarse_look import coarse_look
 from tanteo.inference.outliers import so_many
 from tanteo.inference.plane_votes import BEHIND as BEHIND_PLANES
 from tanteo.inference.plane_votes import on_planes, voted
 from tanteo.inference.problem import Problem
-from tanteo.inference.sensed_planes import sensed_planes
+from tanteo.inference.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.measurements import ContactPoints
 from tanteo.special import log_sum, softmax
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
@@ -33,8 +34,14 @@ _SEARCHED, _AT_LEAST, _REST = 1200, 200, 5e-3
 """Parts that are looked at in full, at most, and after a coarse look at least; fewer where all others together are less
 probable than this share of the best, by what a stage can tell."""
 
+_LOOKED = 5
+"""Points on the surface from which a coarse look tells anything; fewer fit any part."""
+
 _SURELY = 40.0
 """Nats behind the best, votes among them, at which no part is looked at."""
+
+_NAMED = 16
+"""Parts that are searched where planes and centres fix no pose and very many have them: it will not be known which."""
 
 _PLANES_TELL, _LOOK_TELLS = 1.33, 0.5
 """Nats of log evidence for each nat of planes, where the noise is taken as larger than it is stated and an outlier as
@@ -63,9 +70,10 @@ class Narrowed:
         behind: nats that each is behind the best, as far as is known ``(m,)``.
         left_out: log of what the others could explain together, over what the best of these explains; -inf for nothing.
         others: rows of parts that were left out though their size fits.
-        certain: whether the hints are all poses that planes allow.
+        certain: whether the hints are all poses that planes and centres allow.
         aside: how many of the others were not looked at, by what was measured of the whole object.
         discount: log odds of the others by that, on average, over those of the less promising half of the rows.
+        bound: whether parts are behind by so much at least; a coarse look estimates it.
     """
 
     rows: IntArray
@@ -76,6 +84,7 @@ class Narrowed:
     certain: bool = False
     aside: int = 0
     discount: float = 0.0
+    bound: bool = False
 
 
 def narrowed(
@@ -91,16 +100,17 @@ def narrowed(
     """
     points = problem.points.take(problem.around.others)
     rows = np.flatnonzero(_large_enough(points, candidates))
-    if len(rows) <= FEW or len(points) < 3:
+    if len(rows) <= FEW or (len(points) < 3 and not points.centres.any()):
         return Narrowed(rows, behind=np.zeros(len(rows)))
     rows = rows[_wide_enough(problem, points, candidates, rows)]
     if len(rows) <= FEW:
         return Narrowed(rows, behind=np.zeros(len(rows)))
     own = np.zeros(len(rows)) if odds is None else odds[rows]
     in_it = np.ones(len(rows), dtype=bool) if every else _promising(own)
-    costs, hints, certain = _compared(problem, points, candidates, rows, in_it)
-    found = _best(rows, costs - own, hints, certain=certain)
-    if certain or odds is None or not len(found.others):
+    compared = _compared(problem, points, candidates, rows, in_it)
+    compared.costs = compared.costs - own
+    found = _best(rows, compared)
+    if found.bound or odds is None or not len(found.others):
         return found
     half = found.rows[len(found.rows) // 2 :]
     discount = float(log_sum(odds[found.others]) - log_sum(odds[half]) + np.log(len(half) / len(found.others)))
@@ -115,40 +125,77 @@ def _promising(odds: FloatArray) -> BoolArray:
     return out | (odds > odds.max() - _CLEARLY)
 
 
+@dataclass(slots=True, eq=False)
+class _Compared:
+    """Nats of parts, and poses by their rows; whether these are all, and whether the nats are bounds."""
+
+    costs: FloatArray
+    hints: dict[int, Transforms]
+    certain: bool
+    bound: bool
+
+
 def _compared(
     problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray, in_it: BoolArray
-) -> tuple[FloatArray, dict[int, Transforms], bool]:
-    """Nats of each part and poses, by planes if three fix a pose, else by points; whether these are all poses.
+) -> _Compared:
+    """Nats of each part and poses, by planes and centres, and by points where these do not fix a pose.
 
     Points are compared with those parts only that are ``in_it``.
     """
-    sensed = sensed_planes(problem, points)
-    if not len(sensed.triples):
-        lacking = voted(sensed, candidates, rows)
-        few = in_it & (lacking < lacking[in_it].min() + BEHIND_PLANES)
-        looked, hints = coarse_look(problem, points, candidates, rows[few])
-        lacking[few] = np.maximum(lacking[few], looked)
-        lacking[~few] += looked.max(initial=0.0)
-        return lacking, hints, False
-    far = max(BEHIND_PLANES, float(np.log(len(rows) / _REST)) / _PLANES_TELL)  # all beyond are no more than that share
-    costs, hints = on_planes(sensed, candidates, rows, far)
-    if costs.min() < sensed.believed:
-        return costs, hints, True
-    rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
-    return np.minimum(costs, rough), others | hints, False
+    planes = sensed_planes(problem, points)
+    found = _Compared(np.zeros(0), {}, certain=False, bound=True)
+    if len(planes.triples):
+        far = max(BEHIND_PLANES, float(np.log(len(rows) / _REST)) / _PLANES_TELL)  # what is beyond is no more than that
+        found.costs, found.hints = on_planes(planes, candidates, rows, far)
+        found.certain = bool(found.costs.min() < planes.believed)
+    else:
+        found.costs = voted(planes, candidates, rows)
+    if points.centres.any():
+        _by_centres(problem, points, planes, candidates, rows, found)
+    few_points = np.count_nonzero(~points.centres) < _LOOKED and not len(planes.triples)
+    if found.certain or few_points:
+        return found
+    found.bound = False
+    if len(planes.triples):
+        rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
+        found.costs, found.hints = np.minimum(found.costs, rough), others | found.hints
+        return found
+    few = in_it & (found.costs < found.costs[in_it].min() + BEHIND_PLANES)
+    looked, hints = coarse_look(problem, points, candidates, rows[few])
+    found.costs[few] = np.maximum(found.costs[few], looked)
+    found.costs[~few] += looked.max(initial=0.0)
+    found.hints = hints | found.hints
+    return found
 
 
-def _best(rows: IntArray, costs: FloatArray, hints: dict[int, Transforms], *, certain: bool) -> Narrowed:
+def _by_centres(
+    problem: Problem, points: ContactPoints, planes: SensedPlanes, candidates: Candidates, rows: IntArray,
+    found: _Compared,
+) -> None:  # fmt: skip
+    """Nats of centres beside those of planes, and poses by both."""
+    centres = sensed_centres(problem, points, planes)
+    found.costs += lacking(centres, candidates, rows)
+    if len(centres.seeds):
+        on_axes(centres, candidates, rows, found.costs, found.hints)
+        found.certain |= centres.certain and float(found.costs.min()) < centres.hopeless
+
+
+def _best(rows: IntArray, found: _Compared) -> Narrowed:
     """Those that are little behind the best, and what the others could explain."""
-    order = np.argsort(costs, kind="stable")
-    behind = costs[order] - costs[order[0]]
-    tells, out, least = (_PLANES_TELL, BEHIND_PLANES, 1) if certain else (_LOOK_TELLS, BEHIND, _AT_LEAST)
+    order = np.argsort(found.costs, kind="stable")
+    behind = found.costs[order] - found.costs[order[0]]
+    tells, out, least = (_PLANES_TELL, BEHIND_PLANES, 1) if found.bound else (_LOOK_TELLS, BEHIND, _AT_LEAST)
     rest = np.cumsum(np.exp(-tells * behind)[::-1])[::-1]  # of each and all behind it
-    count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)), _SEARCHED)
+    count = min(int(np.searchsorted(behind, out)), int(np.searchsorted(-rest, -_REST)))
+    if found.bound and not found.certain:
+        count = count if count <= FEW else _NAMED
+    elif count > _SEARCHED:
+        count = _AT_LEAST if found.bound and rest[_SEARCHED] > 1 else _SEARCHED
     count = min(max(count, min(least, int(np.searchsorted(behind, _SURELY))), 1), len(rows))
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
-    own = {int(row): hints[int(row)] for row in kept if int(row) in hints}
-    return Narrowed(kept, own, behind[:count], left, rows[order[count:]], certain)
+    own = {int(row): found.hints[int(row)] for row in kept if int(row) in found.hints}
+    others = rows[order[count:]]
+    return Narrowed(kept, own, behind[:count], left, others, found.certain, found.bound)
 
 
 def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
@@ -160,8 +207,14 @@ def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
 
 
 def _wide_enough(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> BoolArray:
-    """Whether each part holds all points but those that may be outliers: its widths are no less ``(m,)``."""
+    """Whether each part holds all points but those that may be outliers: its widths are no less ``(m,)``.
+
+    A centre may be beyond the end of its hole.
+    """
+    points = points.take(np.flatnonzero(~points.centres))
     rate, n = problem.priors.outlier_rate, len(points)
+    if n < 3:
+        return np.ones(len(rows), dtype=bool)
     outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < _LEVEL)
     if n - outliers < 3:
         return np.ones(len(rows), dtype=bool)

@@ -120,7 +120,7 @@ class Problem:
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
             _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
             _c(self.around.over_outlier),
-            np.array([_number(kind) for kind in t.kinds], dtype=np.int32), _c(t.circles), self.groups,
+            np.array([number_of(kind) for kind in t.kinds], dtype=np.int32), _c(t.circles), self.groups,
             _c(self.elsewhere.log_odds), _c(t.shared_jacobian), float(self.scale_sd), _c(rates), _c(weights),
             self.priors.outlier_rate, _c(lines), _c(rays.shared_jacobian), _c(rays.turns), _c(means), _c(roots),
             _c(log_weights),
@@ -152,7 +152,7 @@ def unplaced(pose: PosePrior) -> PosePrior:
     return replace(pose, T_world_part=None, covariance=None)
 
 
-def _number(kind: str) -> int:
+def number_of(kind: str) -> int:
     """Of a kind of point, for the core."""
     return _CENTRES.get(kind, 4 if is_round(kind) else directions_met(kind) - 1)
 

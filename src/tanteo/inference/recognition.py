@@ -146,10 +146,12 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
         return [candidates.prepared(row) for row in rows]
 
     centroid = candidates.centroids.mean(axis=0)
-    behind = chosen.left_out if chosen.certain else None
+    behind = chosen.left_out if chosen.bound else None
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), hints=hints, certain=chosen.certain,
-        left_out=LeftOut(len(rest), behind, chosen.discount, alike),
+        left_out=LeftOut(
+            len(rest), behind, chosen.discount, alike, untried=chosen.bound and not chosen.certain
+        ),
     )  # fmt: skip
 
 

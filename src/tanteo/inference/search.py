@@ -52,12 +52,14 @@ class LeftOut:
             parts that were hardly promising do.
         discount: log odds of them over those of hardly promising ones, by what was measured of the whole object.
         alike: those of them that are like a part.
+        untried: whether no poses of them were tried: some may explain as much as an unknown object, whatever was found.
     """
 
     count: int = 0
     behind: float | None = None
     discount: float = 0.0
     alike: Callable[[PreparedPart], list[PreparedPart]] = lambda part: []
+    untried: bool = False
 
     def log_evidence(self, best: float, tail: float) -> float:
         """Of all of them together, at most: by that of the best part, and the mean of hardly promising ones."""
@@ -122,7 +124,7 @@ def race(
             break
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
     searches += others
-    top = max((s.log_evidence for s in searches), default=-np.inf)
+    top = max([log_unknown if left_out.untried else -np.inf, *(s.log_evidence for s in searches)])
     return searches, float(log_sum([dropped, left_out.log_evidence(top, tail)]))
 
 
