@@ -3,227 +3,199 @@
 #include <algorithm>
 #include <cmath>
 
+
 namespace tanteo {
 
 namespace {
 
-constexpr double PI = 3.14159265358979323846;
-constexpr int ROUNDS = 7;          // of refinement, from coarse to fine
-constexpr double CLEAR = 0.3;      // of both normals across a line, together, from which they say how it is turned
+constexpr double ERROR = 0.2;  // of a field, in steps of its grid
+constexpr double TILT = 0.3;   // of its gradient [rad]
+constexpr float LEAST = 0.1f;  // of a gradient that has a direction
 
-struct Axes {  // a line and two directions across it
-    Vec3 e, y, z;
-    explicit Axes(const Vec3& along) : e(along), y(any_across(along)), z(cross(along, y)) {}
+// Distances of a block's points in steps of the field, with gradients, and where they are.
+struct Felt {
+    float d[LANES], gx[LANES], gy[LANES], gz[LANES], x[LANES], y[LANES], z[LANES];
 };
 
-Mat3 attitude(const Axes& world, const Axes& part, double c, double s) {
-    Mat3 R;
-    const Vec3 y = c * part.y + s * part.z, z = -s * part.y + c * part.z;
-    add_outer(R, 1, world.e, part.e);
-    add_outer(R, 1, world.y, y);
-    add_outer(R, 1, world.z, z);
-    return R;
-}
-
-// Nats of points at a pose, roughly; stops beyond the limit.
-double rough(const CoarsePart& part, const std::vector<CoarsePoint>& points, const Pose& pose, double per, double most,
-             double limit) {
-    double sum = 0;
-    for (const CoarsePoint& point : points) {
-        const double d = part.field.nearest(into_part(pose, point.at)) - point.radius;
-        sum += std::min(d * d * per, most);
-        if (sum > limit) break;
-    }
-    return sum;
-}
-
-struct Step {
-    double A[36] = {}, b[6] = {};
+struct Axis {
+    float off[LANES], part[LANES];
+    int node[LANES];
 };
 
-// Nats of points at a pose, and what Gauss and Newton make of them where a step is asked for.
-double nats(const CoarsePart& part, const std::vector<CoarsePoint>& points, const Pose& pose, double sd, double tilt,
-            double most, Step* step) {
-    double sum = 0;
-    for (const CoarsePoint& point : points) {
-        Vec3 g;
-        const Vec3 p = into_part(pose, point.at);
-        const double d = part.field.linear(p, g) - point.radius, per = 1 / (sd * sd + point.sd * point.sd), size = norm(g);
-        double cost = 0.5 * d * d * per;
-        if (point.oriented && size > 0.1) {
-            const double turn = 1 - dot(transposed_times(pose.R, point.normal), g) / size;
-            cost += turn / (tilt * tilt + point.tilt * point.tilt);
-        }
-        sum += std::min(cost, most);
-        if (!step || cost > 2 * most) continue;
-        const double weight = per / (1 + cost / most);
-        // the point stays, the part moves: d changes by -g (v + w x (p - c))
-        const Vec3 turned = cross(p - part.centre, g);
-        const double J[6] = {-g.x, -g.y, -g.z, -turned.x, -turned.y, -turned.z};
-        for (int i = 0; i < 6; ++i) {
-            step->b[i] -= weight * J[i] * d;
-            for (int k = 0; k <= i; ++k) step->A[6 * i + k] += weight * J[i] * J[k];
-        }
+inline void along(const float* at, float top, Axis& out) {
+    for (int l = 0; l < LANES; ++l) {
+        const float inner = std::min(std::max(at[l], 0.0f), top);
+        out.off[l] = at[l] - inner;
+        out.node[l] = static_cast<int>(inner);
+        out.part[l] = inner - out.node[l];
     }
-    return sum;
 }
 
-CoarsePose refined(const CoarsePart& part, const std::vector<CoarsePoint>& points, Pose pose, const CoarseEffort& effort) {
-    const double end = effort.error * part.field.step, begin = std::max(0.5 * part.spacing, end), reach = part.spacing;
-    for (int round = 0; round < ROUNDS; ++round) {
-        const double sd = end + (begin - end) * (ROUNDS - 1 - round) / (ROUNDS - 1);
-        Step step;
-        nats(part, points, pose, sd, effort.tilt, effort.most, &step);
-        const double size = 3 * reach;
-        for (int i = 0; i < 3; ++i) step.A[7 * i] += 1 / (reach * reach);
-        for (int i = 3; i < 6; ++i) step.A[7 * i] += size * size / (reach * reach);
-        if (!cholesky(step.A, 6)) break;
-        solve_cholesky(step.A, 6, step.b);
-        pose = moved(pose, {step.b[0], step.b[1], step.b[2]}, {step.b[3], step.b[4], step.b[5]}, part.centre);
+inline void feel(const CoarseField& field, const CoarseView& view, const CoarseBlock& b, Felt& out) {
+    float m[9];
+    for (int i = 0; i < 9; ++i) m[i] = static_cast<float>(view.into.m[i] / field.step);
+    const float ox = static_cast<float>(view.at.x), oy = static_cast<float>(view.at.y), oz = static_cast<float>(view.at.z);
+    for (int l = 0; l < LANES; ++l) {
+        out.x[l] = m[0] * b.x[l] + m[1] * b.y[l] + m[2] * b.z[l] + ox;
+        out.y[l] = m[3] * b.x[l] + m[4] * b.y[l] + m[5] * b.z[l] + oy;
+        out.z[l] = m[6] * b.x[l] + m[7] * b.y[l] + m[8] * b.z[l] + oz;
     }
-    return {pose, nats(part, points, pose, end, effort.tilt, effort.most, nullptr)};
+    Axis X, Y, Z;
+    along(out.x, field.shape[0] - 1.0001f, X);
+    along(out.y, field.shape[1] - 1.0001f, Y);
+    along(out.z, field.shape[2] - 1.0001f, Z);
+    const int row = field.shape[2], plane = row * field.shape[1];
+    float v[8][LANES];
+    for (int l = 0; l < LANES; ++l) {
+        const int8_t* g = field.levels + X.node[l] * plane + Y.node[l] * row + Z.node[l];
+        v[0][l] = g[0], v[1][l] = g[1], v[2][l] = g[row], v[3][l] = g[row + 1];
+        v[4][l] = g[plane], v[5][l] = g[plane + 1], v[6][l] = g[plane + row], v[7][l] = g[plane + row + 1];
+    }
+    const float unit = static_cast<float>(field.unit / field.step);
+    for (int l = 0; l < LANES; ++l) {
+        const float fx = X.part[l], fy = Y.part[l], fz = Z.part[l];
+        const float z00 = v[1][l] - v[0][l], z01 = v[3][l] - v[2][l], z10 = v[5][l] - v[4][l], z11 = v[7][l] - v[6][l];
+        const float a00 = v[0][l] + fz * z00, a01 = v[2][l] + fz * z01, a10 = v[4][l] + fz * z10, a11 = v[6][l] + fz * z11;
+        const float b0 = a00 + fy * (a01 - a00), b1 = a10 + fy * (a11 - a10);
+        const float far = std::sqrt(X.off[l] * X.off[l] + Y.off[l] * Y.off[l] + Z.off[l] * Z.off[l]);
+        const float outside = far > 0 ? 1.0f : 0.0f, inside = (1 - outside) * unit, per = outside / (far + (1 - outside));
+        out.d[l] = unit * (b0 + fx * (b1 - b0)) + far - b.radius[l];
+        out.gx[l] = inside * (b1 - b0) + per * X.off[l];
+        out.gy[l] = inside * ((a01 - a00) + fx * ((a11 - a10) - (a01 - a00))) + per * Y.off[l];
+        const float z0 = z00 + fy * (z01 - z00), z1 = z10 + fy * (z11 - z10);
+        out.gz[l] = inside * (z0 + fx * (z1 - z0)) + per * Z.off[l];
+    }
 }
 
-// The spin that turns two normals of places best to those of points; false where they say little.
-bool spin_of(const Axes& world, const Axes& there, const CoarsePoint& P, const CoarsePoint& Q, const CoarsePlace& a,
-             const CoarsePlace& b, double& angle) {
-    double c = 0, s = 0;
-    for (int w = 0; w < 2; ++w) {
-        const Vec3 &m = w ? Q.normal : P.normal, &g = w ? b.normal : a.normal;
-        const double my = dot(m, world.y), mz = dot(m, world.z), gy = dot(g, there.y), gz = dot(g, there.z);
-        c += my * gy + mz * gz;
-        s += my * gz - mz * gy;
+struct Sums {
+    float A[21][LANES] = {}, b[6][LANES] = {};
+};
+
+// Nats that the normals of a block cost.
+void tilted(const CoarseView& view, const CoarseBlock& b, const Felt& felt, float* cost) {
+    for (int l = 0; l < LANES; ++l) {
+        const Vec3 n = view.into * Vec3{b.nx[l], b.ny[l], b.nz[l]};
+        const double size = std::sqrt(felt.gx[l] * felt.gx[l] + felt.gy[l] * felt.gy[l] + felt.gz[l] * felt.gz[l]);
+        if (b.oriented[l] == 0 || size <= LEAST) continue;
+        const double turn = 1 - (n.x * felt.gx[l] + n.y * felt.gy[l] + n.z * felt.gz[l]) / size;
+        cost[l] += static_cast<float>(turn / (TILT * TILT + b.tilt2[l]));
     }
-    angle = std::atan2(s, c);
-    return std::hypot(c, s) > CLEAR;
 }
 
-// Best pose of each first place, over all pairs of points.
-class Search {
+// What a block adds to the normal equations of small motions: of the points, by u and about the centre by w.
+inline void gather(const Felt& felt, const float* weight, const float* centre, Sums& sums) {
+    float J[6][LANES];
+    for (int l = 0; l < LANES; ++l) {
+        const float x = felt.x[l] - centre[0], y = felt.y[l] - centre[1], z = felt.z[l] - centre[2];
+        J[0][l] = felt.gx[l], J[1][l] = felt.gy[l], J[2][l] = felt.gz[l];
+        J[3][l] = y * felt.gz[l] - z * felt.gy[l];
+        J[4][l] = z * felt.gx[l] - x * felt.gz[l];
+        J[5][l] = x * felt.gy[l] - y * felt.gx[l];
+    }
+    for (int i = 0, at = 0; i < 6; ++i) {
+        float w[LANES];
+        for (int l = 0; l < LANES; ++l) w[l] = weight[l] * J[i][l];
+        for (int l = 0; l < LANES; ++l) sums.b[i][l] -= w[l] * felt.d[l];
+        for (int k = 0; k <= i; ++k, ++at)
+            for (int l = 0; l < LANES; ++l) sums.A[at][l] += w[l] * J[k][l];
+    }
+}
+
+// One part, the points scaled to the steps of its field.
+class Steps {
   public:
-    Search(const CoarsePart& part, const std::vector<CoarsePoint>& points, const CoarseEffort& effort)
-        : part(part), points(points), effort(effort), best(part.count),
-          per(0.5 / (0.25 * part.spacing * part.spacing + 0.1 * part.field.step * part.field.step)) {}
-
-    void pair(const CoarsePoint& P, const CoarsePoint& Q) {
-        const double gap = norm(Q.at - P.at);
-        if (!(gap > 0)) return;
-        const Axes world((1 / gap) * (Q.at - P.at));
-        std::vector<std::pair<int, int>> alike;
-        for (int a = 0; a < part.count; ++a)
-            for (int b = 0; b < part.count; ++b)
-                if (a != b && fits(P, Q, world, gap, a, b)) alike.push_back({a, b});
-        const size_t every = std::max<size_t>(1, alike.size() / std::max(effort.pairs, 1));
-        for (size_t k = 0; k < alike.size(); k += every) spun(P, Q, world, alike[k].first, alike[k].second);
+    Steps(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort)
+        : part(part), blocks(points.blocks), oriented(points.oriented), most(static_cast<float>(effort.most)),
+          reach(part.spacing / part.field.step) {
+        const float per = static_cast<float>(1 / part.field.step);
+        for (CoarseBlock& b : blocks)
+            for (int l = 0; l < LANES; ++l) {
+                b.radius[l] *= per;
+                b.var[l] *= per * per;
+            }
+        const Vec3 c = (1 / part.field.step) * (part.centre - part.field.origin);
+        centre[0] = static_cast<float>(c.x), centre[1] = static_cast<float>(c.y), centre[2] = static_cast<float>(c.z);
     }
 
-    std::vector<CoarsePose> found() const {
-        std::vector<CoarsePose> all(best);
-        std::sort(all.begin(), all.end(), [](const CoarsePose& a, const CoarsePose& b) { return a.cost < b.cost; });
-        while (!all.empty() && all.back().cost >= 1e300) all.pop_back();
-        if (static_cast<int>(all.size()) > effort.refine) all.resize(effort.refine);
+    // Nats at a pose, with a field that errs by so much; and what is to be solved for a step.
+    double nats(const CoarseView& view, double sd, Sums* sums) const {
+        float sum[LANES] = {};
+        for (const CoarseBlock& b : blocks) {
+            Felt felt;
+            feel(part.field, view, b, felt);
+            float cost[LANES], per[LANES];
+            for (int l = 0; l < LANES; ++l) {
+                per[l] = b.weight[l] / (static_cast<float>(sd * sd) + b.var[l]);
+                cost[l] = 0.5f * felt.d[l] * felt.d[l] * per[l];
+            }
+            if (oriented) tilted(view, b, felt, cost);
+            for (int l = 0; l < LANES; ++l) {
+                sum[l] += std::min(cost[l], most);
+                per[l] = cost[l] > 2 * most ? 0.0f : per[l] / (1 + cost[l] / most);
+            }
+            if (sums) gather(felt, per, centre, *sums);
+        }
+        double all = 0;
+        for (int l = 0; l < LANES; ++l) all += sum[l];
         return all;
+    }
+
+    // A step of Gauss and Newton; the nats before it.
+    double step(CoarseView& view, double sd) const {
+        Sums sums;
+        const double cost = nats(view, sd, &sums);
+        double A[36] = {}, b[6] = {};
+        for (int i = 0, at = 0; i < 6; ++i) {
+            for (int l = 0; l < LANES; ++l) b[i] += sums.b[i][l];
+            for (int k = 0; k <= i; ++k, ++at)
+                for (int l = 0; l < LANES; ++l) A[6 * i + k] += sums.A[at][l];
+            A[7 * i] += i < 3 ? 1 / (reach * reach) : 9;
+        }
+        if (!cholesky(A, 6)) return cost;
+        solve_cholesky(A, 6, b);
+        const Mat3 R = rotation({b[3], b[4], b[5]});
+        const Vec3 c{centre[0], centre[1], centre[2]};
+        view = {R * view.into, R * (view.at - c) + c + Vec3{b[0], b[1], b[2]}};
+        return cost;
     }
 
   private:
     const CoarsePart& part;
-    const std::vector<CoarsePoint>& points;
-    const CoarseEffort& effort;
-    std::vector<CoarsePose> best;
-    double per;
-
-    bool fits(const CoarsePoint& P, const CoarsePoint& Q, const Axes& world, double gap, int a, int b) const {
-        const Vec3 way = part.places[b].at - part.places[a].at;
-        const double d2 = squared(way), within = 0.7 * part.spacing + 3 * (P.sd + Q.sd), low = std::max(gap - within, 0.0);
-        if (!(d2 > 0) || d2 < low * low || d2 > (gap + within) * (gap + within)) return false;
-        if (!P.oriented || !Q.oriented) return true;
-        const Vec3 e = (1 / std::sqrt(d2)) * way, &na = part.places[a].normal, &nb = part.places[b].normal;
-        const double off = within / std::max(gap, within);
-        return std::fabs(dot(na, e) - dot(P.normal, world.e)) < 0.2 + off &&
-               std::fabs(dot(nb, e) - dot(Q.normal, world.e)) < 0.2 + off &&
-               std::fabs(dot(na, nb) - dot(P.normal, Q.normal)) < 0.2 + 3 * (P.tilt + Q.tilt);
-    }
-
-    void spun(const CoarsePoint& P, const CoarsePoint& Q, const Axes& world, int a, int b) {
-        const CoarsePlace &A = part.places[a], &B = part.places[b];
-        const Axes there(unit(B.at - A.at));
-        double first = 0, step = 2 * PI / effort.spins;
-        int spins = effort.spins;
-        if (P.oriented && Q.oriented && spin_of(world, there, P, Q, A, B, first)) {
-            step = 0.2;
-            first -= step;
-            spins = 3;
-        }
-        const Vec3 middle = 0.5 * (P.at + Q.at), inner = 0.5 * (A.at + B.at);
-        for (int k = 0; k < spins; ++k) {
-            Pose pose;
-            pose.R = attitude(world, there, std::cos(first + k * step), std::sin(first + k * step));
-            pose.t = middle - pose.R * inner;
-            const double cost = rough(part, points, pose, per, effort.most, best[a].cost);
-            if (cost < best[a].cost) best[a] = {pose, cost};
-        }
-    }
+    std::vector<CoarseBlock> blocks;
+    bool oriented;
+    float most, centre[3];
+    double reach;
 };
 
 }  // namespace
 
-double CoarseField::nearest(const Vec3& p) const {
-    size_t at = 0;
-    double away = 0;
-    for (int k = 0; k < 3; ++k) {
-        const double l = (p[k] - origin[k]) / step, m = std::clamp(l, 0.0, shape[k] - 1.0);
-        away += (l - m) * (l - m);
-        at = at * shape[k] + static_cast<size_t>(m + 0.5);
+std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort) {
+    const Steps steps(part, points, effort);
+    const double begin = std::max(0.5 * part.spacing / part.field.step, ERROR);
+    std::vector<std::pair<double, CoarseView>> found;
+    const int rounds = effort.rounds1 + effort.rounds2;
+    auto sd_of = [&](int round) {
+        const double s = static_cast<double>(rounds - 1 - round) / (rounds - 1);
+        return effort.geometric ? ERROR * std::pow(begin / ERROR, s) : ERROR + (begin - ERROR) * s;
+    };
+    const auto better = [](const auto& a, const auto& b) { return a.first < b.first; };
+    for (CoarseView view : coarse_starts(part, points, effort)) {
+        for (int k = 0; k < effort.rounds1; ++k) steps.step(view, sd_of(k));
+        found.push_back({steps.nats(view, sd_of(effort.rounds1), nullptr), view});
     }
-    const double d = unit * levels[at];
-    return away > 0 ? d + step * std::sqrt(away) : d;
-}
-
-double CoarseField::linear(const Vec3& p, Vec3& gradient) const {
-    double f[3], away = 0;
-    Vec3 off;
-    size_t at = 0;
-    for (int k = 0; k < 3; ++k) {
-        const double l = (p[k] - origin[k]) / step, m = std::clamp(l, 0.0, shape[k] - 1.0001);
-        off[k] = l - m;
-        away += off[k] * off[k];
-        const int i = static_cast<int>(m);
-        f[k] = m - i;
-        at = at * shape[k] + i;
+    std::sort(found.begin(), found.end(), better);
+    if (static_cast<int>(found.size()) > effort.go_on) found.resize(effort.go_on);
+    for (auto& [cost, view] : found) {
+        for (int k = effort.rounds1; k < rounds; ++k) steps.step(view, sd_of(k));
+        cost = steps.nats(view, ERROR, nullptr);
     }
-    const size_t row = shape[2], plane = row * shape[1];
-    const int8_t* g = levels + at;
-    const double v000 = g[0], v001 = g[1], v010 = g[row], v011 = g[row + 1], v100 = g[plane], v101 = g[plane + 1],
-                 v110 = g[plane + row], v111 = g[plane + row + 1];
-    const double z0 = 1 - f[2], y0 = 1 - f[1], x0 = 1 - f[0];
-    const double a00 = v000 * z0 + v001 * f[2], a01 = v010 * z0 + v011 * f[2], a10 = v100 * z0 + v101 * f[2],
-                 a11 = v110 * z0 + v111 * f[2];
-    const double b0 = a00 * y0 + a01 * f[1], b1 = a10 * y0 + a11 * f[1];
-    gradient.x = b1 - b0;
-    gradient.y = (a01 - a00) * x0 + (a11 - a10) * f[0];
-    gradient.z = ((v001 - v000) * y0 + (v011 - v010) * f[1]) * x0 + ((v101 - v100) * y0 + (v111 - v110) * f[1]) * f[0];
-    gradient = (unit / step) * gradient;
-    const double d = unit * (b0 * x0 + b1 * f[0]);
-    if (!(away > 0)) return d;
-    const double far = step * std::sqrt(away);
-    gradient = (step / far) * off;
-    return d + far;
-}
-
-std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const std::vector<CoarsePoint>& points,
-                                     const std::vector<int>& pairs, const std::vector<Pose>& starts,
-                                     const CoarseEffort& effort) {
-    std::vector<CoarsePose> begun;
-    for (const Pose& pose : starts) begun.push_back({pose, 0});
-    if (starts.empty()) {
-        Search search(part, points, effort);
-        for (size_t k = 0; k + 1 < pairs.size(); k += 2) search.pair(points[pairs[k]], points[pairs[k + 1]]);
-        begun = search.found();
-    }
+    std::sort(found.begin(), found.end(), better);
+    if (static_cast<int>(found.size()) > effort.keep) found.resize(effort.keep);
     std::vector<CoarsePose> out;
-    for (const CoarsePose& one : begun) out.push_back(refined(part, points, one.pose, effort));
-    std::sort(out.begin(), out.end(), [](const CoarsePose& a, const CoarsePose& b) { return a.cost < b.cost; });
-    if (static_cast<int>(out.size()) > effort.keep) out.resize(effort.keep);
+    for (const auto& [cost, view] : found) {
+        const Mat3 R = transposed(view.into);
+        out.push_back({{R, points.centre - R * (part.field.origin + part.field.step * view.at)}, cost});
+    }
     return out;
 }
 

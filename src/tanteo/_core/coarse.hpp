@@ -1,4 +1,4 @@
-// Parts of which only a few places and a coarse field of distances are known: how well can points be of each?
+// Parts of which only a box and a coarse field of distances are known: how well can points be of each, and where?
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -13,37 +13,29 @@ struct CoarsePoint {
     bool oriented = false;
 };
 
-struct CoarsePlace {
-    Vec3 at, normal;
-};
-
 // Signed distances at the nodes of a grid about a part, in steps of `unit`.
 struct CoarseField {
     const int8_t* levels = nullptr;
     Vec3 origin;
     double step = 1, unit = 1;
     int shape[3] = {1, 1, 1};
-
-    double nearest(const Vec3& p) const;                // at the node next to a point; farther outside, farther
-    double linear(const Vec3& p, Vec3& gradient) const;  // between nodes
 };
 
 struct CoarsePart {
     CoarseField field;
-    const CoarsePlace* places = nullptr;
-    int count = 0;
-    double spacing = 0;  // between places [m]
-    Vec3 centre;
+    double spacing = 0;  // of places even over its surface [m]
+    Vec3 centre, low, high;
 };
 
 struct CoarseEffort {
-    int spins = 24;      // about a line, where no normal says how
-    int pairs = 400;     // of places for each pair of points, about
-    int refine = 10;     // poses that are refined
-    int keep = 4;        // and handed out
-    double error = 0.2;  // of the field, in steps of its grid
-    double tilt = 0.3;   // of its gradient [rad]
+    int poses = 4000;    // that are scored, about
+    int begin = 24;      // of these, from which steps are made
+    int go_on = 6;       // of these, with which they go on
+    int keep = 4;        // of these, that are handed out
     double most = 8;     // nats that a point costs at most: it may be an outlier
+    double cell = 0.7, blur = 0.5, turn = 1, slack = 1, alike = 1.5, loose = 1;
+    int rounds1 = 3, rounds2 = 4;
+    double geometric = 0;
 };
 
 struct CoarsePose {
@@ -51,9 +43,41 @@ struct CoarsePose {
     double cost = 1e300;
 };
 
-// The best poses of a part, best first: from pairs of places as far apart as two points, or from some poses.
-std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const std::vector<CoarsePoint>& points,
-                                     const std::vector<int>& pairs, const std::vector<Pose>& starts,
-                                     const CoarseEffort& effort);
+constexpr int LANES = 8;
+
+// Points side by side, as many as the processor takes at once; what is no point has no weight.
+struct CoarseBlock {
+    float x[LANES] = {}, y[LANES] = {}, z[LANES] = {}, radius[LANES] = {}, var[LANES] = {}, weight[LANES] = {};
+    float nx[LANES] = {}, ny[LANES] = {}, nz[LANES] = {}, tilt2[LANES] = {}, oriented[LANES] = {};
+};
+
+// Turns that are even over all attitudes, and how far points reach in a part's axes after each.
+struct CoarseTurns {
+    double apart = 0;           // of neighbours, about [rad]
+    std::vector<Mat3> into;     // of directions of the world into those of the part
+    std::vector<float> width[3], middle[3];
+};
+
+struct CoarsePoints {
+    std::vector<CoarseBlock> blocks;
+    bool oriented = false;
+    Vec3 centre;
+    double reach = 0, noise = 0;
+    std::vector<CoarseTurns> turns;  // from few to many
+};
+
+CoarsePoints coarse_points(const std::vector<CoarsePoint>& points, int spare, int most_turns);
+
+// Where points are in a part: x of a block is at into x + at, in steps of its field from the first node.
+struct CoarseView {
+    Mat3 into;
+    Vec3 at;
+};
+
+// Poses to begin with, best first.
+std::vector<CoarseView> coarse_starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort);
+
+// The best poses of a part, best first.
+std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort);
 
 }  // namespace tanteo

@@ -1,4 +1,6 @@
 // Many parts of a catalogue, of which arrays lie in mapped files: poses and nats of points on each.
+#include <cstdio>
+#include <cstdlib>
 #include "coarse.hpp"
 #include "door.hpp"
 
@@ -41,21 +43,19 @@ std::vector<CoarsePoint> points_of(const Doubles& at, const Doubles& normals, co
 // A part's places and field out of the arrays of all.
 class Parts {
   public:
-    Parts(Floats places, Starts place_starts, Levels field, Starts field_starts, Floats grids, Doubles spacings,
-          Doubles centres, double levels)
-        : grids(grids), spacings(spacings), centres(centres), field(field), places(places), levels(levels) {
+    Parts(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes, double levels)
+        : grids(grids), spacings(spacings), centres(centres), boxes(boxes), field(field), levels(levels) {
         const size_t n = expect(spacings, "spacings", {ANY});
         expect(centres, "centres", {n, 3});
+        expect(boxes, "boxes", {n, 6});
         if (grids.size() != 7 * n) refuse("grid", "expected seven numbers a part");
-        if (places.size() % 6) refuse("places", "expected six numbers a place");
-        place_at = starts_of(place_starts, "places_start", n, places.size() / 6);
         field_at = starts_of(field_starts, "field_start", n, field.size());
         count = n;
     }
 
     size_t count = 0;
 
-    CoarsePart part(size_t k, std::vector<CoarsePlace>& room) const {
+    CoarsePart part(size_t k) const {
         CoarsePart out;
         const float* g = grids.data() + 7 * k;
         out.field.origin = {g[0], g[1], g[2]};
@@ -70,46 +70,52 @@ class Parts {
         if (!(out.field.step > 0) || nodes != static_cast<size_t>(field_at[k + 1] - field_at[k]))
             refuse("grid", "expected as many nodes as there are in the field");
         out.field.levels = field.data() + field_at[k];
-        room.clear();
-        for (int64_t i = place_at[k]; i < place_at[k + 1]; ++i) {
-            const float* p = places.data() + 6 * i;
-            room.push_back({{p[0], p[1], p[2]}, {p[3], p[4], p[5]}});
-        }
-        out.places = room.data();
-        out.count = static_cast<int>(room.size());
         out.spacing = spacings.data()[k];
         out.centre = load(centres.data() + 3 * k);
+        out.low = load(boxes.data() + 6 * k);
+        out.high = load(boxes.data() + 6 * k + 3);
         return out;
     }
 
   private:
     Floats grids;
-    Doubles spacings, centres;
+    Doubles spacings, centres, boxes;
     Levels field;
-    Floats places;
     double levels;
-    const int64_t *place_at = nullptr, *field_at = nullptr;
+    const int64_t* field_at = nullptr;
 };
 
-nb::tuple coarse(Floats places, Starts place_starts, Levels field, Starts field_starts, Floats grids, Doubles spacings,
-                 Doubles centres, double levels, Ints rows, Doubles at, Doubles normals, Doubles sds, Doubles tilts,
-                 Doubles radii, Ints pairs, Doubles starts, double most, int pairs_each, int keep) {
-    const Parts parts(places, place_starts, field, field_starts, grids, spacings, centres, expect(levels, "levels", 1, 1e6));
+double env(const char* name, double v) { const char* e = std::getenv(name); return e ? std::atof(e) : v; }
+
+nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes,
+                 double levels, Ints rows, Doubles at, Doubles normals, Doubles sds, Doubles tilts, Doubles radii,
+                 double most, int keep) {
+    const Parts parts(field, field_starts, grids, spacings, centres, boxes, expect(levels, "levels", 1, 1e6));
     const std::vector<CoarsePoint> points = points_of(at, normals, sds, tilts, radii);
-    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(parts.count) - 1),
-                           tried = expect(pairs, "pairs", ANY, 0, static_cast<int64_t>(points.size()) - 1);
-    const std::vector<Pose> begun = poses(starts, "starts");
+    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(parts.count) - 1);
     CoarseEffort effort;
     effort.most = expect(most, "most", 1e-3, 1e9);
     effort.keep = static_cast<int>(expect(keep, "keep", 1, 1000));
-    effort.pairs = static_cast<int>(expect(pairs_each, "pairs_each", 1, 1e6));
+    effort.poses = env("C_POSES", 4000);
+    effort.begin = env("C_BEGIN", 24);
+    effort.go_on = env("C_GOON", 6);
+    effort.rounds1 = env("C_R1", 3);
+    effort.rounds2 = env("C_R2", 4);
+    effort.geometric = env("C_GEO", 0);
+    effort.cell = env("C_CELL", 0.7);
+    effort.blur = env("C_BLUR", 0.5);
+    effort.turn = env("C_TURN", 1);
+    effort.slack = env("C_SLACK", 1);
+    effort.alike = env("C_ALIKE", 1.5);
+    effort.loose = env("C_LOOSE", 1);
+    const int top = env("C_TOP", 4608);
     const size_t R = chosen.size(), K = effort.keep;
     std::vector<double> costs(R * K, points.size() * effort.most), Ts(16 * R * K, 0.0);
     {
         nb::gil_scoped_release release;
-        std::vector<CoarsePlace> room;
+        const CoarsePoints all = coarse_points(points, env("C_SPARE", 1), top);
         for (size_t r = 0; r < R; ++r) {
-            const std::vector<CoarsePose> found = coarse_poses(parts.part(chosen[r], room), points, tried, begun, effort);
+            const std::vector<CoarsePose> found = coarse_poses(parts.part(chosen[r]), all, effort);
             for (size_t k = 0; k < K; ++k) {
                 const bool there = k < found.size();
                 store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
@@ -124,9 +130,8 @@ nb::tuple coarse(Floats places, Starts place_starts, Levels field, Starts field_
 
 void offer_coarse(nb::module_& m) {
     using namespace nb::literals;
-    m.def("coarse", &coarse, "places"_a, "places_start"_a, "field"_a, "field_start"_a, "grid"_a, "spacings"_a,
-          "centres"_a, "levels"_a, "rows"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "pairs"_a, "starts"_a,
-          "most"_a, "pairs_each"_a, "keep"_a);
+    m.def("coarse", &coarse, "field"_a, "field_start"_a, "grid"_a, "spacings"_a, "centres"_a, "boxes"_a, "levels"_a,
+          "rows"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a, "keep"_a);
 }
 
 }  // namespace tanteo

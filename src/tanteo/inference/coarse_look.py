@@ -45,23 +45,12 @@ def coarse_look(
 ) -> tuple[FloatArray, dict[int, Transforms]]:
     """Nats that points cost on each part, roughly ``(m,)``, and poses, by row."""
     look = _Look(problem, points)
-    costs, hints, kinds = np.full(len(rows), _MOST * len(look.at)), dict[int, Transforms](), list[Any]()
+    costs, hints = np.full(len(rows), _MOST * len(look.at)), dict[int, Transforms]()
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
-        local = rows[here] - start
-        first, which = np.unique(np.asarray(table["kind"])[local], return_inverse=True)
-        found, Ts = look.at_parts(table, first.astype(np.int32), np.zeros((0, 4, 4)))
-        for k in range(len(first)):
-            kinds.append((found[k, 0], table, here[which == k], local[which == k], Ts[k]))
-    done, best = 0, min((kind[0] for kind in kinds), default=0.0)
-    for cost, table, here, local, Ts in sorted(kinds, key=lambda kind: float(kind[0])):
-        costs[here] = cost
-        if done > _MEMBERS or cost > best + _BEHIND:
-            continue
-        own, poses = look.at_parts(table, local.astype(np.int32), Ts)
-        costs[here], done = own[:, 0], done + len(here)
-        for k, row in enumerate(here):
-            hints[int(rows[row])] = poses[k]
+        own, Ts = look.at_parts(table, (rows[here] - start).astype(np.int32))
+        costs[here] = own[:, 0]
+        hints |= {int(rows[row]): poses for row, poses in zip(here, Ts, strict=True)}
     return costs, hints
 
 
@@ -78,26 +67,13 @@ class _Look:
         self.sds = np.hypot(factor * points.sd[spread], shared)
         self.tilts = np.where(points.oriented[spread], points.normal_sds[spread], 1.0)
         self.radii = np.ascontiguousarray(points.radii[spread])
-        self.pairs = _pairs(self.at[:_FAR])
 
-    def at_parts(self, table: Mapping[str, Any], rows: Indices, starts: Transforms) -> tuple[FloatArray, Transforms]:
-        """Nats and poses of parts ``(R, 4)``, best first; from some poses, if there are any."""
-        numbers = table["numbers"]
+    def at_parts(self, table: Mapping[str, Any], rows: Indices) -> tuple[FloatArray, Transforms]:
+        """Nats and poses of parts ``(R, 4)``, best first."""
+        numbers = np.asarray(table["numbers"])
         return _core.coarse(
-            np.asarray(table["places"]).reshape(-1, 6), np.asarray(table["places_start"]), np.asarray(table["field"]),
-            np.asarray(table["field_start"]), np.asarray(table["grid"]), np.sqrt(numbers[:, 0] / PLACES),
-            np.ascontiguousarray(numbers[:, 5:8]), float(LEVELS), rows, self.at, self.normals, self.sds, self.tilts,
-            self.radii, self.pairs, np.ascontiguousarray(starts), _MOST, _EACH, _KEPT,
+            np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
+            np.sqrt(numbers[:, 0] / PLACES), np.ascontiguousarray(numbers[:, 5:8]),
+            np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, self.at, self.normals, self.sds, self.tilts,
+            self.radii, _MOST, _KEPT,
         )  # fmt: skip
-
-
-def _pairs(p: FloatArray) -> Indices:
-    """Pairs of points that are far apart, none of them in two."""
-    first, second = np.triu_indices(len(p), 1)
-    gaps = np.linalg.norm(p[first] - p[second], axis=1)
-    chosen, used = list[int](), set[int]()
-    for k in np.argsort(-gaps, kind="stable"):
-        if used.isdisjoint((int(first[k]), int(second[k]))) and len(chosen) < 2 * _PAIRS:
-            chosen += [int(first[k]), int(second[k])]
-            used.update(chosen)
-    return np.array(chosen, dtype=np.int32)
