@@ -17,6 +17,26 @@ struct Felt {
     float d[LANES], gx[LANES], gy[LANES], gz[LANES], x[LANES], y[LANES], z[LANES];
 };
 
+// A view in steps of a field.
+struct Into {
+    float m[9], o[3];
+    Into(const CoarseField& field, const CoarseView& view) {
+        const double per = 1 / field.step;
+        const Vec3 from = per * (view.at - field.origin);
+        for (int i = 0; i < 9; ++i) m[i] = static_cast<float>(per * view.into.m[i]);
+        for (int k = 0; k < 3; ++k) o[k] = static_cast<float>(from[k]);
+    }
+};
+
+inline void place(const Into& to, const CoarseBlock& b, float* x, float* y, float* z) {
+    const float* m = to.m;
+    for (int l = 0; l < LANES; ++l) {
+        x[l] = m[0] * b.x[l] + m[1] * b.y[l] + m[2] * b.z[l] + to.o[0];
+        y[l] = m[3] * b.x[l] + m[4] * b.y[l] + m[5] * b.z[l] + to.o[1];
+        z[l] = m[6] * b.x[l] + m[7] * b.y[l] + m[8] * b.z[l] + to.o[2];
+    }
+}
+
 struct Axis {
     float off[LANES], part[LANES];
     int node[LANES];
@@ -31,15 +51,8 @@ inline void along(const float* at, float top, Axis& out) {
     }
 }
 
-inline void feel(const CoarseField& field, const CoarseView& view, const CoarseBlock& b, Felt& out) {
-    float m[9];
-    for (int i = 0; i < 9; ++i) m[i] = static_cast<float>(view.into.m[i] / field.step);
-    const float ox = static_cast<float>(view.at.x), oy = static_cast<float>(view.at.y), oz = static_cast<float>(view.at.z);
-    for (int l = 0; l < LANES; ++l) {
-        out.x[l] = m[0] * b.x[l] + m[1] * b.y[l] + m[2] * b.z[l] + ox;
-        out.y[l] = m[3] * b.x[l] + m[4] * b.y[l] + m[5] * b.z[l] + oy;
-        out.z[l] = m[6] * b.x[l] + m[7] * b.y[l] + m[8] * b.z[l] + oz;
-    }
+inline void feel(const CoarseField& field, const Into& into, const CoarseBlock& b, Felt& out) {
+    place(into, b, out.x, out.y, out.z);
     Axis X, Y, Z;
     along(out.x, field.shape[0] - 1.0001f, X);
     along(out.y, field.shape[1] - 1.0001f, Y);
@@ -101,6 +114,13 @@ inline void gather(const Felt& felt, const float* weight, const float* centre, S
     }
 }
 
+// The best, in order.
+void only(std::vector<std::pair<double, CoarseView>>& found, int count) {
+    const auto better = [](const auto& a, const auto& b) { return a.first < b.first; };
+    std::stable_sort(found.begin(), found.end(), better);
+    if (static_cast<int>(found.size()) > count) found.resize(count);
+}
+
 // One part, the points scaled to the steps of its field.
 class Steps {
   public:
@@ -120,9 +140,10 @@ class Steps {
     // Nats at a pose, with a field that errs by so much; and what is to be solved for a step.
     double nats(const CoarseView& view, double sd, Sums* sums) const {
         float sum[LANES] = {};
+        const Into into(part.field, view);
         for (const CoarseBlock& b : blocks) {
             Felt felt;
-            feel(part.field, view, b, felt);
+            feel(part.field, into, b, felt);
             float cost[LANES], per[LANES];
             for (int l = 0; l < LANES; ++l) {
                 per[l] = b.weight[l] / (static_cast<float>(sd * sd) + b.var[l]);
@@ -154,8 +175,7 @@ class Steps {
         if (!cholesky(A, 6)) return cost;
         solve_cholesky(A, 6, b);
         const Mat3 R = rotation({b[3], b[4], b[5]});
-        const Vec3 c{centre[0], centre[1], centre[2]};
-        view = {R * view.into, R * (view.at - c) + c + Vec3{b[0], b[1], b[2]}};
+        view = {R * view.into, R * (view.at - part.centre) + part.centre + part.field.step * Vec3{b[0], b[1], b[2]}};
         return cost;
     }
 
@@ -169,32 +189,60 @@ class Steps {
 
 }  // namespace
 
-std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort) {
+float coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, const CoarseEffort& effort,
+                   float limit) {
+    const CoarseField& f = part.field;
+    const double cell = 0.5 * effort.cell * part.spacing / f.step;
+    const float per = static_cast<float>(0.5 / (cell * cell + 0.1)), unit = static_cast<float>(f.unit / f.step),
+                most = static_cast<float>(effort.most), inverse = static_cast<float>(1 / f.step);
+    const float mx = f.shape[0] - 1.0f, my = f.shape[1] - 1.0f, mz = f.shape[2] - 1.0f;
+    const Into into(f, view);
+    float sum = 0;
+    for (const CoarseBlock& b : points.blocks) {
+        float x[LANES], y[LANES], z[LANES], off[LANES], d[LANES], cost[LANES];
+        int node[LANES];
+        place(into, b, x, y, z);
+        for (int l = 0; l < LANES; ++l) {
+            const float cx = std::min(std::max(x[l], 0.0f), mx), cy = std::min(std::max(y[l], 0.0f), my),
+                        cz = std::min(std::max(z[l], 0.0f), mz);
+            off[l] = (x[l] - cx) * (x[l] - cx) + (y[l] - cy) * (y[l] - cy) + (z[l] - cz) * (z[l] - cz);
+            node[l] = (static_cast<int>(cx + 0.5f) * f.shape[1] + static_cast<int>(cy + 0.5f)) * f.shape[2] +
+                      static_cast<int>(cz + 0.5f);
+        }
+        for (int l = 0; l < LANES; ++l) d[l] = f.levels[node[l]];
+        for (int l = 0; l < LANES; ++l) {
+            const float e = unit * d[l] - b.radius[l] * inverse;
+            cost[l] = std::min((e * e + off[l]) * per, most) * b.weight[l];
+        }
+        for (int l = 0; l < LANES; ++l) sum += cost[l];
+        if (sum > limit) break;
+    }
+    return sum;
+}
+
+std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points,
+                                     const std::vector<CoarseView>& starts, const CoarseEffort& effort) {
     const Steps steps(part, points, effort);
     const double begin = std::max(0.5 * part.spacing / part.field.step, ERROR);
-    std::vector<std::pair<double, CoarseView>> found;
     const int rounds = effort.rounds1 + effort.rounds2;
-    auto sd_of = [&](int round) {
-        const double s = static_cast<double>(rounds - 1 - round) / (rounds - 1);
-        return effort.geometric ? ERROR * std::pow(begin / ERROR, s) : ERROR + (begin - ERROR) * s;
-    };
-    const auto better = [](const auto& a, const auto& b) { return a.first < b.first; };
-    for (CoarseView view : coarse_starts(part, points, effort)) {
+    const auto sd_of = [&](int round) { return ERROR + (begin - ERROR) * (rounds - 1 - round) / (rounds - 1); };
+    std::vector<std::pair<double, CoarseView>> found;
+    for (const CoarseView& view : starts) found.push_back({coarse_score(part, points, view, effort, 1e30f), view});
+    only(found, effort.step);
+    for (auto& [cost, view] : found) {
         for (int k = 0; k < effort.rounds1; ++k) steps.step(view, sd_of(k));
-        found.push_back({steps.nats(view, sd_of(effort.rounds1), nullptr), view});
+        cost = steps.nats(view, sd_of(effort.rounds1), nullptr);
     }
-    std::sort(found.begin(), found.end(), better);
-    if (static_cast<int>(found.size()) > effort.go_on) found.resize(effort.go_on);
+    only(found, effort.go_on);
     for (auto& [cost, view] : found) {
         for (int k = effort.rounds1; k < rounds; ++k) steps.step(view, sd_of(k));
         cost = steps.nats(view, ERROR, nullptr);
     }
-    std::sort(found.begin(), found.end(), better);
-    if (static_cast<int>(found.size()) > effort.keep) found.resize(effort.keep);
+    only(found, effort.keep);
     std::vector<CoarsePose> out;
     for (const auto& [cost, view] : found) {
         const Mat3 R = transposed(view.into);
-        out.push_back({{R, points.centre - R * (part.field.origin + part.field.step * view.at)}, cost});
+        out.push_back({{R, points.centre - R * view.at}, cost});
     }
     return out;
 }

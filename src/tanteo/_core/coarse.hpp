@@ -28,14 +28,14 @@ struct CoarsePart {
 };
 
 struct CoarseEffort {
-    int poses = 4000;    // that are scored, about
-    int begin = 24;      // of these, from which steps are made
-    int go_on = 6;       // of these, with which they go on
+    int poses = 2000;    // that are scored, about
+    int begin = 48;      // of these, that are tried on each part of a kind
+    int step = 16;       // of these, from which steps are made
+    int go_on = 5;       // of these, with which they go on
     int keep = 4;        // of these, that are handed out
     double most = 8;     // nats that a point costs at most: it may be an outlier
-    double cell = 0.7, blur = 0.5, turn = 1, slack = 1, alike = 1.5, loose = 1;
+    double cell = 0.7, turn = 1, slack = 1, alike = 1.5;
     int rounds1 = 3, rounds2 = 4;
-    double geometric = 0;
 };
 
 struct CoarsePose {
@@ -68,16 +68,21 @@ struct CoarsePoints {
 
 CoarsePoints coarse_points(const std::vector<CoarsePoint>& points, int spare, int most_turns);
 
-// Where points are in a part: x of a block is at into x + at, in steps of its field from the first node.
+// Where points are in a part: each at into x + at, x from the middle of all of them.
 struct CoarseView {
     Mat3 into;
     Vec3 at;
 };
 
-// Poses to begin with, best first.
+// Nats of points where they are in a part, by the nodes next to them; stops beyond the limit.
+float coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, const CoarseEffort& effort,
+                   float limit);
+
+// The best of poses that are even over all attitudes and over where the points are in the box of a part, best first.
 std::vector<CoarseView> coarse_starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort);
 
-// The best poses of a part, best first.
-std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort);
+// The best poses of a part that some lead to, best first.
+std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points,
+                                     const std::vector<CoarseView>& starts, const CoarseEffort& effort);
 
 }  // namespace tanteo

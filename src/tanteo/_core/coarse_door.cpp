@@ -88,7 +88,7 @@ class Parts {
 double env(const char* name, double v) { const char* e = std::getenv(name); return e ? std::atof(e) : v; }
 
 nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes,
-                 double levels, Ints rows, Doubles at, Doubles normals, Doubles sds, Doubles tilts, Doubles radii,
+                 double levels, Ints rows, Ints kinds, Doubles at, Doubles normals, Doubles sds, Doubles tilts, Doubles radii,
                  double most, int keep) {
     const Parts parts(field, field_starts, grids, spacings, centres, boxes, expect(levels, "levels", 1, 1e6));
     const std::vector<CoarsePoint> points = points_of(at, normals, sds, tilts, radii);
@@ -96,26 +96,28 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
     CoarseEffort effort;
     effort.most = expect(most, "most", 1e-3, 1e9);
     effort.keep = static_cast<int>(expect(keep, "keep", 1, 1000));
-    effort.poses = env("C_POSES", 4000);
-    effort.begin = env("C_BEGIN", 24);
-    effort.go_on = env("C_GOON", 6);
+    effort.poses = env("C_POSES", 2000);
+    effort.begin = env("C_BEGIN", 48);
+    effort.step = env("C_STEP", 16);
+    effort.go_on = env("C_GOON", 5);
     effort.rounds1 = env("C_R1", 3);
     effort.rounds2 = env("C_R2", 4);
-    effort.geometric = env("C_GEO", 0);
     effort.cell = env("C_CELL", 0.7);
-    effort.blur = env("C_BLUR", 0.5);
     effort.turn = env("C_TURN", 1);
     effort.slack = env("C_SLACK", 1);
     effort.alike = env("C_ALIKE", 1.5);
-    effort.loose = env("C_LOOSE", 1);
     const int top = env("C_TOP", 4608);
+    const std::vector<int> alike = expect(kinds, "kinds", chosen.size(), 0, static_cast<int64_t>(parts.count) - 1);
     const size_t R = chosen.size(), K = effort.keep;
     std::vector<double> costs(R * K, points.size() * effort.most), Ts(16 * R * K, 0.0);
     {
         nb::gil_scoped_release release;
         const CoarsePoints all = coarse_points(points, env("C_SPARE", 1), top);
+        std::vector<CoarseView> starts;
         for (size_t r = 0; r < R; ++r) {
-            const std::vector<CoarsePose> found = coarse_poses(parts.part(chosen[r]), all, effort);
+            const CoarsePart part = parts.part(chosen[r]);
+            if (r == 0 || alike[r] != alike[r - 1]) starts = coarse_starts(part, all, effort);
+            const std::vector<CoarsePose> found = coarse_poses(part, all, starts, effort);
             for (size_t k = 0; k < K; ++k) {
                 const bool there = k < found.size();
                 store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
@@ -131,7 +133,7 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
 void offer_coarse(nb::module_& m) {
     using namespace nb::literals;
     m.def("coarse", &coarse, "field"_a, "field_start"_a, "grid"_a, "spacings"_a, "centres"_a, "boxes"_a, "levels"_a,
-          "rows"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a, "keep"_a);
+          "rows"_a, "kinds"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a, "keep"_a);
 }
 
 }  // namespace tanteo

@@ -49,9 +49,6 @@ class Starts {
   public:
     Starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort)
         : part(part), points(points), effort(effort), cell(effort.cell * part.spacing) {
-        const double step = part.field.step;
-        per = static_cast<float>(0.5 * step * step / (cell * cell * effort.blur * effort.blur + 0.1 * step * step));
-        inverse = static_cast<float>(1 / step);
         size_t level = 0;
         while (level + 1 < points.turns.size() && points.turns[level].apart * points.reach > effort.turn * cell) ++level;
         of = &points.turns[level];
@@ -66,13 +63,11 @@ class Starts {
         size_t next = 0, at = 0;
         for (const Room& room : rooms) {
             const size_t all = room.count[0] * room.count[1] * room.count[2];
-            if (next < at + all) turn_to(room.turn);
             for (; next < at + all; next += every) try_at(room, next - at);
             at += all;
         }
         std::vector<CoarseView> out;
-        for (const Kept& one : kept)
-            out.push_back({of->into[one.turn], (1 / part.field.step) * (one.at - part.field.origin)});
+        for (const Kept& one : kept) out.push_back({of->into[one.turn], one.at});
         return out;
     }
 
@@ -91,7 +86,7 @@ class Starts {
     const CoarseEffort& effort;
     const CoarseTurns* of = nullptr;
     double cell;
-    float slack = 0, per = 0, inverse = 0, m[9] = {};
+    float slack = 0;
     std::vector<Room> rooms;
     std::vector<Kept> kept;
 
@@ -104,9 +99,7 @@ class Starts {
             Room room;
             room.turn = static_cast<int>(r);
             for (int k = 0; k < 3; ++k) {
-                const float free = side[k] - of->width[k][r];
-                const float tight = std::max(free - 2 * slack, 0.0f);
-                const float span = std::min(free, tight + static_cast<float>(effort.loose) * slack);
+                const float span = std::max(side[k] - 2 * slack - of->width[k][r], 0.0f);
                 room.count[k] = std::max(1, static_cast<int>(span / cell + 0.5f));
                 const float middle = 0.5f * static_cast<float>(part.low[k] + part.high[k]) - of->middle[k][r];
                 room.step[k] = span / room.count[k];
@@ -114,10 +107,6 @@ class Starts {
             }
             rooms.push_back(room);
         }
-    }
-
-    void turn_to(int turn) {
-        for (int i = 0; i < 9; ++i) m[i] = static_cast<float>(of->into[turn].m[i]) * inverse;
     }
 
     void try_at(const Room& room, size_t number) {
@@ -128,7 +117,7 @@ class Starts {
             number /= room.count[k];
         }
         const float limit = kept.size() < static_cast<size_t>(effort.begin) ? 1e30f : kept.back().cost;
-        one.cost = rough(one.at, limit);
+        one.cost = coarse_score(part, points, {of->into[one.turn], one.at}, effort, limit);
         if (one.cost < limit) keep(one);
     }
 
@@ -151,38 +140,6 @@ class Starts {
         double trace = 0;
         for (int i = 0; i < 9; ++i) trace += A.m[i] * B.m[i];
         return trace > 1 + 2 * std::cos(effort.alike * of->apart) && squared(a.at - b.at) < 2.25 * cell * cell;
-    }
-
-    // Nats of the points at a pose, by the nearest nodes; stops beyond the limit.
-    float rough(const Vec3& at, float limit) const {
-        const CoarseField& f = part.field;
-        const Vec3 o = inverse * (at - f.origin);
-        const float ox = static_cast<float>(o.x), oy = static_cast<float>(o.y), oz = static_cast<float>(o.z);
-        const float mx = f.shape[0] - 1.0f, my = f.shape[1] - 1.0f, mz = f.shape[2] - 1.0f;
-        const float unit = static_cast<float>(f.unit) * inverse, most = static_cast<float>(effort.most);
-        float sum = 0;
-        for (const CoarseBlock& b : points.blocks) {
-            float off[LANES], d[LANES], cost[LANES];
-            int node[LANES];
-            for (int l = 0; l < LANES; ++l) {
-                const float x = m[0] * b.x[l] + m[1] * b.y[l] + m[2] * b.z[l] + ox;
-                const float y = m[3] * b.x[l] + m[4] * b.y[l] + m[5] * b.z[l] + oy;
-                const float z = m[6] * b.x[l] + m[7] * b.y[l] + m[8] * b.z[l] + oz;
-                const float cx = std::min(std::max(x, 0.0f), mx), cy = std::min(std::max(y, 0.0f), my),
-                            cz = std::min(std::max(z, 0.0f), mz);
-                off[l] = (x - cx) * (x - cx) + (y - cy) * (y - cy) + (z - cz) * (z - cz);
-                node[l] = (static_cast<int>(cx + 0.5f) * f.shape[1] + static_cast<int>(cy + 0.5f)) * f.shape[2] +
-                          static_cast<int>(cz + 0.5f);
-            }
-            for (int l = 0; l < LANES; ++l) d[l] = f.levels[node[l]];
-            for (int l = 0; l < LANES; ++l) {
-                const float e = unit * d[l] - b.radius[l] * inverse;
-                cost[l] = std::min((e * e + off[l]) * per, most) * b.weight[l];
-            }
-            for (int l = 0; l < LANES; ++l) sum += cost[l];
-            if (sum > limit) break;
-        }
-        return sum;
     }
 };
 

@@ -48,6 +48,7 @@ def coarse_look(
     costs, hints = np.full(len(rows), _MOST * len(look.at)), dict[int, Transforms]()
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
+        here = here[np.argsort(np.asarray(table["kind"])[rows[here] - start], kind="stable")]
         own, Ts = look.at_parts(table, (rows[here] - start).astype(np.int32))
         costs[here] = own[:, 0]
         hints |= {int(rows[row]): poses for row, poses in zip(here, Ts, strict=True)}
@@ -74,6 +75,7 @@ class _Look:
         return _core.coarse(
             np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
             np.sqrt(numbers[:, 0] / PLACES), np.ascontiguousarray(numbers[:, 5:8]),
-            np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, self.at, self.normals, self.sds, self.tilts,
+            np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows,
+            np.ascontiguousarray(np.asarray(table["kind"])[rows]), self.at, self.normals, self.sds, self.tilts,
             self.radii, _MOST, _KEPT,
         )  # fmt: skip
