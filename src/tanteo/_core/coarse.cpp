@@ -115,7 +115,7 @@ inline void gather(const Felt& felt, const float* weight, const float* centre, S
 }
 
 // The best, in order.
-void only(std::vector<std::pair<double, CoarseView>>& found, int count) {
+void only(CoarseRanked& found, int count) {
     const auto better = [](const auto& a, const auto& b) { return a.first < b.first; };
     std::stable_sort(found.begin(), found.end(), better);
     if (static_cast<int>(found.size()) > count) found.resize(count);
@@ -189,8 +189,8 @@ class Steps {
 
 }  // namespace
 
-float coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, const CoarseEffort& effort,
-                   float limit) {
+double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view,
+                    const CoarseEffort& effort, double limit) {
     const CoarseField& f = part.field;
     const double cell = 0.5 * effort.cell * part.spacing / f.step;
     const float per = static_cast<float>(0.5 / (cell * cell + 0.1)), unit = static_cast<float>(f.unit / f.step),
@@ -220,15 +220,27 @@ float coarse_score(const CoarsePart& part, const CoarsePoints& points, const Coa
     return sum;
 }
 
-std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points,
-                                     const std::vector<CoarseView>& starts, const CoarseEffort& effort) {
+CoarseRanked coarse_ranked(const CoarsePart& part, const CoarsePoints& points, const std::vector<CoarseView>& views,
+                           const CoarseEffort& effort) {
+    CoarseRanked best;
+    const size_t most = effort.step;
+    for (const CoarseView& view : views) {
+        const double limit = best.size() < most ? 1e300 : best.back().first;
+        const double cost = coarse_score(part, points, view, effort, limit);
+        if (!(cost < limit)) continue;
+        if (best.size() == most) best.pop_back();
+        const auto after = [](double a, const auto& b) { return a < b.first; };
+        best.insert(std::upper_bound(best.begin(), best.end(), cost, after), {cost, view});
+    }
+    return best;
+}
+
+std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, CoarseRanked found,
+                                     const CoarseEffort& effort) {
     const Steps steps(part, points, effort);
     const double begin = std::max(0.5 * part.spacing / part.field.step, ERROR);
     const int rounds = effort.rounds1 + effort.rounds2;
     const auto sd_of = [&](int round) { return ERROR + (begin - ERROR) * (rounds - 1 - round) / (rounds - 1); };
-    std::vector<std::pair<double, CoarseView>> found;
-    for (const CoarseView& view : starts) found.push_back({coarse_score(part, points, view, effort, 1e30f), view});
-    only(found, effort.step);
     for (auto& [cost, view] : found) {
         for (int k = 0; k < effort.rounds1; ++k) steps.step(view, sd_of(k));
         cost = steps.nats(view, sd_of(effort.rounds1), nullptr);

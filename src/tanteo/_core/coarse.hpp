@@ -1,6 +1,7 @@
 // Parts of which only a box and a coarse field of distances are known: how well can points be of each, and where?
 #pragma once
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "vec.hpp"
@@ -29,13 +30,13 @@ struct CoarsePart {
 
 struct CoarseEffort {
     int poses = 2000;    // that are scored, about
-    int begin = 48;      // of these, that are tried on each part of a kind
-    int step = 16;       // of these, from which steps are made
-    int go_on = 5;       // of these, with which they go on
+    int begin = 300;     // of these, that are tried on each part of a kind
+    int step = 24;       // of these, from which steps are made
+    int go_on = 6;       // of these, with which they go on
     int keep = 4;        // of these, that are handed out
     double most = 8;     // nats that a point costs at most: it may be an outlier
     double cell = 0.7, turn = 1, slack = 1, alike = 1.5;
-    int rounds1 = 3, rounds2 = 4;
+    int rounds1 = 1, rounds2 = 4;
 };
 
 struct CoarsePose {
@@ -75,14 +76,20 @@ struct CoarseView {
 };
 
 // Nats of points where they are in a part, by the nodes next to them; stops beyond the limit.
-float coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, const CoarseEffort& effort,
-                   float limit);
+double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view,
+                    const CoarseEffort& effort, double limit);
 
 // The best of poses that are even over all attitudes and over where the points are in the box of a part, best first.
 std::vector<CoarseView> coarse_starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort);
 
-// The best poses of a part that some lead to, best first.
-std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points,
-                                     const std::vector<CoarseView>& starts, const CoarseEffort& effort);
+using CoarseRanked = std::vector<std::pair<double, CoarseView>>;
+
+// Those of some views from which steps are made, with their scores on a part, best first.
+CoarseRanked coarse_ranked(const CoarsePart& part, const CoarsePoints& points, const std::vector<CoarseView>& views,
+                           const CoarseEffort& effort);
+
+// The best poses of a part that views lead to, best first.
+std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, CoarseRanked found,
+                                     const CoarseEffort& effort);
 
 }  // namespace tanteo

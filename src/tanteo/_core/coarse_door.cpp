@@ -1,5 +1,5 @@
 // Many parts of a catalogue, of which arrays lie in mapped files: poses and nats of points on each.
-#include <cstdio>
+#include <algorithm>
 #include <cstdlib>
 #include "coarse.hpp"
 #include "door.hpp"
@@ -88,7 +88,7 @@ class Parts {
 double env(const char* name, double v) { const char* e = std::getenv(name); return e ? std::atof(e) : v; }
 
 nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes,
-                 double levels, Ints rows, Ints kinds, Doubles at, Doubles normals, Doubles sds, Doubles tilts, Doubles radii,
+                 double levels, Ints rows, Ints kinds, double best, Doubles at, Doubles normals, Doubles sds, Doubles tilts, Doubles radii,
                  double most, int keep) {
     const Parts parts(field, field_starts, grids, spacings, centres, boxes, expect(levels, "levels", 1, 1e6));
     const std::vector<CoarsePoint> points = points_of(at, normals, sds, tilts, radii);
@@ -96,11 +96,11 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
     CoarseEffort effort;
     effort.most = expect(most, "most", 1e-3, 1e9);
     effort.keep = static_cast<int>(expect(keep, "keep", 1, 1000));
-    effort.poses = env("C_POSES", 2000);
-    effort.begin = env("C_BEGIN", 48);
-    effort.step = env("C_STEP", 16);
-    effort.go_on = env("C_GOON", 5);
-    effort.rounds1 = env("C_R1", 3);
+    effort.poses = env("C_POSES", 4000);
+    effort.begin = env("C_BEGIN", 300);
+    effort.step = env("C_STEP", 24);
+    effort.go_on = env("C_GOON", 6);
+    effort.rounds1 = env("C_R1", 1);
     effort.rounds2 = env("C_R2", 4);
     effort.cell = env("C_CELL", 0.7);
     effort.turn = env("C_TURN", 1);
@@ -109,15 +109,23 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
     const int top = env("C_TOP", 4608);
     const std::vector<int> alike = expect(kinds, "kinds", chosen.size(), 0, static_cast<int64_t>(parts.count) - 1);
     const size_t R = chosen.size(), K = effort.keep;
+    std::vector<double> scores(R);
     std::vector<double> costs(R * K, points.size() * effort.most), Ts(16 * R * K, 0.0);
     {
         nb::gil_scoped_release release;
         const CoarsePoints all = coarse_points(points, env("C_SPARE", 1), top);
         std::vector<CoarseView> starts;
+        std::vector<CoarseRanked> ranked(R);
         for (size_t r = 0; r < R; ++r) {
             const CoarsePart part = parts.part(chosen[r]);
             if (r == 0 || alike[r] != alike[r - 1]) starts = coarse_starts(part, all, effort);
-            const std::vector<CoarsePose> found = coarse_poses(part, all, starts, effort);
+            ranked[r] = coarse_ranked(part, all, starts, effort);
+            scores[r] = ranked[r].empty() ? points.size() * effort.most : ranked[r].front().first;
+            best = std::min(best, scores[r]);
+        }
+        for (size_t r = 0; r < R; ++r) {
+            if (scores[r] > best + env("C_BEHIND", 1000)) continue;
+            const std::vector<CoarsePose> found = coarse_poses(parts.part(chosen[r]), all, std::move(ranked[r]), effort);
             for (size_t k = 0; k < K; ++k) {
                 const bool there = k < found.size();
                 store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
@@ -125,7 +133,8 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
             }
         }
     }
-    return nb::make_tuple(array_of(std::move(costs), {R, K}), array_of(std::move(Ts), {R, K, 4, 4}));
+    return nb::make_tuple(array_of(std::move(scores), {R}), array_of(std::move(costs), {R, K}),
+                          array_of(std::move(Ts), {R, K, 4, 4}));
 }
 
 }  // namespace
@@ -133,7 +142,7 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
 void offer_coarse(nb::module_& m) {
     using namespace nb::literals;
     m.def("coarse", &coarse, "field"_a, "field_start"_a, "grid"_a, "spacings"_a, "centres"_a, "boxes"_a, "levels"_a,
-          "rows"_a, "kinds"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a, "keep"_a);
+          "rows"_a, "kinds"_a, "best"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a, "keep"_a);
 }
 
 }  // namespace tanteo

@@ -79,7 +79,7 @@ class Starts {
     struct Kept {
         int turn = 0;
         Vec3 at;
-        float cost = 0;
+        double cost = 0;
     };
     const CoarsePart& part;
     const CoarsePoints& points;
@@ -116,7 +116,7 @@ class Starts {
             one.at[k] = room.low[k] + room.step[k] * (number % room.count[k]);
             number /= room.count[k];
         }
-        const float limit = kept.size() < static_cast<size_t>(effort.begin) ? 1e30f : kept.back().cost;
+        const double limit = kept.size() < static_cast<size_t>(effort.begin) ? 1e300 : kept.back().cost;
         one.cost = coarse_score(part, points, {of->into[one.turn], one.at}, effort, limit);
         if (one.cost < limit) keep(one);
     }

@@ -46,15 +46,19 @@ def coarse_look(
     """Nats that points cost on each part, roughly ``(m,)``, and poses, by row."""
     look = _Look(problem, points)
     costs, hints = np.full(len(rows), _MOST * len(look.at)), dict[int, Transforms]()
+    best = _MOST * len(look.at)
+    scores = np.full(len(rows), best)
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
         here = here[np.argsort(np.asarray(table["kind"])[rows[here] - start], kind="stable")]
-        own, Ts = look.at_parts(table, (rows[here] - start).astype(np.int32))
-        costs[here] = own[:, 0]
+        scores[here], own, Ts = look.at_parts(table, (rows[here] - start).astype(np.int32), best)
+        costs[here], best = own[:, 0], min(best, float(scores[here].min(initial=best)))
         hints |= {int(rows[row]): poses for row, poses in zip(here, Ts, strict=True)}
+    LAST["scores"] = scores
     return costs, hints
 
 
+LAST = {}
 class _Look:
     """Some of the points, in the order in which they tell most."""
 
@@ -69,13 +73,13 @@ class _Look:
         self.tilts = np.where(points.oriented[spread], points.normal_sds[spread], 1.0)
         self.radii = np.ascontiguousarray(points.radii[spread])
 
-    def at_parts(self, table: Mapping[str, Any], rows: Indices) -> tuple[FloatArray, Transforms]:
+    def at_parts(self, table: Mapping[str, Any], rows: Indices, best: float) -> tuple[FloatArray, FloatArray, Transforms]:
         """Nats and poses of parts ``(R, 4)``, best first."""
         numbers = np.asarray(table["numbers"])
         return _core.coarse(
             np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
             np.sqrt(numbers[:, 0] / PLACES), np.ascontiguousarray(numbers[:, 5:8]),
             np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows,
-            np.ascontiguousarray(np.asarray(table["kind"])[rows]), self.at, self.normals, self.sds, self.tilts,
+            np.ascontiguousarray(np.asarray(table["kind"])[rows]), best, self.at, self.normals, self.sds, self.tilts,
             self.radii, _MOST, _KEPT,
         )  # fmt: skip
