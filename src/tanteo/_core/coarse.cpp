@@ -8,14 +8,13 @@ namespace tanteo {
 
 namespace {
 
-constexpr double ERROR = 0.2;  // of a field, in steps of its grid
-constexpr double TILT = 0.3;   // of its gradient [rad]
-constexpr float LEAST = 0.1f;  // of a gradient that has a direction
-
-// Distances of a block's points in steps of the field, with gradients, and where they are.
-struct Felt {
-    float d[LANES], gx[LANES], gy[LANES], gz[LANES], x[LANES], y[LANES], z[LANES];
-};
+constexpr double ERROR = 0.2;      // of a field, in steps of its grid
+constexpr double BETWEEN = 0.316;  // of its value at the next node, likewise: half a step along an axis, and less across
+constexpr double TILT = 0.3;       // of its gradient [rad]
+constexpr float LEAST = 0.1f;      // of a gradient that has a direction
+constexpr double CELL = 0.7;       // of the spacing of places: with 1, poses are missed thrice as often
+constexpr int ROUNDS = 5;          // of steps, from coarse to fine: after the first, a quarter goes on
+constexpr double TURN = 1.0 / 3;   // that a step may take [rad]
 
 // A view in steps of a field.
 struct Into {
@@ -37,6 +36,12 @@ inline void place(const Into& to, const CoarseBlock& b, float* x, float* y, floa
     }
 }
 
+// Distances of a block's points in steps of the field, with gradients, and where they are.
+struct Felt {
+    float d[LANES], gx[LANES], gy[LANES], gz[LANES], x[LANES], y[LANES], z[LANES];
+};
+
+// Along one axis: beyond the field, the node before, and the share of the way to the next.
 struct Axis {
     float off[LANES], part[LANES];
     int node[LANES];
@@ -124,8 +129,8 @@ void only(CoarseRanked& found, int count) {
 // One part, the points scaled to the steps of its field.
 class Steps {
   public:
-    Steps(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort)
-        : part(part), blocks(points.blocks), oriented(points.oriented), most(static_cast<float>(effort.most)),
+    Steps(const CoarsePart& part, const CoarsePoints& points, double most)
+        : part(part), blocks(points.blocks), oriented(points.oriented), most(static_cast<float>(most)),
           reach(part.spacing / part.field.step) {
         const float per = static_cast<float>(1 / part.field.step);
         for (CoarseBlock& b : blocks)
@@ -161,22 +166,21 @@ class Steps {
         return all;
     }
 
-    // A step of Gauss and Newton; the nats before it.
-    double step(CoarseView& view, double sd) const {
+    // A step of Gauss and Newton.
+    void step(CoarseView& view, double sd) const {
         Sums sums;
-        const double cost = nats(view, sd, &sums);
+        nats(view, sd, &sums);
         double A[36] = {}, b[6] = {};
         for (int i = 0, at = 0; i < 6; ++i) {
             for (int l = 0; l < LANES; ++l) b[i] += sums.b[i][l];
             for (int k = 0; k <= i; ++k, ++at)
                 for (int l = 0; l < LANES; ++l) A[6 * i + k] += sums.A[at][l];
-            A[7 * i] += i < 3 ? 1 / (reach * reach) : 9;
+            A[7 * i] += i < 3 ? 1 / (reach * reach) : 1 / (TURN * TURN);
         }
-        if (!cholesky(A, 6)) return cost;
+        if (!cholesky(A, 6)) return;
         solve_cholesky(A, 6, b);
         const Mat3 R = rotation({b[3], b[4], b[5]});
         view = {R * view.into, R * (view.at - part.centre) + part.centre + part.field.step * Vec3{b[0], b[1], b[2]}};
-        return cost;
     }
 
   private:
@@ -189,12 +193,13 @@ class Steps {
 
 }  // namespace
 
-double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view,
-                    const CoarseEffort& effort, double limit) {
+double coarse_cell(const CoarsePart& part) { return CELL * part.spacing; }
+
+double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, double most, double limit) {
     const CoarseField& f = part.field;
-    const double cell = 0.5 * effort.cell * part.spacing / f.step;
-    const float per = static_cast<float>(0.5 / (cell * cell + 0.1)), unit = static_cast<float>(f.unit / f.step),
-                most = static_cast<float>(effort.most), inverse = static_cast<float>(1 / f.step);
+    const double sd = 0.5 * coarse_cell(part) / f.step;  // a view is as much as half a cell off
+    const float per = static_cast<float>(0.5 / (sd * sd + BETWEEN * BETWEEN)), unit = static_cast<float>(f.unit / f.step),
+                top = static_cast<float>(most), inverse = static_cast<float>(1 / f.step);
     const float mx = f.shape[0] - 1.0f, my = f.shape[1] - 1.0f, mz = f.shape[2] - 1.0f;
     const Into into(f, view);
     float sum = 0;
@@ -212,7 +217,7 @@ double coarse_score(const CoarsePart& part, const CoarsePoints& points, const Co
         for (int l = 0; l < LANES; ++l) d[l] = f.levels[node[l]];
         for (int l = 0; l < LANES; ++l) {
             const float e = unit * d[l] - b.radius[l] * inverse;
-            cost[l] = std::min((e * e + off[l]) * per, most) * b.weight[l];
+            cost[l] = std::min((e * e + off[l]) * per, top) * b.weight[l];
         }
         for (int l = 0; l < LANES; ++l) sum += cost[l];
         if (sum > limit) break;
@@ -223,10 +228,10 @@ double coarse_score(const CoarsePart& part, const CoarsePoints& points, const Co
 CoarseRanked coarse_ranked(const CoarsePart& part, const CoarsePoints& points, const std::vector<CoarseView>& views,
                            const CoarseEffort& effort) {
     CoarseRanked best;
-    const size_t most = effort.step;
+    const size_t most = effort.stepped;
     for (const CoarseView& view : views) {
         const double limit = best.size() < most ? 1e300 : best.back().first;
-        const double cost = coarse_score(part, points, view, effort, limit);
+        const double cost = coarse_score(part, points, view, effort.most, limit);
         if (!(cost < limit)) continue;
         if (best.size() == most) best.pop_back();
         const auto after = [](double a, const auto& b) { return a < b.first; };
@@ -237,24 +242,23 @@ CoarseRanked coarse_ranked(const CoarsePart& part, const CoarsePoints& points, c
 
 std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, CoarseRanked found,
                                      const CoarseEffort& effort) {
-    const Steps steps(part, points, effort);
+    const Steps steps(part, points, effort.most);
     const double begin = std::max(0.5 * part.spacing / part.field.step, ERROR);
-    const int rounds = effort.rounds1 + effort.rounds2;
-    const auto sd_of = [&](int round) { return ERROR + (begin - ERROR) * (rounds - 1 - round) / (rounds - 1); };
+    const auto sd_of = [&](int round) { return ERROR + (begin - ERROR) * (ROUNDS - 1 - round) / (ROUNDS - 1); };
     for (auto& [cost, view] : found) {
-        for (int k = 0; k < effort.rounds1; ++k) steps.step(view, sd_of(k));
-        cost = steps.nats(view, sd_of(effort.rounds1), nullptr);
+        steps.step(view, sd_of(0));
+        cost = steps.nats(view, sd_of(1), nullptr);
     }
-    only(found, effort.go_on);
+    only(found, std::max(effort.stepped / 4, effort.keep));
     for (auto& [cost, view] : found) {
-        for (int k = effort.rounds1; k < rounds; ++k) steps.step(view, sd_of(k));
+        for (int round = 1; round < ROUNDS; ++round) steps.step(view, sd_of(round));
         cost = steps.nats(view, ERROR, nullptr);
     }
     only(found, effort.keep);
     std::vector<CoarsePose> out;
     for (const auto& [cost, view] : found) {
         const Mat3 R = transposed(view.into);
-        out.push_back({{R, points.centre - R * view.at}, cost});
+        out.push_back({{R, points.middle - R * view.at}, cost});
     }
     return out;
 }

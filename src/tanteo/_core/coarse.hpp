@@ -19,24 +19,21 @@ struct CoarseField {
     const int8_t* levels = nullptr;
     Vec3 origin;
     double step = 1, unit = 1;
-    int shape[3] = {1, 1, 1};
+    int shape[3] = {2, 2, 2};
 };
 
 struct CoarsePart {
     CoarseField field;
-    double spacing = 0;  // of places even over its surface [m]
-    Vec3 centre, low, high;
+    double spacing = 0;  // between places even over its surface [m]
+    Vec3 centre, low, high;  // low, high: corners of its box
 };
 
 struct CoarseEffort {
-    int poses = 2000;    // that are scored, about
-    int begin = 300;     // of these, that are tried on each part of a kind
-    int step = 24;       // of these, from which steps are made
-    int go_on = 6;       // of these, with which they go on
-    int keep = 4;        // of these, that are handed out
-    double most = 8;     // nats that a point costs at most: it may be an outlier
-    double cell = 0.7, turn = 1, slack = 1, alike = 1.5;
-    int rounds1 = 1, rounds2 = 4;
+    int poses = 2000;         // that are scored of a kind, about
+    int begin = 300;          // of these, that are scored on each part of it
+    int stepped = 32;         // of these, from which steps are made
+    int keep = 4;             // of what they lead to
+    double most = 8;          // nats that a point costs at most: it may be an outlier
 };
 
 struct CoarsePose {
@@ -46,43 +43,45 @@ struct CoarsePose {
 
 constexpr int LANES = 8;
 
-// Points side by side, as many as the processor takes at once; what is no point has no weight.
+// Points side by side, as many as are taken at once, about the middle of all; what is no point has no weight.
 struct CoarseBlock {
     float x[LANES] = {}, y[LANES] = {}, z[LANES] = {}, radius[LANES] = {}, var[LANES] = {}, weight[LANES] = {};
     float nx[LANES] = {}, ny[LANES] = {}, nz[LANES] = {}, tilt2[LANES] = {}, oriented[LANES] = {};
 };
 
-// Turns that are even over all attitudes, and how far points reach in a part's axes after each.
+// Turns that are even over all attitudes, and what the points take up along a part's axes after each.
 struct CoarseTurns {
-    double apart = 0;           // of neighbours, about [rad]
-    std::vector<Mat3> into;     // of directions of the world into those of the part
+    double apart = 0;        // of neighbours, about [rad]
+    std::vector<Mat3> into;  // of directions of the world into those of the part
     std::vector<float> width[3], middle[3];
 };
 
 struct CoarsePoints {
     std::vector<CoarseBlock> blocks;
-    bool oriented = false;
-    Vec3 centre;
-    double reach = 0, noise = 0;
     std::vector<CoarseTurns> turns;  // from few to many
+    Vec3 middle;
+    bool oriented = false;
+    double reach = 0, noise = 0;  // how far most are from the middle, and how far any may be from the surface [m]
 };
 
-CoarsePoints coarse_points(const std::vector<CoarsePoint>& points, int spare, int most_turns);
-
-// Where points are in a part: each at into x + at, x from the middle of all of them.
+// Where points are in a part: each at into x + at, x about their middle.
 struct CoarseView {
     Mat3 into;
     Vec3 at;
 };
 
-// Nats of points where they are in a part, by the nodes next to them; stops beyond the limit.
-double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view,
-                    const CoarseEffort& effort, double limit);
-
-// The best of poses that are even over all attitudes and over where the points are in the box of a part, best first.
-std::vector<CoarseView> coarse_starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort);
-
 using CoarseRanked = std::vector<std::pair<double, CoarseView>>;
+
+CoarsePoints coarse_points(const std::vector<CoarsePoint>& points);
+
+// How far apart places are at which points are tried in a part [m].
+double coarse_cell(const CoarsePart& part);
+
+// Nats of points where they are in a part, as well as they are known there; stops beyond the limit.
+double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, double most, double limit);
+
+// The best of views that are even over all attitudes and over where the points are in the box of a part, best first.
+std::vector<CoarseView> coarse_starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort);
 
 // Those of some views from which steps are made, with their scores on a part, best first.
 CoarseRanked coarse_ranked(const CoarsePart& part, const CoarsePoints& points, const std::vector<CoarseView>& views,

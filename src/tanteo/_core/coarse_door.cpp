@@ -1,7 +1,8 @@
 // Many parts of a catalogue, of which arrays lie in mapped files: poses and nats of points on each.
-#include <algorithm>
-#include <cstdlib>
 #include "coarse.hpp"
+
+#include <algorithm>
+
 #include "door.hpp"
 
 namespace tanteo {
@@ -40,7 +41,7 @@ std::vector<CoarsePoint> points_of(const Doubles& at, const Doubles& normals, co
     return out;
 }
 
-// A part's places and field out of the arrays of all.
+// A part's box and field out of the arrays of all.
 class Parts {
   public:
     Parts(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes, double levels)
@@ -85,47 +86,45 @@ class Parts {
     const int64_t* field_at = nullptr;
 };
 
-double env(const char* name, double v) { const char* e = std::getenv(name); return e ? std::atof(e) : v; }
+// Rows of the same kind, one after another: from one of them they have the views to begin with.
+size_t end_of_kind(const std::vector<int>& kinds, size_t begin) {
+    size_t end = begin;
+    while (end < kinds.size() && kinds[end] == kinds[begin]) ++end;
+    return end;
+}
 
 nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes,
-                 double levels, Ints rows, Ints kinds, double best, Doubles at, Doubles normals, Doubles sds, Doubles tilts, Doubles radii,
-                 double most, int keep) {
+                 double levels, Ints rows, Ints kinds, double best, double behind, Doubles at, Doubles normals, Doubles sds,
+                 Doubles tilts, Doubles radii, double most, int stepped, int keep) {
     const Parts parts(field, field_starts, grids, spacings, centres, boxes, expect(levels, "levels", 1, 1e6));
-    const std::vector<CoarsePoint> points = points_of(at, normals, sds, tilts, radii);
-    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(parts.count) - 1);
+    const std::vector<CoarsePoint> given = points_of(at, normals, sds, tilts, radii);
+    if (given.empty()) refuse("points", "expected one or more");
+    const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(parts.count) - 1),
+                           of = expect(kinds, "kinds", chosen.size(), 0, static_cast<int64_t>(parts.count) - 1);
     CoarseEffort effort;
     effort.most = expect(most, "most", 1e-3, 1e9);
     effort.keep = static_cast<int>(expect(keep, "keep", 1, 1000));
-    effort.poses = env("C_POSES", 4000);
-    effort.begin = env("C_BEGIN", 300);
-    effort.step = env("C_STEP", 24);
-    effort.go_on = env("C_GOON", 6);
-    effort.rounds1 = env("C_R1", 1);
-    effort.rounds2 = env("C_R2", 4);
-    effort.cell = env("C_CELL", 0.7);
-    effort.turn = env("C_TURN", 1);
-    effort.slack = env("C_SLACK", 1);
-    effort.alike = env("C_ALIKE", 1.5);
-    const int top = env("C_TOP", 4608);
-    const std::vector<int> alike = expect(kinds, "kinds", chosen.size(), 0, static_cast<int64_t>(parts.count) - 1);
+    effort.stepped = static_cast<int>(expect(stepped, "stepped", 1, 1000));
+    const int begin = effort.begin;
     const size_t R = chosen.size(), K = effort.keep;
-    std::vector<double> scores(R);
-    std::vector<double> costs(R * K, points.size() * effort.most), Ts(16 * R * K, 0.0);
+    std::vector<double> scores(R, given.size() * effort.most), costs(R * K, given.size() * effort.most), Ts(16 * R * K, 0.0);
     {
         nb::gil_scoped_release release;
-        const CoarsePoints all = coarse_points(points, env("C_SPARE", 1), top);
-        std::vector<CoarseView> starts;
+        const CoarsePoints points = coarse_points(given);
         std::vector<CoarseRanked> ranked(R);
-        for (size_t r = 0; r < R; ++r) {
-            const CoarsePart part = parts.part(chosen[r]);
-            if (r == 0 || alike[r] != alike[r - 1]) starts = coarse_starts(part, all, effort);
-            ranked[r] = coarse_ranked(part, all, starts, effort);
-            scores[r] = ranked[r].empty() ? points.size() * effort.most : ranked[r].front().first;
-            best = std::min(best, scores[r]);
+        for (size_t first = 0, end = 0; first < R; first = end) {
+            end = end_of_kind(of, first);
+            effort.begin = static_cast<int>(std::min<size_t>(begin, effort.stepped * (end - first)));
+            const std::vector<CoarseView> views = coarse_starts(parts.part(chosen[first]), points, effort);
+            for (size_t r = first; r < end; ++r) {
+                ranked[r] = coarse_ranked(parts.part(chosen[r]), points, views, effort);
+                if (!ranked[r].empty()) scores[r] = ranked[r].front().first;
+                best = std::min(best, scores[r]);
+            }
         }
         for (size_t r = 0; r < R; ++r) {
-            if (scores[r] > best + env("C_BEHIND", 1000)) continue;
-            const std::vector<CoarsePose> found = coarse_poses(parts.part(chosen[r]), all, std::move(ranked[r]), effort);
+            std::vector<CoarsePose> found;
+            if (scores[r] <= best + behind) found = coarse_poses(parts.part(chosen[r]), points, std::move(ranked[r]), effort);
             for (size_t k = 0; k < K; ++k) {
                 const bool there = k < found.size();
                 store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
@@ -142,7 +141,8 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
 void offer_coarse(nb::module_& m) {
     using namespace nb::literals;
     m.def("coarse", &coarse, "field"_a, "field_start"_a, "grid"_a, "spacings"_a, "centres"_a, "boxes"_a, "levels"_a,
-          "rows"_a, "kinds"_a, "best"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a, "keep"_a);
+          "rows"_a, "kinds"_a, "best"_a, "behind"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a,
+          "stepped"_a, "keep"_a);
 }
 
 }  // namespace tanteo

@@ -8,6 +8,10 @@ namespace tanteo {
 namespace {
 
 constexpr double PI = 3.14159265358979323846;
+constexpr int TURNS[] = {288, 1152, 4608};  // neighbours are about 23, 15 and 9 degrees apart
+constexpr size_t SPARE = 1;                 // points at each end of an axis that may be outliers
+constexpr double ALIKE = 1.5;               // turned by less, in steps between turns, and placed so, in cells
+constexpr double SURE = 3;                  // standard deviations
 
 // Turns that are even over all attitudes: a super-Fibonacci spiral of quaternions (Alexa, CVPR 2022).
 std::vector<Mat3> even_turns(int count) {
@@ -24,12 +28,12 @@ std::vector<Mat3> even_turns(int count) {
     return out;
 }
 
-// How far points reach along each axis after turns, a few at each end left aside.
-CoarseTurns turned(const std::vector<Vec3>& points, int count, int spare) {
+// What points take up along each axis after turns.
+CoarseTurns turned(const std::vector<Vec3>& points, int count) {
     CoarseTurns out;
     out.into = even_turns(count);
     out.apart = std::cbrt(6 * PI / count);  // balls of that radius have the volume of all attitudes
-    const size_t n = points.size(), cut = std::min<size_t>(spare, (n - 1) / 3);
+    const size_t n = points.size(), cut = std::min(SPARE, (n - 1) / 3);
     std::vector<float> along(n);
     for (const Mat3& into : out.into)
         for (int k = 0; k < 3; ++k) {
@@ -44,72 +48,76 @@ CoarseTurns turned(const std::vector<Vec3>& points, int count, int spare) {
     return out;
 }
 
-// Best poses of those that are even over all attitudes and over the places where the points are in a part's box.
+// The fewest turns by which most points move no farther than a cell.
+const CoarseTurns& turns_for(const CoarsePoints& points, double cell) {
+    for (const CoarseTurns& turns : points.turns)
+        if (turns.apart * points.reach <= cell) return turns;
+    return points.turns.back();
+}
+
 class Starts {
   public:
     Starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort)
-        : part(part), points(points), effort(effort), cell(effort.cell * part.spacing) {
-        size_t level = 0;
-        while (level + 1 < points.turns.size() && points.turns[level].apart * points.reach > effort.turn * cell) ++level;
-        of = &points.turns[level];
-        slack = static_cast<float>(effort.slack * of->apart * points.reach + points.noise);
-    }
+        : part(part), points(points), effort(effort), cell(coarse_cell(part)), of(turns_for(points, cell)) {}
 
     std::vector<CoarseView> found() {
-        inside();
         size_t total = 0;
-        for (const Room& room : rooms) total += room.count[0] * room.count[1] * room.count[2];
+        for (size_t turn = 0; turn < of.into.size(); ++turn) {
+            if (!fits(turn)) continue;
+            rooms.push_back(room_of(turn));
+            total += rooms.back().all();
+        }
         const size_t every = std::max<size_t>(1, total / effort.poses);
-        size_t next = 0, at = 0;
+        size_t next = 0, before = 0;
         for (const Room& room : rooms) {
-            const size_t all = room.count[0] * room.count[1] * room.count[2];
-            for (; next < at + all; next += every) try_at(room, next - at);
-            at += all;
+            for (; next < before + room.all(); next += every) score(room, next - before);
+            before += room.all();
         }
         std::vector<CoarseView> out;
-        for (const Kept& one : kept) out.push_back({of->into[one.turn], one.at});
+        for (const Kept& one : kept) out.push_back({of.into[one.turn], one.at});
         return out;
     }
 
   private:
-    struct Room {  // where the points may be, turned in one way
-        int turn = 0, count[3] = {1, 1, 1};
-        float low[3] = {}, step[3] = {};
+    struct Room {  // where the points may be after a turn
+        size_t turn = 0, count[3] = {1, 1, 1};
+        double low[3] = {}, step[3] = {};
+        size_t all() const { return count[0] * count[1] * count[2]; }
     };
     struct Kept {
-        int turn = 0;
+        size_t turn = 0;
         Vec3 at;
         double cost = 0;
     };
     const CoarsePart& part;
     const CoarsePoints& points;
     const CoarseEffort& effort;
-    const CoarseTurns* of = nullptr;
-    double cell;
-    float slack = 0;
+    const double cell;
+    const CoarseTurns& of;
     std::vector<Room> rooms;
     std::vector<Kept> kept;
 
-    void inside() {
-        float side[3];
-        for (int k = 0; k < 3; ++k) side[k] = static_cast<float>(part.high[k] - part.low[k]) + 2 * slack;
-        const float *x = of->width[0].data(), *y = of->width[1].data(), *z = of->width[2].data();
-        for (size_t r = 0; r < of->into.size(); ++r) {
-            if (x[r] > side[0] || y[r] > side[1] || z[r] > side[2]) continue;
-            Room room;
-            room.turn = static_cast<int>(r);
-            for (int k = 0; k < 3; ++k) {
-                const float span = std::max(side[k] - 2 * slack - of->width[k][r], 0.0f);
-                room.count[k] = std::max(1, static_cast<int>(span / cell + 0.5f));
-                const float middle = 0.5f * static_cast<float>(part.low[k] + part.high[k]) - of->middle[k][r];
-                room.step[k] = span / room.count[k];
-                room.low[k] = middle - 0.5f * span + 0.5f * room.step[k];
-            }
-            rooms.push_back(room);
-        }
+    // Whether the box holds the points after a turn, or after one between it and its neighbours.
+    bool fits(size_t turn) const {
+        const double slack = 2 * (of.apart * points.reach + points.noise);
+        for (int k = 0; k < 3; ++k)
+            if (of.width[k][turn] > part.high[k] - part.low[k] + slack) return false;
+        return true;
     }
 
-    void try_at(const Room& room, size_t number) {
+    Room room_of(size_t turn) const {
+        Room room;
+        room.turn = turn;
+        for (int k = 0; k < 3; ++k) {
+            const double free = std::max(part.high[k] - part.low[k] - of.width[k][turn], 0.0);
+            room.count[k] = std::max<size_t>(1, static_cast<size_t>(free / cell + 0.5));
+            room.step[k] = free / room.count[k];
+            room.low[k] = 0.5 * (part.low[k] + part.high[k] - free + room.step[k]) - of.middle[k][turn];
+        }
+        return room;
+    }
+
+    void score(const Room& room, size_t number) {
         Kept one;
         one.turn = room.turn;
         for (int k = 0; k < 3; ++k) {
@@ -117,57 +125,55 @@ class Starts {
             number /= room.count[k];
         }
         const double limit = kept.size() < static_cast<size_t>(effort.begin) ? 1e300 : kept.back().cost;
-        one.cost = coarse_score(part, points, {of->into[one.turn], one.at}, effort, limit);
+        one.cost = coarse_score(part, points, {of.into[one.turn], one.at}, effort.most, limit);
         if (one.cost < limit) keep(one);
     }
 
     // In order; of those that are turned and placed nearly alike only the best.
     void keep(const Kept& one) {
-        size_t k = 0;
-        while (k < kept.size() && !near(kept[k], one)) ++k;
-        if (k < kept.size()) {
-            if (kept[k].cost <= one.cost) return;
-            kept.erase(kept.begin() + k);
+        const auto like = std::find_if(kept.begin(), kept.end(), [&](const Kept& other) { return alike(other, one); });
+        if (like != kept.end()) {
+            if (like->cost <= one.cost) return;
+            kept.erase(like);
         }
-        size_t to = kept.size();
-        while (to > 0 && kept[to - 1].cost > one.cost) --to;
-        kept.insert(kept.begin() + to, one);
+        const auto before = [](const Kept& a, const Kept& b) { return a.cost < b.cost; };
+        kept.insert(std::upper_bound(kept.begin(), kept.end(), one, before), one);
         if (kept.size() > static_cast<size_t>(effort.begin)) kept.pop_back();
     }
 
-    bool near(const Kept& a, const Kept& b) const {
-        const Mat3 &A = of->into[a.turn], &B = of->into[b.turn];
+    bool alike(const Kept& a, const Kept& b) const {
+        if (squared(a.at - b.at) >= ALIKE * ALIKE * cell * cell) return false;
         double trace = 0;
-        for (int i = 0; i < 9; ++i) trace += A.m[i] * B.m[i];
-        return trace > 1 + 2 * std::cos(effort.alike * of->apart) && squared(a.at - b.at) < 2.25 * cell * cell;
+        for (int i = 0; i < 9; ++i) trace += of.into[a.turn].m[i] * of.into[b.turn].m[i];
+        return trace > 1 + 2 * std::cos(ALIKE * of.apart);
     }
 };
 
 }  // namespace
 
-CoarsePoints coarse_points(const std::vector<CoarsePoint>& points, int spare, int most_turns) {
+CoarsePoints coarse_points(const std::vector<CoarsePoint>& points) {
     CoarsePoints out;
-    for (const CoarsePoint& point : points) out.centre += (1.0 / points.size()) * point.at;
+    for (const CoarsePoint& point : points) out.middle += (1.0 / points.size()) * point.at;
     std::vector<double> away;
     std::vector<Vec3> about;
     for (size_t k = 0; k < points.size(); ++k) {
         const CoarsePoint& point = points[k];
-        about.push_back(point.at - out.centre);
-        away.push_back(norm(about.back()));
-        out.noise = std::max(out.noise, 3 * point.sd + std::fabs(point.radius));
+        const Vec3& p = about.emplace_back(point.at - out.middle);
+        away.push_back(norm(p));
+        out.noise = std::max(out.noise, SURE * point.sd + std::fabs(point.radius));
         out.oriented = out.oriented || point.oriented;
-        if (k % LANES == 0) out.blocks.emplace_back();
-        CoarseBlock& b = out.blocks.back();
         const size_t l = k % LANES;
-        b.x[l] = about[k].x, b.y[l] = about[k].y, b.z[l] = about[k].z;
-        b.radius[l] = point.radius, b.var[l] = point.sd * point.sd, b.weight[l] = 1;
-        b.nx[l] = point.normal.x, b.ny[l] = point.normal.y, b.nz[l] = point.normal.z;
-        b.tilt2[l] = point.tilt * point.tilt, b.oriented[l] = point.oriented ? 1.0f : 0.0f;
+        if (l == 0) out.blocks.emplace_back();
+        CoarseBlock& b = out.blocks.back();
+        const auto narrow = [](double value) { return static_cast<float>(value); };
+        b.x[l] = narrow(p.x), b.y[l] = narrow(p.y), b.z[l] = narrow(p.z), b.weight[l] = 1;
+        b.radius[l] = narrow(point.radius), b.var[l] = narrow(point.sd * point.sd);
+        b.nx[l] = narrow(point.normal.x), b.ny[l] = narrow(point.normal.y), b.nz[l] = narrow(point.normal.z);
+        b.tilt2[l] = narrow(point.tilt * point.tilt), b.oriented[l] = point.oriented ? 1.0f : 0.0f;
     }
     std::sort(away.begin(), away.end());
-    out.reach = away.empty() ? 0 : away[(3 * away.size()) / 4];
-    if (!points.empty())
-        for (int count : {most_turns / 16, most_turns / 4, most_turns}) out.turns.push_back(turned(about, count, spare));
+    out.reach = away[3 * (away.size() - 1) / 4];
+    for (const int count : TURNS) out.turns.push_back(turned(about, count));
     return out;
 }
 
