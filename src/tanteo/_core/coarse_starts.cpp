@@ -58,7 +58,8 @@ const CoarseTurns& turns_for(const CoarsePoints& points, double cell) {
 class Starts {
   public:
     Starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort)
-        : part(part), points(points), effort(effort), cell(coarse_cell(part)), of(turns_for(points, cell)) {}
+        : part(part), points(points), effort(effort), cell(coarse_cell(part)), of(turns_for(points, cell)),
+          near(1 + 2 * std::cos(ALIKE * of.apart)) {}
 
     std::vector<CoarseView> found() {
         size_t total = 0;
@@ -94,6 +95,7 @@ class Starts {
     const CoarseEffort& effort;
     const double cell;
     const CoarseTurns& of;
+    const double near;  // trace of a turn that is small
     std::vector<Room> rooms;
     std::vector<Kept> kept;
 
@@ -145,7 +147,7 @@ class Starts {
         if (squared(a.at - b.at) >= ALIKE * ALIKE * cell * cell) return false;
         double trace = 0;
         for (int i = 0; i < 9; ++i) trace += of.into[a.turn].m[i] * of.into[b.turn].m[i];
-        return trace > 1 + 2 * std::cos(ALIKE * of.apart);
+        return trace > near;
     }
 };
 

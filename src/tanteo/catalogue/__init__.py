@@ -12,13 +12,12 @@ if TYPE_CHECKING:
     from tanteo.catalogue.reading import Failure, Parts, read_parts
     from tanteo.catalogue.segment import tables_of
     from tanteo.catalogue.shaping import SAMPLES, SHAPE, compiled_shape
-    from tanteo.catalogue.signatures import LEVELS, PLACES, signature, widths
+    from tanteo.catalogue.signatures import LEVELS, signature, widths
     from tanteo.catalogue.store import is_catalogue
     from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
 
 __all__ = [
     "LEVELS",
-    "PLACES",
     "SAMPLES",
     "SHAPE",
     "Built",
@@ -53,7 +52,7 @@ __getattr__, __dir__ = lazy(
         "reading": "Failure Parts read_parts",
         "segment": "tables_of",
         "shaping": "SAMPLES SHAPE compiled_shape",
-        "signatures": "LEVELS PLACES signature widths",
+        "signatures": "LEVELS signature widths",
         "store": "is_catalogue",
         "surprises": "cad_files coarse_meshes repaired skipped_folders unused_unit",
     },

@@ -21,7 +21,7 @@ from tanteo.parts import Part
 MOST = 8192
 """Parts of a segment: so many rows are in memory while it is written."""
 
-RAGGED = ("planes", "rounds", "same", "opposite", "angles", "places", "field")
+RAGGED = ("planes", "rounds", "same", "opposite", "angles", "field")
 """Columns of which a part has any number of rows; where they start is in ``<name>_start``."""
 
 _KEY = 32

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import LEVELS, PLACES
+from tanteo.catalogue import LEVELS
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals import spread_rows
@@ -21,6 +21,9 @@ from tanteo.typing import FloatArray, Indices, Transforms
 
 _POINTS = 24
 """Points that are looked at, far from each other."""
+
+_AREAS = 64
+"""Equal areas of a part's surface: the distance between their middles is what poses are tried by."""
 
 _MOST = 8.0
 """Nats that a point costs at most."""
@@ -81,7 +84,7 @@ class _Look:
         stepped = int(np.clip(_STEPPED / len(self.at), _FEWEST, _MANIEST))
         return _core.coarse(
             np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
-            np.sqrt(numbers[:, 0] / PLACES), np.ascontiguousarray(numbers[:, 5:8]),
+            np.sqrt(numbers[:, 0] / _AREAS), np.ascontiguousarray(numbers[:, 5:8]),
             np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, np.ascontiguousarray(kinds[rows]), best, _BEHIND,
             self.at, self.normals, self.sds, self.tilts, self.radii, _MOST, stepped, _KEPT,
         )  # fmt: skip
