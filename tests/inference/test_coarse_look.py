@@ -134,11 +134,10 @@ def test_centres_of_balls_are_off_the_surface_by_their_radius():
     ],
 )
 def test_arrays_that_cannot_be_meant_are_refused(name, value, says):
+    table = tables(SIDES)
+    given = table | {name: value} if name in table else table
     with pytest.raises(ValueError, match=says):
-        if name == "points":
-            look(tables(SIDES), value)
-        else:
-            look(tables(SIDES) | {name: value}, np.eye(3))
+        look(given, value if name == "points" else np.eye(3))
 
 
 @pytest.mark.parametrize("thickness", [0.05, 1.0, 5.0, 9.0])

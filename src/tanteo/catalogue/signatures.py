@@ -149,7 +149,8 @@ def _field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
     """Signed distances to the surface at the nodes of a grid about the part, and where they are."""
     size = np.ptp(part.box, axis=0)
     step = float(size.max()) / NODES
-    counts = 2 * np.maximum(np.ceil(size / (2 * step) - 1e-9).astype(int), 1) + 1 + 2 * BEYOND  # one in the middle of a sheet
+    halves = np.maximum(np.ceil(size / (2 * step) - 1e-9).astype(int), 1)
+    counts = 2 * halves + 1 + 2 * BEYOND
     origin = part.box.mean(axis=0) - 0.5 * step * (counts - 1)
     axes = [origin[k] + step * np.arange(counts[k]) for k in range(3)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

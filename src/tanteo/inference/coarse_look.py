@@ -1,7 +1,7 @@
 """Points against coarse fields of very many parts: scores of all, then steps on those that are worth it.
 
-A part is tried at turns that are even over all attitudes, and wherever its box holds the points after a turn. Parts of a
-kind have nearly the same box: they share the best few hundred of these, and each takes its own best of them.
+A part is tried at turns that are even over all attitudes, and wherever its box holds the points after a turn. Parts of
+a kind have nearly the same box: they share the best few hundred of these, and each takes its own best of them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tanteo.inference.candidates import Candidates
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals import spread_rows
 from tanteo.measurements import ContactPoints
-from tanteo.typing import FloatArray, Indices, Transforms
+from tanteo.typing import FloatArray, Indices, IntArray, Transforms
 
 _POINTS = 24
 """Points that are looked at, far from each other."""
@@ -40,7 +40,7 @@ cell of what it tries: at the right pose it was up to 5 nats behind (80 scenes).
 
 
 def coarse_look(
-    problem: Problem, points: ContactPoints, candidates: Candidates, rows: Indices
+    problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray
 ) -> tuple[FloatArray, dict[int, Transforms]]:
     """Nats that points cost on each part, roughly ``(m,)``, and poses of those that are worth it, by row."""
     look = _Look(problem, points)
@@ -85,6 +85,6 @@ class _Look:
         return _core.coarse(
             np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
             np.sqrt(numbers[:, 0] / _AREAS), np.ascontiguousarray(numbers[:, 5:8]),
-            np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, np.ascontiguousarray(kinds[rows]), best, _BEHIND,
-            self.at, self.normals, self.sds, self.tilts, self.radii, _MOST, stepped, _KEPT,
+            np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, np.ascontiguousarray(kinds[rows]), best,
+            _BEHIND, self.at, self.normals, self.sds, self.tilts, self.radii, _MOST, stepped, _KEPT,
         )  # fmt: skip
