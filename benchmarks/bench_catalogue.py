@@ -16,9 +16,7 @@ from common import Table
 
 import tanteo
 from tanteo.answers import sized
-from tanteo.inference import Problem, identify_points
-from tanteo.inference.candidates import Candidates
-from tanteo.inference.narrowing import narrowed
+from tanteo.inference import Problem, candidates, identify_points, narrowing
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part, exact_faces
@@ -143,13 +141,13 @@ def run(
 
 def narrow(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int, sd: float) -> tuple[str, ...]:
     """A row of what narrowing leaves, of the same scenes."""
-    every, cpu, left, kept = Candidates(catalogue), list[float](), list[int](), 0
+    every, cpu, left, kept = candidates.Candidates(catalogue), list[float](), list[int](), 0
     for number in range(-1, scenes):
         rng = np.random.default_rng((seed, number + 1))
         row = int(rng.integers(len(catalogue)))
         points = scene(catalogue[row], kind, rng, sd)
         begun = time.process_time()
-        found = narrowed(Problem(points, FreeRays.none(), sized(None, float(every.radii.max()))), every).rows
+        found = narrowing.narrowed(Problem(points, FreeRays.none(), sized(None, float(every.radii.max()))), every).rows
         if number >= 0:
             cpu.append(time.process_time() - begun)
             left.append(len(found))
