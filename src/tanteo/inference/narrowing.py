@@ -102,7 +102,7 @@ def _compared(
         lacking[~few] += looked.max(initial=0.0)
         return lacking, hints, False
     costs, hints = on_planes(sensed, candidates, rows)
-    if sensed.certain and costs.min() < sensed.hopeless:
+    if sensed.certain and costs.min() < sensed.doubtful:  # else normals of curved faces are parallel by chance
         return costs, hints, True
     rough, others = coarse_look(problem, points, candidates, rows)  # they may be of faces that are not planes
     return np.minimum(costs, rough), others | hints, False
