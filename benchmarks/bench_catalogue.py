@@ -1,6 +1,7 @@
 """Recognizing one of a hundred to a hundred thousand parts: time, memory, what is right and what is lost.
 
-``python benchmarks/bench_catalogue.py CATALOGUE [SCENES] [KIND...] [--seed N]`` for one of parts of ``families.py``.
+``python benchmarks/bench_catalogue.py CATALOGUE [SCENES] [KIND...] [--seed N]`` for one of parts of ``families.py``;
+with ``--narrow`` only what is narrowed: how many are left, and whether the right part is among them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 from common import Table
 
 import tanteo
-from tanteo.inference import identify_points
+from tanteo.answers import sized
+from tanteo.inference import Problem, candidates, identify_points, narrowing
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part, exact_faces, round_features
@@ -76,7 +78,7 @@ def points_on(part: Part, triangles: np.ndarray, n: int, rng: np.random.Generato
     return points, normals
 
 
-def scene(part: Part, kind: str, rng: np.random.Generator) -> ContactPoints:
+def scene(part: Part, kind: str, rng: np.random.Generator, sd: float = SD) -> ContactPoints:
     """What is sensed of a part at a random pose."""
     if kind in BORES:
         return bores(part, rng, sized=kind == "holes")
@@ -91,16 +93,16 @@ def scene(part: Part, kind: str, rng: np.random.Generator) -> ContactPoints:
         count = {"normals": 10, "points12": 12, "points30": 30}[kind]
         p, n = points_on(part, np.arange(len(part.triangles)), count, rng)
     T = SE3.exp(np.concatenate([rng.uniform(-0.3, 0.3, size=3), rng.normal(size=3)]))
-    p = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
+    p = SE3.apply(T, p) + sd * rng.normal(size=p.shape)
     n = n @ T[:3, :3].T
     sensed = n + NORMAL_SD * rng.normal(size=n.shape)
     sensed /= np.linalg.norm(sensed, axis=1, keepdims=True)
     m, oriented = len(p), kind == "normals"
     return ContactPoints(
-        ids=tuple(str(k) for k in range(m)), points=p, covs=np.tile(SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m),
+        ids=tuple(str(k) for k in range(m)), points=p, covs=np.tile(sd**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m),
         directions=np.zeros((m, 3)), normals=sensed if oriented else np.zeros((m, 3)),
         normal_sds=np.full(m, NORMAL_SD if oriented else np.pi), reach=np.zeros(m), shared_jacobian=np.zeros((m, 3, 0)),
-        sd=np.full(m, SD), labels=labels, kinds=("plane",) * m if labels else (),
+        sd=np.full(m, sd), labels=labels, kinds=("plane",) * m if labels else (),
         sides=n if labels else np.zeros((m, 3)),
     )  # fmt: skip
 
@@ -130,7 +132,9 @@ def bores(part: Part, rng: np.random.Generator, *, sized: bool) -> ContactPoints
     )  # fmt: skip
 
 
-def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, say: bool = False) -> Outcome:
+def run(
+    catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, sd: float = SD, say: bool = False
+) -> Outcome:
     """Scenes of parts that are drawn from all."""
     out = Outcome()
     for number in range(-1, scenes):  # the first one is thrown away: it checks and maps the tables
@@ -140,7 +144,7 @@ def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, s
         while kind in BORES and len(round_features(part)) < 2:
             row = int(rng.integers(len(catalogue)))
             part = catalogue[row]
-        points = scene(part, kind, rng)
+        points = scene(part, kind, rng, sd)
         start, begun = time.perf_counter(), time.process_time()
         answer = identify_points(points, FreeRays.none(), catalogue, top=10_000)
         if number < 0:
@@ -173,6 +177,25 @@ def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, s
     return out
 
 
+def narrow(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int, sd: float) -> tuple[str, ...]:
+    """A row of what narrowing leaves, of the same scenes."""
+    every, cpu, left, kept = candidates.Candidates(catalogue), list[float](), list[int](), 0
+    for number in range(-1, scenes):
+        rng = np.random.default_rng((seed, number + 1))
+        row = int(rng.integers(len(catalogue)))
+        points = scene(catalogue[row], kind, rng, sd)
+        begun = time.process_time()
+        found = narrowing.narrowed(Problem(points, FreeRays.none(), sized(None, float(every.radii.max()))), every).rows
+        if number >= 0:
+            cpu.append(time.process_time() - begun)
+            left.append(len(found))
+            kept += row in found
+    return (
+        f"{len(catalogue):,}", KINDS[kind], str(scenes), f"{np.median(cpu):.2f}", f"{np.quantile(cpu, 0.9):.2f}",
+        f"{100 * kept / scenes:.1f} %", f"{np.median(left):,.0f}",
+    )  # fmt: skip
+
+
 def row_of(size: int, kind: str, out: Outcome) -> tuple[str, ...]:
     """A row of the table."""
     n = len(out.cpu)
@@ -188,6 +211,8 @@ COLUMNS = (
     "wrong and sure",
 )  # fmt: skip
 
+NARROWED = ("parts", "sensed", "scenes", "CPU s, median", "90 %", "true part kept", "searched, median")
+
 
 def main() -> None:
     """Measure one catalogue, and print a table."""
@@ -197,12 +222,18 @@ def main() -> None:
     words.add_argument("kinds", nargs="*", metavar="KIND", default=list(KINDS))
     words.add_argument("--seed", type=int, default=1)
     words.add_argument("--say", action="store_true", help="a line a scene")
+    words.add_argument("--narrow", action="store_true", help="only narrow")
+    words.add_argument("--sd", type=float, default=SD, help="of a point [m]")
     asked = words.parse_args()
     start = time.perf_counter()
     catalogue = tanteo.open_catalogue(asked.catalogue)
     opened = time.perf_counter() - start
+    if asked.narrow:
+        rows = [narrow(catalogue, kind, asked.scenes, asked.seed, asked.sd) for kind in asked.kinds]
+        print(Table("Narrowing", "Of the same scenes.", NARROWED, rows).markdown())
+        return
     rows = [
-        row_of(len(catalogue), kind, run(catalogue, kind, asked.scenes, asked.seed, say=asked.say))
+        row_of(len(catalogue), kind, run(catalogue, kind, asked.scenes, asked.seed, sd=asked.sd, say=asked.say))
         for kind in asked.kinds
     ]
     print(Table("Catalogue", f"Opened in {1e3 * opened:.1f} ms.", COLUMNS, rows).markdown())

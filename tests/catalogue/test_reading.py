@@ -80,7 +80,7 @@ def test_failures_are_sentences_and_the_others_are_read(folder):
     assert all("expected" in failure.reason for failure in parts.failures)
     empty = read_parts(folder.parent, unit="mm")
     assert len(empty) == 0
-    assert "got none in this folder" in empty.failures[0].reason
+    assert f"got none in this folder, but in {folder}: folders within" in empty.failures[0].reason
 
 
 def test_the_unit_is_asked_for_once(folder):

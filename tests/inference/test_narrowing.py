@@ -312,20 +312,3 @@ def test_arrays_that_do_not_fit_are_refused(catalogue, name, value, says):
     ((_, table),) = candidates.Candidates(catalogue).tables
     with pytest.raises(ValueError, match=says):
         on_planes(table, np.ones((3, 12)), (0, 1, 2), **{name: value})
-
-
-def test_points_near_a_pose_find_it_in_the_coarse_field(catalogue):
-    ((_, table),) = candidates.Candidates(catalogue).tables
-    part = catalogue[0]
-    points = sensed(part, "points", np.random.default_rng(3))
-    numbers, n = table["numbers"], len(points)
-    given = (
-        table["places"].reshape(-1, 6), table["places_start"], table["field"], table["field_start"], table["grid"],
-        np.sqrt(numbers[:, 0] / 64), np.ascontiguousarray(numbers[:, 5:8]), 24.0, np.arange(80, dtype=np.int32),
-        points.points, np.zeros((n, 3)), points.sd, np.ones(n), np.zeros(n), np.array([0, 1, 2, 3], dtype=np.int32),
-    )  # fmt: skip
-    found, _ = _core.coarse(*given, np.zeros((0, 4, 4)), 8.0, 300, 4)
-    assert found.shape == (80, 4)
-    assert found[0, 0] < np.median(found[:, 0])
-    with pytest.raises(ValueError, match="grid"):
-        _core.coarse(*given[:4], np.zeros((80, 7), dtype=np.float32), *given[5:], np.zeros((0, 4, 4)), 8.0, 300, 4)

@@ -1,6 +1,7 @@
-// Parts of which only a few places and a coarse field of distances are known: how well can points be of each?
+// Parts of which only a box and a coarse field of distances are known: how well can points be of each, and where?
 #pragma once
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "vec.hpp"
@@ -13,37 +14,26 @@ struct CoarsePoint {
     bool oriented = false;
 };
 
-struct CoarsePlace {
-    Vec3 at, normal;
-};
-
 // Signed distances at the nodes of a grid about a part, in steps of `unit`.
 struct CoarseField {
     const int8_t* levels = nullptr;
     Vec3 origin;
     double step = 1, unit = 1;
-    int shape[3] = {1, 1, 1};
-
-    double nearest(const Vec3& p) const;                // at the node next to a point; farther outside, farther
-    double linear(const Vec3& p, Vec3& gradient) const;  // between nodes
+    int shape[3] = {2, 2, 2};
 };
 
 struct CoarsePart {
     CoarseField field;
-    const CoarsePlace* places = nullptr;
-    int count = 0;
-    double spacing = 0;  // between places [m]
-    Vec3 centre;
+    double spacing = 0;  // between places even over its surface [m]
+    Vec3 centre, low, high;  // low, high: corners of its box
 };
 
 struct CoarseEffort {
-    int spins = 24;      // about a line, where no normal says how
-    int pairs = 400;     // of places for each pair of points, about
-    int refine = 10;     // poses that are refined
-    int keep = 4;        // and handed out
-    double error = 0.2;  // of the field, in steps of its grid
-    double tilt = 0.3;   // of its gradient [rad]
-    double most = 8;     // nats that a point costs at most: it may be an outlier
+    int poses = 2000;         // that are scored of a kind, about
+    int begin = 300;          // of these, that are scored on each part of it
+    int stepped = 32;         // of these, from which steps are made
+    int keep = 4;             // of what they lead to
+    double most = 8;          // nats that a point costs at most: it may be an outlier
 };
 
 struct CoarsePose {
@@ -51,9 +41,54 @@ struct CoarsePose {
     double cost = 1e300;
 };
 
-// The best poses of a part, best first: from pairs of places as far apart as two points, or from some poses.
-std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const std::vector<CoarsePoint>& points,
-                                     const std::vector<int>& pairs, const std::vector<Pose>& starts,
+constexpr int LANES = 8;
+
+// Points side by side, as many as are taken at once, about the middle of all; what is no point has no weight.
+struct CoarseBlock {
+    float x[LANES] = {}, y[LANES] = {}, z[LANES] = {}, radius[LANES] = {}, var[LANES] = {}, weight[LANES] = {};
+    float nx[LANES] = {}, ny[LANES] = {}, nz[LANES] = {}, tilt2[LANES] = {}, oriented[LANES] = {};
+};
+
+// Turns that are even over all attitudes, and what the points take up along a part's axes after each.
+struct CoarseTurns {
+    double apart = 0;        // of neighbours, about [rad]
+    std::vector<Mat3> into;  // of directions of the world into those of the part
+    std::vector<float> width[3], middle[3];
+};
+
+struct CoarsePoints {
+    std::vector<CoarseBlock> blocks;
+    std::vector<CoarseTurns> turns;  // from few to many
+    Vec3 middle;
+    bool oriented = false;
+    double reach = 0, noise = 0;  // how far most are from the middle, and how far any may be from the surface [m]
+};
+
+// Where points are in a part: each at into x + at, x about their middle.
+struct CoarseView {
+    Mat3 into;
+    Vec3 at;
+};
+
+using CoarseRanked = std::vector<std::pair<double, CoarseView>>;
+
+CoarsePoints coarse_points(const std::vector<CoarsePoint>& points);
+
+// How far apart places are at which points are tried in a part [m].
+double coarse_cell(const CoarsePart& part);
+
+// Nats of points where they are in a part, as well as they are known there; stops beyond the limit.
+double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, double most, double limit);
+
+// The best of views that are even over all attitudes and over where the points are in the box of a part, best first.
+std::vector<CoarseView> coarse_starts(const CoarsePart& part, const CoarsePoints& points, const CoarseEffort& effort);
+
+// Those of some views from which steps are made, with their scores on a part, best first.
+CoarseRanked coarse_ranked(const CoarsePart& part, const CoarsePoints& points, const std::vector<CoarseView>& views,
+                           const CoarseEffort& effort);
+
+// The best poses of a part that views lead to, best first.
+std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, CoarseRanked found,
                                      const CoarseEffort& effort);
 
 }  // namespace tanteo

@@ -1,5 +1,8 @@
 // Many parts of a catalogue, of which arrays lie in mapped files: poses and nats of points on each.
 #include "coarse.hpp"
+
+#include <algorithm>
+
 #include "door.hpp"
 
 namespace tanteo {
@@ -38,24 +41,22 @@ std::vector<CoarsePoint> points_of(const Doubles& at, const Doubles& normals, co
     return out;
 }
 
-// A part's places and field out of the arrays of all.
+// A part's box and field out of the arrays of all.
 class Parts {
   public:
-    Parts(Floats places, Starts place_starts, Levels field, Starts field_starts, Floats grids, Doubles spacings,
-          Doubles centres, double levels)
-        : grids(grids), spacings(spacings), centres(centres), field(field), places(places), levels(levels) {
+    Parts(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes, double levels)
+        : grids(grids), spacings(spacings), centres(centres), boxes(boxes), field(field), levels(levels) {
         const size_t n = expect(spacings, "spacings", {ANY});
         expect(centres, "centres", {n, 3});
+        expect(boxes, "boxes", {n, 6});
         if (grids.size() != 7 * n) refuse("grid", "expected seven numbers a part");
-        if (places.size() % 6) refuse("places", "expected six numbers a place");
-        place_at = starts_of(place_starts, "places_start", n, places.size() / 6);
         field_at = starts_of(field_starts, "field_start", n, field.size());
         count = n;
     }
 
     size_t count = 0;
 
-    CoarsePart part(size_t k, std::vector<CoarsePlace>& room) const {
+    CoarsePart part(size_t k) const {
         CoarsePart out;
         const float* g = grids.data() + 7 * k;
         out.field.origin = {g[0], g[1], g[2]};
@@ -70,46 +71,60 @@ class Parts {
         if (!(out.field.step > 0) || nodes != static_cast<size_t>(field_at[k + 1] - field_at[k]))
             refuse("grid", "expected as many nodes as there are in the field");
         out.field.levels = field.data() + field_at[k];
-        room.clear();
-        for (int64_t i = place_at[k]; i < place_at[k + 1]; ++i) {
-            const float* p = places.data() + 6 * i;
-            room.push_back({{p[0], p[1], p[2]}, {p[3], p[4], p[5]}});
-        }
-        out.places = room.data();
-        out.count = static_cast<int>(room.size());
         out.spacing = spacings.data()[k];
         out.centre = load(centres.data() + 3 * k);
+        out.low = load(boxes.data() + 6 * k);
+        out.high = load(boxes.data() + 6 * k + 3);
         return out;
     }
 
   private:
     Floats grids;
-    Doubles spacings, centres;
+    Doubles spacings, centres, boxes;
     Levels field;
-    Floats places;
     double levels;
-    const int64_t *place_at = nullptr, *field_at = nullptr;
+    const int64_t* field_at = nullptr;
 };
 
-nb::tuple coarse(Floats places, Starts place_starts, Levels field, Starts field_starts, Floats grids, Doubles spacings,
-                 Doubles centres, double levels, Ints rows, Doubles at, Doubles normals, Doubles sds, Doubles tilts,
-                 Doubles radii, Ints pairs, Doubles starts, double most, int pairs_each, int keep) {
-    const Parts parts(places, place_starts, field, field_starts, grids, spacings, centres, expect(levels, "levels", 1, 1e6));
-    const std::vector<CoarsePoint> points = points_of(at, normals, sds, tilts, radii);
+// Rows of the same kind, one after another: from one of them they have the views to begin with.
+size_t end_of_kind(const std::vector<int>& kinds, size_t begin) {
+    size_t end = begin;
+    while (end < kinds.size() && kinds[end] == kinds[begin]) ++end;
+    return end;
+}
+
+nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacings, Doubles centres, Doubles boxes,
+                 double levels, Ints rows, Ints kinds, double best, double behind, Doubles at, Doubles normals, Doubles sds,
+                 Doubles tilts, Doubles radii, double most, int stepped, int keep) {
+    const Parts parts(field, field_starts, grids, spacings, centres, boxes, expect(levels, "levels", 1, 1e6));
+    const std::vector<CoarsePoint> given = points_of(at, normals, sds, tilts, radii);
+    if (given.empty()) refuse("points", "expected one or more");
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(parts.count) - 1),
-                           tried = expect(pairs, "pairs", ANY, 0, static_cast<int64_t>(points.size()) - 1);
-    const std::vector<Pose> begun = poses(starts, "starts");
+                           of = expect(kinds, "kinds", chosen.size(), 0, static_cast<int64_t>(parts.count) - 1);
     CoarseEffort effort;
     effort.most = expect(most, "most", 1e-3, 1e9);
     effort.keep = static_cast<int>(expect(keep, "keep", 1, 1000));
-    effort.pairs = static_cast<int>(expect(pairs_each, "pairs_each", 1, 1e6));
+    effort.stepped = static_cast<int>(expect(stepped, "stepped", 1, 1000));
+    const int begin = effort.begin;
     const size_t R = chosen.size(), K = effort.keep;
-    std::vector<double> costs(R * K, points.size() * effort.most), Ts(16 * R * K, 0.0);
+    std::vector<double> scores(R, given.size() * effort.most), costs(R * K, given.size() * effort.most), Ts(16 * R * K, 0.0);
     {
         nb::gil_scoped_release release;
-        std::vector<CoarsePlace> room;
+        const CoarsePoints points = coarse_points(given);
+        std::vector<CoarseRanked> ranked(R);
+        for (size_t first = 0, end = 0; first < R; first = end) {
+            end = end_of_kind(of, first);
+            effort.begin = static_cast<int>(std::min<size_t>(begin, effort.stepped * (end - first)));
+            const std::vector<CoarseView> views = coarse_starts(parts.part(chosen[first]), points, effort);
+            for (size_t r = first; r < end; ++r) {
+                ranked[r] = coarse_ranked(parts.part(chosen[r]), points, views, effort);
+                if (!ranked[r].empty()) scores[r] = ranked[r].front().first;
+                best = std::min(best, scores[r]);
+            }
+        }
         for (size_t r = 0; r < R; ++r) {
-            const std::vector<CoarsePose> found = coarse_poses(parts.part(chosen[r], room), points, tried, begun, effort);
+            std::vector<CoarsePose> found;
+            if (scores[r] <= best + behind) found = coarse_poses(parts.part(chosen[r]), points, std::move(ranked[r]), effort);
             for (size_t k = 0; k < K; ++k) {
                 const bool there = k < found.size();
                 store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
@@ -117,16 +132,17 @@ nb::tuple coarse(Floats places, Starts place_starts, Levels field, Starts field_
             }
         }
     }
-    return nb::make_tuple(array_of(std::move(costs), {R, K}), array_of(std::move(Ts), {R, K, 4, 4}));
+    return nb::make_tuple(array_of(std::move(scores), {R}), array_of(std::move(costs), {R, K}),
+                          array_of(std::move(Ts), {R, K, 4, 4}));
 }
 
 }  // namespace
 
 void offer_coarse(nb::module_& m) {
     using namespace nb::literals;
-    m.def("coarse", &coarse, "places"_a, "places_start"_a, "field"_a, "field_start"_a, "grid"_a, "spacings"_a,
-          "centres"_a, "levels"_a, "rows"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "pairs"_a, "starts"_a,
-          "most"_a, "pairs_each"_a, "keep"_a);
+    m.def("coarse", &coarse, "field"_a, "field_start"_a, "grid"_a, "spacings"_a, "centres"_a, "boxes"_a, "levels"_a,
+          "rows"_a, "kinds"_a, "best"_a, "behind"_a, "points"_a, "normals"_a, "sds"_a, "tilts"_a, "radii"_a, "most"_a,
+          "stepped"_a, "keep"_a);
 }
 
 }  // namespace tanteo

@@ -153,26 +153,26 @@ def distinct(
     centre: FloatArray,
 ) -> tuple[Indices, Indices]: ...
 def coarse(
-    places: NDArray[np.float32],
-    places_start: NDArray[np.int64],
     field: NDArray[np.int8],
     field_start: NDArray[np.int64],
     grid: NDArray[np.float32],
     spacings: FloatArray,
     centres: FloatArray,
+    boxes: FloatArray,
     levels: float,
     rows: AnyInts,
+    kinds: AnyInts,
+    best: float,
+    behind: float,
     points: FloatArray,
     normals: FloatArray,
     sds: FloatArray,
     tilts: FloatArray,
     radii: FloatArray,
-    pairs: AnyInts,
-    starts: FloatArray,
     most: float,
-    pairs_each: int,
+    stepped: int,
     keep: int,
-) -> tuple[FloatArray, FloatArray]: ...
+) -> tuple[FloatArray, FloatArray, FloatArray]: ...
 def fit_outlines(
     hull: NDArray[np.float32],
     hull_start: NDArray[np.int64],

@@ -13,14 +13,13 @@ if TYPE_CHECKING:
     from tanteo.catalogue.resting import Rest, hull_points, known_rests, rest_rows, rests
     from tanteo.catalogue.segment import tables_of
     from tanteo.catalogue.shaping import SAMPLES, SHAPE, compiled_shape
-    from tanteo.catalogue.signatures import AXES, LEVELS, PLACES, faces_of, signature, widths
+    from tanteo.catalogue.signatures import AXES, LEVELS, faces_of, signature, widths
     from tanteo.catalogue.store import is_catalogue
     from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
 
 __all__ = [
     "AXES",
     "LEVELS",
-    "PLACES",
     "SAMPLES",
     "SHAPE",
     "Built",
@@ -62,7 +61,7 @@ __getattr__, __dir__ = lazy(
         "resting": "Rest hull_points known_rests rest_rows rests",
         "segment": "tables_of",
         "shaping": "SAMPLES SHAPE compiled_shape",
-        "signatures": "AXES LEVELS PLACES faces_of signature widths",
+        "signatures": "AXES LEVELS faces_of signature widths",
         "store": "is_catalogue",
         "surprises": "cad_files coarse_meshes repaired skipped_folders unused_unit",
     },

@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from tanteo.catalogue import cache as remembered
@@ -178,7 +179,7 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
                 files.setdefault(real, file)
             if not found and not nowhere:
                 kinds = ", ".join(READABLE)
-                reason = f"{given}: expected CAD files ({kinds}), got none in this folder. Name files, or another."
+                reason = f"{given}: expected CAD files ({kinds}), got none in this folder{_deeper(given)}."
                 if is_catalogue(given):
                     reason = f"{given}: expected CAD files, got a catalogue. tanteo.open_catalogue('{given}') opens it."
                 failures.append(Failure(str(given), reason))
@@ -190,6 +191,18 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
         else:
             files.setdefault(os.path.realpath(given), given)
     return list(files.values()), failures
+
+
+_WALKED = 1000
+"""Folders that are looked into, at most, to say that the files are in one of them."""
+
+
+def _deeper(folder: Path) -> str:
+    """What to do about a folder without CAD files: name one of those within it, if any of these has some."""
+    for path, _, names in islice(os.walk(folder), _WALKED):
+        if any(os.path.splitext(name)[1].lower() in READABLE for name in names):
+            return f", but in {path}: folders within a folder are not read. Name each of them, or their files"
+    return ". Name files, or another"
 
 
 def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:

@@ -22,7 +22,7 @@ from tanteo.parts import Part
 MOST = 8192
 """Parts of a segment: so many rows are in memory while it is written."""
 
-RAGGED = ("planes", "rounds", "axes", "same", "opposite", "angles", "places", "field", "hull", "rests")
+RAGGED = ("planes", "rounds", "axes", "same", "opposite", "angles", "field", "hull", "rests")
 """Columns of which a part has any number of rows; where they start is in ``<name>_start``."""
 
 _KEY = 32

@@ -23,11 +23,9 @@ FACES = 64
 AXES = 128
 """Holes and bosses of a part, the largest, and spheres, and cones, of which it is compared where centres may be."""
 
-PLACES = 64
-"""Places of the surface, far from each other, on which far points may be."""
-
 NODES, BEYOND = 14, 2
-"""Cells of the coarse field along the longest side, and beyond the part on each side."""
+"""Cells of the coarse field along the longest side, and beyond the part on each side. Along each side their number is
+even: a sheet has nodes in its middle, without which it would be half a cell away from every point."""
 
 LEVELS = 24
 """Steps of the coarse field in the length of a cell; what is farther than 127 of them is as far as that."""
@@ -84,7 +82,7 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
         ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
         whether it is continuous, unseen share. Arrays of any length: ``planes`` (normal, centroid, reach), ``rounds``
         (cylinders), ``axes`` (where centres may be), ``same`` and ``opposite`` (distances of parallel faces),
-        ``angles`` (of others), ``places`` (of the surface, with normals), ``field``, ``hull`` (corners of the convex hull), ``rests`` (stable poses: direction
+        ``angles`` (of others), ``field``, ``hull`` (corners of the convex hull), ``rests`` (stable poses: direction
         down, probability); and ``grid`` (origin, step, counts).
     """
     planes = _planes(part)
@@ -97,7 +95,7 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     same, opposite, angles = pairs_of(planes)
     return {
         "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "axes": _largest_axes(part),
-        "same": same, "opposite": opposite, "angles": angles, "places": _places(shape), "grid": grid, "field": field,
+        "same": same, "opposite": opposite, "angles": angles, "grid": grid, "field": field,
         "hull": hull_points(part), "rests": rest_rows(part),
     }  # fmt: skip
 
@@ -176,22 +174,12 @@ def pairs_of(planes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return tuple(np.asarray(row, dtype=np.float32) for row in rows)  # type: ignore[return-value]
 
 
-def _places(shape: _core.Shape) -> np.ndarray:
-    """Places far from each other ``(64, 6)``, the farthest first, with normals."""
-    p, n = shape.samples, shape.normals
-    chosen = [int(np.argmax(np.sum((p - p.mean(axis=0)) ** 2, axis=1)))]
-    nearest = np.sum((p - p[chosen[0]]) ** 2, axis=1)
-    while len(chosen) < PLACES:
-        chosen.append(int(np.argmax(nearest)))
-        nearest = np.minimum(nearest, np.sum((p - p[chosen[-1]]) ** 2, axis=1))
-    return np.column_stack([p, n])[chosen].astype(np.float32)
-
-
 def _field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
     """Signed distances to the surface at the nodes of a grid about the part, and where they are."""
     size = np.ptp(part.box, axis=0)
     step = float(size.max()) / NODES
-    counts = np.maximum(np.ceil(size / step).astype(int), 1) + 1 + 2 * BEYOND
+    halves = np.maximum(np.ceil(size / (2 * step) - 1e-9).astype(int), 1)
+    counts = 2 * halves + 1 + 2 * BEYOND
     origin = part.box.mean(axis=0) - 0.5 * step * (counts - 1)
     axes = [origin[k] + step * np.arange(counts[k]) for k in range(3)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -1,7 +1,7 @@
-"""Points against coarse fields of very many parts: parts of a kind share their poses.
+"""Points against coarse fields of very many parts: scores of all, then steps on those that are worth it.
 
-First the first part of each kind is looked at from pairs of places that are as far apart as two points; then, kind by
-kind, the best first, the poses that were found are tried on the other parts of it.
+A part is tried at turns that are even over all attitudes, and wherever its box holds the points after a turn. Parts of
+a kind have nearly the same box: they share the best few hundred of these, and each takes its own best of them.
 """
 
 from __future__ import annotations
@@ -12,56 +12,47 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import LEVELS, PLACES
+from tanteo.catalogue import LEVELS
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals import spread_rows
 from tanteo.measurements import ContactPoints
 from tanteo.typing import FloatArray, Indices, IntArray, Transforms
 
-_POINTS, _FAR = 24, 8
-"""Points that are looked at, and those of them, far from each other, of which pairs are made."""
+_POINTS = 24
+"""Points that are looked at, far from each other."""
 
-_PAIRS = 2
-"""Pairs of points."""
-
-_EACH = 300
-"""Pairs of places for each pair of points, about."""
+_AREAS = 64
+"""Equal areas of a part's surface: the distance between their middles is what poses are tried by."""
 
 _MOST = 8.0
 """Nats that a point costs at most."""
 
+_STEPPED, _FEWEST, _MANIEST = 576, 16, 64
+"""Points that first steps place on a part, about, and poses from which these are made: few points tell poses less well
+apart, so that more of them are tried, at the same cost."""
+
 _KEPT = 4
 
-_MEMBERS = 30_000
-"""Parts of which the poses of their kind's first part are tried, at most: those of the best kinds."""
-
-_BEHIND = 30.0
-"""Nats of a kind's first part behind the best of all beyond which its others are not looked at."""
+_BEHIND = 12.0
+"""Nats of the best score of a part behind that of all from which no steps are made on it. A score is blurred by half a
+cell of what it tries: at the right pose it was up to 5 nats behind (80 scenes)."""
 
 
 def coarse_look(
     problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray
 ) -> tuple[FloatArray, dict[int, Transforms]]:
-    """Nats that points cost on each part, roughly ``(m,)``, and poses, by row."""
+    """Nats that points cost on each part, roughly ``(m,)``, and poses of those that are worth it, by row."""
     look = _Look(problem, points)
-    costs, hints, kinds = np.full(len(rows), _MOST * len(look.at)), dict[int, Transforms](), list[Any]()
+    best = _MOST * len(look.at)
+    costs, hints = np.full(len(rows), best), dict[int, Transforms]()
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
-        local = rows[here] - start
-        first, which = np.unique(np.asarray(table["kind"])[local], return_inverse=True)
-        found, Ts = look.at_parts(table, first.astype(np.int32), np.zeros((0, 4, 4)))
-        for k in range(len(first)):
-            kinds.append((found[k, 0], table, here[which == k], local[which == k], Ts[k]))
-    done, best = 0, min((kind[0] for kind in kinds), default=0.0)
-    for cost, table, here, local, Ts in sorted(kinds, key=lambda kind: float(kind[0])):
-        costs[here] = cost
-        if done > _MEMBERS or cost > best + _BEHIND:
-            continue
-        own, poses = look.at_parts(table, local.astype(np.int32), Ts)
-        costs[here], done = own[:, 0], done + len(here)
-        for k, row in enumerate(here):
-            hints[int(rows[row])] = poses[k]
+        here = here[np.argsort(np.asarray(table["kind"])[rows[here] - start], kind="stable")]
+        scores, found, Ts = look.at_parts(table, (rows[here] - start).astype(np.int32), best)
+        best = min(best, float(scores.min(initial=best)))
+        costs[here] = found[:, 0]
+        hints |= {int(rows[here[k]]): Ts[k] for k in np.flatnonzero(scores <= best + _BEHIND)}
     return costs, hints
 
 
@@ -78,26 +69,22 @@ class _Look:
         self.sds = np.hypot(factor * points.sd[spread], shared)
         self.tilts = np.where(points.oriented[spread], points.normal_sds[spread], 1.0)
         self.radii = np.ascontiguousarray(points.radii[spread])
-        self.pairs = _pairs(self.at[:_FAR])
 
-    def at_parts(self, table: Mapping[str, Any], rows: Indices, starts: Transforms) -> tuple[FloatArray, Transforms]:
-        """Nats and poses of parts ``(R, 4)``, best first; from some poses, if there are any."""
-        numbers = table["numbers"]
+    def at_parts(
+        self, table: Mapping[str, Any], rows: Indices, best: float
+    ) -> tuple[FloatArray, FloatArray, Transforms]:
+        """Scores of parts ``(R,)``, and the nats and poses that steps lead to ``(R, 4)``, the best first.
+
+        Args:
+            table: of a catalogue.
+            rows: of the parts in it, those of a kind one after another.
+            best: score so far; of parts that are far behind there are no poses, and the nats are the most there can be.
+        """
+        numbers, kinds = np.asarray(table["numbers"]), np.asarray(table["kind"])
+        stepped = int(np.clip(_STEPPED / len(self.at), _FEWEST, _MANIEST))
         return _core.coarse(
-            np.asarray(table["places"]).reshape(-1, 6), np.asarray(table["places_start"]), np.asarray(table["field"]),
-            np.asarray(table["field_start"]), np.asarray(table["grid"]), np.sqrt(numbers[:, 0] / PLACES),
-            np.ascontiguousarray(numbers[:, 5:8]), float(LEVELS), rows, self.at, self.normals, self.sds, self.tilts,
-            self.radii, self.pairs, np.ascontiguousarray(starts), _MOST, _EACH, _KEPT,
+            np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
+            np.sqrt(numbers[:, 0] / _AREAS), np.ascontiguousarray(numbers[:, 5:8]),
+            np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, np.ascontiguousarray(kinds[rows]), best,
+            _BEHIND, self.at, self.normals, self.sds, self.tilts, self.radii, _MOST, stepped, _KEPT,
         )  # fmt: skip
-
-
-def _pairs(p: FloatArray) -> Indices:
-    """Pairs of points that are far apart, none of them in two."""
-    first, second = np.triu_indices(len(p), 1)
-    gaps = np.linalg.norm(p[first] - p[second], axis=1)
-    chosen, used = list[int](), set[int]()
-    for k in np.argsort(-gaps, kind="stable"):
-        if used.isdisjoint((int(first[k]), int(second[k]))) and len(chosen) < 2 * _PAIRS:
-            chosen += [int(first[k]), int(second[k])]
-            used.update(chosen)
-    return np.array(chosen, dtype=np.int32)

@@ -29,6 +29,9 @@ _TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
 _WALLS = 6
 """Pairs of points of walls: those of three cylinders have three that are not of one."""
 
+_NOISE = 0.4
+"""Nats of a plane that is of its face, on average: less than a half, as noise is taken larger than it is stated."""
+
 _KNOWN = 0.01
 """Tilt below which it hardly matters how well a normal is known [rad]."""
 
@@ -69,20 +72,18 @@ class SensedPlanes:
 
     @property
     def doubtful(self) -> float:
-        """Nats of the best part from which other triples are tried: more than those of one plane without a face."""
-        return 1.2 * float(self.rows[:, 9].max())
+        """Nats of the best part from which other triples are tried: of noise and one plane without a face."""
+        return _NOISE * len(self.rows) + float(self.rows[:, 9].max())
 
     @property
     def hopeless(self) -> float:
-        """Nats of the best part from which planes are not what was sensed: more than those of two of them."""
-        return 2.2 * float(self.rows[:, 9].max())
+        """Nats of the best part from which planes are not what was sensed: of noise and two of them."""
+        return self.doubtful + float(self.rows[:, 9].max())
 
     @property
     def believed(self) -> float:
-        """Nats of the best part up to which planes and walls are what was sensed."""
-        if self.certain:
-            return self.hopeless
-        return self.doubtful if len(self.walls) else 0.0
+        """Nats of the best part up to which planes and walls are what was sensed: else faces are curved otherwise."""
+        return self.doubtful if self.certain or len(self.walls) else 0.0
 
 
 def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
