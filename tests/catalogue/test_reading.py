@@ -120,7 +120,7 @@ def test_other_bytes_are_refused(folder, monkeypatch):
         with pytest.raises(InputError, match="Read the CAD file again"):
             part_from_bytes(damaged)
     monkeypatch.setattr("tanteo.catalogue.archive.FORMAT_VERSION", 0)
-    with pytest.raises(InputError, match="version 5"):
+    with pytest.raises(InputError, match="version 6"):
         part_from_bytes(data)
 
 

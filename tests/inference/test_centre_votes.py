@@ -8,7 +8,7 @@ import pytest
 from tanteo import _core
 from tanteo.answers import Priors
 from tanteo.catalogue import tables_of
-from tanteo.inference import Problem, centre_votes, narrowing, plane_votes, pose_seeds
+from tanteo.inference import Problem, centre_votes, narrowing, plane_votes, pose_seeds, sensed_planes
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.sensors import APEX, BALL, CENTRE
@@ -72,7 +72,8 @@ def catalogue(parts):
         columns.append({
             "numbers": numbers, "grid": np.zeros(7, dtype=np.float32), "planes": np.float32(box_faces(size)),
             "axes": np.float32(rows).reshape(-1, 12), "rounds": np.zeros((0, 9), dtype=np.float32),
-            "places": np.zeros((0, 6), dtype=np.float32), "field": np.zeros(0, dtype=np.int8),
+            "hull": np.zeros((0, 3), dtype=np.float32), "rests": np.zeros((0, 4), dtype=np.float32),
+            "field": np.zeros(0, dtype=np.int8),
             **dict.fromkeys(("same", "opposite", "angles"), np.zeros(0, dtype=np.float32)),
         })  # fmt: skip
     return Every(columns, [size for size, _ in parts])
@@ -113,7 +114,7 @@ def sensed(part, rng, which, *, sized=True, oriented=False, face=4, heights=None
 
 def felt(points):
     problem = Problem(points, FreeRays.none(), Priors(radius=RADIUS))
-    return centre_votes.sensed_centres(problem, points, plane_votes.sensed_planes(problem, points))
+    return centre_votes.sensed_centres(problem, points, sensed_planes.sensed_planes(problem, points))
 
 
 def compared(points, every):

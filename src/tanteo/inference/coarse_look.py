@@ -36,7 +36,7 @@ _KEPT = 4
 
 _BEHIND = 12.0
 """Nats of the best score of a part behind that of all from which no steps are made on it. A score is blurred by half a
-cell of what it tries: at the right pose it was up to 5 nats behind (80 scenes)."""
+cell of what it tries: at the right pose it was up to 5 nats behind in the scenes looked at."""
 
 
 def coarse_look(

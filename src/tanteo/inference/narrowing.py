@@ -195,7 +195,7 @@ def _best(rows: IntArray, found: _Compared) -> Narrowed:
     kept, left = rows[order[:count]], float(np.log(rest[count])) if count < len(rows) else -np.inf
     own = {int(row): found.hints[int(row)] for row in kept if int(row) in found.hints}
     others = rows[order[count:]]
-    return Narrowed(kept, own, behind[:count], left, others, found.certain, found.bound)
+    return Narrowed(kept, own, behind[:count], left, others, certain=found.certain, bound=found.bound)
 
 
 def _large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray:
