@@ -86,6 +86,10 @@ def vision(wedge, folder):
     return report(wedge, folder)
 
 
+def catalogue(wedge, folder):
+    return report(wedge, folder)
+
+
 def round_features(wedge, folder):
     """Twelve touches of a bore of 10 mm in three rings, and the face in which it is."""
     from tanteo.features import PLANE, Feature
@@ -105,7 +109,18 @@ def bench(wedge, folder):
 
 GIVEN = {
     made.__name__: made
-    for made in (active_sensing, bench, replay, reading_cad, report, round_features, sense_part, sensing_hand, vision)
+    for made in (
+        active_sensing,
+        bench,
+        catalogue,
+        replay,
+        reading_cad,
+        report,
+        round_features,
+        sense_part,
+        sensing_hand,
+        vision,
+    )
 }
 """What the code of a page takes as given."""
 

@@ -19,6 +19,7 @@ PAGE = HERE.parent / "catalogue.md"
 CURVES = (
     ("6 labelled faces", BLUE, "6 labelled faces"),
     ("10 points with sensed normals", GREEN, "10 normals"),
+    ("centres and radii", INK, "holes"),
     ("30 points", ORANGE, "30 points"),
     ("12 points", RED, "12 points"),
 )
