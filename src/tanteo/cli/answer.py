@@ -16,7 +16,6 @@ from tanteo import answers, inference, io, text
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
 from tanteo.cli.answer_options import Options
-from tanteo.cli.image import outline_of, read_taken
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
@@ -43,6 +42,8 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
         raise MisuseError("--as-published: expected readings alone, which is what the paper compares. Drop --image.")
     words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
+    from tanteo.cli.image import outline_of, read_taken
+
     taken = read_taken(options.image, options.camera, options.marks)
     sources = [
         ("the readings", readings),
