@@ -295,6 +295,26 @@ def on_planes(table, felt, triple, **changed):
     return _core.on_planes(**{**given, **changed})
 
 
+@pytest.mark.parametrize("what", ["no noise", "a normal of no length", "one plane thrice", "walls that are no numbers"])
+def test_degenerate_planes_end_in_nats_that_are_numbers(catalogue, what):
+    ((_, table),) = candidates.Candidates(catalogue).tables
+    rows, triple = planes_at_a_pose(catalogue[0].planes)
+    given = {name: table[name] for name in ("planes", "planes_start", "rounds", "rounds_start", "numbers")}
+    if what == "no noise":
+        rows[:, 6:8] = 0
+    elif what == "a normal of no length":
+        rows[triple[0], :3] = 0
+    elif what == "one plane thrice":
+        rows[:] = rows[0]
+    else:
+        rows[:, 11] = 1
+        count = len(table["numbers"])
+        given |= {"rounds": np.full((count, 9), np.nan), "rounds_start": np.arange(count + 1)}
+    costs, Ts = on_planes(given, rows, triple, walls=np.array(triple, dtype=np.int32))
+    assert np.isfinite(costs).all()
+    assert np.isfinite(Ts).all()
+
+
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [

@@ -30,7 +30,7 @@ WallMatch on_wall(const ModelRound& round, const Vec3& normal, const Vec3& point
     // where the point is around the axis is known as well as the point is: the normal of the wall there
     const double turn2 = tilt2 + v / (round.radius * round.radius);
     const double d = std::sqrt(d2), h = d - round.radius, turned = 1 - c / d, cost = 0.5 * h * h / v + turned / turn2;
-    if (cost >= most || turned > 0.5 * SDS * SDS * turn2) return out;
+    if (!(cost < most) || turned > 0.5 * SDS * SDS * turn2) return out;
     return {cost, true, round.sign / d * across, round.sign * h};
 }
 
@@ -47,7 +47,7 @@ PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, double
         if (c < near) continue;
         const Vec3 off = p - face.centre;
         const double h = dot(off, face.normal), h2 = h * h, cost = 0.5 * h2 / sd2 + (1 - c) / tilt2;
-        if (cost >= best.cost) continue;
+        if (!(cost < best.cost)) continue;
         const double room = face.reach + 0.5 * plane.span + SDS * std::sqrt(sd2);
         if (squared(off) - h2 > room * room) continue;
         best = {cost, true, face.normal, h, {}, 0};
