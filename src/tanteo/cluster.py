@@ -14,7 +14,7 @@ import os
 import queue
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tanteo.errors import InputError
@@ -31,8 +31,11 @@ CONNECT = 10.0
 NOBODY = 30.0
 """Time for which work waits where there is no worker at all [s]: a worker that was ended begins again in three."""
 
-IDLE = 20.0
-"""Time after which processes of this computer end that have nothing to do [s]: what had begun them was killed."""
+BEGIN = 300.0
+"""Time after which processes of this computer end that nobody has spoken to [s]: what began them was killed."""
+
+LEFT = 20.0
+"""Time after which they end when the one they worked for is gone [s]; one that ends as it should ends them itself."""
 
 _CRITICAL = 50
 """Level of logging from which Dask may write."""
@@ -183,20 +186,34 @@ def _client(scheduler: str) -> Iterator[Client]:
         with client:
             yield client
         return
-    from distributed import SubprocessCluster
+    with _own_processes(int(scheduler.partition(":")[2] or os.cpu_count() or 1)) as client:
+        yield client
 
-    count = int(scheduler.partition(":")[2] or os.cpu_count() or 1)
-    idle = {"idle_timeout": f"{IDLE:g}s"}
-    with (
-        SubprocessCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            dashboard_address=None,
-            silence_logs=_CRITICAL,
-            scheduler_kwargs=idle,
-        ) as own,
-        Client(own) as client,
-    ):
+
+@contextmanager
+def _own_processes(count: int) -> Iterator[Client]:
+    """Processes of this computer: they stay as long as this one is connected, however busy or idle they are."""
+    from distributed import Client, SubprocessCluster
+
+    from tanteo.cluster_end import EndWithClient
+
+    with ExitStack() as stack:
+        try:
+            own = SubprocessCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                dashboard_address=None,
+                silence_logs=_CRITICAL,
+                scheduler_kwargs={"idle_timeout": f"{BEGIN:g}s"},
+            )
+            client = stack.enter_context(Client(stack.enter_context(own)))
+            client.register_plugin(EndWithClient(LEFT))
+        except (OSError, RuntimeError) as error:
+            why = str(error).splitlines()[0] if str(error) else "no answer"
+            raise InputError(
+                f"scheduler: expected {count} processes of this computer, got: {why}. Use fewer, or leave the "
+                "scheduler out."
+            ) from None
         yield client
 
 

@@ -205,14 +205,40 @@ def test_a_file_that_is_another_one_there_is_not_taken(parts):
 def test_processes_end_when_who_began_them_was_killed():
     import psutil
 
-    code = "import time, tanteo.cluster as c; c.IDLE = 2.0; c.spread('local:1', time.sleep, {0: 600}, print)"
-    begun = subprocess.Popen([sys.executable, "-c", code])
-    own = psutil.Process(begun.pid)
-    patience = time.monotonic() + 60
-    while len(own.children(recursive=True)) < 3 and time.monotonic() < patience:  # scheduler, nanny, worker
-        time.sleep(0.2)
-    children = own.children(recursive=True)
-    assert len(children) >= 3
-    begun.kill()
-    begun.wait()
-    assert psutil.wait_procs(children, timeout=60)[1] == []
+    code = "import time, tanteo.cluster as c; c.LEFT = 1.0; c.spread('local:1', time.sleep, {0: 600}, print)"
+    with subprocess.Popen([sys.executable, "-c", code]) as begun:
+        try:
+            own = psutil.Process(begun.pid)
+            patience = time.monotonic() + 200
+            while len(own.children(recursive=True)) < 3 and begun.poll() is None:  # scheduler, nanny, worker
+                assert time.monotonic() < patience
+                time.sleep(0.2)
+            time.sleep(1)  # or a moment later: killed while they begin, or at work
+            children = own.children(recursive=True)
+            assert len(children) >= 3
+        finally:
+            begun.kill()
+    assert psutil.wait_procs(children, timeout=120)[1] == []
+
+
+def test_processes_wait_for_one_that_is_connected():
+    from distributed import Client, SubprocessCluster
+
+    from tanteo.cluster_end import EndWithClient
+
+    idle = {"idle_timeout": "300s"}
+    with SubprocessCluster(n_workers=0, dashboard_address=None, scheduler_kwargs=idle) as own, Client(own) as client:
+        client.register_plugin(EndWithClient(7.0))
+        assert client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.idle_timeout) is None
+        with Client(own):
+            pass  # another that leaves
+        assert client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.idle_timeout) is None
+
+
+def test_processes_that_cannot_begin_are_told(monkeypatch):
+    def none(**_):
+        raise RuntimeError("Scheduler failed to start within 30s")
+
+    monkeypatch.setattr("distributed.SubprocessCluster", none)
+    with pytest.raises(InputError, match="2 processes of this computer, got: Scheduler failed"):
+        spread("local:2", abs, {0: -1}, print)
