@@ -158,7 +158,7 @@ def test_what_the_work_raises_is_raised_here(lent):
 
 
 def test_a_cluster_without_workers_is_told(cluster, monkeypatch):
-    monkeypatch.setattr("tanteo.cluster.NOBODY", 1.0)
+    monkeypatch.setattr("tanteo.cluster.work.NOBODY", 1.0)
     with pytest.raises(InputError, match=r"expected a worker at tcp.*Start one"):
         spread(cluster.address, abs, {0: -1}, print)
 
@@ -174,7 +174,7 @@ def test_a_scheduler_that_ends_is_told(cluster, lent, monkeypatch):
 
 
 def test_no_scheduler_is_told(monkeypatch, capsys, parts, tmp_path):
-    monkeypatch.setattr("tanteo.cluster.CONNECT", 0.5)
+    monkeypatch.setattr("tanteo.cluster.work.CONNECT", 0.5)
     with pytest.raises(SystemExit) as ended:
         main(["catalogue", "build", str(parts), "--units", "mm", "--out", str(tmp_path / "c"), "--scheduler",
               "tcp://127.0.0.1:9"])  # fmt: skip
@@ -205,7 +205,8 @@ def test_a_file_that_is_another_one_there_is_not_taken(parts):
 def test_processes_end_when_who_began_them_was_killed():
     import psutil
 
-    code = "import time, tanteo.cluster as c; c.LEFT = 1.0; c.spread('local:1', time.sleep, {0: 600}, print)"
+    code = "import time, tanteo.cluster as c, tanteo.cluster.own as o; o.LEFT = 1.0\n"
+    code += "c.spread('local:1', time.sleep, {0: 600}, print)"
     with subprocess.Popen([sys.executable, "-c", code]) as begun:
         try:
             own = psutil.Process(begun.pid)
@@ -224,7 +225,7 @@ def test_processes_end_when_who_began_them_was_killed():
 def test_processes_wait_for_one_that_is_connected():
     from distributed import Client, SubprocessCluster
 
-    from tanteo.cluster_end import EndWithClient
+    from tanteo.cluster.end import EndWithClient
 
     idle = {"idle_timeout": "300s"}
     with SubprocessCluster(n_workers=0, dashboard_address=None, scheduler_kwargs=idle) as own, Client(own) as client:
@@ -239,6 +240,6 @@ def test_processes_that_cannot_begin_are_told(monkeypatch):
     def none(**_):
         raise RuntimeError("Scheduler failed to start within 30s")
 
-    monkeypatch.setattr("distributed.SubprocessCluster", none)
+    monkeypatch.setattr("tanteo.cluster.own.SubprocessCluster", none)
     with pytest.raises(InputError, match="2 processes of this computer, got: Scheduler failed"):
         spread("local:2", abs, {0: -1}, print)

@@ -1,10 +1,4 @@
-"""Work spread over processes of this machine or of many, by Dask: what a worker that dies had begun is begun again.
-
-A *scheduler* is the address of one that runs (``tcp://HOST:PORT``; ``dask scheduler`` and ``dask worker`` start such),
-or ``local``, ``local:8``: processes of this computer, which end with the work. Every worker needs the same tanteo, and
-sees files under the same paths. Whoever can reach a scheduler can run programs on its workers: keep it in a network
-that you trust.
-"""
+"""Tasks that are handed out to workers, and what becomes of them."""
 
 from __future__ import annotations
 
@@ -14,7 +8,7 @@ import os
 import queue
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tanteo.errors import InputError
@@ -30,15 +24,6 @@ CONNECT = 10.0
 
 NOBODY = 30.0
 """Time for which work waits where there is no worker at all [s]: a worker that was ended begins again in three."""
-
-BEGIN = 300.0
-"""Time after which processes of this computer end that nobody has spoken to [s]: what began them was killed."""
-
-LEFT = 20.0
-"""Time after which they end when the one they worked for is gone [s]; one that ends as it should ends them itself."""
-
-_CRITICAL = 50
-"""Level of logging from which Dask may write."""
 
 _ASK = 1.0
 _AHEAD = 64
@@ -186,34 +171,9 @@ def _client(scheduler: str) -> Iterator[Client]:
         with client:
             yield client
         return
-    with _own_processes(int(scheduler.partition(":")[2] or os.cpu_count() or 1)) as client:
-        yield client
+    from tanteo.cluster.own import own_processes
 
-
-@contextmanager
-def _own_processes(count: int) -> Iterator[Client]:
-    """Processes of this computer: they stay as long as this one is connected, however busy or idle they are."""
-    from distributed import Client, SubprocessCluster
-
-    from tanteo.cluster_end import EndWithClient
-
-    with ExitStack() as stack:
-        try:
-            own = SubprocessCluster(
-                n_workers=count,
-                threads_per_worker=1,
-                dashboard_address=None,
-                silence_logs=_CRITICAL,
-                scheduler_kwargs={"idle_timeout": f"{BEGIN:g}s"},
-            )
-            client = stack.enter_context(Client(stack.enter_context(own)))
-            client.register_plugin(EndWithClient(LEFT))
-        except (OSError, RuntimeError) as error:
-            why = str(error).splitlines()[0] if str(error) else "no answer"
-            raise InputError(
-                f"scheduler: expected {count} processes of this computer, got: {why}. Use fewer, or leave the "
-                "scheduler out."
-            ) from None
+    with own_processes(int(scheduler.partition(":")[2] or os.cpu_count() or 1)) as client:
         yield client
 
 

@@ -1,0 +1,11 @@
+"""Work spread over processes of this machine or of many, by Dask: what a worker that dies had begun is begun again.
+
+A *scheduler* is the address of one that runs (``tcp://HOST:PORT``; ``dask scheduler`` and ``dask worker`` start such),
+or ``local``, ``local:8``: processes of this computer, which end with the work. Every worker needs the same tanteo, and
+sees files under the same paths. Whoever can reach a scheduler can run programs on its workers: keep it in a network
+that you trust.
+"""
+
+from tanteo.cluster.work import at_work, check_scheduler, spread
+
+__all__ = ["at_work", "check_scheduler", "spread"]
