@@ -53,8 +53,8 @@ class Bvh {
         items = std::move(order);
     }
 
-    // visit(item) for all items whose box is within a distance of a point, but for those below nodes of which
-    // done(node) is true
+    // visit(item) for all items whose box is within a distance of a point, the near side of each node first, but for
+    // those below nodes of which done(node) is true
     template <class Done, class Visit>
     void near(const Vec3& p, double reach, Done&& done, Visit&& visit) const {
         if (nodes.empty()) return;
@@ -68,8 +68,9 @@ class Bvh {
             if (node.count) {
                 for (int k = 0; k < node.count; ++k) visit(items[node.first + k]);
             } else {
-                stack[top++] = node.first + 1;
-                stack[top++] = node.first;
+                const bool second = nodes[node.first + 1].box.squared_distance(p) < nodes[node.first].box.squared_distance(p);
+                stack[top++] = node.first + !second;
+                stack[top++] = node.first + second;
             }
         }
     }

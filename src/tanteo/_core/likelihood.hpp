@@ -90,7 +90,8 @@ class Likelihood {
 
     void look(const State& state, int j, bool with_slope);
     void look_at_faces(const Point& point, int j, const Mat3& R, const Mat3& C, bool with_slope);
-    bool meet_place(const Point& point, const Vec3& p, const Vec3& d, const Mat3& C, double reach, const Place& place);
+    bool meet_place(const Point& point, const Vec3& p, const Vec3& d, const Mat3& C, double reach, double sd, int first,
+                    const Place& place);
     bool left_out(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
     void keep_outside(size_t first);
     void meet_sharp(const Ball& ball, const BallSees& sees, const Vec3 across[2], const double bend[2], const Vec3& slope);

@@ -13,7 +13,8 @@ constexpr double BESIDE = 1e-3;    // least share of the noise on a face that ke
 constexpr double ROUGH_REACH = 4;  // standard deviations of blurred noise beyond which nothing is seen
 constexpr double IN_FRONT = 4;     // material so many standard deviations before a hit contradicts a beam
 constexpr double SMALL = 0.5;      // size in standard deviations up to which flats of a face are one place
-constexpr double BENT = 0.05;      // by how much their mean normal may be shorter than 1
+constexpr double LARGE = 8;        // beyond it they are not tried as one: they would have to add next to nothing
+constexpr double BENT = 0.05;      // by how much their mean normal may be shorter than 1 where it counts
 constexpr double BALL = 0.5, ROUGH_BALL = 2;  // radii in standard deviations from which a tip may touch edges
 
 struct Plane {  // that touches the surface near a point
@@ -117,8 +118,10 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
     const double nothing = NOTHING * problem.mean_rate;
     const double normal_variance = point.normal_sd * point.normal_sd + blur_turn * blur_turn;
     const double reach = blur > 0 ? ROUGH_REACH : REACH;
-    const double small = kept_off || point.oriented ? 0 : SMALL * (point.isotropic ? widest : blur);
-    const auto done = [&](const Place& place) { return place.size < small && meet_place(point, p, d, C, reach, place); };
+    const double least = kept_off || point.oriented ? 0 : point.isotropic ? widest : blur;
+    const auto done = [&](const Place& place) {
+        return place.size < LARGE * least && meet_place(point, p, d, C, reach, least, seen[j].first, place);
+    };
     shape.flats_near(p, reach * widest + point.radius, done, [&](int which) {
         if (done(shape.places[which])) return;
         const Flat& flat = shape.flats[which];
@@ -180,15 +183,16 @@ void Likelihood::look_at_faces(const Point& point, int j, const Mat3& R, const M
     if (kept_off) keep_outside(seen[j].first);
 }
 
-// Flats that are small beside the noise as one normal density: with their own spread it has the same first moments.
-// False where their normals differ too much for that.
-bool Likelihood::meet_place(const Point& point, const Vec3& p, const Vec3& d, const Mat3& C, double reach,
-                            const Place& place) {
-    const double length = norm(place.normal), bent = 1 - length;
-    if (place.face < 0 || bent > BENT) return false;
+// Flats that are small beside the noise as one normal density: with their own spread it has the same first moments, so
+// that it is off by the fourth power of their size. False where that is too much, or where their normals differ too much.
+bool Likelihood::meet_place(const Point& point, const Vec3& p, const Vec3& d, const Mat3& C, double reach, double sd,
+                            int first, const Place& place) {
+    const double length = norm(place.normal), bent = 1 - length, size = place.size / sd;
+    const bool turns = point.radius > 0 || point.sided;  // it counts where they look
+    if (place.face < 0 || (turns ? bent > BENT : !(length > 0))) return false;
     const Vec3 n = (1 / length) * place.normal;
     const double turn = std::sqrt(2 * std::max(bent, 0.0));  // of the normals, about
-    if (point.radius * turn > place.size || (point.sided && std::fabs(dot(n, d)) < 2 * turn)) return false;
+    if (turns && (point.radius * turn > place.size || (point.sided && std::fabs(dot(n, d)) < 2 * turn))) return false;
     Mat3 S = C;
     for (int i = 0; i < 9; ++i) S.m[i] += place.spread.m[i];
     const Vec3 off = p - place.middle - point.radius * n, Sn = S * n;
@@ -202,6 +206,12 @@ bool Likelihood::meet_place(const Point& point, const Vec3& p, const Vec3& d, co
     Hit hit;
     hit.weight = met(point, place.normal, d, 1 / shape.area) * place.area / (L[0] * L[4] * L[8]) *
                  fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - point.log_outlier);
+    if (size > SMALL) {
+        double seen_so_far = 0;
+        for (size_t k = first; k < hits.size(); ++k) seen_so_far += hits[k].weight;
+        const double times = size * size / (SMALL * SMALL);
+        if (hit.weight * times * times > seen_so_far) return false;
+    }
     if (!(hit.weight >= NOTHING * problem.mean_rate)) return true;
     hit.per_sd = 1 / std::sqrt(dot(n, Sn));
     hit.distance = dot(n, off);
