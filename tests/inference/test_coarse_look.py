@@ -195,3 +195,13 @@ def sensed(p):
         directions=np.zeros((n, 3)), normals=np.zeros((n, 3)), normal_sds=np.full(n, np.pi), reach=np.zeros(n),
         shared_jacobian=np.zeros((n, 3, 0)), sd=np.full(n, SD),
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("sides", [(26, 24, 25), (25, 35, 50), (30, 36, 44)])
+def test_more_steps_find_what_coarse_scores_do_not_tell(sides):
+    """A dozen points, blurred as they are scored, are as likely in many attitudes of a block that is nearly a cube."""
+    block, found = 1e-3 * np.array(sides), {}
+    for stepped in (24, 800):
+        looks = [look(tables([block]), on_block(block, 12, seed)[0], stepped=stepped) for seed in range(20)]
+        found[stepped] = sum(costs[0, 0] < 2 for _, costs, _ in looks)
+    assert found[24] < found[800] == 20

@@ -7,7 +7,16 @@ from random_parts import write_off
 from tanteo import _core
 from tanteo.answers import Priors, WholeObject, sized
 from tanteo.catalogue import build_catalogue, open_catalogue
-from tanteo.inference import Problem, candidates, identify_points, narrowing, plane_votes, search, sensed_planes
+from tanteo.inference import (
+    Problem,
+    candidates,
+    identify_points,
+    narrowing,
+    plane_votes,
+    prepare,
+    search,
+    sensed_planes,
+)
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 
@@ -81,6 +90,16 @@ def sensed(part, kind, rng, along=None):
 
 def question(points, every):
     return Problem(points, FreeRays.none(), sized(None, float(every.radii.max())))
+
+
+def test_few_parts_are_all_searched_from_a_coarse_look(catalogue):
+    parts = [catalogue[row] for row in range(0, 40, 8)]
+    every = candidates.Candidates(parts)
+    points = sensed(parts[2], "points", np.random.default_rng(1))
+    chosen = narrowing.narrowed(question(points, every), every)
+    assert chosen.rows.tolist() == sorted(chosen.hints)
+    on = [prepare(parts[2]).surface.closest(SE3.apply(SE3.inverse(T), points.points)) for T in chosen.hints[2]]
+    assert min(np.median(one.distances) for one in on) < 0.01 * parts[2].diagonal
 
 
 @pytest.mark.parametrize("kind", ["labelled", "normals", "points"])

@@ -10,10 +10,11 @@ import pytest
 from scipy.stats import chi2
 
 import tanteo
-from bare_scenes import Sensing, box_centred_pose, scene
+from bare_scenes import Sensing, box_centred_pose, no_paths, scene, surface_points, touches_of
 from tanteo import Priors, read_part
 from tanteo.answers import Misfit, PosePrior, Table
 from tanteo.inference import Problem, posterior_about, prepare
+from tanteo.inference.part_search import start_search
 from tanteo.lie import SE3
 from tanteo.measurements import FreeRays
 
@@ -107,3 +108,16 @@ def facing(target, T, points):
     """Outward normals of the surface next to the points, in the world."""
     found = target.surface.closest(SE3.apply(SE3.inverse(T), points.points))
     return target.surface.normals[found.triangles] @ T[:3, :3].T
+
+
+@pytest.mark.parametrize(("times", "explained"), [(1.0, True), (1.5, True), (6.0, False)])
+def test_a_part_that_takes_more_noise_than_is_known_explains_nothing(target, times, explained):
+    """Others stay in the race, of which a first look may have missed the pose."""
+    rng = np.random.default_rng(3)
+    T = box_centred_pose(rng)
+    p, _ = surface_points(target, 40, rng)
+    touches = touches_of(SE3.apply(T, p) + times * 1e-4 * rng.normal(size=p.shape), 1e-4)
+    search = start_search(Problem(touches, no_paths(), Priors(radius=target.part.radius)), target, rng)
+    search.try_poses(T[None], certain=True)
+    assert search.on_the_part().mean() > 0.9
+    assert search.is_good_fit() == explained

@@ -104,7 +104,7 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
     CoarseEffort effort;
     effort.most = expect(most, "most", 1e-3, 1e9);
     effort.keep = static_cast<int>(expect(keep, "keep", 1, 1000));
-    effort.stepped = static_cast<int>(expect(stepped, "stepped", 1, 1000));
+    effort.stepped = static_cast<int>(expect(stepped, "stepped", 1, 10000));
     const int begin = effort.begin;
     const size_t R = chosen.size(), K = effort.keep;
     std::vector<double> scores(R, given.size() * effort.most), costs(R * K, given.size() * effort.most), Ts(16 * R * K, 0.0);
@@ -114,7 +114,7 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
         std::vector<CoarseRanked> ranked(R);
         for (size_t first = 0, end = 0; first < R; first = end) {
             end = end_of_kind(of, first);
-            effort.begin = static_cast<int>(std::min<size_t>(begin, effort.stepped * (end - first)));
+            effort.begin = static_cast<int>(std::max<size_t>(effort.stepped, std::min<size_t>(begin, effort.stepped * (end - first))));
             const std::vector<CoarseView> views = coarse_starts(parts.part(chosen[first]), points, effort);
             for (size_t r = first; r < end; ++r) {
                 ranked[r] = coarse_ranked(parts.part(chosen[r]), points, views, effort);

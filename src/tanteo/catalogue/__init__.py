@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tanteo.catalogue.resting import Rest, hull_points, known_rests, rest_rows, rests
     from tanteo.catalogue.segment import tables_of
     from tanteo.catalogue.shaping import SAMPLES, SHAPE, compiled_shape
-    from tanteo.catalogue.signatures import AXES, LEVELS, faces_of, signature, widths
+    from tanteo.catalogue.signatures import AXES, LEVELS, coarse_field, faces_of, field_table, signature, widths
     from tanteo.catalogue.store import is_catalogue
     from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
 
@@ -31,9 +31,11 @@ __all__ = [
     "build_catalogue",
     "cache_folder",
     "cad_files",
+    "coarse_field",
     "coarse_meshes",
     "compiled_shape",
     "faces_of",
+    "field_table",
     "hull_points",
     "is_catalogue",
     "known_rests",
@@ -61,7 +63,7 @@ __getattr__, __dir__ = lazy(
         "resting": "Rest hull_points known_rests rest_rows rests",
         "segment": "tables_of",
         "shaping": "SAMPLES SHAPE compiled_shape",
-        "signatures": "AXES LEVELS faces_of signature widths",
+        "signatures": "AXES LEVELS coarse_field faces_of field_table signature widths",
         "store": "is_catalogue",
         "surprises": "cad_files coarse_meshes repaired skipped_folders unused_unit",
     },

@@ -5,12 +5,14 @@ All of it is a function of the part alone, in its own frame, in metres, and smal
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from tanteo import _core
+from tanteo.catalogue.index import kinds
 from tanteo.catalogue.resting import hull_points, rest_rows
 from tanteo.catalogue.shaping import axes_of
 from tanteo.parts import Face, Part
@@ -86,7 +88,7 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
         down, probability); and ``grid`` (origin, step, counts).
     """
     planes = _planes(part)
-    grid, field = _field(part, shape)
+    grid, field = coarse_field(part, shape)
     symmetry = part.symmetry
     numbers = np.r_[
         part.area, part.volume, part.radius, widths(part.vertices), part.centroid, part.box.ravel(), symmetry.order,
@@ -174,8 +176,24 @@ def pairs_of(planes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return tuple(np.asarray(row, dtype=np.float32) for row in rows)  # type: ignore[return-value]
 
 
+def coarse_field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Where the nodes of a grid about the part are, and signed distances to the surface there; kept with the part."""
+    if "field" not in part.derived:
+        part.derived["field"] = _field(part, shape)
+    known: tuple[np.ndarray, np.ndarray] = part.derived["field"]
+    return known
+
+
+def field_table(numbers: FloatArray, fields: Sequence[tuple[np.ndarray, np.ndarray]]) -> dict[str, np.ndarray]:
+    """The columns that a coarse look takes: of parts with these numbers, as in a signature, and fields."""
+    grids, levels = zip(*fields, strict=True)
+    return {
+        "numbers": numbers, "kind": kinds(numbers), "grid": np.stack(grids), "field": np.concatenate(levels),
+        "field_start": np.cumsum([0, *map(len, levels)]).astype(np.int64),
+    }  # fmt: skip
+
+
 def _field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distances to the surface at the nodes of a grid about the part, and where they are."""
     size = np.ptp(part.box, axis=0)
     step = float(size.max()) / NODES
     halves = np.maximum(np.ceil(size / (2 * step) - 1e-9).astype(int), 1)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.answers import WholeObject
-from tanteo.catalogue import Catalogue, signature, tables_of
+from tanteo.catalogue import Catalogue, coarse_field, field_table, signature, tables_of
 from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.parts import StoredParts, as_parts
 from tanteo.typing import FloatArray, IntArray, Vectors
@@ -112,6 +112,14 @@ class Candidates:
             starts = self.parts.starts
             return [(int(s), segment.table) for s, segment in zip(starts, self.parts.segments, strict=False)]
         return [(0, tables_of([_signed(prepare(part)) for part in self.parts]))]
+
+    @cached_property
+    def fields(self) -> list[tuple[int, Any]]:
+        """The same, of which a coarse look takes its columns: of a list, no others are made."""
+        if isinstance(self.parts, Catalogue):
+            return self.tables
+        opened = [prepare(part) for part in self.parts]
+        return [(0, field_table(self._numbers, [coarse_field(one.part, one.shape) for one in opened]))]
 
 
 def _signed(prepared: PreparedPart) -> dict[str, Any]:

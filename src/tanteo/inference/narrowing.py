@@ -101,10 +101,10 @@ def narrowed(
     points = problem.points.take(problem.around.others)
     rows = np.flatnonzero(_large_enough(points, candidates))
     if len(rows) <= FEW or (len(points) < 3 and not points.centres.any()):
-        return Narrowed(rows, behind=np.zeros(len(rows)))
+        return _all_of(problem, points, candidates, rows)
     rows = rows[_wide_enough(problem, points, candidates, rows)]
     if len(rows) <= FEW:
-        return Narrowed(rows, behind=np.zeros(len(rows)))
+        return _all_of(problem, points, candidates, rows)
     own = np.zeros(len(rows)) if odds is None else odds[rows]
     in_it = np.ones(len(rows), dtype=bool) if every else _promising(own)
     compared = _compared(problem, points, candidates, rows, in_it)
@@ -115,6 +115,14 @@ def narrowed(
     half = found.rows[len(found.rows) // 2 :]
     discount = float(log_sum(odds[found.others]) - log_sum(odds[half]) + np.log(len(half) / len(found.others)))
     return replace(found, aside=int(np.count_nonzero(~in_it)), discount=discount)
+
+
+def _all_of(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> Narrowed:
+    """So few parts that all are searched, from where a coarse look has the points."""
+    hints = dict[int, Transforms]()
+    if np.count_nonzero(~points.centres) >= _LOOKED and len(rows):
+        _, hints = coarse_look(problem, points, candidates, rows, thorough=True)
+    return Narrowed(rows, hints, np.zeros(len(rows)))
 
 
 def _promising(odds: FloatArray) -> BoolArray:

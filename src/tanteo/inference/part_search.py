@@ -184,9 +184,14 @@ class PartSearch:
         return np.asarray(belongs_at(self.objective, self.peaks, 1)[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
-        """Whether the best maximum has nine of ten points on the part, or there is nothing to explain."""
+        """Whether the best maximum has nine of ten points on the part, with noise as it is known, or there are none."""
         on = self.on_the_part()
-        return not len(on) or float(on.mean()) > _EXPLAINED
+        return not len(on) or (float(on.mean()) > _EXPLAINED and not self.noisy())
+
+    def noisy(self) -> bool:
+        """Whether the best maximum takes the noise for larger than the factor to which it is known."""
+        scaled = self.objective.problem.scale_sd > 0 and len(self.peaks) > 0
+        return scaled and float(self.peaks.zs[0, -1]) > 1
 
     def doubtful(self) -> bool:
         """Whether the best maximum calls more points outliers than are expected, which may have hidden a better one."""

@@ -30,7 +30,7 @@ finds the right one with a third or more of probability. So many of all parts to
 of each than the last."""
 
 _GLANCE, _HINTED, _LOOK = Effort(6, 16, 3, 8, hard=0), Effort(0, 0, 3, 8, hard=0), Effort(move=3, hard=3)
-"""First rounds of many parts; the second where all poses are known that may be right."""
+"""First rounds of many parts; the second where a coarse look, planes or centres proposed poses."""
 
 _BEHIND = (24.0, 12.0)
 """Log evidence behind the leader, the unknown object included, at which a part is out after each of these."""
@@ -99,7 +99,8 @@ def race(
     searches = start_searches(problem, parts, alike(rng, len(parts)))
     for search, Ts in zip(searches, hints, strict=False):
         search.hints, search.certain = Ts, certain
-    live = _after_a_glance(searches, _HINTED if certain else _GLANCE) if len(parts) > 1 else list(searches)
+    hinted = certain or any(Ts is not None for Ts in hints)
+    live = _after_a_glance(searches, _HINTED if hinted else _GLANCE) if len(parts) > 1 else list(searches)
     if not certain or not max(searches, key=lambda s: s.log_evidence).is_good_fit():
         for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
             if len(live) == 1 or search in _still_in(live, log_unknown, _BEHIND[0]):
