@@ -84,9 +84,10 @@ def without_folders(app: Any, name: str, text: list[str]) -> None:
 
 
 def draw_math(translator: Any, node: Any) -> None:
-    """A formula as MathML."""
-    display = "block" if node.tagname == "math_block" else "inline"
-    translator.body.append(latex2mathml.converter.convert(node.astext(), display=display))
+    """A formula as MathML; one of its own lines scrolls where a window is narrow."""
+    block = node.tagname == "math_block"
+    formula = latex2mathml.converter.convert(node.astext(), display="block" if block else "inline")
+    translator.body.append(f'<div class="formula" tabindex="0">{formula}</div>' if block else formula)
     raise nodes.SkipNode
 
 
