@@ -49,7 +49,10 @@ def sense_part(
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Find out which part is there and where, from a rough idea of its place, by range sensors on a hand."""
+    """Find out which part is there, and where.
+
+    By range sensors on a hand, from a rough idea of its place.
+    """
     from tanteo.execution import sense_part
 
     files.check_report(report)
