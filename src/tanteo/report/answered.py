@@ -142,7 +142,7 @@ def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) ->
     if candidates:
         layers.append(Layer("sticks", "distances"))
     if shapes:
-        layers.append(Layer("features", "features"))
+        layers.append(Layer("features", "features", shown=not shapes.flat))
     layers.append(Layer("names", "names", shown=len(sensed.measured) <= _NAMED))
     wrong = any(not c.contacts.used.all() for c in candidates)
     legend = [("dot", "reading that fits" if candidates else "reading")]
