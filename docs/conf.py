@@ -63,6 +63,8 @@ napoleon_use_ivar = True
 # decisions are listed by docs/README.md: in the contents of every page they would cost a third of the time
 suppress_warnings = ["toc.not_included"]
 
+highlight_language = "none"  # a block that names no language is a command or what it prints
+
 html_theme = "furo"
 html_title = f"tanteo {release}"
 html_copy_source = False

@@ -21,8 +21,8 @@ _SCALE = 2
 _SHIFT = 4
 """Fractional bits of the coordinates that OpenCV draws with."""
 
-_PAPER, _INK, _ROW = 255, (34, 48, 60), 32
-"""The strip below the image that says what the signs mean: its grey, its words, its rows [px]."""
+_PAPER, _INK, _ROW, _TEXT = 255, (34, 48, 60), 40, 0.7
+"""The strip below the image that says what the signs mean: its grey, its words, its rows [px], the size of its letters."""
 
 
 def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
@@ -67,15 +67,15 @@ def _legend(width: int) -> np.ndarray:
     }  # fmt: skip
     places, x, y = [], 12, 0
     for sign, meaning in words.items():
-        (length, _), _ = cv2.getTextSize(meaning, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)
-        if x > 12 and x + 40 + length > width:
+        (length, _), _ = cv2.getTextSize(meaning, cv2.FONT_HERSHEY_SIMPLEX, _TEXT, 1)
+        if x > 12 and x + 46 + length > width:
             x, y = 12, y + _ROW
         places.append((sign, meaning, x, y + _ROW // 2))
-        x += 40 + length + 24
+        x += 46 + length + 24
     strip = np.full((y + _ROW, width, 3), _PAPER, dtype=np.uint8)
     for sign, meaning, left, middle in places:
         _sign(strip, sign, left, middle)
-        _put(strip, meaning, (left + 40, middle + 5), _INK)
+        _put(strip, meaning, (left + 46, middle + 7), _INK)
     return strip
 
 
@@ -88,13 +88,13 @@ def _sign(strip: np.ndarray, sign: str, left: int, middle: int) -> None:
         for x in (left + 4, left + 15, left + 26):
             _mark(strip, (x << _SHIFT, middle << _SHIFT), hit=sign == "dot")
     else:
-        for x, name in zip((left, left + 12, left + 24), _AXES, strict=True):
-            _put(strip, name, (x, middle + 5), _AXES[name], 2)
+        for x, name in zip((left, left + 14, left + 28), _AXES, strict=True):
+            _put(strip, name, (x, middle + 7), _AXES[name], 2)
 
 
 def _put(picture: np.ndarray, text: str, at: tuple[int, int], colour: tuple[int, ...], width: int = 1) -> None:
     cv2 = opencv()
-    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, width, cv2.LINE_AA)
+    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, _TEXT, colour, width, cv2.LINE_AA)
 
 
 def _at(pixels: FloatArray) -> np.ndarray:
@@ -124,7 +124,7 @@ def _draw_axes(picture: np.ndarray, camera: Camera, T_camera_part: Transforms, l
     for tip, (name, colour) in zip(pixels[1:], _AXES.items(), strict=True):
         cv2.line(picture, _at(pixels[0]), _at(tip), colour, 2, cv2.LINE_AA, _SHIFT)
         x, y = (v >> _SHIFT for v in _at(tip))
-        _say(picture, name, (x + 4, y + 4), 0.5)
+        _say(picture, name, (x + 4, y + 4), 0.7)
 
 
 def _write(picture: np.ndarray, seen: Sighting) -> None:
@@ -135,10 +135,10 @@ def _write(picture: np.ndarray, seen: Sighting) -> None:
     p = answer.unknown_probability if name == "unknown" or best is None else best.probability
     text = f"{name} {100 * min(p, 0.999):.1f} %"
     corner = (10, 10) if seen.region is None else (seen.region.box[0], seen.region.box[2])
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.7, 1)
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.9, 1)
     x = int(np.clip(_SCALE * corner[0], 4, max(picture.shape[1] - width - 4, 4)))
     y = int(np.clip(_SCALE * corner[1] - 8, height + 6, picture.shape[0] - 6))
-    _say(picture, text, (x, y), 0.7)
+    _say(picture, text, (x, y), 0.9)
 
 
 def _say(picture: np.ndarray, text: str, at: tuple[int, int], size: float) -> None:
