@@ -64,7 +64,9 @@ def expected_feature(kind: str, scene: SceneFile, part: Part, best: Hypothesis, 
         names = ", ".join(dict.fromkeys(p.faces[0] for p in found))
         asked = f"face '{face}'" if face is not None else f"a {kind}"
         got = f"faces: {names}. Name one of these with --face, or let" if found else f"no {kind} there. Let"
-        raise InputError(f"{part.name}: expected {asked} that faces the hand, got {got} the hand start on another side.")
+        raise InputError(
+            f"{part.name}: expected {asked} that faces the hand, got {got} the hand start on another side."
+        )
     return chosen[0]
 
 

@@ -22,7 +22,7 @@ _SHIFT = 4
 """Fractional bits of the coordinates that OpenCV draws with."""
 
 _PAPER, _INK, _ROW, _TEXT = 255, (34, 48, 60), 40, 0.7
-"""The strip below the image that says what the signs mean: its grey, its words, its rows [px], the size of its letters."""
+"""The strip that says what the signs mean: its grey, its words, its rows [px], the size of its letters."""
 
 
 def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
