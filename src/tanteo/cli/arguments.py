@@ -37,7 +37,7 @@ _output = partial(option, rich_help_panel="Output")
 
 SENSOR_HELP = "Preset of the sensor's errors; tanteo sensor list has the names."
 ROBOT_HELP = "Preset of the robot's errors; tanteo sensor list has the names."
-UNITS_HELP = "Unit of files without one (logs, clouds, STL, OBJ, OFF): mm, m, um, in; of parts cm, ft too."
+UNITS_HELP = "Unit of files that state none (logs, clouds, STL, OBJ, OFF): mm, m, um or in; of parts also cm or ft."
 _seed = partial(typed.at_least, "--seed", 0, "Use 0")
 SEED, UNIT = Words(_seed, int), Words(typed.unit)
 PRESET, ROBOT, STANDOFF = Words(typed.preset), Words(typed.robot), Words(typed.standoff)

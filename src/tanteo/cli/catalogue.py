@@ -23,7 +23,11 @@ _Out = Annotated[str, args.option("--out", "CATALOGUE", "Folder of the catalogue
 _To = Annotated[str, args.option("--to", "CATALOGUE", "Folder of the catalogue that the parts are added to.")]
 _Scheduler = Annotated[
     str | None,
-    args.option("--scheduler", "ADDRESS", "Read on the workers of a Dask scheduler: tcp://HOST:PORT, or local:N."),
+    args.option(
+        "--scheduler",
+        "ADDRESS",
+        "Read on the workers of a Dask scheduler, tcp://HOST:PORT, or on N processes of this computer, local:N.",
+    ),
 ]
 _Names = Annotated[bool, args.option("--names", None, "List the names of all parts.")]
 

@@ -58,9 +58,9 @@ class Options:
     noise_factor: args.NoiseFactor = None
     units: args.Units = None
     seed: args.Seed = 0
-    record: Annotated[str | None, args.option("--record", "FILE", "Write the session (JSON) after every reading.")] = (
-        None
-    )
+    record: Annotated[
+        str | None, args.option("--record", "FILE", "Write the session after every reading (JSON, or .mcap).")
+    ] = None
     resume: Annotated[bool, args.option("--resume", None, "Go on with the session of --record.")] = False
     pose_as: controller.PoseAs = None
     wcs: controller.Wcs = None

@@ -25,7 +25,7 @@ _SHOWN = 5
 
 
 def replay(
-    record: Annotated[str, typer.Argument(metavar="RECORD", help="Record of a session (JSON).")],
+    record: Annotated[str, typer.Argument(metavar="RECORD", help="Record of a session (JSON, or .mcap).")],
     parts: Annotated[
         list[str] | None,
         args.option("--parts", "FILE_OR_FOLDER...", "Where the CAD files are now, if they were moved."),

@@ -43,7 +43,7 @@ def sense_part(
     ],
     options: SessionOptions,
     record: Annotated[
-        str | None, args.option("--record", "FILE", "Write the session (JSON), or its readings (.csv).")
+        str | None, args.option("--record", "FILE", "Write the session (JSON, or .mcap), or its readings (.csv).")
     ] = None,
     report: args.Report = None,
     json: args.Json = False,

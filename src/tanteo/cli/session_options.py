@@ -25,7 +25,8 @@ class SessionOptions:
         args.sensing(
             "--policy",
             "NAME",
-            "How the next reading is chosen: information, information-per-second, features, random, ...",
+            "How the next reading is chosen: information, information-per-second, features, random, nearest, "
+            "largest-face, 3-2-1.",
             autocompletion=typed.policy_names,
         ),
         Words(typed.policy, str),

@@ -70,7 +70,8 @@ def check_view(typed: Mapping[str, Any]) -> None:
 def view(
     *,
     record: Annotated[
-        str | None, typer.Argument(metavar="[RECORD]", help="Record of a session (JSON), to be seen step by step.")
+        str | None,
+        typer.Argument(metavar="[RECORD]", help="Record of a session (JSON, or .mcap), to be seen step by step."),
     ] = None,
     scene: Annotated[
         str | None, args.option("--scene", "FILE", "Scene: parts, table, hand (TOML); else an example.")
