@@ -12,7 +12,7 @@ from tanteo.report.page import Front, Html, element, fact_list, join, switched
 from tanteo.report.scene import Candidate, distance_enlarged
 from tanteo.report.shapes import Shapes
 from tanteo.report.uncertainty import Way
-from tanteo.report.words import MM, SIGNS, facts, headline, percent
+from tanteo.report.words import SIGNS, facts, headline, percent, uncertain
 
 _VIEWS = ("Reset", "Top", "Front", "Side")
 
@@ -65,7 +65,7 @@ def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunte
 def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
     """Keys and words of the ways, for the choice of overlays."""
     options = [
-        element("option", f"off by {way.words}: {MM * way.moves:.2g} mm at the farthest corner", value=k)
+        element("option", f"off by {way.words}: {uncertain(way.moves)} at the farthest corner", value=k)
         for k, way in enumerate(ways)
     ]
     none = element("option", "no overlays", value="", selected=None if haunted else True)

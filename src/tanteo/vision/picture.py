@@ -86,7 +86,7 @@ def _sign(strip: np.ndarray, sign: str, left: int, middle: int) -> None:
         cv2.line(strip, (left, middle), (left + 28, middle), OUTLINE, 2, cv2.LINE_AA)
     elif sign in ("dot", "cross"):
         for x in (left + 4, left + 15, left + 26):
-            _mark(strip, (x << _SHIFT, middle << _SHIFT), hit=sign == "dot")
+            _mark(strip, np.array([x << _SHIFT, middle << _SHIFT]), hit=sign == "dot")
     else:
         for x, name in zip((left, left + 14, left + 28), _AXES, strict=True):
             _put(strip, name, (x, middle + 7), _AXES[name], 2)
