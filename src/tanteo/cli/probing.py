@@ -84,7 +84,7 @@ class ProgramOptions:
         _option(
             "--retract-height",
             "Z",
-            "Height (world z) of the ball between touches, as 150mm: just above the part if not given.",
+            "Height (world z) of the ball between touches, as 150mm: just high enough if not given.",
         ),
         typed.Words(_height),
     ] = None
