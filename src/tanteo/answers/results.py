@@ -86,8 +86,8 @@ class Finding:
 
     Attributes:
         kind: ``units``, ``spread``, ``directions``, ``normals``, ``mirror``, ``hand`` (its poses), ``offset`` (of all
-            readings), ``free_space``, ``repeated``, ``stuck``, ``many`` (not all were used), ``whole`` (the mass or size
-            is of something else).
+            readings), ``free_space``, ``repeated``, ``stuck``, ``many`` (not all were used), ``whole`` (mass or size of
+            something else).
         message: what was found, and what may have been meant.
     """
 
