@@ -63,6 +63,8 @@ napoleon_use_ivar = True
 # decisions are listed by docs/README.md: in the contents of every page they would cost a third of the time
 suppress_warnings = ["toc.not_included"]
 
+highlight_language = "none"  # a block that names no language is a command or what it prints
+
 html_theme = "furo"
 html_title = f"tanteo {release}"
 html_copy_source = False
@@ -84,9 +86,10 @@ def without_folders(app: Any, name: str, text: list[str]) -> None:
 
 
 def draw_math(translator: Any, node: Any) -> None:
-    """A formula as MathML."""
-    display = "block" if node.tagname == "math_block" else "inline"
-    translator.body.append(latex2mathml.converter.convert(node.astext(), display=display))
+    """A formula as MathML; one of its own lines scrolls where a window is narrow."""
+    block = node.tagname == "math_block"
+    formula = latex2mathml.converter.convert(node.astext(), display="block" if block else "inline")
+    translator.body.append(f'<div class="formula" tabindex="0">{formula}</div>' if block else formula)
     raise nodes.SkipNode
 
 

@@ -86,7 +86,7 @@ def show(part, T, readings, C):
     for a, b in outline(part, T):
         axes.plot(*np.stack([a, b]).T, color="#3d4a57", lw=1)
     p, d = 1e3 * readings.points, readings.directions
-    axes.quiver(*(p - 25 * d).T, *(25 * d).T, color="#0072b2", arrow_length_ratio=0.3)
+    axes.quiver(*(p - 25 * d).T, *(25 * d).T, color="#0072b2", arrow_length_ratio=0.3, label="touch")
     for k, q in enumerate(p - 29 * d, 1):
         axes.text(*q, str(k), color="#0072b2")
     corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
@@ -95,6 +95,8 @@ def show(part, T, readings, C):
         values, vectors = np.linalg.eigh(S)
         bar = T[:3, :3] @ vectors[:, 2] * 1.5e5 * np.sqrt(values[2])
         axes.plot(*np.stack([1e3 * c - bar, 1e3 * c + bar]).T, color="#7d12d9", lw=3)
+    axes.plot([], [], color="#7d12d9", lw=3, label="1 sd of a corner to either side, 150 times enlarged")
+    axes.legend(loc="upper left", frameon=False)
     axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
     axes.set_box_aspect(np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1), zoom=1.25)
     axes.view_init(elev=32, azim=-118)

@@ -115,14 +115,14 @@ print("true:", true.name)
 #
 # With few readings many brackets are possible; the belief narrows as readings come.
 
-figure, axes = plt.subplots(1, len(counts), sharey=True, figsize=(9, 5))
+figure, axes = plt.subplots(1, len(counts), sharey=True, figsize=(10, 6))
 for axis, n, found in zip(axes, counts, answers, strict=True):
     P = probabilities(found)
     colours = ["#0072b2" if name == true.name else "#8a949e" for name in P]
     axis.barh(list(P), list(P.values()), color=colours)
-    axis.set(title=f"{n} readings: {found.status}", xlim=(0, 1), xlabel="probability")
+    axis.set(title=f"{n} readings: {found.status}", xlim=(0, 1), xticks=(0, 0.5, 1), xlabel="probability")
 axes[0].invert_yaxis()
-axes[0].tick_params(labelsize=7)
+axes[0].tick_params(axis="y", labelsize=9)
 figure.tight_layout()
 
 # %%

@@ -66,10 +66,13 @@ e = part.edges
 half = 0.5 * e.lengths[:, None] * e.Ts_part_feature[:, :3, 0]
 for a, b in zip(1e3 * (e.midpoints - half), 1e3 * (e.midpoints + half), strict=True):
     axes.plot(*np.stack([a, b]).T, color="#3d4a57", lw=1)
+numbers: dict[tuple[int, ...], list[str]] = {}  # touches that are near each other share a label
 for n, r in enumerate(found.readings, 1):
     tail = 1e3 * (r.point - 0.03 * r.direction)
     axes.quiver(*tail, *(30 * r.direction), color="#0072b2", arrow_length_ratio=0.3)
-    axes.text(*(tail - 6 * r.direction), str(n), color="#0072b2")
+    numbers.setdefault(tuple(int(v) for v in np.round((tail - 6 * r.direction) / 15)), []).append(str(n))
+for place, names in numbers.items():
+    axes.text(*(15.0 * np.array(place)), ", ".join(names), color="#0072b2")
 axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
 axes.set_box_aspect(np.ptp([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()], axis=1), zoom=1.25)
 axes.view_init(elev=28, azim=-40)
@@ -77,7 +80,8 @@ curve = figure.add_subplot(1, 2, 2)
 sds = 1e3 * np.array([found.before, *(r.corner_sd for r in found.readings)])
 curve.semilogy(range(len(sds)), sds, "o-", color="#0072b2", label="largest corner sd")
 curve.axhline(1e3 * TOLERANCE, color="#b84800", ls="--", label="tolerance")
-curve.set(xlabel="touches", ylabel="largest corner sd [mm]")
+curve.set(xlabel="touches", ylabel="largest corner sd [mm]", xticks=range(0, len(sds), 2))
+curve.yaxis.set_major_formatter("{x:g}")
 curve.legend()
 figure.tight_layout(w_pad=5)
 

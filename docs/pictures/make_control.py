@@ -80,10 +80,17 @@ def step_response(folder: Path) -> None:
             axis.plot(times, values, color=colour, ls=style, label=f"{1e3 * latency:.0f} ms")
     axes[0].axhline(1e3 * STANDOFF, color="#8a97a3", lw=0.8, zorder=0)
     axes[1].axhline(0, color="#8a97a3", lw=0.8, zorder=0)
+    name_line(axes[0], 1e3 * STANDOFF, "stand-off")
     axes[0].set(xlabel="time [s]", ylabel="height of the front [mm]")
     axes[1].set(xlabel="time [s]", ylabel="tilt [deg]")
     axes[1].legend(title="latency", frameon=False)
     save(figure, folder / "step_response.svg")
+
+
+def name_line(axis: plt.Axes, height: float, words: str) -> None:
+    """Say what a level line is, at its right end."""
+    place = axis.get_yaxis_transform()
+    axis.annotate(words, (0.985, height), (0, 4), place, "offset points", ha="right", fontsize="small")
 
 
 def bend(folder: Path) -> list[tuple[int, float, float, float]]:
@@ -95,7 +102,7 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
         flat = box("flat", [-0.1, -0.1, -0.02], [0, 0.1, 0])
         scene = Scene.of([flat, box("slope", [0, -0.1, -0.02], [0.2, 0.1, 0], slope)])
         end = 90 * np.array([math.cos(math.radians(angle)), -math.sin(math.radians(angle))])
-        axes[k, 0].plot([-70, 0, end[0]], [0, 0, end[1]], color="#22303c", lw=2)
+        axes[k, 0].plot([-70, 0, end[0]], [0, 0, end[1]], color="#22303c", lw=2, label="surface")
         for latency, (colour, style) in zip(LATENCIES, STYLES, strict=True):
             robot = SimulatedHand(
                 scene, HAND, over(-0.05, STANDOFF), rng=np.random.default_rng(1), cell=Cell(latency=latency)
@@ -104,7 +111,8 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
             Ts = np.array(robot.truth)
             fronts = 1e3 * (Ts[:, :3, 3] + Ts[:, :3, :3] @ HAND.front)
             clear = 1e3 * clearances(scene, HAND.body, Ts)
-            axes[k, 0].plot(fronts[::THIN, 0], fronts[::THIN, 2], color=colour, ls=style)
+            name = "_" if latency else "front of the hand"
+            axes[k, 0].plot(fronts[::THIN, 0], fronts[::THIN, 2], color=colour, ls=style, label=name)
             way = np.concatenate([[0], np.linalg.norm(np.diff(fronts, axis=0), axis=1).cumsum()])
             axes[k, 1].plot(
                 way[::THIN],
@@ -117,6 +125,9 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
         axes[k, 0].set(aspect="equal", xlabel="x [mm]", ylabel="z [mm]", title=f"bend of {angle} degrees outwards")
         axes[k, 1].axhline(1e3 * STANDOFF, color="#8a97a3", lw=0.8, zorder=0)
         axes[k, 1].axhline(0.5e3 * STANDOFF, color="#8a97a3", lw=0.8, ls="--", zorder=0)
+        axes[k, 0].legend(frameon=False, loc="lower left" if angle > 0 else "upper left")
+        for height, words in ((1e3, "stand-off"), (0.5e3, "half of it")):
+            name_line(axes[k, 1], height * STANDOFF, words)
         axes[k, 1].set(xlabel="way of the front [mm]", ylabel="clearance of the hand [mm]", ylim=(0, 24))
         axes[k, 1].legend(title="latency, time", frameon=False, loc="lower right", fontsize="small", ncols=2)
     axes[1, 0].set_title("bend of 45 degrees inwards")

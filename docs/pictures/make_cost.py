@@ -21,9 +21,9 @@ LEFT, GAP, SIDE, TOP, BOTTOM = 74, 92, 318, 84, 390
 """Place of the panels on the page."""
 
 PANELS = (
-    ("points", "readings", (("points", BLUE, "bare"), ("points with normals", GREEN, "with normals"))),
-    ("triangles", "triangles of the part", (("triangles", BLUE, "call"),)),
-    ("parts", "parts", (("parts", BLUE, "call"),)),
+    ("points", "readings", (("points", BLUE, "points alone"), ("points with normals", GREEN, "points with normals"))),
+    ("triangles", "triangles of the part", (("triangles", BLUE, "an answer"),)),
+    ("parts", "parts", (("parts", BLUE, "an answer"),)),
 )
 """Sweep, words under the axis, and the curves of calls: rows, colour, name."""
 
@@ -90,8 +90,8 @@ def make(path: Path) -> None:
         if sweep != "points":
             once = rows[sweep]
             curves += [
-                (once[:, 0], 1e3 * once[:, 2], ORANGE, "preparing, once"),
-                (once[:, 0], 1e3 * once[:, 1], RED, "reading, once"),
+                (once[:, 0], 1e3 * once[:, 2], ORANGE, "prepare the part, once"),
+                (once[:, 0], 1e3 * once[:, 1], RED, "read the file, once"),
             ]
         axes = Axes(out, k, np.concatenate([c[0] for c in curves]), np.concatenate([c[1] for c in curves]))
         axes.frame(words)

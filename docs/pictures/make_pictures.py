@@ -7,6 +7,7 @@ constraints and the answer are those of the program.
 from __future__ import annotations
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,17 @@ HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parents[1] / "examples"
 INK, GREY, RED, BLUE, GREEN, PAPER = "#22303c", "#5c6873", "#c8372d", "#2467a8", "#2e7d4f", "#ffffff"
 COLORS = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")  # as on the live page
-WIDTH, HEIGHT, PANEL = 1280, 470, 300
+WIDTH, HEIGHT = 1280, 470
+"""Of a picture, unless it says otherwise [px]."""
+
+PANEL = np.array([408.0, 366.0])
+GAP, EDGE = 20, 16
+"""Of the four panels, two in a row [px]."""
+
 EYE = np.array([1.0, -0.82, 0.72]) / np.linalg.norm([1.0, -0.82, 0.72])
 RIGHT = np.cross([0, 0, 1], EYE) / np.linalg.norm(np.cross([0, 0, 1], EYE))
 UP = np.cross(EYE, RIGHT)
-SCALE = 1.55
+SCALE = 1.42
 """Pixels a millimetre."""
 
 MAGNIFIED = 150
@@ -35,8 +42,9 @@ MAGNIFIED = 150
 class Drawing:
     """SVG elements, in the order in which they are painted."""
 
-    def __init__(self) -> None:
+    def __init__(self, width: float = WIDTH, height: float = HEIGHT) -> None:
         self.elements: list[str] = []
+        self.width, self.height = width, height
 
     def add(self, tag: str, content: str = "", **attributes: object) -> None:
         """One element; underscores in names of attributes become hyphens."""
@@ -60,16 +68,21 @@ class Drawing:
     def write(self, path: Path, title: str) -> None:
         """Write the file."""
         head = (
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width:g} {self.height:g}" role="img" '
             f'font-family="DejaVu Sans, Helvetica, Arial, sans-serif">\n<title>{title}</title>'
         )
         path.write_text("\n".join([head, *self.elements, "</svg>\n"]), encoding="utf-8", newline="\n")
 
 
+def corner(panel: int) -> np.ndarray:
+    """Upper left corner of one of the four panels."""
+    return EDGE + np.array([panel % 2, panel // 2]) * (PANEL + GAP)
+
+
 def page(points: np.ndarray, panel: int) -> np.ndarray:
     """Points of the part [m] on the page, in one of the four panels."""
     centred = (np.asarray(points) * 1e3 - [54, 40, 36]) * SCALE
-    origin = np.array([20 + panel * (PANEL + 13) + PANEL / 2, 232.0])
+    origin = corner(panel) + np.array([PANEL[0] / 2, 178])
     return origin + np.stack([centred @ RIGHT, -(centred @ UP)], axis=-1)
 
 
@@ -134,13 +147,13 @@ def arrow(out: Drawing, a: np.ndarray, b: np.ndarray, stroke: str, width: float 
 
 def draw_pairs(out: Drawing, features: list[tanteo.features.Feature], hypotheses: list[tuple[str, str, bool]]) -> None:
     """Some constraints with their variance, and what the search makes of the candidates."""
-    x = 20 + 2 * (PANEL + 13)
+    x, y0 = corner(2)
     table = {c.labels: c for c in relate_all(features) if c.kind.name in ("plane_angle", "plane_offset")}
     chosen = [
         ("upright inside", "upright outside"), ("upright inside", "rib slope"), ("base top", "front"),
         ("upright inside", "bevel"),
     ]  # fmt: skip
-    out.text(x + 12, 100, "pairs of features, with variance", 13, GREY)
+    out.text(x + 14, y0 + 82, "pairs of features, with one sd", 15, GREY)
     for row, labels in enumerate(chosen):
         c = table[labels]
         length = c.kind.units == ("m",)
@@ -148,21 +161,21 @@ def draw_pairs(out: Drawing, features: list[tanteo.features.Feature], hypotheses
             [c.value[0], c.covariance[0, 0] ** 0.5]
         )  # fmt: skip
         words = f"{abs(value):.2f} ± {sd:.2f} {'mm' if length else '°'}"
-        y = 124 + 21 * row
+        y = y0 + 106 + 22 * row
         for k, label in enumerate(labels):
             hue = COLORS[[f.label for f in features].index(label)]
             out.add("rect", x=x + 14 + 22 * k, y=y - 11, width=17, height=12, fill=hue, fill_opacity=0.35, stroke=hue)
-        out.text(x + 66, y, words, 14)
-        out.text(x + 206, y, "thickness" if length else "angle", 13, GREY)
-    out.text(x + 12, 226, "every part, in every pose", 13, GREY)
-    root = np.array([x + 24.0, 318.0])
+        out.text(x + 70, y, words, 15)
+        out.text(x + 220, y, "distance" if length else "angle", 15, GREY)
+    out.text(x + 14, y0 + 204, "every part, in every pose", 15, GREY)
+    root = np.array([x + 24.0, y0 + 276])
     for row, (name, words, possible) in enumerate(hypotheses):
-        y = 250 + 31 * row
+        y = y0 + 228 + 24 * row
         colour = GREEN if possible else RED
         out.line(root, np.array([x + 58.0, y]), stroke=GREY, width=1.3)
-        out.text(x + 62, y + 5, "✓" if possible else "✗", 17, colour, font_weight="bold")
-        out.text(x + 84, y + 5, name, 14, INK if possible else GREY)
-        out.text(x + 190, y + 5, words, 12, GREY)
+        out.text(x + 64, y + 5, "✓" if possible else "✗", 17, colour, font_weight="bold")
+        out.text(x + 88, y + 5, name, 15, INK if possible else GREY)
+        out.text(x + 220, y + 5, words, 15, GREY)
     out.add("circle", cx=root[0], cy=root[1], r=5, fill=INK)
 
 
@@ -194,7 +207,7 @@ def draw_answer(out: Drawing, part: tanteo.Part, covariance: np.ndarray) -> None
 
 def frame(out: Drawing) -> None:
     """Panels, titles and the arrows between them."""
-    out.add("rect", width=WIDTH, height=HEIGHT, fill=PAPER, rx=10)
+    out.add("rect", width=out.width, height=out.height, fill=PAPER, rx=10)
     titles = [
         ("1  Readings", "what the robot felt: points, noise, labels"),
         ("2  Features", "planes with covariance, fitted to the points"),
@@ -202,12 +215,20 @@ def frame(out: Drawing) -> None:
         ("4  Answer", "which part, where, how sure"),
     ]
     for k, (title, words) in enumerate(titles):
-        x = 20 + k * (PANEL + 13)
-        out.add("rect", x=x, y=16, width=PANEL, height=HEIGHT - 32, rx=8, fill="#fbfcfd", stroke="#d5dbe0")
-        out.text(x + 12, 43, title, 18, font_weight="bold")
-        out.text(x + 12, 64, words, 12.5, GREY)
-        if k:
-            arrow(out, np.array([x - 15.0, 40.0]), np.array([x + 3.0, 40.0]), INK, 2.4)
+        x, y = corner(k)
+        width, height = PANEL
+        out.add("rect", x=x, y=y, width=width, height=height, rx=8, fill="#fbfcfd", stroke="#d5dbe0")
+        out.text(x + 14, y + 29, title, 20, font_weight="bold")
+        out.text(x + 14, y + 52, words, 15, GREY)
+    for left in (0, 2):
+        start = corner(left) + np.array([PANEL[0] - 3, 24])
+        arrow(out, start, start + np.array([GAP + 6, 0]), INK, 2.4)
+    middle = corner(2)[1] - GAP / 2  # back to the next row
+    x1, x2 = corner(1)[0] + 80, corner(2)[0] + PANEL[0] / 2
+    turns = [np.array(p) for p in ((x1, middle - GAP / 2 - 3), (x1, middle), (x2, middle))]
+    for a, b in pairwise(turns):
+        out.line(a, b, stroke=INK, width=2.4)
+    arrow(out, turns[-1], np.array([x2, middle + GAP / 2 + 3]), INK, 2.4)
 
 
 def make(path: Path) -> None:
@@ -221,7 +242,7 @@ def make(path: Path) -> None:
     labelled = fit_labelled(measured)
     features = [f for f in labelled.features if isinstance(f, tanteo.features.Feature)]
     T_part_world = SE3.inverse(best.T_world_part)
-    out = Drawing()
+    out = Drawing(*(2 * EDGE + 2 * PANEL + GAP))
     frame(out)
     draw_part(out, part, 0, pale=0.35)
     draw_part(out, part, 1, pale=0.8)
@@ -240,20 +261,21 @@ def make(path: Path) -> None:
         ],
     )
     draw_answer(out, part, best.covariance)
-    x0, x1, x3 = (20 + k * (PANEL + 13) + 12 for k in (0, 1, 3))
-    out.text(x0, 412, f"{len(readings)} touches of 6 faces, sd 0.05 mm", 13)
-    out.text(x0, 432, f"✗ reading {', '.join(labelled.rejected)} is 2 mm off: found, left out", 13, RED)
+    said = {0: [], 1: [], 3: []}  # lines at the foot of a panel: words, colour, weight
+    said[0] += [("hollow: on the far side", GREY), (f"{len(readings)} touches of 6 faces, sd 0.05 mm", INK)]
+    said[0].append((f"✗ reading {', '.join(labelled.rejected)} is 2 mm off: found, left out", RED))
     height = 1e3 * np.sqrt(features[0].P[0, 0])
     tilt = 1e3 * np.sqrt(features[0].P[1, 1])
-    out.text(x0, 392, "hollow: on the far side", 12, GREY)
-    out.text(x1, 412, "one plane a label, outward normal", 13)
-    out.text(x1, 432, f"e.g. height ± {height:.3f} mm, tilt ± {tilt:.1f} mrad", 13)
-    at = "  ".join(f"{c:.2f}" for c in 1e3 * best.T_world_part[:3, 3])
-    out.text(x3, 378, f"{best.part}", 16, GREEN, font_weight="bold")
-    out.text(x3 + 130, 378, "probability > 99.9 %" if best.probability > 0.999 else f"{best.probability:.1%}", 13)
-    out.text(x3, 398, f"at  {at}  mm", 13)
-    out.text(x3, 416, f"largest corner sd ± {1e3 * best.corner_sd:.3f} mm", 13)
-    out.text(x3, 436, f"red: 2 sd of corners, {MAGNIFIED} times enlarged", 12, GREY)
+    said[1] += [("one plane a label, outward normal", INK)]
+    said[1] += [(f"e.g. height ± {height:.3f} mm, tilt ± {tilt:.1f} mrad (1 sd)", INK)]
+    at = " ".join(f"{c:.2f}" for c in 1e3 * best.T_world_part[:3, 3])
+    sure = "more than 99.9 %" if best.probability > 0.999 else f"{100 * best.probability:.1f} %"
+    said[3] += [(f"{best.part}, {sure}, at {at} mm", GREEN), (f"largest corner sd {1e3 * best.corner_sd:.3f} mm", INK)]
+    said[3] += [(f"red: 2 sd of corners, enlarged {MAGNIFIED} times", GREY)]
+    for k, lines in said.items():
+        x, y = corner(k) + np.array([14, PANEL[1] - 14 - 22 * (len(lines) - 1)])
+        for row, (words, colour) in enumerate(lines):
+            out.text(x, y + 22 * row, words, 15, colour)
     out.write(path, "From touches of a bracket to the part, its pose and the covariance of the pose")
 
 

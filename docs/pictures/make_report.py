@@ -26,7 +26,7 @@ FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader
 READINGS, PARTS, BRACKET = EXAMPLES / "readings", EXAMPLES / "parts", EXAMPLES / "parts" / "bracket_left.step"
 SCENE = EXAMPLES / "scenes" / "part_unknown.toml"
 PICTURES = {
-    "report.png": (("identify", READINGS / "bracket_left.csv", "--parts", PARTS), 1280, 800, "light"),
+    "report.png": (("identify", READINGS / "bracket_left.csv", "--parts", PARTS), 1280, 830, "light"),
     "report_phone.png": (("identify", READINGS / "step_not_felt.csv", "--parts", PARTS), 390, 844, "dark"),
     "report_session.png": (
         ("sense", "part", "--scene", SCENE, "--parts", PARTS, "--tolerance", "2mm"),

@@ -38,6 +38,8 @@ def noise_picture(preset: SensorPreset, path: str | Path) -> None:
     if preset.is_contact:
         raise InputError(f"preset: expected a sensor with a range to draw over, got '{preset.name}', which touches.")
     figure = make_figure(10, 4.2)
+    from matplotlib.ticker import LogLocator
+
     d = np.linspace(max(preset.min_range, 1e-3 * preset.max_range), preset.max_range, 300)
     left, right = figure.subplots(1, 2)
     for i, beta in enumerate(np.linspace(0, preset.max_incidence, 3)):
@@ -46,8 +48,11 @@ def noise_picture(preset: SensorPreset, path: str | Path) -> None:
     unit = np.hypot(preset.bias_std, preset.bias_prop_std * d)
     left.plot(_MM * d, _MM * unit, color=_GREY, ls="--", label="unit (bias and scale)")
     left.set(xlabel="range [mm]", ylabel="one standard deviation [mm]", yscale="log", title=preset.name)
-    left.grid(True, which="major", alpha=0.3)
-    left.legend(frameon=False)
+    left.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    left.yaxis.set_major_formatter("{x:g}")
+    left.minorticks_off()
+    left.grid(True, alpha=0.3)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=4, frameon=False)
     angles = np.linspace(0, preset.max_incidence, 120)
     sds = _MM * range_sd(preset, d[:, None], angles)
     levels = np.geomspace(sds.min(), sds.max() * 1.0001, 13)
@@ -91,14 +96,14 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
         edge = 1.3 * float(np.max(np.abs(off[found.good]) + 2 * _MM * found.sds[found.good]))
         right.scatter(d[bad], np.clip(off[bad], -edge, edge), s=40, color=_RED, marker="x")
     if not found.good.all():
-        left.scatter([], [], s=40, color=_RED, marker="x", label="set aside")
+        left.scatter([], [], s=40, color=_RED, marker="x", label="set aside; on the right at the border if farther off")
     right.axhline(0, color=_INK, lw=0.8)
-    left.set(xlabel="range [mm]", ylabel="incidence [deg]", title="covered")
-    right.set(xlabel="range [mm]", ylabel="read less expected [mm], 2 sd", title="met")
+    left.set(xlabel="range [mm]", ylabel="incidence [deg]", title="where it was measured")
+    right.set(xlabel="range [mm]", ylabel="reading minus expected [mm], bars 2 sd", title="what is left")
     left.set_ylim(bottom=0)
     for axes in (left, right):
         axes.grid(True, alpha=0.3)
-    left.legend(frameon=False)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=6, frameon=False)
     save_figure(figure, path)
 
 

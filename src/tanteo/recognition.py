@@ -15,7 +15,7 @@ from tanteo.errors import InputError
 from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, scale_of
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
-from tanteo.parts import Part, as_part
+from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import (
     CENTRES,
     PointMeasurements,
@@ -115,6 +115,8 @@ def identify(
     if len(readings) < given:
         used = f"{len(readings):,} of the {given:,} readings were used, spread evenly over all of them."
         found = (*found, Finding("many", used))
+    whole = _of_whole(answer, priors, parts)
+    found = (*found, Finding("whole", whole)) if whole else found
     answer = with_elapsed(_said(answer, *(one.message for one in found), placed=placed), measure=elapsed)
     frames = about_frames(answer, scale_of(measured.points, parts), measured)
 
@@ -127,6 +129,15 @@ def identify(
     meant = about_conventions(answer, readings, parts, ask, placed=placed) if conventions else None
     meant = meant or frames  # what fits says more than what looks odd
     return replace(answer, findings=found if meant is None else (*found, meant))
+
+
+def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part]) -> str:
+    """Whether mass or size of the whole object contradict the part that the readings say."""
+    if priors.whole is None or not answer.hypotheses or answer.status == "unknown":
+        return ""
+    named = part_named(parts, answer.hypotheses[0].part)
+    part = getattr(named, "part", named)
+    return priors.whole.doubt(part.name, part.volume, part.box[1] - part.box[0])
 
 
 def _told_sd(answer: Answer, sd: float) -> Answer:

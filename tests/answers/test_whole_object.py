@@ -1,5 +1,7 @@
 """What is measured of the whole object: a likelihood of each part, never a cut."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from tanteo.cli import main
 from tanteo.errors import InputError, UnitError
 from tanteo.io import parse_density, parse_mass, parse_size
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 VOLUMES = np.array([1e-4, 1.05e-4, 2e-4, 0.0])
 BOXES = np.array([[0.1, 0.05, 0.02], [0.1, 0.05, 0.021], [0.1, 0.05, 0.04], [0.1, 0.05, 0.02]])
 
@@ -30,6 +33,23 @@ def test_sides_are_compared_in_any_order():
 def test_a_wider_standard_deviation_says_less():
     sharp, wide = (WholeObject(sides=(0.1, 0.05, 0.02), side_sd=sd).log_odds(VOLUMES, BOXES) for sd in (2e-4, 5e-3))
     assert sharp[0] - sharp[1] > wide[0] - wide[1] > 0
+
+
+def test_what_contradicts_a_part_is_said():
+    of_mass = WholeObject(mass=(0.27, 0.001), density=(2700.0, 10.0))
+    assert of_mass.doubt("wedge", 1e-4, BOXES[0]) == of_mass.doubt("sheet", 0.0, BOXES[0]) == ""
+    assert "Its mass says 100 cm3, wedge has 200 cm3" in of_mass.doubt("wedge", 2e-4, BOXES[0])
+    of_sides = WholeObject(sides=(0.02, 0.1, 0.05), side_sd=2e-4)
+    assert of_sides.doubt("wedge", 1e-4, BOXES[0]) == ""
+    assert "100 x 50 x 20 mm, that of wedge is 100 x 50 x 40 mm" in of_sides.doubt("wedge", 1e-4, BOXES[2])
+
+
+def test_an_answer_says_that_another_mass_was_weighed(parts):
+    readings = tanteo.read_readings(EXAMPLES / "readings" / "bracket_left.csv")
+    whole = WholeObject(mass=(0.1, 0.002), density=(7850.0, 80.0))
+    answer = tanteo.locate(readings, parts["bracket_left"], priors=Priors(whole=whole))
+    assert "Its mass says 12.74 cm3, bracket_left has 190.1 cm3" in answer.message
+    assert [one.kind for one in answer.findings] == ["whole"]
 
 
 @pytest.mark.parametrize(

@@ -67,6 +67,7 @@ def test_notes_of_the_file_are_warnings(run, wedge, tmp_path):
         (["--direction", "sideways"], 2, "--direction: expected down, -z"),
         (["--tool", "0,0mm"], 2, "--tool: expected x, y, z"),
         (["--hand", "0,0,0mm"], 2, "--hand: expected x, y, z and roll, pitch, yaw"),
+        (["--brand", "kukka"], 2, "--brand: expected one of"),
         (["--brand", "kukka"], 2, "Did you mean 'kuka'"),
         (["--max-points", "0"], 2, "--max-points: expected 1 or more"),
         (["--format", "dmis"], 1, "expected measured points"),

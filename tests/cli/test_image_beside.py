@@ -66,8 +66,8 @@ def test_an_image_changes_the_odds_of_the_parts(run, readings, few):
     assert max(alone.values()) < 0.9
     assert max(seen, key=seen.get) == "housing"
     assert seen["housing"] > 2 * alone.get("housing", 0.0)
-    assert "taken as of one of 3 objects of the image" in says
-    assert "1 of 4 parts fit its outline" in says
+    assert "px of the image (of 3)" in says
+    assert "Parts that fit its outline: 1 of 4" in says
 
 
 def test_readings_of_another_place_are_refused(run, few, tmp_path):

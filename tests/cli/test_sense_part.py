@@ -103,7 +103,7 @@ def test_the_policies_differ_and_the_seed_repeats(sense):
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
-        (("--policy", "best"), 2, "policy: expected one of information"),
+        (("--policy", "best"), 2, "--policy: expected one of information"),
         (("--probability", "1.5"), 2, "--probability: expected a probability"),
         (("--confidence", "0"), 2, "--confidence: expected a probability"),
         (("--tolerance", "2"), 2, "expected a unit"),

@@ -44,7 +44,7 @@ def opened(there, monkeypatch):
         ((*SCENE,), "--parts: expected the parts that it may be, got none"),
         ((*PARTS,), "--scene: expected one with --parts, got none"),
         (("record.json", *SCENE, *PARTS), "--scene: expected a record or a scene, got both"),
-        (("--policy", "best"), "policy: expected one of information"),
+        (("--policy", "best"), "--policy: expected one of information"),
         (("--seed", "-1"), "--seed: expected 0 or more"),
     ],
 )

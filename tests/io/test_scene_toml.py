@@ -149,6 +149,12 @@ def test_the_example():
     assert set(scene.guesses) == {"plane", "edge"}
 
 
+def test_the_example_of_a_bore():
+    scene = read_scene(Path(__file__).parents[2] / "examples" / "scenes" / "bore.toml")
+    assert [s.name for s in scene.scene.solids] == ["table", "flange"]
+    assert {"circle", "cylinder"} <= set(scene.guesses)
+
+
 def test_a_rough_place_and_the_furniture(tmp_path):
     place = "[prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\nsd_mm = [10, 20, 5]\nturn_sd_deg = 8\n"
     scene = read(tmp_path, WHOLE + place)

@@ -133,6 +133,21 @@ def test_every_status_has_its_sentence(run, status):
     assert all(word.endswith(".") for word in words)
 
 
+def test_several_poses_of_one_part_are_no_unknown_object(run):
+    _, answer = run
+    poses = tuple(replace(answer.hypotheses[0], probability=p) for p in (0.4, 0.3, 0.29))
+    said = headline(replace(answer, status="ambiguous", hypotheses=poses, unknown_probability=0.01))
+    assert said == "It is wedge, in one of several poses: not decided."
+    said = headline(replace(answer, status="ambiguous", hypotheses=poses[:1], unknown_probability=0.6))
+    assert said == "It is wedge or something unknown: not decided."
+
+
+def test_a_large_sd_is_no_power_of_ten(run):
+    _, answer = run
+    best = replace(answer.hypotheses[0], corner_sd=0.132)
+    assert headline(replace(answer, hypotheses=(best,))).endswith("located to 130 mm.")
+
+
 def test_nothing_is_certain():
     assert percent(1.0) == "> 99.9 %"
     assert percent(0.0) == "< 0.1 %"

@@ -13,7 +13,7 @@ Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
 
 FindingKind = Literal[
     "units", "spread", "directions", "normals", "mirror", "hand", "offset", "free_space", "repeated", "stuck",
-    "many",
+    "many", "whole",
 ]  # fmt: skip
 
 
@@ -86,7 +86,8 @@ class Finding:
 
     Attributes:
         kind: ``units``, ``spread``, ``directions``, ``normals``, ``mirror``, ``hand`` (its poses), ``offset`` (of all
-            readings), ``free_space``, ``repeated`` or ``stuck``.
+            readings), ``free_space``, ``repeated``, ``stuck``, ``many`` (not all were used), ``whole`` (mass or size of
+            something else).
         message: what was found, and what may have been meant.
     """
 

@@ -17,6 +17,9 @@ from tanteo.typing import FloatArray
 _MADE = 0.01
 """Relative standard deviation of a made part's volume from its CAD: chamfers, threads and coatings are left out."""
 
+_FAR = 4.0
+"""Standard deviations from which on what was measured contradicts a part."""
+
 _OTHERWISE = 0.05
 """Share of objects whose box is along other axes than that of the CAD file, or of which something was weighed, too."""
 
@@ -71,15 +74,37 @@ class WholeObject:
             boxes: sides of their boxes ``(n, 3)`` [m].
         """
         out, known = np.zeros(len(volumes)), volumes > 0
-        if self.mass and self.density and known.any():
-            sd = float(np.hypot(np.hypot(self.mass[1] / self.mass[0], self.density[1] / self.density[0]), _MADE))
-            out[known] += self._of_volume(volumes[known], sd)
+        if self.volume is not None and known.any():
+            out[known] += self._of_volume(volumes[known], self._relative_sd)
         if self.sides is not None:
             sides = np.sort(np.asarray(self.sides))
             off = (np.sort(boxes, axis=1) - sides) / self.side_sd
             log = np.sum(-0.5 * off**2 - 0.5 * np.log(2 * np.pi), axis=1) - 3 * np.log(self.side_sd)
             out += _or_otherwise(log + 3 * np.log(2 * float(boxes.max())))
         return out
+
+    def doubt(self, name: str, volume: float, sides: FloatArray) -> str:
+        """A sentence where mass or sides contradict a part; empty where they do not.
+
+        Args:
+            name: Of the part.
+            volume: Its own [m^3]; 0 if it does not close.
+            sides: Of its box ``(3,)`` [m].
+        """
+        said = []
+        if self.volume is not None and volume > 0 and abs(np.log(self.volume / volume)) > _FAR * self._relative_sd:
+            stated, own = (f"{1e6 * v:.4g} cm3" for v in (self.volume, volume))
+            said.append(f"Its mass says {stated}, {name} has {own}: check mass, density and parts.")
+        if self.sides is not None and np.abs(np.sort(sides) - np.sort(self.sides)).max() > _FAR * self.side_sd:
+            stated, own = (" x ".join(f"{1e3 * v:.4g}" for v in np.sort(box)[::-1]) for box in (self.sides, sides))
+            said.append(f"The box about it is stated as {stated} mm, that of {name} is {own} mm: check size and parts.")
+        return " ".join(said)
+
+    @property
+    def _relative_sd(self) -> float:
+        """Of the volume that the mass says."""
+        (mass, mass_sd), (density, density_sd) = self.mass or (1.0, 0.0), self.density or (1.0, 0.0)
+        return float(np.hypot(np.hypot(mass_sd / mass, density_sd / density), _MADE))
 
     def _of_volume(self, volumes: FloatArray, sd: float) -> FloatArray:
         logs = np.log(volumes)

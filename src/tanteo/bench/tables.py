@@ -123,6 +123,7 @@ def bench_picture(scores: Sequence[Score], path: str | Path) -> None:
                 ring = {"ms": 8 + 18 * one.in_region, "mfc": "none", "mec": hue, "alpha": 0.6, "clip_on": False}
                 panel.plot(one.median_ms, 100 * one.right, "o", **ring)
         panel.set(xscale="log", ylim=(-8, 112), title=sets[k])
+        panel.margins(x=0.1)
         panel.minorticks_off()
         panel.xaxis.set_major_formatter("{x:g}")
         panel.grid(True, which="major", alpha=0.3)
@@ -136,7 +137,7 @@ def bench_picture(scores: Sequence[Score], path: str | Path) -> None:
     marks = [
         Line2D([], [], ls="", marker="o", color=COLORS[k % len(COLORS)], label=name) for k, name in enumerate(methods)
     ]
-    words = "a ring as wide as the\n95 % regions are true"
-    wide = Line2D([], [], ls="", marker="o", ms=18, mfc="none", mec="#5c6873", label=words)
+    words = "ring: the wider, the more\noften the 95 % region\nholds the truth (here always)"
+    wide = Line2D([], [], ls="", marker="o", ms=26, mfc="none", mec="#5c6873", label=words)
     figure.legend(handles=[*marks, wide], labelspacing=1.2, loc="outside right upper", frameon=False)
     save_figure(figure, path)

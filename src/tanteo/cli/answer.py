@@ -31,7 +31,7 @@ _CONVENTIONS = ("units", "directions", "normals", "mirror", "hand", "offset")
 
 
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
-    """Say which of the parts was sensed, where it is and how sure that is."""
+    """Say which part was sensed, where it is and how sure that is."""
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
     start = time.perf_counter()
     if known is not None and options.as_published:

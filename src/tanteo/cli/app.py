@@ -170,10 +170,10 @@ def root(
     """Which part is it, where is it, and how sure are we: from touches and ranges against CAD files."""
 
 
-_sense = _group("Sense a feature, or find out which part is there, in the simulator, without contact.")
+_sense = _group("Sense a feature or a part in the simulator, without contact.")
 _sensor = _group("Look at sensors, robots and rigs, and calibrate them.")
 _part = _group("Look at CAD files.")
-_catalogue = _group("Many parts on disk, prepared for recognition: made once, opened in milliseconds.")
+_catalogue = _group("Keep many parts on disk, prepared for recognition.")
 
 _add(app, "identify", answer.identify)
 _add(app, "locate", answer.locate)

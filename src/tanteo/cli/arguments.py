@@ -35,8 +35,9 @@ sensing = partial(option, rich_help_panel="Sensing")
 _answer = partial(option, rich_help_panel="Answer")
 _output = partial(option, rich_help_panel="Output")
 
-SENSOR_HELP, ROBOT_HELP = "Preset with the sensor's errors.", "Preset with the robot's errors."
-UNITS_HELP = "Unit of files without one (logs, clouds, STL, OBJ, OFF): mm, m, um, in; of parts cm, ft too."
+SENSOR_HELP = "Preset of the sensor's errors; tanteo sensor list has the names."
+ROBOT_HELP = "Preset of the robot's errors; tanteo sensor list has the names."
+UNITS_HELP = "Unit of files that state none (logs, clouds, STL, OBJ, OFF): mm, m, um or in; of parts also cm or ft."
 _seed = partial(typed.at_least, "--seed", 0, "Use 0")
 SEED, UNIT = Words(_seed, int), Words(typed.unit)
 PRESET, ROBOT, STANDOFF = Words(typed.preset), Words(typed.robot), Words(typed.standoff)
@@ -52,12 +53,12 @@ RigPath = Annotated[str | None, _readings("--rig", "FILE", "Where the range sens
 Sensor = Annotated[str | None, _errors("--sensor", "NAME", SENSOR_HELP, autocompletion=typed.sensor_names), PRESET]
 Sd = Annotated[
     float | None,
-    _errors("--sd", "LENGTH", "Standard deviation of readings without their own, as 0.3mm."),
+    _errors("--sd", "LENGTH", "Standard deviation of a reading that states none itself, as 0.3mm."),
     Words(partial(typed.spread, "--sd", True)),
 ]
 Tolerance = Annotated[
     float,
-    _errors("--tolerance", "LENGTH", "Standard deviation of the made part from its CAD, as 0.1mm."),
+    _errors("--tolerance", "LENGTH", "Standard deviation of the surfaces of the made part from its CAD, as 0.1mm."),
     Words(partial(typed.spread, "--tolerance", False), str, "0mm"),
 ]
 Robot = Annotated[str | None, _errors("--robot", "PRESET", ROBOT_HELP, autocompletion=typed.robot_names), ROBOT]
@@ -75,13 +76,19 @@ BiasSd = Annotated[
 NoiseFactor = Annotated[
     float | None,
     _errors(
-        "--noise-factor", "FACTOR", "The noise is known to this factor; 1: as stated; 2 if not given, 1.5 of presets."
+        "--noise-factor",
+        "FACTOR",
+        "The noise is known to this factor (1: exactly as stated); 2 if not given, 1.5 with a preset.",
     ),
 ]
 
 FurniturePaths = Annotated[
     list[str] | None,
-    _prior("--furniture", "FILE@POSE+-SD", "What stands around, as 'vise.stl@400,200,0mm 0,0,90deg +- 0.5mm'."),
+    _prior(
+        "--furniture",
+        "FILE@POSE+-SD",
+        "What else stands there and its pose, as 'vise.stl@400,200,0mm 0,0,90deg +- 0.5mm'.",
+    ),
 ]
 TableAt = Annotated[
     Table | None,
@@ -117,7 +124,7 @@ Mass = Annotated[
 ]
 Density = Annotated[
     tuple[float, float] | None,
-    _prior("--density", "DENSITY", "Of the material, as 7.85g/cm3+-1%."),
+    _prior("--density", "DENSITY", "Density of the material, as 7.85g/cm3+-1%."),
     Words(lambda text: io.parse_density(text, "--density")),
 ]
 Size = Annotated[
@@ -131,20 +138,22 @@ ImagePath = Annotated[
     _prior("--image", "FILE", "Image of the object on a table: its outline narrows the parts. Needs --camera."),
 ]
 CameraPath = Annotated[
-    str | None, _prior("--camera", "FILE", "Calibration of the camera of --image, placed in the world or by --marks.")
+    str | None,
+    _prior("--camera", "FILE", "Calibration file of the camera; it states where the camera stands, or --marks do."),
 ]
 MarksPath = Annotated[
-    str | None, _prior("--marks", "FILE", "Known points of the table in --image, to place the camera (CSV).")
+    str | None,
+    _prior("--marks", "FILE", "Known points of the table and where the image has them, to place the camera (CSV)."),
 ]
 
 Significance = Annotated[
     float,
-    _answer("--significance", None, "Significance level of the tests."),
+    _answer("--significance", None, "Significance level of all tests: how often one may reject what is true."),
     Words(partial(typed.fraction, "--significance", "number", "0.01"), float),
 ]
 Top = Annotated[
     int,
-    _answer("--top", None, "How many hypotheses to report."),
+    _answer("--top", None, "Print this many hypotheses at most."),
     Words(partial(typed.at_least, "--top", 1, "Use 5"), int),
 ]
 AsPublished = Annotated[bool, _answer("--as-published", None, "Use the equations as the paper of 1991 prints them.")]
@@ -152,20 +161,30 @@ Seed = Annotated[int, _answer("--seed", None, "Seed of the search: the same seed
 
 Report = Annotated[str | None, _output("--report", "FILE.html", "Write a report that any browser opens, offline.")]
 Json = Annotated[bool, _output("--json", None, "Print one JSON document and nothing else.")]
-Verbose = Annotated[bool, _output("--verbose -v", None, "Say more.")]
+Verbose = Annotated[bool, _output("--verbose -v", None, "Print more details.")]
 
 SceneFile = Annotated[str, option("--scene", "FILE", "Scene: parts, table, hand (TOML).")]
 Standoff = Annotated[
-    float | None, option("--standoff", "LENGTH", "Of the hand's front, as 20mm; else the scene's."), STANDOFF
+    float | None,
+    option("--standoff", "LENGTH", "Distance of the hand's front from the surface, as 20mm; the scene's if not given."),
+    STANDOFF,
 ]
 ImageFile = Annotated[
-    str | None, _image("--image", "IMAGE", "Start from an image of the table; render: of the scene itself.")
+    str | None,
+    _image("--image", "IMAGE", "Start from this image of the table; the word render draws one of the scene."),
 ]
-CameraFile = Annotated[str | None, _image("--camera", "FILE", "Its calibration (YAML, JSON); else the scene's.")]
-MarksFile = Annotated[str | None, _image("--marks", "FILE", "Known points of the table, to place the camera (CSV).")]
+CameraFile = Annotated[
+    str | None, _image("--camera", "FILE", "Calibration file of the camera; the scene's if not given.")
+]
+MarksFile = Annotated[
+    str | None,
+    _image("--marks", "FILE", "Known points of the table and where the image has them, to place the camera (CSV)."),
+]
 Feature = Annotated[
-    str | None, sensing("--feature", "NAME", "Place this instead of the corners: 'face 3', 'edge 4' or 'vertex 2'.")
+    str | None, sensing("--feature", "NAME", "Place this feature, not all corners: 'face 3', 'edge 4' or 'vertex 2'.")
 ]
 SceneSeed = Annotated[
-    int | None, sensing("--seed", None, "Seed of all simulated errors; else the scene's."), Words(_seed, int | None)
+    int | None,
+    sensing("--seed", None, "Seed of all simulated errors; the scene's if not given."),
+    Words(_seed, int | None),
 ]

@@ -27,7 +27,7 @@ def _seconds(value: float) -> float:
 
 def bench(
     sets: Annotated[
-        list[str] | None, typer.Argument(metavar="[SET...]", help="Names of sets that are made, or folders of sets.")
+        list[str] | None, typer.Argument(metavar="[SET...]", help="Names of sets that --list has, or folders of sets.")
     ] = None,
     method: Annotated[
         list[str] | None,
@@ -35,34 +35,41 @@ def bench(
     ] = None,
     scenes: Annotated[
         int,
-        args.option("--scenes", "N", "How many scenes of each set that is made."),
+        args.option("--scenes", "N", "Scenes of each set that is made."),
         typed.Words(partial(typed.at_least, "--scenes", 1, "Use 50"), int),
     ] = 50,
-    seed: Annotated[int, args.option("--seed", None, "Of the scenes that are made."), args.SEED] = 0,
+    seed: Annotated[int, args.option("--seed", None, "Seed of the scenes that are made."), args.SEED] = 0,
     parts: Annotated[
         list[str] | None,
-        args.option("--parts", "FILE_OR_FOLDER...", "Candidates of the sets that are made; the demo's if not said."),
+        args.option("--parts", "FILE_OR_FOLDER...", "CAD files of the sets that are made; the demo's if not given."),
     ] = None,
     units: args.Units = None,
     limit: Annotated[
         float,
-        args.option("--limit", "SECONDS", "Time that a scene may take."),
+        args.option("--limit", "SECONDS", "End a scene after so long."),
         typed.Words(_seconds, float),
     ] = 60.0,
     decide: Annotated[
-        bool, args.option("--decide", None, "Ask after how many readings an answer is the only one, too.")
+        bool, args.option("--decide", None, "Measure also how many readings it takes until one answer is left.")
     ] = False,
-    out: Annotated[str | None, args.option("--out", "FILE.json", "Keep the scores.")] = None,
-    picture: Annotated[str | None, args.option("--picture", "FILE.png", "Draw right answers over time.")] = None,
+    out: Annotated[str | None, args.option("--out", "FILE.json", "Write the scores.")] = None,
+    picture: Annotated[
+        str | None,
+        args.option("--picture", "FILE.png", "Draw the share of right answers over the time that they took."),
+    ] = None,
     compare: Annotated[
-        list[str] | None, args.option("--compare", "FILE.json", "Scores that were kept, beside these.")
+        list[str] | None,
+        args.option("--compare", "FILE.json", "Show the scores of an earlier --out beside these; may be repeated."),
     ] = None,
     write: Annotated[
         str | None, args.option("--write", "FOLDER", "Write the one set that is named; run nothing.")
     ] = None,
     which: Annotated[bool, args.option("--list", None, "List sets and methods.")] = False,
 ) -> None:
-    """Run programs that find parts on the same scenes and score them: right, true covariances, honest, fast."""
+    """Compare programs that find parts, on the same scenes.
+
+    Scores say how often they are right, whether their covariances are true, how honest and how fast they are.
+    """
     from tanteo.bench import read_scores, write_scores, write_set
 
     if which:

@@ -23,7 +23,11 @@ _Out = Annotated[str, args.option("--out", "CATALOGUE", "Folder of the catalogue
 _To = Annotated[str, args.option("--to", "CATALOGUE", "Folder of the catalogue that the parts are added to.")]
 _Scheduler = Annotated[
     str | None,
-    args.option("--scheduler", "ADDRESS", "Read on the workers of a Dask scheduler: tcp://HOST:PORT, or local:N."),
+    args.option(
+        "--scheduler",
+        "ADDRESS",
+        "Read on the workers of a Dask scheduler, tcp://HOST:PORT, or on N processes of this computer, local:N.",
+    ),
 ]
 _Names = Annotated[bool, args.option("--names", None, "List the names of all parts.")]
 
@@ -31,7 +35,10 @@ _Names = Annotated[bool, args.option("--names", None, "List the names of all par
 def build(
     paths: _Paths, out: _Out, units: args.Units = None, scheduler: _Scheduler = None, json: args.Json = False
 ) -> None:
-    """Make a catalogue of CAD files, or bring one up to date: what has not changed is not read again."""
+    """Make a catalogue of CAD files, or bring it up to date.
+
+    What has not changed is not read again.
+    """
     from tanteo.catalogue import build_catalogue
 
     built, seconds = _write(build_catalogue, paths, out, units, scheduler, quiet=json)
@@ -41,7 +48,10 @@ def build(
 def add(
     paths: _Paths, to: _To, units: args.Units = None, scheduler: _Scheduler = None, json: args.Json = False
 ) -> None:
-    """Add the parts of CAD files to a catalogue; a file that has changed takes its old part's place."""
+    """Add the parts of CAD files to a catalogue.
+
+    A file that has changed takes its old part's place.
+    """
     from tanteo.catalogue import add_to_catalogue
 
     built, seconds = _write(add_to_catalogue, paths, to, units, scheduler, quiet=json)
@@ -64,7 +74,10 @@ def _write(
 
 
 def show(catalogue: _Folder, names: _Names = False, json: args.Json = False) -> None:
-    """Say how many parts a catalogue has, of which files, and how large it is."""
+    """Say how many parts a catalogue has.
+
+    Says of which files, and how large it is.
+    """
     from tanteo.catalogue import open_catalogue
 
     found = open_catalogue(catalogue)
@@ -80,7 +93,7 @@ def show(catalogue: _Folder, names: _Names = False, json: args.Json = False) -> 
 
 
 def check(catalogue: _Folder) -> None:
-    """Read every byte of a catalogue and say whether it is as it was written."""
+    """Check every byte of a catalogue by its checksum."""
     from tanteo.catalogue import open_catalogue
 
     found = open_catalogue(catalogue)

@@ -18,7 +18,10 @@ _WIDE = 0.02, math.radians(10.0)
 
 
 def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
-    """Say which of the stated errors of the cell (tip, mounting, base, bias) the readings of a part contradict."""
+    """Say which stated errors of the cell the readings contradict.
+
+    Errors of tip, mounting, base and bias, by readings of a known part.
+    """
     import numpy as np
 
     from tanteo.active import at_pose, begin, check_cell, update

@@ -37,12 +37,18 @@ _output = partial(args.option, rich_help_panel="Output")
 
 PoseAs = Annotated[
     str | None,
-    _output("--as", "CONTROLLER", "Print the best pose as this controller writes it: kuka, ur, ros, gtsam, matrix .."),
+    _output(
+        "--as",
+        "CONTROLLER",
+        "Print the best pose as this controller writes it: kuka, ur, ros, ... (a wrong name lists all).",
+    ),
     typed.Words(partial(_named, "--as", "check_pose_name")),
 ]
 Wcs = Annotated[
     WorkFrame | None,
-    _output("--wcs", "FRAME", "Print the lines that set this frame to it: G54, fanuc:1, kuka:1, abb:NAME, ur:NAME."),
+    _output(
+        "--wcs", "FRAME", "Print the lines that set this work frame to the pose: G54, fanuc:1, kuka:1, abb:NAME, ..."
+    ),
     typed.Words(partial(_named, "--wcs", "parse_work_frame")),
 ]
 BestGuess = Annotated[

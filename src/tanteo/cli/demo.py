@@ -33,12 +33,15 @@ NEXT = (
 def demo(
     report: Annotated[str, args.option("--report", "FILE.html", "Where to write the report.")] = REPORT,
     no_open: Annotated[bool, args.option("--no-open", None, "Do not open the report in a browser.")] = False,
-    seed: Annotated[int, args.option("--seed", None, "Of the noise of the readings."), args.SEED] = 0,
+    seed: Annotated[int, args.option("--seed", None, "Seed of the noise of the readings."), args.SEED] = 0,
     live: Annotated[
         bool, args.option("--live", None, "Play it in a browser instead, step by step, or against the planner.")
     ] = False,
 ) -> None:
-    """Show what this is for: one part of twelve on a table, an image, a laser, and an answer with its spread."""
+    """Show what this is for, with a part of its own.
+
+    One part of twelve on a table, an image, a laser, and an answer with its spread.
+    """
     from tanteo.demo import tell
 
     if live and report != REPORT:

@@ -12,7 +12,10 @@ from tanteo.cli.printing import emit, layout, put_json
 
 
 def doctor(json: args.Json = False) -> None:
-    """Say what is installed and whether it works: versions, extras, a self-test."""
+    """Say what is installed and whether it works.
+
+    Lists versions and extras, and runs a self-test.
+    """
     from tanteo import __version__
     from tanteo.doctor import examine
 

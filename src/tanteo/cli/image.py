@@ -67,10 +67,10 @@ def outline_of(taken: Taken, points: Vectors, parts: Sequence[Any], table: Table
 
     found = outline_of_readings(taken.pixels, taken.camera, points, T_world_table=_frame_of(table))
     odds = found.outline.log_odds(parts)
-    of = f"one of {found.regions} objects" if found.regions > 1 else "the object"
+    of = f"of {found.regions}" if found.regions > 1 else "the only one"
     say(
-        f"The readings are taken as of {of} of the image, at {found.pixels[0]:.0f}, {found.pixels[1]:.0f} px: "
-        f"{int(np.count_nonzero(odds > 0)):,} of {len(odds):,} parts fit its outline.",
+        f"The readings are on the object at {found.pixels[0]:.0f}, {found.pixels[1]:.0f} px of the image ({of}). "
+        f"Parts that fit its outline: {int(np.count_nonzero(odds > 0)):,} of {len(odds):,}.",
         sys.stderr,
     )
     if found.beside:

@@ -57,44 +57,52 @@ class MachineOptions:
         _machine(
             "--machine",
             "ADDRESS",
-            "What moves the probe: grbl:/dev/ttyUSB0, grbl://HOST, linuxcnc://HOST, ur://HOST, fake:grbl ..",
+            "What moves the probe: grbl:/dev/ttyUSB0, grbl://HOST, linuxcnc://HOST, ur://HOST, replay:LOG, fake:grbl.",
         ),
         typed.Words(_address, str),
     ]
     workspace: Annotated[
         FloatArray | None,
-        _machine("--workspace", "LOW,HIGH", "Where the tip may be, as 0,0,-50,300,200,120mm; not asked of a fake."),
+        _machine(
+            "--workspace", "LOW,HIGH", "Box that the tip never leaves, as 0,0,-50,300,200,120mm; not needed for a fake."
+        ),
         typed.Words(_box),
     ] = None
     forbid: Annotated[
         list[Any] | None,
-        _machine("--forbid", "CORNERS", "Box to stay out of: two corners, as 150,0,0,180,60,250mm; may be repeated."),
+        _machine(
+            "--forbid", "CORNERS", "Box that nothing enters: two corners, as 150,0,0,180,60,250mm; may be repeated."
+        ),
         typed.Words(typed.forbidden, list[str] | None),
     ] = None
     tip_radius: Annotated[
         float | None,
-        _machine("--tip-radius", "LENGTH", "Of the ball of the touch probe, as 1.5mm; 0mm of a sharp tip."),
+        _machine("--tip-radius", "LENGTH", "Radius of the probe's ball, as 1.5mm; 0mm for a sharp tip."),
         typed.Words(_radius),
     ] = None
     feed: Annotated[
         float,
-        _machine("--feed", "SPEED", "Of touches, as 100mm/min or 2mm/s."),
+        _machine("--feed", "SPEED", "Speed of a touch, as 100mm/min or 2mm/s."),
         typed.Words(parse_speed, str, "2mm/s"),
     ]
     travel: Annotated[
         float,
-        _machine("--travel", "SPEED", "Between touches."),
+        _machine("--travel", "SPEED", "Speed between touches."),
         typed.Words(partial(parse_speed, option="--travel"), str, "20mm/s"),
     ]
     max_reach: Annotated[
         float,
-        _machine("--max-reach", "LENGTH", "The longest touch."),
+        _machine("--max-reach", "LENGTH", "Longest way of a touch, as 100mm."),
         typed.Words(partial(typed.length, "--max-reach", "100mm"), str, "100mm"),
     ]
-    standoff: args.Standoff = None
+    standoff: Annotated[
+        float | None,
+        _machine("--standoff", "LENGTH", "Distance from which a touch starts, as 20mm: 50mm if not given."),
+        args.STANDOFF,
+    ] = None
     clearance: Annotated[
         float | None,
-        _machine("--clearance", "LENGTH", "Room that the probe needs: 10mm if not said."),
+        _machine("--clearance", "LENGTH", "Free room around the probe, a radius: 10mm if not given."),
         typed.Words(partial(typed.length, "--clearance", "10mm")),
     ] = None
     dry_run: Annotated[bool, _machine("--dry-run", None, "Check and show all motions, send none.")] = False

@@ -18,7 +18,10 @@ def show(
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Show what was read: planes, edges, vertices, curved faces, symmetry, box and repairs."""
+    """Show what was read from a CAD file.
+
+    Lists planes, edges, vertices, curved faces, symmetry, box and repairs.
+    """
     files.require_file("FILE", file)
     (part,) = files.read_all_parts([file], units, quiet=json)
     if json:

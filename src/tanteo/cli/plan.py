@@ -63,16 +63,16 @@ class Options:
     part: Annotated[str | None, args.option("--part", "FILE", "CAD file of the part to place (STEP, STL, ...).")] = None
     discriminate: Annotated[
         list[str] | None,
-        args.option("--discriminate", "A B", "CAD files of two parts: which one reading discriminates them?"),
+        args.option("--discriminate", "A B", "CAD files of two parts: plan the one reading that discriminates them."),
     ] = None
     tolerance: Annotated[
         float | None,
-        args.option("--tolerance", "LENGTH", "How far off its corners may be, as 0.2mm."),
+        args.option("--tolerance", "LENGTH", "How far off the corners of the part may be, as 0.2mm."),
         typed.Words(partial(typed.length, "--tolerance", "0.2mm")),
     ] = None
     confidence: Annotated[
         float | None,
-        args.option("--confidence", None, "Probability with which they keep it: 0.95 if not said."),
+        args.option("--confidence", None, "Probability with which the tolerance has to hold: 0.95 if not given."),
         typed.Words(partial(typed.fraction, "--confidence", "number", f"{_CONFIDENCE}"), float | None),
     ] = None
     feature: Annotated[args.Feature, typed.Words(_feature)] = None
@@ -81,7 +81,7 @@ class Options:
     ] = None
     sd: Annotated[
         float | None,
-        args.option("--sd", "LENGTH", "Instead: one standard deviation of a reading, as 0.1mm."),
+        args.option("--sd", "LENGTH", "Standard deviation of a reading, in place of --sensor, as 0.1mm."),
         typed.Words(partial(typed.length, "--sd", "0.1mm")),
     ] = None
     robot: Annotated[
@@ -90,27 +90,35 @@ class Options:
     pose_prior: args.PosePriorAt = None
     approach: Annotated[
         tuple[Vectors, float] | None,
-        args.option("--approach", "DIR,ANGLE", "Which way it may look or move in the world, as 0,0,-1,60deg."),
+        args.option(
+            "--approach",
+            "DIR,ANGLE",
+            "Direction in which the probe looks or moves, and how far off it may turn, as 0,0,-1,60deg.",
+        ),
         typed.Words(_approach),
     ] = None
     standoff: Annotated[
         float | None,
-        args.option("--standoff", "LENGTH", "From start to surface."),
+        args.option("--standoff", "LENGTH", "Distance from which a reading starts, as 20mm: 50mm if not given."),
         typed.Words(partial(_place, "--standoff")),
     ] = None
     clearance: Annotated[
         float | None,
-        args.option("--clearance", "LENGTH", "Room that the probe needs: 10mm if not said."),
+        args.option("--clearance", "LENGTH", "Free room around the probe, a radius: 10mm if not given."),
         typed.Words(partial(_place, "--clearance")),
     ] = None
     max_measurements: Annotated[
         int | None,
-        args.option("--max-measurements", None, "Readings at most: 30 if not said."),
+        args.option("--max-measurements", None, "Plan this many readings at most: 30 if not given."),
         typed.Words(partial(typed.at_least, "--max-measurements", 1, f"Leave it out for {_MOST}"), int | None),
     ] = None
     units: Annotated[str | None, args.option("--units", "UNIT", args.UNITS_HELP), args.UNIT] = None
-    csv: Annotated[str | None, args.option("--csv", "FILE", "Write the plan as a table too.")] = None
-    seed: Annotated[int, args.option("--seed", None, "Of the places that are tried."), args.SEED] = 0
+    csv: Annotated[str | None, args.option("--csv", "FILE", "Write the plan as a table, too.")] = None
+    seed: Annotated[
+        int,
+        args.option("--seed", None, "Seed of the places that are tried: the same seed gives the same plan."),
+        args.SEED,
+    ] = 0
     report: args.Report = None
     json: args.Json = False
 
@@ -153,7 +161,10 @@ def check_plan(typed: Mapping[str, Any]) -> None:
 
 
 def plan(options: Options, program: ProgramOptions) -> None:
-    """Plan the fewest readings that place a part within a tolerance, or the one that discriminates two parts."""
+    """Plan where to sense a part before sensing it.
+
+    Finds the fewest readings that place a part within a tolerance, or the one that discriminates two parts.
+    """
     with misuse():
         probe = options.probe(program)
     files.check_report(options.report)

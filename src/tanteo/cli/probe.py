@@ -36,7 +36,7 @@ class Options:
     part: args.PartPath
     tolerance: Annotated[
         float,
-        args.option("--tolerance", "LENGTH", "Go on until all corners are placed within it, as 0.2mm."),
+        args.option("--tolerance", "LENGTH", "Go on until all corners of the part are placed within it, as 0.2mm."),
         typed.Words(partial(typed.length, "--tolerance", "0.2mm"), str),
     ]
     confidence: Annotated[
@@ -47,7 +47,7 @@ class Options:
     feature: args.Feature = None
     max_measurements: Annotated[
         int,
-        args.option("--max-measurements", None, "Readings after which to stop in any case."),
+        args.option("--max-measurements", None, "Stop after this many readings in any case."),
         typed.Words(partial(typed.at_least, "--max-measurements", 1, "Use 30"), int),
     ] = 30
     pose_prior: args.PosePriorAt = None
@@ -58,18 +58,18 @@ class Options:
     noise_factor: args.NoiseFactor = None
     units: args.Units = None
     seed: args.Seed = 0
-    record: Annotated[str | None, args.option("--record", "FILE", "Keep the session (JSON), reading by reading.")] = (
-        None
-    )
+    record: Annotated[
+        str | None, args.option("--record", "FILE", "Write the session after every reading (JSON, or .mcap).")
+    ] = None
     resume: Annotated[bool, args.option("--resume", None, "Go on with the session of --record.")] = False
     pose_as: controller.PoseAs = None
     wcs: controller.Wcs = None
     write: Annotated[
-        bool, args.option("--write", None, "Have the machine's controller set the frame of --wcs, after a yes.")
+        bool, args.option("--write", None, "Have the machine's controller set the frame of --wcs; asks first.")
     ] = False
     report: args.Report = None
     live: Annotated[
-        bool, args.option("--live", None, "Show the session on a page of this computer as it goes; it moves nothing.")
+        bool, args.option("--live", None, "Show the session in a browser as it goes; the page moves nothing.")
     ] = False
     no_open: Annotated[bool, args.option("--no-open", None, "Do not open the page in a browser.")] = False
     json: args.Json = False
@@ -81,7 +81,10 @@ class Options:
 
 
 def probe(options: Options, machine: MachineOptions) -> None:
-    """Place a part with a machine that moves a touch probe; nothing moves outside of the limits that are said."""
+    """Place a part with a machine that moves a touch probe.
+
+    Nothing moves outside of the limits that are given.
+    """
     words = controller.Words(options.pose_as, options.wcs, False)
     files.check_report(options.report)
     files.check_target("--record", options.record)

@@ -62,22 +62,30 @@ class ProgramOptions:
     ] = None
     tip_radius: Annotated[
         float | None,
-        _option("--tip-radius", "LENGTH", "Of the ball of a touch probe, as 1.5mm."),
+        _option("--tip-radius", "LENGTH", "Radius of the probe's ball, as 1.5mm."),
         typed.Words(partial(typed.length, "--tip-radius", "1.5mm")),
     ] = None
     feed: Annotated[
         float | None,
-        _option("--feed", "SPEED", "Of the program's guarded motions, as 100mm/min or 2mm/s: 100mm/min."),
+        _option("--feed", "SPEED", "Speed of a touch, as 2mm/s: 100mm/min if not given."),
         typed.Words(parse_speed),
     ] = None
     overtravel: Annotated[
         float | None,
-        _option("--overtravel", "LENGTH", "How far beyond the expected contact a program searches: 3 sd of it."),
+        _option(
+            "--overtravel",
+            "LENGTH",
+            "How far beyond the expected contact a touch goes: 3 sd of the contact if not given.",
+        ),
         typed.Words(partial(typed.length, "--overtravel", "5mm")),
     ] = None
     retract_height: Annotated[
         float | None,
-        _option("--retract-height", "Z", "World z of the ball over the part, as 150mm: just safe if not said."),
+        _option(
+            "--retract-height",
+            "Z",
+            "Height (world z) of the ball between touches, as 150mm: just high enough if not given.",
+        ),
         typed.Words(_height),
     ] = None
 

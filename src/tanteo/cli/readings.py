@@ -72,7 +72,10 @@ def _pose(name: str, attitude: bool, text: str) -> Any:
 
 
 def _brand(name: str) -> str:
-    found = io.brand(name)
+    try:
+        found = io.brand(name)
+    except InputError as error:
+        raise InputError(str(error).replace("brand:", "--brand:", 1)) from None
     if not found.verified:
         complain("warning", f"--brand: the angle convention of {found.name} was not checked. Compare one pose first.")
     return found.name
@@ -88,15 +91,19 @@ class FileOptions:
 
     format: Annotated[
         str | None,
-        _file("--format", "NAME", "Format of READINGS; else it is recognised.", autocompletion=_formats),
+        _file("--format", "NAME", "Format of READINGS, as grbl; recognised if not given.", autocompletion=_formats),
         Words(_format),
     ] = None
     radius: Annotated[
-        float | None, _file("--radius", "LENGTH", "Radius of the tip's ball, as 1.5mm."), Words(parse_radius)
+        float | None,
+        _file("--radius", "LENGTH", "Radius of the tip's ball where points are its centres, as 1.5mm."),
+        Words(parse_radius),
     ] = None
     direction: Annotated[
         Direction | None,
-        _file("--direction", "DIRECTION", "Where the tip moved: down, -z, 0,0,-1, ijk, -ijk, tool, from:0,0,500mm."),
+        _file(
+            "--direction", "DIRECTION", "Which way the tip moved: down, -z, 0,0,-1, ijk, -ijk, tool, from:0,0,500mm."
+        ),
         Words(parse_direction),
     ] = None
     normal_sd: Annotated[
@@ -105,33 +112,33 @@ class FileOptions:
         Words(_normal_sd),
     ] = None
     brand: Annotated[
-        str | None, _file("--brand", "NAME", "Whose pose the hand_ columns are, as kuka."), Words(_brand)
+        str | None, _file("--brand", "NAME", "Controller whose angles the hand_ columns have, as kuka."), Words(_brand)
     ] = None
     tool: Annotated[
         Transforms | None,
-        _file("--tool", "POSE", "The tip on the hand, as 0,0,150mm."),
+        _file("--tool", "POSE", "Where the tip is on the hand, as 0,0,150mm."),
         Words(partial(_pose, "--tool", False)),
     ] = None
     hand: Annotated[
         Transforms | None,
-        _file("--hand", "POSE", "The hand, of a file without its pose, as '400,200,300mm 180,0,0deg'."),
+        _file("--hand", "POSE", "Pose of the hand, if the file has none, as '400,200,300mm 180,0,0deg'."),
         Words(partial(_pose, "--hand", True)),
     ] = None
     topics: Annotated[
         list[str] | None,
         _file(
-            "--topic", "NAME", "Of a recording of ROS: where the readings are; may be repeated. Guessed if not said."
+            "--topic", "NAME", "In a recording of ROS: topic of the readings; may be repeated. Guessed if not given."
         ),
     ] = None
-    world: Annotated[str | None, _file("--world", "FRAME", "Of the same: the frame that the answer is in.")] = None
+    world: Annotated[str | None, _file("--world", "FRAME", "In a recording of ROS: frame of the answer.")] = None
     latency: Annotated[
         float | None,
-        _file("--latency", "TIME", "Of the same: how much older readings are than their stamps, as 5ms."),
+        _file("--latency", "TIME", "In a recording of ROS: how much older readings are than their stamps, as 5ms."),
         Words(parse_latency),
     ] = None
     max_points: Annotated[
         int,
-        _file("--max-points", None, "Readings without labels that are used."),
+        _file("--max-points", None, "Use this many readings without labels at most."),
         Words(partial(at_least, "--max-points", 1, f"Use {MAX_POINTS}"), int),
     ] = MAX_POINTS
 

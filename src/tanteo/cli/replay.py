@@ -25,10 +25,10 @@ _SHOWN = 5
 
 
 def replay(
-    record: Annotated[str, typer.Argument(metavar="RECORD", help="Record of a session (JSON).")],
+    record: Annotated[str, typer.Argument(metavar="RECORD", help="Record of a session (JSON, or .mcap).")],
     parts: Annotated[
         list[str] | None,
-        args.option("--parts", "FILE_OR_FOLDER...", "Where the CAD files are now, if not where they were."),
+        args.option("--parts", "FILE_OR_FOLDER...", "Where the CAD files are now, if they were moved."),
     ] = None,
     explain: Annotated[
         bool, args.option("--explain", None, "Say what each reading told and what the answer rests on.")
@@ -37,7 +37,10 @@ def replay(
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Give the answer of a recorded session again, and check that it is the same."""
+    """Answer a recorded session again, and compare.
+
+    Fails if the answer is not the recorded one.
+    """
     files.check_report(report)
     files.check_different(("--report", report), inputs=[("the record", record)])
     begun = time.perf_counter()

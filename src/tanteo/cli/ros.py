@@ -38,10 +38,10 @@ class TopicOptions:
 
     topics: Annotated[
         list[str] | None,
-        _topics("--topic", "NAME", "Of readings, or of the hand's poses; may be repeated. Guessed if not said."),
+        _topics("--topic", "NAME", "Topic of readings or of the hand's poses; may be repeated. Guessed if not given."),
     ] = None
     world: Annotated[
-        str | None, _topics("--world", "FRAME", "The frame that answers are in; the root of the frames if not said.")
+        str | None, _topics("--world", "FRAME", "Frame of the answers; the root of all frames if not given.")
     ] = None
     latency: Annotated[
         float | None,
@@ -50,33 +50,33 @@ class TopicOptions:
     ] = None
     radius: Annotated[
         float | None,
-        _topics("--radius", "LENGTH", "Of the tip's ball, where points are its centres, as 1.5mm."),
+        _topics("--radius", "LENGTH", "Radius of the tip's ball where points are its centres, as 1.5mm."),
         typed.Words(parse_radius),
     ] = None
     direction: Annotated[
         Direction | None,
-        _topics("--direction", "DIRECTION", "Where the tip moved, as down, -z, from:0,0,500mm."),
+        _topics("--direction", "DIRECTION", "Which way the tip moved, as down, -z, from:0,0,500mm."),
         typed.Words(parse_direction),
     ] = None
     patience: Annotated[
         float,
-        _topics("--patience", "TIME", "How long transforms at the stamp of a reading are waited for."),
+        _topics("--patience", "TIME", "Wait this long for the transforms at the stamp of a reading."),
         typed.Words(_time("--patience"), str, "1s"),
     ]
     max_age: Annotated[
         float,
-        _topics("--max-age", "TIME", "A reading that is older when it comes is left out."),
+        _topics("--max-age", "TIME", "Leave out readings that are older than this when they come."),
         typed.Words(_time("--max-age"), str, "10s"),
     ]
     every: Annotated[
         float,
-        _topics("--every", "TIME", "Least time between two readings of a topic that count."),
+        _topics("--every", "TIME", "Least time between two readings of a topic; others are left out."),
         typed.Words(_time("--every"), str, "0.1s"),
     ]
-    node: Annotated[str, _topics("--node", "NAME", "Of the node, before its topics and services.")] = "tanteo"
-    sim_time: Annotated[bool, _topics("--sim-time", None, "Take the time from /clock, as of a simulation or bag.")] = (
-        False
-    )
+    node: Annotated[str, _topics("--node", "NAME", "Name of the node, before its topics and services.")] = "tanteo"
+    sim_time: Annotated[
+        bool, _topics("--sim-time", None, "Take the time from /clock, for a simulation or a played bag.")
+    ] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,15 +96,21 @@ class Options:
     unknown_prior: args.UnknownPrior = None
     tolerance: Annotated[
         float | None,
-        args.option("--tolerance", "LENGTH", "~/next asks until all corners are placed within it, as 0.5mm."),
+        args.option("--tolerance", "LENGTH", "Have ~/next ask until all corners are placed within it, as 0.5mm."),
         typed.Words(partial(typed.length, "--tolerance", "0.5mm")),
     ] = None
     max_measurements: Annotated[
         int,
-        args.option("--max-measurements", None, "Readings that count; later ones are left out until ~/reset."),
+        args.option("--max-measurements", None, "Use this many readings at most, until ~/reset."),
         typed.Words(partial(typed.at_least, "--max-measurements", 1, "Use 300"), int),
     ] = 300
-    standoff: args.Standoff = None
+    standoff: Annotated[
+        float | None,
+        args.option(
+            "--standoff", "LENGTH", "Distance at which ~/next has a reading start, as 20mm: 50mm if not given."
+        ),
+        args.STANDOFF,
+    ] = None
     once: Annotated[bool, args.option("--once", None, "End when the part is recognized.")] = False
     seed: args.Seed = 0
     json: args.Json = False
@@ -115,7 +121,10 @@ class Options:
 
 
 def ros(options: Options, topics: TopicOptions) -> None:
-    """Recognise and locate as a node of ROS 2: ranges and touches from topics, poses with covariance to topics."""
+    """Recognise and locate as a node of ROS 2.
+
+    Ranges and touches come from topics, poses with covariance go to topics.
+    """
     from tanteo.ros import RosNode, Settings, opened
 
     settings = Settings(topics.node, topics.sim_time, options.max_measurements, options.once)

@@ -23,21 +23,29 @@ _DARK, _INEXACT = 32.0, 1.0
 
 def see(
     image: Annotated[str, typer.Argument(metavar="IMAGE", help="Image file (PNG, JPEG, ...).")],
-    camera: Annotated[str, args.option("--camera", "FILE", "Calibration file of OpenCV, ROS or Kalibr.")],
+    camera: Annotated[str, args.option("--camera", "FILE", "Calibration file of the camera (OpenCV, ROS, Kalibr).")],
     parts: args.PartPaths,
     units: args.Units = None,
     marks: Annotated[
-        str | None, args.option("--marks", "FILE", "Known points of the table, to place the camera (CSV).")
+        str | None,
+        args.option(
+            "--marks", "FILE", "Known points of the table and where the image has them, to place the camera (CSV)."
+        ),
     ] = None,
     rectified: Annotated[
         bool, args.option("--rectified", None, "The image is rectified: use the projection_matrix of the camera file.")
     ] = False,
-    picture: Annotated[str | None, args.option("--picture", "FILE", "Draw what was seen to this file (PNG).")] = None,
+    picture: Annotated[
+        str | None, args.option("--picture", "FILE", "Draw what was found into the image, to this file (PNG, JPEG).")
+    ] = None,
     top: args.Top = 5,
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Say which parts an image shows and where they are: on a table, or one part anywhere."""
+    """Say which parts an image shows, and where they are.
+
+    On a table, whose place the camera file or --marks state; else one part in any pose.
+    """
     start = time.perf_counter()
     files.check_target("--picture", picture, (".png", ".jpg"))
     files.check_different(

@@ -29,7 +29,9 @@ class Options:
     forbid: Annotated[
         list[Any] | None,
         args.option(
-            "--forbid", "CORNERS", "Box to stay out of: two corners, as 150,0,0,180,60,250mm; may be repeated."
+            "--forbid",
+            "CORNERS",
+            "Box that the hand stays out of: two corners, as 150,0,0,180,60,250mm; may be repeated.",
         ),
         typed.Words(typed.forbidden, list[str] | None),
     ] = None
@@ -41,7 +43,8 @@ class Options:
     camera: args.CameraFile = None
     marks: args.MarksFile = None
     face: Annotated[
-        str | None, args.option("--face", "NAME", "Of the part in --image, as 'face 6' (see tanteo part show).")
+        str | None,
+        args.option("--face", "NAME", "Face of the part in --image, as 'face 6' (tanteo part show lists them)."),
     ] = None
     units: args.Units = None
     json: args.Json = False
@@ -71,12 +74,18 @@ def sense_vertex(options: Options) -> None:
 
 
 def sense_circle(options: Options) -> None:
-    """Acquire the rim of a bore or a boss, and its face, without touching them."""
+    """Acquire the rim of a bore or boss, without touching it.
+
+    Acquires the face around it, too.
+    """
     _sense("circle", options)
 
 
 def sense_cylinder(options: Options) -> None:
-    """Acquire the wall of a bore or a boss, its rim and its face, without touching them."""
+    """Acquire the wall of a bore or boss, without touching it.
+
+    Acquires its rim and the face around it, too.
+    """
     _sense("cylinder", options)
 
 

@@ -43,13 +43,16 @@ def sense_part(
     ],
     options: SessionOptions,
     record: Annotated[
-        str | None, args.option("--record", "FILE", "Write the session (JSON), or its readings (.csv).")
+        str | None, args.option("--record", "FILE", "Write the session (JSON, or .mcap), or its readings (.csv).")
     ] = None,
     report: args.Report = None,
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Find out which part is there and where, from a rough idea of its place, by range sensors on a hand."""
+    """Find out which part is there, and where.
+
+    By range sensors on a hand, from a rough idea of its place.
+    """
     from tanteo.execution import sense_part
 
     files.check_report(report)

@@ -25,11 +25,14 @@ def _preset_names(incomplete: str) -> list[str]:
     return [*typed.sensor_names(incomplete), *typed.robot_names(incomplete)]
 
 
-Picture = Annotated[str | None, args.option("--picture", "FILE", "Draw it as well: a PNG, SVG or PDF file.")]
+Picture = Annotated[str | None, args.option("--picture", "FILE", "Draw it as well, to a PNG, SVG or PDF file.")]
 
 
 def list_presets(json: args.Json = False) -> None:
-    """List the sensors, robots and rigs that can be named, with how far their figures were verified."""
+    """List the presets: sensors, robots and rigs.
+
+    Says how far the figures of each were verified.
+    """
     from tanteo.sensors import robot_presets, sensor_presets
 
     if json:
@@ -54,7 +57,10 @@ def show_preset(
     picture: Picture = None,
     json: args.Json = False,
 ) -> None:
-    """Show the figures of one sensor or robot: noise over range and incidence, limits, source."""
+    """Show the figures of one sensor or robot.
+
+    Noise over range and incidence, limits and source.
+    """
     from tanteo.sensors import RobotPreset
 
     preset = _preset(name)
@@ -93,7 +99,10 @@ def show_rig(
     file: Annotated[str, typer.Argument(metavar="RIG", help="Rig file (TOML), or a rig of `tanteo sensor list`.")],
     json: args.Json = False,
 ) -> None:
-    """Check a rig and show where its sensors sit, where they look, and how well that is known."""
+    """Check a rig and show where its sensors sit.
+
+    Shows where they look, too, and how well that is known.
+    """
     rig = files.read_asked_rig(file)
     if json:
         put_json(io.rig_document(rig))
@@ -104,26 +113,30 @@ def show_rig(
 def fit(
     log: Annotated[str, typer.Argument(metavar="LOG", help="Readings (CSV): ranges of planes at many hand poses.")],
     rig: Annotated[
-        str | None, args.option("--rig", "RIG", "Where the sensors should be; its mounting errors count.")
+        str | None, args.option("--rig", "RIG", "Where the sensors should be, and how well that is known (TOML).")
     ] = None,
     sensor: Annotated[
         str | None,
         args.option(
-            "--sensor", "NAME", "Preset of sensors that the rig does not have.", autocompletion=typed.sensor_names
+            "--sensor",
+            "NAME",
+            "Preset for sensors of the log that the rig does not have.",
+            autocompletion=typed.sensor_names,
         ),
     ] = None,
     robot: Annotated[
         str | None,
-        args.option(
-            "--robot", "PRESET", args.ROBOT_HELP.replace(".", ", for the planes."), autocompletion=typed.robot_names
-        ),
+        args.option("--robot", "PRESET", "Preset of the robot that moved the hand.", autocompletion=typed.robot_names),
     ] = None,
     write: Annotated[str | None, args.option("--write", "FILE", "Write the calibrated rig (TOML).")] = None,
     picture: Picture = None,
     json: args.Json = False,
-    verbose: Annotated[bool, args.option("--verbose -v", None, "Say more.")] = False,
+    verbose: Annotated[bool, args.option("--verbose -v", None, "Print more details.")] = False,
 ) -> None:
-    """Estimate beams, noise and bias from readings of planes, which may be anywhere, at known poses of the hand."""
+    """Calibrate a rig from readings of flat surfaces.
+
+    Estimates beams, noise and bias. The surfaces may be anywhere; the poses of the hand are known.
+    """
     from tanteo.calibration import calibrate
     from tanteo.sensors import robot_preset, sensor_preset
 

@@ -22,17 +22,23 @@ class SessionOptions:
 
     policy: Annotated[
         str,
-        args.sensing("--policy", "NAME", "How the next reading is chosen.", autocompletion=typed.policy_names),
+        args.sensing(
+            "--policy",
+            "NAME",
+            "How the next reading is chosen: information, information-per-second, features, random, nearest, "
+            "largest-face, 3-2-1.",
+            autocompletion=typed.policy_names,
+        ),
         Words(typed.policy, str),
     ] = "information"
     probability: Annotated[
         float,
-        args.sensing("--probability", None, "Probability of the part at which to stop."),
+        args.sensing("--probability", None, "Stop when a part is this probable."),
         Words(partial(typed.fraction, "--probability", "probability", "0.99"), float),
     ] = 0.99
     tolerance: Annotated[
         float | None,
-        args.sensing("--tolerance", "LENGTH", "Go on until all corners are placed within it, as 2mm."),
+        args.sensing("--tolerance", "LENGTH", "Go on until all corners of the part are placed within it, as 2mm."),
         Words(partial(typed.length, "--tolerance", "2mm")),
     ] = None
     feature: args.Feature = None
@@ -43,7 +49,7 @@ class SessionOptions:
     ] = 0.95
     max_measurements: Annotated[
         int,
-        args.sensing("--max-measurements", None, "Readings after which to stop in any case."),
+        args.sensing("--max-measurements", None, "Stop after this many readings in any case."),
         Words(partial(typed.at_least, "--max-measurements", 1, "Use 100"), int),
     ] = 100
     standoff: args.Standoff = None

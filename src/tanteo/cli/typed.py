@@ -58,7 +58,10 @@ def policy(name: str) -> str:
     """The name of a policy that there is."""
     from tanteo.active import policy_named
 
-    policy_named(name)
+    try:
+        policy_named(name)
+    except InputError as error:
+        raise InputError(str(error).replace("policy:", "--policy:", 1)) from None
     return name
 
 

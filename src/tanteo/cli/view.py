@@ -42,7 +42,11 @@ class Options(SessionOptions):
     """Those of a session, which a laser without a hand may make as well."""
 
     standoff: Annotated[
-        float | None, args.option("--standoff", "LENGTH", "Of the sensors, as 40mm; else the scene's."), args.STANDOFF
+        float | None,
+        args.option(
+            "--standoff", "LENGTH", "Distance of the sensors from the surface, as 40mm; the scene's if not given."
+        ),
+        args.STANDOFF,
     ] = None
 
 
@@ -66,7 +70,8 @@ def check_view(typed: Mapping[str, Any]) -> None:
 def view(
     *,
     record: Annotated[
-        str | None, typer.Argument(metavar="[RECORD]", help="Record of a session (JSON), to be seen step by step.")
+        str | None,
+        typer.Argument(metavar="[RECORD]", help="Record of a session (JSON, or .mcap), to be seen step by step."),
     ] = None,
     scene: Annotated[
         str | None, args.option("--scene", "FILE", "Scene: parts, table, hand (TOML); else an example.")
@@ -74,12 +79,17 @@ def view(
     parts: Annotated[
         list[str] | None, args.option("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL) or folders of them.")
     ] = None,
-    bare: Annotated[bool, args.option("--bare", None, "No hand: a laser that is simply where it is wanted.")] = False,
+    bare: Annotated[
+        bool, args.option("--bare", None, "Sense with a laser that is simply where it is wanted, without a hand.")
+    ] = False,
     options: Options,
-    port: Annotated[int, args.option("--port", None, "Of the page on this machine; else the next free one.")] = 8080,
+    port: Annotated[int, args.option("--port", None, "Port of the page on this machine, or the next free one.")] = 8080,
     no_open: Annotated[bool, args.option("--no-open", None, "Do not open the page in a browser.")] = False,
 ) -> None:
-    """Show a session as it happens in a browser, and sense there yourself; or a record, step by step."""
+    """Show a session in a browser as it happens, or a record.
+
+    Go on step by step, and sense there yourself.
+    """
     from tanteo.viewer import NEEDS_VISER, replay
 
     if find_spec("viser") is None:

@@ -162,7 +162,8 @@ def _window(seen: Sighting, shape: tuple[int, ...]) -> tuple[slice, slice]:
         return slice(0, shape[0]), slice(0, shape[1])
     low, high = seen.region.contour.min(axis=0), seen.region.contour.max(axis=0)
     middle, half = (low + high) / 2, 0.75 * float((high - low).max())
-    (left, top), (right, bottom) = np.maximum(middle - half, 0).astype(int), (middle + half).astype(int)
+    (left, top) = np.maximum(middle - half, 0).astype(int)
+    (right, bottom) = np.minimum(middle + half, shape[::-1]).astype(int)
     return slice(top, bottom), slice(left, right)
 
 

@@ -12,7 +12,7 @@ from tanteo.report.page import Front, Html, element, fact_list, join, switched
 from tanteo.report.scene import Candidate, distance_enlarged
 from tanteo.report.shapes import Shapes
 from tanteo.report.uncertainty import Way
-from tanteo.report.words import MM, SIGNS, facts, headline, percent
+from tanteo.report.words import SIGNS, facts, headline, percent, uncertain
 
 _VIEWS = ("Reset", "Top", "Front", "Side")
 
@@ -65,7 +65,7 @@ def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunte
 def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
     """Keys and words of the ways, for the choice of overlays."""
     options = [
-        element("option", f"off by {way.words}: {MM * way.moves:.2g} mm at the farthest corner", value=k)
+        element("option", f"off by {way.words}: {uncertain(way.moves)} at the farthest corner", value=k)
         for k, way in enumerate(ways)
     ]
     none = element("option", "no overlays", value="", selected=None if haunted else True)
@@ -142,7 +142,7 @@ def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) ->
     if candidates:
         layers.append(Layer("sticks", "distances"))
     if shapes:
-        layers.append(Layer("features", "features"))
+        layers.append(Layer("features", "features", shown=not shapes.flat))
     layers.append(Layer("names", "names", shown=len(sensed.measured) <= _NAMED))
     wrong = any(not c.contacts.used.all() for c in candidates)
     legend = [("dot", "reading that fits" if candidates else "reading")]

@@ -30,8 +30,9 @@ def course_section(session: Session, added: Sequence[Added]) -> Section:
         added: What each step told, as :func:`tanteo.active.explanation.explain` has it.
     """
     lead = (
-        "From before the first answer to the last: the probability of each part, and the largest corner sd of the "
-        "likeliest one (logarithmic scale)."
+        "What was asked, why, and what was known after it; 0.7 nats are the information of one yes or no. The curves "
+        "go over the answers: the probability of each part, and the largest corner sd of the likeliest one "
+        "(logarithmic scale)."
     )
     steps = session.steps
     if not steps:

@@ -39,6 +39,11 @@ class Shapes:
     def __bool__(self) -> bool:
         return bool(self.names)
 
+    @property
+    def flat(self) -> bool:
+        """Whether all of them are planes, which lie on faces that are drawn anyhow."""
+        return all(name.startswith("plane ") for name in self.names)
+
 
 def shapes_of(measured: PointMeasurements, size: float, tolerance: float = 0.0) -> Shapes:
     """The features of labelled readings; none where no reading has a label, or the labels do not determine one.

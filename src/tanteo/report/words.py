@@ -37,7 +37,9 @@ def headline(answer: Answer) -> str:
         return f"Probably an unknown object; the nearest part is {best.part}."
     likely = list(dict.fromkeys(h.part for h in answer.hypotheses if h.probability > 0.01)) or [best.part]
     if len(likely) == 1:
-        return f"It is {likely[0]} or something unknown, in one of several poses: not decided."
+        other = " or something unknown" if answer.unknown_probability >= 1 - CONFIDENCE else ""
+        several = ", in one of several poses" if sum(h.probability > 0.01 for h in answer.hypotheses) > 1 else ""
+        return f"It is {likely[0]}{other}{several}: not decided."
     return f"Not decided: it may be {', '.join(likely[:-1])} or {likely[-1]}."
 
 
@@ -112,12 +114,12 @@ def _tilted(found: re.Match[str]) -> str:
 
 def uncertain(metres: float) -> str:
     """A standard deviation in millimetres, two digits: the same wherever a page says it."""
-    return f"{MM * metres:.2g} mm"
+    return f"{float(f'{MM * metres:.2g}'):g} mm"
 
 
 def length(metres: float) -> str:
     """A length in millimetres, three digits."""
-    return f"{MM * metres:.3g} mm"
+    return f"{float(f'{MM * metres:.3g}'):g} mm"
 
 
 def fixed(value: float, digits: int) -> str:

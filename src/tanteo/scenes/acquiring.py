@@ -61,11 +61,11 @@ def expected_feature(kind: str, scene: SceneFile, part: Part, best: Hypothesis, 
     found = predicted(kind, part, best.T_world_part, best.covariance, -scene.T_world_hand[:3, 2])
     chosen = [p for p in found if face in (None, p.faces[0])]
     if not chosen:
-        names = ", ".join(dict.fromkeys(p.faces[0] for p in found)) or "none"
+        names = ", ".join(dict.fromkeys(p.faces[0] for p in found))
         asked = f"face '{face}'" if face is not None else f"a {kind}"
+        got = f"faces: {names}. Name one of these with --face, or let" if found else f"no {kind} there. Let"
         raise InputError(
-            f"{part.name}: expected {asked} that faces the hand, got faces: {names}. Name one of these with --face, "
-            "or let the hand start from another side."
+            f"{part.name}: expected {asked} that faces the hand, got {got} the hand start on another side."
         )
     return chosen[0]
 

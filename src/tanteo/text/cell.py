@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from tanteo.active import CellCheck, CellError
@@ -19,11 +21,7 @@ def cell_lines(check: CellCheck, *, layout: Layout = PLAIN) -> list[str]:
         layout: where it is shown.
     """
     wrong = [error for error in check.errors if error.contradicted]
-    head = (
-        f"contradicted: {', '.join(error.meaning for error in wrong)}"
-        if wrong
-        else "nothing of the cell is contradicted"
-    )
+    head = f"contradicted: {', '.join(map(_meaning, wrong))}" if wrong else "nothing of the cell is contradicted"
     lines = [layout.bold(printable(head))]
     for error in check.errors:
         lines += _lines(error)
@@ -36,11 +34,16 @@ def _lines(error: CellError) -> list[str]:
     words = "" if error.told > _UNKNOWN else "; the readings say next to nothing of it"
     verdict = "  CONTRADICTED" if error.contradicted else ""
     return [
-        printable(f"  {error.meaning}: p {error.p_value:.2g}{verdict}{words}"),
+        printable(f"  {_meaning(error)}: p {error.p_value:.2g}{verdict}{words}"),
         f"    stated sd   {_values(error.stated, error)}",
         f"    estimate    {_values(error.estimate, error)}",
         f"    its sd      {_values(error.sd, error)}",
     ]
+
+
+def _meaning(error: CellError) -> str:
+    """In words, without the units of a program: the values beside it have their own."""
+    return re.sub(r" \[[^\]]*\]", "", error.meaning)
 
 
 def _values(values: np.ndarray, error: CellError) -> str:

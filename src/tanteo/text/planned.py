@@ -47,7 +47,8 @@ def plan_lines(
         )
         for n, r in enumerate(plan.readings, 1)
     ]
-    headers = ("", "from (mm)", "along", "meets (mm)", "face", f"{worst} sd (mm)", "P(within)", "if met", "meets")
+    placed = worst if worst.endswith(" sd") else f"{worst} sd"
+    headers = ("", "from (mm)", "along", "meets (mm)", "face", f"{placed} (mm)", "P(within)", "if met", "meets")
     notes = [
         "Frame: world. Each row is after its reading. 'P(within)' is over all placements that the part may have,",
         "'meets' the share of them at which the reading meets its face; sd and 'if met' are where all so far do.",

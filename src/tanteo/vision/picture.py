@@ -1,4 +1,4 @@
-"""What was seen, drawn over the image: outlines, the edges of the best answers, names."""
+"""What was seen, drawn over the image: outlines, the edges of the best answers, names; and what each sign means."""
 
 from __future__ import annotations
 
@@ -21,9 +21,12 @@ _SCALE = 2
 _SHIFT = 4
 """Fractional bits of the coordinates that OpenCV draws with."""
 
+_PAPER, _INK, _ROW, _TEXT = 255, (34, 48, 60), 40, 0.7
+"""The strip that says what the signs mean: its grey, its words, its rows [px], the size of its letters."""
+
 
 def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
-    """A picture of what was seen, twice as large as the image.
+    """A picture of what was seen, twice as large as the image, with a legend below it.
 
     Drawn are the outlines of the regions, the edges of each object's best answer (blue dots where the image has them,
     orange crosses where not), the part's axes, its name and probability.
@@ -34,7 +37,7 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
         sight: what was seen.
 
     Returns:
-        Red, green, blue, ``(2 rows, 2 columns, 3)``, 0 to 255.
+        Red, green, blue, ``(2 rows + legend, 2 columns, 3)``, 0 to 255.
     """
     cv2 = opencv()
     grey = np.clip(np.rint(check_image(image)), 0, 255).astype(np.uint8)
@@ -52,7 +55,46 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
                     _mark(picture, _at(pixel), hit=bool(hit))
             _draw_axes(picture, camera, best.T_camera_part, 0.3 * best.model.part.diagonal)
         _write(picture, seen)
-    return picture
+    return np.concatenate([picture, _legend(picture.shape[1])])
+
+
+def _legend(width: int) -> np.ndarray:
+    """What the signs mean, in as many rows as the width asks for."""
+    cv2 = opencv()
+    words = {
+        "dot": "edge of the part, found", "cross": "edge of the part, not found", "line": "outline of the object",
+        "x y z": "axes of the part's CAD frame",
+    }  # fmt: skip
+    places, x, y = [], 12, 0
+    for sign, meaning in words.items():
+        (length, _), _ = cv2.getTextSize(meaning, cv2.FONT_HERSHEY_SIMPLEX, _TEXT, 1)
+        if x > 12 and x + 46 + length > width:
+            x, y = 12, y + _ROW
+        places.append((sign, meaning, x, y + _ROW // 2))
+        x += 46 + length + 24
+    strip = np.full((y + _ROW, width, 3), _PAPER, dtype=np.uint8)
+    for sign, meaning, left, middle in places:
+        _sign(strip, sign, left, middle)
+        _put(strip, meaning, (left + 46, middle + 7), _INK)
+    return strip
+
+
+def _sign(strip: np.ndarray, sign: str, left: int, middle: int) -> None:
+    """One sign of the legend, as the picture has it."""
+    cv2 = opencv()
+    if sign == "line":
+        cv2.line(strip, (left, middle), (left + 28, middle), OUTLINE, 2, cv2.LINE_AA)
+    elif sign in ("dot", "cross"):
+        for x in (left + 4, left + 15, left + 26):
+            _mark(strip, np.array([x << _SHIFT, middle << _SHIFT]), hit=sign == "dot")
+    else:
+        for x, name in zip((left, left + 14, left + 28), _AXES, strict=True):
+            _put(strip, name, (x, middle + 7), _AXES[name], 2)
+
+
+def _put(picture: np.ndarray, text: str, at: tuple[int, int], colour: tuple[int, ...], width: int = 1) -> None:
+    cv2 = opencv()
+    cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, _TEXT, colour, width, cv2.LINE_AA)
 
 
 def _at(pixels: FloatArray) -> np.ndarray:
@@ -82,7 +124,7 @@ def _draw_axes(picture: np.ndarray, camera: Camera, T_camera_part: Transforms, l
     for tip, (name, colour) in zip(pixels[1:], _AXES.items(), strict=True):
         cv2.line(picture, _at(pixels[0]), _at(tip), colour, 2, cv2.LINE_AA, _SHIFT)
         x, y = (v >> _SHIFT for v in _at(tip))
-        _say(picture, name, (x + 4, y + 4), 0.5)
+        _say(picture, name, (x + 4, y + 4), 0.7)
 
 
 def _write(picture: np.ndarray, seen: Sighting) -> None:
@@ -93,10 +135,10 @@ def _write(picture: np.ndarray, seen: Sighting) -> None:
     p = answer.unknown_probability if name == "unknown" or best is None else best.probability
     text = f"{name} {100 * min(p, 0.999):.1f} %"
     corner = (10, 10) if seen.region is None else (seen.region.box[0], seen.region.box[2])
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.7, 1)
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.9, 1)
     x = int(np.clip(_SCALE * corner[0], 4, max(picture.shape[1] - width - 4, 4)))
     y = int(np.clip(_SCALE * corner[1] - 8, height + 6, picture.shape[0] - 6))
-    _say(picture, text, (x, y), 0.7)
+    _say(picture, text, (x, y), 0.9)
 
 
 def _say(picture: np.ndarray, text: str, at: tuple[int, int], size: float) -> None:
