@@ -33,8 +33,8 @@ _STEPPED, _FEWEST, _MANIEST = 576, 16, 64
 apart, so that more of them are tried, at the same cost."""
 
 _THOROUGH = 16
-"""Times as many poses where parts are few. Of touches of a real block, nearly a cube with steps, these had its pose in 13 of
-30 attitudes, in 1.6 times the time; without, in none."""
+"""Times as many poses where parts are few. Of touches of a real block, nearly a cube with steps, these had its pose
+in 13 of 30 attitudes, in 1.6 times the time; without, in none."""
 
 _KEPT = 4
 
