@@ -194,6 +194,19 @@ def test_the_picture_shows_what_was_seen(two, models):
     assert 0.002 < changed.mean() < 0.1
 
 
+def test_the_picture_names_part_with_its_probability_in_any_pose(two, models, monkeypatch):
+    image, camera, _, _ = two
+    sight = see_table(image, camera, models[:1])
+    seen = sight.objects[0]
+    best = seen.answer.hypotheses[0]
+    halves = tuple(replace(best, probability=p) for p in (0.5, 0.25))
+    sight = replace(sight, objects=(replace(seen, answer=replace(seen.answer, hypotheses=halves)),))
+    said = []
+    monkeypatch.setattr("tanteo.vision.picture._say", lambda picture, text, at, size: said.append(text))
+    draw_sight(image, camera, sight)
+    assert f"{best.part} 75.0 %" in said
+
+
 def test_what_does_not_fit_together_is_refused(two, models):
     image, camera, _, _ = two
     with pytest.raises(InputError, match="at least one part"):

@@ -29,7 +29,7 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
     """A picture of what was seen, twice as large as the image, with a legend below it.
 
     Drawn are the outlines of the regions, the edges of each object's best answer (blue dots where the image has them,
-    orange crosses where not), the part's axes, its name and probability.
+    orange crosses where not), the part's axes, its name and probability, whatever its pose.
 
     Args:
         image: that was looked at.
@@ -132,7 +132,8 @@ def _write(picture: np.ndarray, seen: Sighting) -> None:
     answer = seen.answer
     best = answer.hypotheses[0] if answer.hypotheses else None
     name = "unknown" if best is None or answer.status == "unknown" else best.part
-    p = answer.unknown_probability if name == "unknown" or best is None else best.probability
+    of_part = sum(h.probability for h in answer.hypotheses if h.part == name)  # in whatever pose
+    p = answer.unknown_probability if name == "unknown" else of_part
     text = f"{name} {100 * min(p, 0.999):.1f} %"
     corner = (10, 10) if seen.region is None else (seen.region.box[0], seen.region.box[2])
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.9, 1)
