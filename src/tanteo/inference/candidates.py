@@ -137,8 +137,3 @@ _MANY = 1000
 
 _LIKE, _ALIKE = 0.08, 200
 """Share of the diagonal up to which parts are alike; so many of them are looked at."""
-
-
-def rows_of(mask: np.ndarray) -> IntArray:
-    """Numbers of what is true, as the core takes them."""
-    return np.flatnonzero(mask).astype(np.int32)

@@ -71,10 +71,6 @@ def find_symmetry(part: Part) -> SymmetryGroup:
     return SymmetryGroup(np.array([_about(part.centroid, R) for R in _ordered(found)]))
 
 
-def _apart(a: FloatArray | None, b: FloatArray) -> float:
-    return np.inf if a is None else float(np.linalg.norm(a - b))
-
-
 def _about(centre: FloatArray, R: FloatArray) -> FloatArray:
     return SE3.from_parts(R, centre - R @ centre)
 
