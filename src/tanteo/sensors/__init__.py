@@ -15,8 +15,6 @@ from tanteo.sensors.checks import (
     WALLS,
     check_features,
     reading_kinds,
-    say_repeated,
-    say_stuck,
 )
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
@@ -44,6 +42,7 @@ from tanteo.sensors.noise import (
     sensed_point,
     sensor_error_cov,
 )
+from tanteo.sensors.oddities import say_repeated, say_stuck
 from tanteo.sensors.presets import (
     NoiseLaw,
     RobotPreset,
