@@ -1,7 +1,8 @@
 """Where to sense next, and when to stop: candidates, what they would tell, policies, stopping rules, plans."""
 
-from tanteo.active.candidates import Candidates, has_room, propose, within_cone
+from tanteo.active.candidates import Candidates, propose, within_cone
 from tanteo.active.cell import CellCheck, CellError, NextForCell, check_cell
+from tanteo.active.clearance import has_room
 from tanteo.active.context import Choice, DecisionContext, Policy, SharedOf
 from tanteo.active.discrimination import Discrimination, discriminate
 from tanteo.active.explanation import Added, Direction, Explanation, explain

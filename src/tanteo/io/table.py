@@ -183,6 +183,7 @@ class Table:
         """Who writes the hand's rotation so; a matrix that is none is refused."""
         if (row := skewed_row(numbers)) is not None:
             raise ReadingsError(
-                f"{self.sheet.place(row)}: expected a rotation matrix, got one that scales, shears or mirrors. Correct it."
+                f"{self.sheet.place(row)}: expected a rotation matrix, got one that scales, shears or mirrors. "
+                "Correct it."
             )
         return stated_brand(numbers, stated.brand, str(self.sheet.path))
