@@ -183,7 +183,7 @@ def _wanted(name: str, hint: Any) -> str:
     return f"{key} ({numbers.shapes[0][0]} numbers)" if numbers is not None and numbers.shapes[0] else key
 
 
-def _words(hint: Any, meta: Meta | None, name: str = "") -> str:
+def _words(hint: Any, meta: Meta | None, name: str) -> str:
     """What is expected of a value."""
     if meta is not None and meta.description:
         return meta.description
