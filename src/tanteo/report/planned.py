@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.active import Plan, PlannedReading, Probe
-from tanteo.answers import box_corners
+from tanteo.answers import box_corners, percent
 from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.report.answered import Layer, picture, times
@@ -17,7 +17,7 @@ from tanteo.report.page import Front, Html, Section, element, fact_list, join, m
 from tanteo.report.scene import feature_lines, overlay_numbers, packed, part_document, pose_numbers, view_document
 from tanteo.report.sections import pose_figures, rerun_section
 from tanteo.report.uncertainty import Way, find_ways
-from tanteo.report.words import MM, fixed, length, percent, uncertain
+from tanteo.report.words import MM, fixed, length, uncertain
 from tanteo.report.write import Run
 from tanteo.typing import Vectors
 
