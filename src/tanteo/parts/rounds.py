@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.parts.part import Face, Part
+from tanteo.parts.elements import Face
+from tanteo.parts.part import Part
 from tanteo.parts.surfaces import surface_offsets
 from tanteo.parts.topology import mesh_edges
 from tanteo.parts.walls import SAME, Wall, corners_of, walls_of

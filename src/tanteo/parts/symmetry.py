@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SE3, SO3
-from tanteo.parts.part import Part, SymmetryGroup
+from tanteo.parts.elements import SymmetryGroup
+from tanteo.parts.part import Part
 from tanteo.parts.symmetry_probe import TOLERANCE, SymmetryProbe
 from tanteo.parts.topology import components
 from tanteo.typing import FloatArray, IntArray

@@ -18,7 +18,6 @@ from tanteo.sensors.checks import (
 )
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
-    ErrorModel,
     Status,
     UnitErrors,
     draw_base,
@@ -26,9 +25,9 @@ from tanteo.sensors.emission import (
     draw_units,
     emit,
     emit_touches,
-    error_model,
     reported_poses,
 )
+from tanteo.sensors.figures import ErrorModel, error_model
 from tanteo.sensors.measure import measure, unstated_sd
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import (
