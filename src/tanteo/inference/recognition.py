@@ -84,7 +84,7 @@ def identify_points(
 def _searched(
     problem: Problem, candidates: Candidates, odds: FloatArray, seed: int, clock: Clock
 ) -> tuple[Narrowed, Posterior]:
-    """The parts that are worth a search, and the posterior over them; of more parts where none of these explains it."""
+    """The parts that are worth a search, and the posterior over them; of more parts where they do not explain it."""
     chosen = narrowed(problem, candidates, odds)
     problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
