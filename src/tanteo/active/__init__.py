@@ -10,7 +10,6 @@ from tanteo.active.features import Feature, features
 from tanteo.active.measures import (
     AcceptProbability,
     GateDiscrimination,
-    RangePrediction,
     accept_matrix,
     accept_probability,
     bhattacharyya,
@@ -18,13 +17,13 @@ from tanteo.active.measures import (
     information_bounds,
     kl_divergence,
     mutual_information,
-    predict_range,
 )
 from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.plans import Plan, PlannedReading, plan
 from tanteo.active.policies import POLICIES, Greedy, most_information, policy_named, register_utility
+from tanteo.active.predictions import RangePrediction, predict, predict_range
 from tanteo.active.probe import Probe, probe_of
-from tanteo.active.samples import Samples, draw, predict
+from tanteo.active.samples import Samples, draw
 from tanteo.active.shared import SharedAhead
 from tanteo.active.start import ORIGIN_SDS, Start, around, at_origin, at_pose, from_hypotheses
 from tanteo.active.state import SensingState, begin, update

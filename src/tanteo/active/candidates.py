@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.active.clearance import has_room
+from tanteo.active.predictions import predict
 from tanteo.active.probe import Probe
-from tanteo.active.samples import draw, predict
+from tanteo.active.samples import draw
 from tanteo.active.state import SensingState
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3

@@ -11,7 +11,7 @@ from tanteo.report.contacts import Sensed
 from tanteo.report.page import Front, Html, element, fact_list, join, switched
 from tanteo.report.scene import Candidate, distance_enlarged
 from tanteo.report.shapes import Shapes
-from tanteo.report.uncertainty import Way
+from tanteo.report.ways import Way
 from tanteo.report.words import MM, SIGNS, facts, headline
 
 _VIEWS = ("Reset", "Top", "Front", "Side")

@@ -14,9 +14,10 @@ from tanteo.parts import Part
 from tanteo.report.answered import Layer, picture, times
 from tanteo.report.charts import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.report.page import Front, Html, Section, element, fact_list, join, make_page, table
-from tanteo.report.scene import feature_lines, overlay_numbers, packed, part_document, pose_numbers, view_document
+from tanteo.report.part_drawn import feature_lines
+from tanteo.report.scene import overlay_numbers, packed, part_document, pose_numbers, view_document
 from tanteo.report.sections import pose_figures, rerun_section
-from tanteo.report.uncertainty import Way, find_ways
+from tanteo.report.ways import Way, find_ways
 from tanteo.report.words import MM, fixed, length, uncertain
 from tanteo.report.write import Run
 from tanteo.typing import Vectors

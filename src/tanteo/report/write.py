@@ -26,7 +26,7 @@ from tanteo.report.sections import (
     residual_section,
     rests_section,
 )
-from tanteo.report.uncertainty import find_ways
+from tanteo.report.ways import find_ways
 from tanteo.sensors import Readings
 from tanteo.session import Session
 from tanteo.typing import Vectors

@@ -110,13 +110,12 @@ class RosNode:
 
     def _look(self) -> None:
         """Subscribe to what matters of the topics that have come."""
-        there = {topic: kinds[0] for topic, kinds in self.node.get_topic_names_and_types()}
-        there = {topic: kind for topic, kind in there.items() if not topic.startswith(f"/{self.settings.name}/")}
+        own, topics = f"/{self.settings.name}/", self.node.get_topic_names_and_types()
+        there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
         for topic, kind in io.wanted_topics(there, self.intake.options).items():
-            if topic in self._subscribed:
-                continue
-            self._subscribed[topic] = None
-            self._subscribe(topic, kind)
+            if topic not in self._subscribed:
+                self._subscribed[topic] = None
+                self._subscribe(topic, kind)
 
     def _subscribe(self, topic: str, kind: str) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
