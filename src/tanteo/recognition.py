@@ -14,15 +14,7 @@ from tanteo.inference import about_conventions, about_frames, about_readings, id
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part
-from tanteo.sensors import (
-    Readings,
-    Rig,
-    RobotPreset,
-    SensorPreset,
-    measure,
-    thinned,
-    unstated_sd,
-)
+from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
 
 _DOUBT_PRIOR = "The prior of the pose beforehand counts, too: check it, or leave it out and compare."
 

@@ -1,4 +1,4 @@
-"""Crossings of an edge: where the hand stands beside it, how far it may go, and the search for the first ones."""
+"""Crossings of an edge: where the hand stands beside it, how far it may go, and how it crosses."""
 
 from __future__ import annotations
 

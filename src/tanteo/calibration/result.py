@@ -1,4 +1,4 @@
-"""What a calibration found: beams, noise, planes, outliers, and the rig that they make."""
+"""What a calibration found: beams, noise, planes and outliers."""
 
 from __future__ import annotations
 

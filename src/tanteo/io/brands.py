@@ -1,4 +1,8 @@
-"""How robots write poses: units, order and kind of the angles, by brand."""
+"""How robot brands and ROS write poses: units, order and kind of the angles.
+
+Each convention is a row of :data:`BRANDS`. ``verified`` says whether the brand's own or an integrator's
+documentation was read; the others are from memory and must be confirmed on the controller before use.
+"""
 
 from __future__ import annotations
 

@@ -20,17 +20,7 @@ import numpy as np
 from msgspec import NODEFAULT, Meta
 
 from tanteo.errors import InputError, UnitError, did_you_mean
-from tanteo.io.schema import (
-    Numbers,
-    Place,
-    Table,
-    fields_of,
-    is_table,
-    keys_of,
-    numbers_of,
-    show,
-    unwrapped,
-)
+from tanteo.io.schema import Numbers, Place, Table, fields_of, is_table, keys_of, numbers_of, show, unwrapped
 from tanteo.typing import FloatArray
 from tanteo.whole import read_whole
 

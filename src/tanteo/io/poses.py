@@ -1,8 +1,4 @@
-"""Poses as robot brands and ROS write them. Inside tanteo a pose is a matrix in metres; these are the border.
-
-Each convention is a row of :data:`BRANDS`. ``verified`` says whether the brand's own or an integrator's
-documentation was read; the others are from memory and must be confirmed on the controller before use.
-"""
+"""Poses as robot brands and ROS write them. Inside tanteo a pose is a matrix in metres; these are the border."""
 
 from __future__ import annotations
 

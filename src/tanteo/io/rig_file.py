@@ -1,4 +1,4 @@
-"""Rig files: where the range sensors sit on the hand (TOML, ``docs/formats.md``), read, written and as JSON."""
+"""Rig files: where the range sensors sit on the hand (TOML, ``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,7 @@ from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import check_covariance
 from tanteo.io.document import load_toml, made
 from tanteo.io.rig_checks import check_beam, check_twins
-from tanteo.io.schema import (
-    Covariance,
-    Direction,
-    Length,
-    Number,
-    Numbers,
-    Place,
-    Point,
-    Quaternion,
-    Table,
-)
+from tanteo.io.schema import Covariance, Direction, Length, Number, Numbers, Place, Point, Quaternion, Table
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
 from tanteo.typing import Covariances, FloatArray, Rotations, Transforms

@@ -1,4 +1,4 @@
-"""A rig as the TOML file that is read."""
+"""A rig as the file that :func:`read_rig` reads."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ import re
 from pathlib import Path
 
 from tanteo.io.rig_file import SensorTable
-from tanteo.io.schema import (
-    toml_lines,
-)
+from tanteo.io.schema import toml_lines
 from tanteo.replaced import replaced
 from tanteo.sensors import Rig
 

@@ -1,4 +1,4 @@
-"""What was read, planned, sensed and calibrated, as JSON documents (``docs/formats.md``); metres and radians."""
+"""What was read, planned and sensed, as JSON documents (``docs/formats.md``); metres and radians."""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""The control law: how fast an error may be taken back, with what is known late."""
+"""The control law: how fast an error may be taken back, when it is known late.
+
+One gain is chosen from the latency: a distance that is steered by a velocity is an integrator with a dead time. With
+``n`` periods between a reading and the motion that answers it, the loop is ``d[k+1] = d[k] - g (d[k-n] - d0)`` with
+``g = gain * period``; its characteristic polynomial is ``z^(n+1) - z^n + g``. Two real poles meet at
+``g = n^n / (n+1)^(n+1)``: the largest ``g`` whose step response does not overshoot. The loop is stable up to
+``g = 2 sin(pi / (4 n + 2))``.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Holes and bosses of a part: cylinders and cones that go far enough around, with their rims, and through or blind.
+"""Holes and bosses of a part, with their rims, and through or blind.
 
 Beside them its spheres and cones, for a sphere has a centre and a cone an apex however far they go around.
 """

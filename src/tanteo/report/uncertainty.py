@@ -1,4 +1,4 @@
-"""The uncertainty budget, and the independent ways in which the pose may be off.
+"""The uncertainty budget: which error makes how much of what is not known of the pose.
 
 To first order the pose is a linear estimate ``x = G r`` from the rows of the readings. Every source of error adds
 ``G S G'`` to its covariance, ``S`` being what the source does to the rows; these add up to the whole.
@@ -185,7 +185,3 @@ def _worst_corner(part: Part, C: Covariances) -> tuple[FloatArray, float]:
     values, vectors = np.linalg.eigh(J @ C @ np.swapaxes(J, 1, 2))
     k = int(np.argmax(values[:, 2]))
     return vectors[k, :, 2] @ J[k], float(np.sqrt(max(values[k, 2], 0.0)))
-
-
-LEVELS = (1, 2, 3)
-"""Standard deviations."""

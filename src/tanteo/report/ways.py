@@ -1,4 +1,4 @@
-"""The ways in which a pose may be off, and how far."""
+"""The independent ways in which a pose may be off, and how far."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import numpy as np
 from tanteo.answers import corner_moves, motion_words
 from tanteo.lie import SE3
 from tanteo.parts import Part
-from tanteo.report.uncertainty import LEVELS
 from tanteo.report.words import brief
 from tanteo.typing import Covariances, Tangents, Transforms
+
+_LEVELS = (1, 2, 3)
+"""Standard deviations of which overlays are drawn."""
 
 _NOTABLE = 0.01
 """Ways that move the part less than this share of the largest are not shown."""
@@ -60,7 +62,7 @@ def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> 
     moves, rms = far.max(axis=0), np.sqrt(np.mean(far**2, axis=0))
     kept = moves > _NOTABLE * moves.max()
     enlarged = _enlarged(float(moves.max()), part.diagonal)
-    steps = np.array([[-level, level] for level in LEVELS], dtype=np.float64) * enlarged
+    steps = np.array([[-level, level] for level in _LEVELS], dtype=np.float64) * enlarged
     ways = []
     for xi, max_measurements, all_ in zip(xis[kept], moves[kept], rms[kept], strict=True):
         words = brief(motion_words(part, xi, T))
@@ -72,6 +74,6 @@ def _enlarged(moves: float, diagonal: float) -> int:
     """1, 2, 5, 10, 20 ...: so that three standard deviations can be seen."""
     if moves <= 0:
         return 1
-    wanted = _SHOWN * diagonal / (LEVELS[-1] * moves)
+    wanted = _SHOWN * diagonal / (_LEVELS[-1] * moves)
     steps = [m * 10**e for e in range(7) for m in (1, 2, 5)]
     return max((s for s in steps if s <= wanted), default=1)

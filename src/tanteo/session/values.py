@@ -1,4 +1,4 @@
-"""What passes between a session and who senses: questions, what came of them, how readings are made of it."""
+"""What passes between a session and who senses beside questions: what came of them, how readings are made of it."""
 
 from __future__ import annotations
 
