@@ -174,13 +174,3 @@ def _cross(run: SensingRun, outwards: Vectors, farthest: float, search: Search) 
         why = f"there is known room for {1e3 * max(farthest, 0.0):.3g} mm only, and the surface does not end there"
         return replace(crossing, motion=replace(crossing.motion, status="limit", message=why))
     return crossing
-
-
-REACH = 0.05
-"""An edge is searched for so much farther than where it should be [m]."""
-
-ELSEWHERE = (0.012, -0.012, 0.024, -0.024, 0.036, -0.036)
-"""Where along the edge the search for it may begin, from where the face was scanned [m]."""
-
-ENOUGH = 0.01
-"""A search should have room, and all be seen, for so much farther than where the edge should be [m]."""

@@ -6,21 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.acquisition.crossings import (
-    ELSEWHERE,
-    ENOUGH,
-    REACH,
-    Search,
-    cross_at,
-    free_way,
-    front_of,
-    pose_over,
-    raised,
-)
+from tanteo.acquisition.crossings import Search, cross_at, free_way, front_of, pose_over, raised
 from tanteo.acquisition.run import SensingRun
 from tanteo.features import Feature
 from tanteo.motion import Crease, EdgeEvent, Motion
 from tanteo.typing import FloatArray
+
+_REACH = 0.05
+"""An edge is searched for so much farther than where it should be [m]."""
+
+_ELSEWHERE = (0.012, -0.012, 0.024, -0.024, 0.036, -0.036)
+"""Where along the edge the search for it may begin, from where the face was scanned [m]."""
+
+_ENOUGH = 0.01
+"""A search should have room, and all be seen, for so much farther than where the edge should be [m]."""
 
 _PLACES = 3
 """So many of them are tried, where the sensors are not over the face or lose it."""
@@ -55,9 +54,9 @@ def find_edge(run: SensingRun, face: Feature, along: FloatArray, wanted: FloatAr
     outwards = np.cross(along, face.T_world_feature[:3, 2])
     front = front_of(run)
     needed = max(float((wanted - front) @ outwards), 0.0)
-    reach = needed + REACH
+    reach = needed + _REACH
     last = Motion("search", "lost", "the surface is under neither frontal sensor", ())
-    search = Search(needed + ENOUGH, reach, 2 * run.hand.baseline)
+    search = Search(needed + _ENOUGH, reach, 2 * run.hand.baseline)
     for place in _places(run, face, (front, along, outwards), search):
         crossing = cross_at(run, face, place, along, outwards, search)
         if crossing.motion.reached or crossing.creases:
@@ -76,7 +75,7 @@ def _places(
     T, cloud = run.robot.sensed.T_world_hand, raised(run, face)
     # between the two sensors there may be a slot: below each of them the face was felt
     feet = [T[:3, :3] @ run.hand.origins[sensor] + T[:3, 3] for sensor in run.hand.frontal]
-    places = [front, *feet, *(front + shift * along for shift in ELSEWHERE)]
+    places = [front, *feet, *(front + shift * along for shift in _ELSEWHERE)]
     free = [free_way(run, cloud, pose_over(run, face, p, along), outwards, search.reach) for p in places]
     order = sorted(range(len(places)), key=lambda k: -min(free[k], search.least))
     return [places[k] for k in order][:_PLACES]
