@@ -86,8 +86,8 @@ def identify(
         from tanteo.paper import identify_labelled_as_published
 
         return identify_labelled_as_published(
-            measured, parts, tolerance=tolerance, significance=significance, top=top, seed=seed, start=start,
-            placed=placed,
+            measured, parts, tolerance=tolerance, significance=significance, top=top, seed=seed, placed=placed,
+            seconds=time.perf_counter() - start,
         )  # fmt: skip
     points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
     rays = as_free_rays(measured, tolerance)

@@ -21,7 +21,7 @@ def parse_document(text: str, path: Path) -> Mapping[str, Any]:
     """What the file says, by its keys.
 
     Raises:
-        InputError: none of these, or no keys and values.
+        InputError: another format, or no keys and values.
         MissingExtraError: YAML, and no package that reads it.
     """
     if is_ini(text):

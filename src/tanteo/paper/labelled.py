@@ -25,8 +25,8 @@ def identify_labelled_as_published(
     significance: float,
     top: int,
     seed: int,
-    start: float,
     placed: bool,
+    seconds: float,
 ) -> Answer:
     """Which of the parts pass the constraints and tests of 1991, by features fitted to the labels.
 
@@ -37,8 +37,8 @@ def identify_labelled_as_published(
         significance: rejection percentage of each gate (25).
         top: number of hypotheses to report.
         seed: that the answer names.
-        start: when measuring began, by ``time.perf_counter``.
         placed: whether something is known of the pose, for which the paper has no place.
+        seconds: that measuring took, which the answer tells with the time of the fits.
 
     Raises:
         InputError: what the paper has no place for: points without label, centres of round features, a known pose.
@@ -48,6 +48,7 @@ def identify_labelled_as_published(
             "as_published: expected planes, edges and vertices, got centres of round features, which the paper does not"
             " have. Leave those rows out, or as_published."
         )
+    start = time.perf_counter()
     sensed = fit_labelled(measured, tolerance)
     if placed:
         raise InputError("as_published: expected nothing known of the pose, got priors.pose. Leave it out.")
@@ -56,12 +57,12 @@ def identify_labelled_as_published(
             "as_published: expected every reading to have a feature label, got some without. The paper compares "
             "sensed features; give rows taken on one face the same label."
         )
-    elapsed = time.perf_counter() - start
+    seconds += time.perf_counter() - start
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Answer("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
     answer = identify_as_published(sensed.features, parts, significance=significance, top=top)
-    return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
+    return _with_notes(with_elapsed(answer, measure=seconds), sensed)
 
 
 def _with_notes(answer: Answer, sensed: LabelledFeatures) -> Answer:
