@@ -50,13 +50,39 @@ SURE = 0.95
 class Outcome:
     """What came of the scenes of one kind."""
 
-    seconds: list[float] = field(default_factory=list)
     cpu: list[float] = field(default_factory=list)
     kept: int = 0
     right: int = 0
     among: int = 0
     wrong: int = 0
     undecided: int = 0
+
+    def count(self, true: str, status: str, unknown: float, shares: dict[str, float]) -> str:
+        """Take in an answer by its status and probabilities; its best part."""
+        best = max(shares, key=lambda name: shares[name], default="")
+        wrong = best != true and status == "recognized"
+        self.right += best == true and status == "recognized"
+        self.among += true in shares and status != "recognized"
+        self.wrong += wrong
+        self.undecided += true not in shares and not wrong
+        self.kept += true in shares or unknown > 1 - SURE
+        return best
+
+    def rates(self) -> tuple[str, ...]:
+        """Of the scenes: the right part kept, right, among several, left open, wrong and sure."""
+        n = len(self.cpu)
+        return (
+            f"{100 * self.kept / n:.1f} %", f"{100 * self.right / n:.0f} %", f"{100 * self.among / n:.0f} %",
+            f"{100 * self.undecided / n:.1f} %", f"{100 * self.wrong / n:.1f} %",
+        )  # fmt: skip
+
+
+def shares_of(answer: tanteo.Answer) -> dict[str, float]:
+    """Probability of each part."""
+    shares: dict[str, float] = {}
+    for h in answer.hypotheses:
+        shares[h.part] = shares.get(h.part, 0.0) + h.probability
+    return shares
 
 
 def points_on(part: Part, triangles: np.ndarray, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -145,35 +171,17 @@ def run(
             row = int(rng.integers(len(catalogue)))
             part = catalogue[row]
         points = scene(part, kind, rng, sd)
-        start, begun = time.perf_counter(), time.process_time()
+        begun = time.process_time()
         answer = identify_points(points, FreeRays.none(), catalogue, top=10_000)
         if number < 0:
             continue
-        out.seconds.append(time.perf_counter() - start)
         out.cpu.append(time.process_time() - begun)
-        shares: dict[str, float] = {}
-        for h in answer.hypotheses:
-            shares[h.part] = shares.get(h.part, 0.0) + h.probability
-        best = max(shares, key=lambda name: shares[name], default="")
-        out.right += best == part.name and answer.status == "recognized"
-        out.among += part.name in shares and answer.status != "recognized"
-        wrong = best != part.name and answer.status == "recognized"
-        out.wrong += wrong
-        out.undecided += part.name not in shares and not wrong
-        out.kept += part.name in shares or answer.unknown_probability > 1 - SURE
+        shares, unknown = shares_of(answer), answer.unknown_probability
+        best = out.count(part.name, answer.status, unknown, shares)
         if say:
             laps = {name: round(value, 2) for name, value in answer.elapsed.items()}
-            own = f"{shares.get(best, 0):.3f} own {shares.get(part.name, 0):.3g}"
-            print(
-                number,
-                part.name,
-                answer.status,
-                best,
-                own,
-                f"unknown {answer.unknown_probability:.3g}",
-                laps,
-                flush=True,
-            )
+            own = f"{shares.get(best, 0):.3f} own {shares.get(part.name, 0):.3g} unknown {unknown:.3g}"
+            print(number, part.name, answer.status, best, own, laps, flush=True)
     return out
 
 
@@ -198,11 +206,9 @@ def narrow(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int, sd: f
 
 def row_of(size: int, kind: str, out: Outcome) -> tuple[str, ...]:
     """A row of the table."""
-    n = len(out.cpu)
     return (
-        f"{size:,}", KINDS[kind], str(n), f"{np.median(out.cpu):.2f}", f"{np.quantile(out.cpu, 0.9):.2f}",
-        f"{100 * out.kept / n:.1f} %", f"{100 * out.right / n:.0f} %", f"{100 * out.among / n:.0f} %",
-        f"{100 * out.undecided / n:.1f} %", f"{100 * out.wrong / n:.1f} %",
+        f"{size:,}", KINDS[kind], str(len(out.cpu)), f"{np.median(out.cpu):.2f}", f"{np.quantile(out.cpu, 0.9):.2f}",
+        *out.rates(),
     )  # fmt: skip
 
 

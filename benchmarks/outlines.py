@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from bench_catalogue import SD, SURE, points_on
+from bench_catalogue import SD, Outcome, points_on, shares_of
 from common import Table
 
 import tanteo
@@ -40,18 +40,11 @@ KINDS = {
 
 
 @dataclass
-class Outcome:
-    """What came of the scenes of one kind."""
+class Seen(Outcome):
+    """The same with what the outline told."""
 
-    cpu: list[float] = field(default_factory=list)
     alike: list[int] = field(default_factory=list)
     outline: int = 0
-    kept: int = 0
-    right: int = 0
-    among: int = 0
-    wrong: int = 0
-    undecided: int = 0
-    skipped: int = 0
 
 
 def sensed(part: tanteo.Part, T: np.ndarray, count: int, rng: np.random.Generator) -> ContactPoints:
@@ -67,7 +60,7 @@ def sensed(part: tanteo.Part, T: np.ndarray, count: int, rng: np.random.Generato
 
 
 def answered(
-    catalogue: tanteo.Catalogue, kind: str, part: tanteo.Part, rng: np.random.Generator, out: Outcome
+    catalogue: tanteo.Catalogue, kind: str, part: tanteo.Part, rng: np.random.Generator, out: Seen
 ) -> tuple[str, float, dict[str, float]] | None:
     """Status, probability of the unknown object and of each part in one scene; None where the part leaves the image."""
     shot = random_shot([prepare_vision(part)], rng)
@@ -95,44 +88,32 @@ def answered(
         whole = WholeObject(outline=outline) if kind.startswith("both") else None
         answer = identify_points(points, FreeRays.none(), catalogue, top=10_000, priors=Priors(whole=whole))
     out.cpu.append(time.process_time() - start + looked * kind.startswith("both"))
-    shares = {}
-    for h in answer.hypotheses:
-        shares[h.part] = shares.get(h.part, 0.0) + h.probability
-    return answer.status, answer.unknown_probability, shares
+    return answer.status, answer.unknown_probability, shares_of(answer)
 
 
-def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, say: bool = False) -> Outcome:
+def run(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int = 1, *, say: bool = False) -> Seen:
     """Scenes of parts that are drawn from all."""
-    out = Outcome()
+    out = Seen()
     for number in range(scenes):
         rng = np.random.default_rng((seed, number))
         part = catalogue[int(rng.integers(len(catalogue)))]
         found = answered(catalogue, kind, part, rng, out)
         if found is None:
-            out.skipped += 1
             continue
         status, unknown, shares = found
-        best = max(shares, key=lambda name: shares[name], default="")
-        wrong = best != part.name and status == "recognized"
-        out.right += best == part.name and status == "recognized"
-        out.among += part.name in shares and status != "recognized"
-        out.wrong += wrong
-        out.undecided += part.name not in shares and not wrong
-        out.kept += part.name in shares or unknown > 1 - SURE
+        best = out.count(part.name, status, unknown, shares)
         if say:
             own = f"own {shares.get(part.name, 0):.3f}, unknown {unknown:.3f}"
             print(number, part.name, status, best, own, f"{out.alike[-1]} left, {out.cpu[-1]:.1f} s", flush=True)
     return out
 
 
-def row_of(size: int, kind: str, out: Outcome) -> tuple[str, ...]:
+def row_of(size: int, kind: str, out: Seen) -> tuple[str, ...]:
     """A row of the table."""
     n = len(out.cpu)
     return (
         f"{size:,}", KINDS[kind], str(n), f"{np.median(out.cpu):.1f}", f"{np.quantile(out.cpu, 0.9):.1f}",
-        f"{np.median(out.alike):.0f}", f"{100 * out.outline / n:.0f} %", f"{100 * out.kept / n:.1f} %",
-        f"{100 * out.right / n:.0f} %", f"{100 * out.among / n:.0f} %", f"{100 * out.undecided / n:.1f} %",
-        f"{100 * out.wrong / n:.1f} %",
+        f"{np.median(out.alike):.0f}", f"{100 * out.outline / n:.0f} %", *out.rates(),
     )  # fmt: skip
 
 

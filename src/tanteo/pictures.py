@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tanteo.calibration import Calibration
 
 _SUFFIXES = (".png", ".svg", ".pdf")
-_INK, _RED, _BLUE, _GREY = "#22303c", "#b84800", "#0072b2", "#5c6873"
+_INK, _RED, _GREY = "#22303c", "#b84800", "#5c6873"
 COLORS = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")
 """Those of the live page, which colour-blind people can discriminate."""
 

@@ -1,39 +1,20 @@
-"""From readings to the answer: measure, fit what the labels say, recognise."""
+"""From readings to the answer: measure, recognise, say what is odd."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from tanteo.answers import STATED, Answer, Finding, Priors, check_question, with_elapsed
-from tanteo.errors import InputError
 from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, scale_of
 from tanteo.limits import check_length
 from tanteo.measurements import as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
-from tanteo.sensors import (
-    CENTRES,
-    PointMeasurements,
-    Readings,
-    Rig,
-    RobotPreset,
-    SensorPreset,
-    measure,
-    thinned,
-    unstated_sd,
-)
-
-if TYPE_CHECKING:
-    from tanteo.fitting import LabelledFeatures
-
-
-_NOTES = 2
-"""Notes on labels that a message has; more of them say nothing new."""
+from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
 
 _DOUBT_PRIOR = "The prior of the pose beforehand counts, too: check it, or leave it out and compare."
 
@@ -102,7 +83,12 @@ def identify(
     priors = _with_noise_factor(priors, readings, sensor, stated_sd, unstated)
     placed = priors is not None and priors.pose is not None
     if as_published:
-        return _as_published(measured, parts, tolerance, significance, top, seed, start, placed=placed)
+        from tanteo.paper import identify_labelled_as_published
+
+        return identify_labelled_as_published(
+            measured, parts, tolerance=tolerance, significance=significance, top=top, seed=seed, placed=placed,
+            seconds=time.perf_counter() - start,
+        )  # fmt: skip
     points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
     rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
@@ -168,51 +154,10 @@ def _with_noise_factor(
     return replace(priors, noise_factor=STATED["typed" if typed else "preset"])
 
 
-def _as_published(
-    measured: PointMeasurements,
-    parts: Sequence[Part],
-    tolerance: float,
-    significance: float,
-    top: int,
-    seed: int,
-    start: float,
-    *,
-    placed: bool,
-) -> Answer:
-    """The constraints and tests of the 1991 paper as printed, of features fitted to labelled readings."""
-    from tanteo.fitting import fit_labelled
-    from tanteo.paper import identify_as_published
-
-    if any(kind in CENTRES for kind in measured.kinds):
-        raise InputError(
-            "as_published: expected planes, edges and vertices, got centres of round features, which the paper does not"
-            " have. Leave those rows out, or as_published."
-        )
-    sensed = fit_labelled(measured, tolerance)
-    _require_labels_alone(unlabelled=bool(len(sensed.unlabelled)), placed=placed)
-    elapsed = time.perf_counter() - start
-    if not sensed.features:
-        reasons = _in_short(sensed.notes) or "There is no reading that met anything."
-        return Answer("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
-    answer = identify_as_published(sensed.features, parts, significance=significance, top=top)
-    return _with_notes(with_elapsed(answer, measure=elapsed), sensed)
-
-
 def _said(answer: Answer, *notes: str, placed: bool) -> Answer:
     """The answer with what its message should add."""
     doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed and "beforehand" not in answer.message else ""
     return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *notes])))
-
-
-def _require_labels_alone(*, unlabelled: bool, placed: bool) -> None:
-    """The paper compares features that were sensed, and nothing else."""
-    if placed:
-        raise InputError("as_published: expected nothing known of the pose, got priors.pose. Leave it out.")
-    if unlabelled:
-        raise InputError(
-            "as_published: expected every reading to have a feature label, got some without. The paper compares "
-            "sensed features; give rows taken on one face the same label."
-        )
 
 
 def locate(
@@ -266,35 +211,3 @@ def locate(
         bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
         seed=seed, conventions=conventions,
     )  # fmt: skip
-
-
-def _with_notes(answer: Answer, sensed: LabelledFeatures) -> Answer:
-    """Add readings thrown out of their label to the outliers, and the notes to the message."""
-    hypotheses = tuple(
-        replace(
-            h,
-            outliers=sensed.rejected + h.outliers,
-            outlier_distances=sensed.rejected_by + h.outlier_distances,
-        )
-        for h in answer.hypotheses
-    )
-    notes = [_left_out(sensed.rejected)] if sensed.rejected else []
-    message = " ".join([answer.message, *notes, _in_short(sensed.notes)]).rstrip()
-    return replace(answer, hypotheses=hypotheses, message=message)
-
-
-def _left_out(names: Sequence[str]) -> str:
-    if len(names) == 1:
-        return f"Reading {names[0]} disagrees with its label and was left out."
-    return f"Readings {', '.join(names)} disagree with their labels and were left out."
-
-
-def _in_short(notes: Sequence[str]) -> str:
-    """The first notes as sentences, and how many more there are."""
-    rest = len(notes) - _NOTES
-    more = [f"And {rest} more label{'s' * (rest > 1)} likewise."] if rest > 0 else []
-    return " ".join([*map(_sentence, notes[:_NOTES]), *more])
-
-
-def _sentence(note: str) -> str:
-    return f"{note[0].upper()}{note[1:].rstrip('.')}."

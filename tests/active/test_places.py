@@ -15,7 +15,7 @@ from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.lie import SE3
 from tanteo.parts import read_part
-from tanteo.report.scene import feature_lines
+from tanteo.report.part_drawn import feature_lines
 from tanteo.sensors import NoiseLaw
 from tanteo.session import Session
 

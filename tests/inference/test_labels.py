@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tanteo.inference.labels import Facets, elsewhere, groups_of, log_level, log_right_angled
+from tanteo.inference.labels import Facets, elsewhere, groups_of
+from tanteo.inference.one_object import log_level, log_right_angled
 from tanteo.lie import SO3
 from tanteo.measurements import ContactPoints
 

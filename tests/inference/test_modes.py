@@ -87,7 +87,7 @@ def test_poses_at_which_nothing_is_touched_count_for_none(parts, shared, scale_s
     objective = start_search(problem, target, rng).objective
     sampler = Sampler(objective, objective.maximize(T[None], fine=True), rng, 0.0)
     away = T @ SE3.exp(np.array([5.0, 0, 0, 0, 0, 0]))
-    here, there = sampler._target(np.stack([T, away]), np.zeros((2, problem.states)))[0]
+    here, there = sampler.density.at(np.stack([T, away]), np.zeros((2, problem.states)))[0]
     assert there < here - 300
     assert there < -500
 

@@ -10,17 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.acquisition.crossings import (
-    FoundEdge,
-    Search,
-    cross_at,
-    cross_beside,
-    find_edge,
-    look_over,
-    pose_over,
-    rise,
-)
+from tanteo.acquisition.crossings import Search, cross_at, look_over, pose_over, rise
 from tanteo.acquisition.edge_events import Line, against, agreeing, count_places, line_through, on_line, place_of
+from tanteo.acquisition.edge_search import FoundEdge, cross_beside, find_edge
 from tanteo.acquisition.guesses import EdgeGuess, FaceGuess
 from tanteo.acquisition.plane import HOVER, acquire_plane
 from tanteo.acquisition.record import fitted_feature, labelled_readings

@@ -70,12 +70,8 @@ def narrowest(run: SensingRun) -> float:
     return 2 * least_radius(run.hand, run.standoff, convex=False)
 
 
-def spot_of(run: SensingRun) -> float:
-    """Radius of a frontal beam on the face at the stand-off [m]."""
-    return _spot(run.hand, run.standoff)
-
-
 def _spot(hand: Hand, standoff: float) -> float:
+    """Radius of a frontal beam on the face at the stand-off [m]."""
     half_angles = error_model(hand.rig).beam_half_angle[list(hand.frontal)]
     return float(standoff * np.tan(half_angles).max())
 

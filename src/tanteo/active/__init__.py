@@ -1,7 +1,8 @@
 """Where to sense next, and when to stop: candidates, what they would tell, policies, stopping rules, plans."""
 
-from tanteo.active.candidates import Candidates, has_room, propose, within_cone
+from tanteo.active.candidates import Candidates, propose, within_cone
 from tanteo.active.cell import CellCheck, CellError, NextForCell, check_cell
+from tanteo.active.clearance import has_room
 from tanteo.active.context import Choice, DecisionContext, Policy, SharedOf
 from tanteo.active.discrimination import Discrimination, discriminate
 from tanteo.active.explanation import Added, Direction, Explanation, explain
@@ -9,7 +10,6 @@ from tanteo.active.features import Feature, features
 from tanteo.active.measures import (
     AcceptProbability,
     GateDiscrimination,
-    RangePrediction,
     accept_matrix,
     accept_probability,
     bhattacharyya,
@@ -17,13 +17,13 @@ from tanteo.active.measures import (
     information_bounds,
     kl_divergence,
     mutual_information,
-    predict_range,
 )
 from tanteo.active.places import Places, check_feature, places_of
 from tanteo.active.plans import Plan, PlannedReading, plan
 from tanteo.active.policies import POLICIES, Greedy, most_information, policy_named, register_utility
+from tanteo.active.predictions import RangePrediction, predict, predict_range
 from tanteo.active.probe import Probe, probe_of
-from tanteo.active.samples import Samples, draw, predict
+from tanteo.active.samples import Samples, draw
 from tanteo.active.shared import SharedAhead
 from tanteo.active.start import ORIGIN_SDS, Start, around, at_origin, at_pose, from_hypotheses
 from tanteo.active.state import SensingState, begin, update

@@ -9,8 +9,9 @@ import numpy as np
 from tanteo.active.candidates import Candidates, propose
 from tanteo.active.placements import Placements, Promise, placements
 from tanteo.active.places import Places, places_of
+from tanteo.active.predictions import beams
 from tanteo.active.probe import Probe
-from tanteo.active.samples import beams, even_normals
+from tanteo.active.samples import even_normals
 from tanteo.active.start import Start
 from tanteo.active.state import begin
 from tanteo.answers import observed_covariance

@@ -7,9 +7,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from tanteo.active.candidates import Candidates, propose
+from tanteo.active.predictions import predict
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone
-from tanteo.active.samples import draw, predict
+from tanteo.active.samples import draw
 from tanteo.active.start import Start
 from tanteo.active.state import SensingState, begin
 from tanteo.active.utility import about_mode

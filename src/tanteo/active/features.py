@@ -15,7 +15,8 @@ import numpy as np
 
 from tanteo.active.candidates import Candidates
 from tanteo.active.context import DecisionContext
-from tanteo.active.samples import Predictions, Samples, beams
+from tanteo.active.predictions import Predictions, beams
+from tanteo.active.samples import Samples
 from tanteo.active.state import SensingState
 from tanteo.active.utility import about_mode
 from tanteo.lie import SE3

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.constraints import chi2_limit, chi2_statistic
-from tanteo.errors import DegenerateError, InputError
-from tanteo.lie import SE3
+from tanteo.errors import InputError
 from tanteo.special import log_sum
-from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
+from tanteo.typing import Covariances, FloatArray, Vectors
 
 _REACH = 12.0
 """Half width of the integral in standard deviations; the trapezoid rule is exact to rounding over it."""
@@ -202,53 +201,3 @@ def _check(weights: FloatArray, means: FloatArray, variances: FloatArray) -> tup
     if not np.all(var > 0):
         raise InputError(f"variances: expected positive numbers, got {var.tolist()}. Add the sensor's own variance.")
     return w, mu, var
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RangePrediction:
-    """The range that a beam is expected to read.
-
-    Attributes:
-        mean: ``(*batch,)`` [m]; negative if the plane is behind.
-        variance: of the reading: pose and device together.
-        gradient: over the body error of the part's pose ``(*batch, 6)``.
-    """
-
-    mean: FloatArray
-    variance: FloatArray
-    gradient: Tangents
-
-
-def predict_range(
-    T_world_part: Transforms,
-    C: Covariances,
-    T_part_plane: Transforms,
-    origin: Vectors,
-    direction: Vectors,
-    variance: FloatArray | float,
-) -> RangePrediction:
-    """Range along a beam to a plane of the part, with the part's pose uncertain (``math.md`` section 7, end).
-
-    Args:
-        T_world_part: pose of the part ``(*batch, 4, 4)``.
-        C: its body covariance ``(*batch, 6, 6)``.
-        T_part_plane: frame of the plane, z outward ``(*batch, 4, 4)``.
-        origin: of the beam, world ``(*batch, 3)`` [m].
-        direction: unit, world ``(*batch, 3)``.
-        variance: of the device at that range [m^2].
-
-    Raises:
-        DegenerateError: if a beam is parallel to its plane.
-    """
-    T = T_world_part @ T_part_plane
-    n_world = T[..., :3, 2]
-    along = np.sum(n_world * direction, axis=-1)
-    if np.any(along == 0):
-        raise DegenerateError("range: expected a beam that meets the plane, got one parallel to it. Turn the beam.")
-    mean = np.sum(n_world * (T[..., :3, 3] - origin), axis=-1) / along
-    hit = origin + mean[..., None] * direction
-    X = SE3.apply(SE3.inverse(T_world_part), hit)
-    n = np.broadcast_to(T_part_plane[..., :3, 2], X.shape)
-    g = np.concatenate([n, np.cross(X, n)], axis=-1) / along[..., None]
-    spread = np.sum(g * (C @ g[..., None])[..., 0], axis=-1)
-    return RangePrediction(mean, spread + variance, g)

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.active.candidates import Candidates, clear_at
+from tanteo.active.candidates import Candidates
+from tanteo.active.clearance import clear_at
 from tanteo.active.probe import Probe
 from tanteo.active.rays import has_cone, rays_met
 from tanteo.active.samples import even_normals

@@ -8,16 +8,12 @@ from statistics import NormalDist
 
 import numpy as np
 
-from tanteo import _core
 from tanteo.active.places import places_of
-from tanteo.active.probe import Probe
-from tanteo.active.rays import has_cone, of_cone, rays_met
-from tanteo.active.shared import SharedAhead
 from tanteo.active.state import SensingState
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3
 from tanteo.localization import pose_information
-from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 _KEPT = 0.3
 """Share of the covariance that stays with every sample; the rest is between the samples."""
@@ -145,109 +141,3 @@ def _even(n: int) -> FloatArray:
     """Evenly spread standard normal vectors ``(n, 6)`` on one side, as they come; fewer are the first of more."""
     u = (0.5 + np.arange(1, n + 1)[:, None] * _PLASTIC ** -np.arange(1.0, 7.0)) % 1.0
     return np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Predictions:
-    """What beams would meet under every sample.
-
-    Attributes:
-        ranges: ``(C, S)`` [m]; infinite where nothing is met.
-        cosines: of the incidence ``(C, S)``; 0 where nothing is met.
-        variances: of the range from the sample's own covariance ``(C, S)`` [m^2].
-        spreads: from that of its mode ``(C, S)`` [m^2].
-        useful: from the part of that which is worth knowing ``(C, S)`` [m^2].
-        faces: index of the part's face that is met ``(C, S)``; -1 for none.
-        shares: of the rays of the beam's cone, those that are answered ``(C, S)``; 1 for a thin beam.
-        scatter: variance of the range from ray to ray beyond that on one plane ``(C, S)`` [m^2]; 0 for a thin beam.
-        shared: variance from what the pose leaves open of the errors that readings share ``(C, S)`` [m^2]; NaN where
-            only the probe says it.
-    """
-
-    ranges: FloatArray
-    cosines: FloatArray
-    variances: FloatArray
-    spreads: FloatArray
-    useful: FloatArray
-    faces: IntArray
-    shares: FloatArray
-    scatter: FloatArray
-    shared: FloatArray
-
-    @property
-    def met(self) -> BoolArray:
-        """Whether anything is met ``(C, S)``."""
-        return np.isfinite(self.ranges)
-
-
-def predict(
-    samples: Samples,
-    origins: Vectors,
-    directions: Vectors,
-    probe: Probe | None = None,
-    shared: SharedAhead | None = None,
-) -> Predictions:
-    """What beams would read, by rays on every sample; ``math.md`` section 7, end, for the variance.
-
-    The echo of a cone comes from any one of its rays: some may meet the part, and others nothing or another face.
-
-    Args:
-        samples: where the parts may be.
-        origins: of the beams, world ``(C, 3)`` [m].
-        directions: unit, world ``(C, 3)``.
-        probe: what senses, if its cone or ball is to count.
-        shared: errors that the readings share, with those told before.
-    """
-    parts = np.unique(samples.part).tolist() or [0]
-    rows = [np.flatnonzero(samples.part == k) for k in parts]
-    found = [
-        _of_part(samples, k, some, origins, directions, probe, shared) for k, some in zip(parts, rows, strict=True)
-    ]
-    if len(found) == 1:
-        return Predictions(*found[0])
-    order = np.argsort(np.concatenate(rows))
-    return Predictions(*(np.concatenate(columns, axis=1)[:, order] for columns in zip(*found, strict=True)))
-
-
-def _of_part(
-    samples: Samples,
-    k: int,
-    some: IntArray,
-    origins: Vectors,
-    directions: Vectors,
-    probe: Probe | None,
-    shared: SharedAhead | None,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """What :class:`Predictions` has, under the samples of part ``k``."""
-    target, Ts = samples.targets[k], samples.Ts[some]
-    d, cosine, face, g = beams(target, Ts, origins, directions)
-    shares, scatter = np.ones(d.shape), np.zeros(d.shape)
-    if probe is not None and has_cone(probe):
-        d, cosine, g, shares, scatter = of_cone(target, Ts, origins, directions, (d, cosine, g), probe)
-    if probe is not None:
-        d = d - probe.short(cosine)
-    rest = np.full(d.shape, np.nan)
-    if shared is not None:
-        off, g, rest = shared.moved(samples.mode[some], Ts, g)
-        d = d + off
-    forms = np.stack([A[some] for A in (samples.covariances, samples.whole, samples.useful)])
-    variances, spreads, useful = _core.spreads(np.ascontiguousarray(g), forms)
-    return d, cosine, variances, spreads, useful, face, shares, scatter, rest
-
-
-def beams(
-    target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors
-) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
-    """What beams meet on a part at poses: range, cosine of incidence, face, and how the range moves with the pose.
-
-    Args:
-        target: the part.
-        Ts: poses ``(S, 4, 4)``.
-        origins: of the beams, world ``(C, 3)`` [m].
-        directions: unit, world ``(C, 3)``.
-
-    Returns:
-        ``(C, S)`` three times (infinite, 0 and -1 for a miss), and the derivatives ``(C, S, 6)``, 0 for a miss.
-    """
-    met = rays_met(target, Ts, origins, directions[:, None])
-    return met.distances, met.cosines, met.faces, met.derivatives

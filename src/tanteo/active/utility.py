@@ -19,8 +19,9 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.active.context import DecisionContext
+from tanteo.active.predictions import Predictions, predict
 from tanteo.active.probe import Probe
-from tanteo.active.samples import Predictions, Samples, draw, predict
+from tanteo.active.samples import Samples, draw
 from tanteo.special import entropy
 from tanteo.typing import FloatArray, IntArray
 

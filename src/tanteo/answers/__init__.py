@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tanteo.answers.seen_outline import OTHERWISE, SeenOutline
     from tanteo.answers.status import CONFIDENCE, doubt, verdict
     from tanteo.answers.whole_object import WholeObject
+    from tanteo.answers.words import percent
 
 __all__ = [
     "CONFIDENCE",
@@ -57,6 +58,7 @@ __all__ = [
     "motion_words",
     "observed_covariance",
     "part_scale",
+    "percent",
     "point_moves",
     "prior_residuals",
     "prior_rows",
@@ -86,6 +88,7 @@ __getattr__, __dir__ = lazy(
         "pose_prior": "PosePrior Table in_box log_density_within prior_residuals prior_rows",
         "priors": "STATED Priors sized",
         "whole_object": "WholeObject",
+        "words": "percent",
         "results": "Answer Finding FindingKind Hypothesis Status",
     },
 )

@@ -5,6 +5,7 @@ was found, and ``plane_angle`` the angle between two of the planes.
 """
 
 from tanteo.calibration.calibrate import calibrate
-from tanteo.calibration.result import BeamFit, Calibration, Outlier, PlaneFit, calibrated_rig, plane_angle
+from tanteo.calibration.result import BeamFit, Calibration, Outlier, PlaneFit, plane_angle
+from tanteo.calibration.rig import calibrated_rig
 
 __all__ = ["BeamFit", "Calibration", "Outlier", "PlaneFit", "calibrate", "calibrated_rig", "plane_angle"]

@@ -17,6 +17,7 @@ from tanteo.calibration.noise import law_cov, place_basis, with_noise_uncertain
 from tanteo.calibration.result import BeamFit, Calibration, PlaneFit, make_outliers, robot_tilt_cov
 from tanteo.errors import ReadingsError
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
+from tanteo.typing import FloatArray
 
 _FEWEST_STATIONS = 4
 """More parameters than three stations of a plane can never be told."""
@@ -88,25 +89,11 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
     about = (fit.law, log, 1 - fit.outlier, basis, fit.prediction.jacobian, fit.cov)
     squares = law_cov(*about)
     fit = replace(fit, cov=with_noise_uncertain(*about))
-    covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
-    told = [undetermined(cov, before) for cov, before in zip(covs, prior.covs, strict=True)]
-    status, message = status_of(log.beams, told, [is_lost(cov) for cov in covs])
+    beams = _beams(log, fit, prior, squares)
+    told = [beam.undetermined for beam in beams]
+    status, message = status_of(log.beams, told, [is_lost(beam.cov) for beam in beams])
     if disbelieved := _disbelieved(log, fit):
         status, message = "insufficient", disbelieved
-    beams = tuple(
-        BeamFit(
-            name=name,
-            T_hand_beam=fit.setup.T_hand_beams[k],
-            scale=float(fit.setup.scales[k]),
-            slant=float(fit.setup.slants[k]),
-            cov=covs[k],
-            repeats=log.repeats[k],
-            place_sds=np.sqrt(fit.law.squares[k]),
-            place_cov=squares[k],
-            undetermined=told[k],
-        )
-        for k, name in enumerate(log.beams)
-    )
     if status == "calibrated":
         message += _doubts(beams, log, fit, prior, rigged=rigged)
     return Calibration(
@@ -122,6 +109,25 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
         sds=np.sqrt(fit.variances),
         good=fit.outlier <= 0.5,
         cov=fit.cov,
+    )
+
+
+def _beams(log: PlaneLog, fit: Fit, prior: Prior, squares: FloatArray) -> tuple[BeamFit, ...]:
+    """Each beam with what is not determined of it, and the covariances of its noise law ``squares``."""
+    covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
+    return tuple(
+        BeamFit(
+            name=name,
+            T_hand_beam=fit.setup.T_hand_beams[k],
+            scale=float(fit.setup.scales[k]),
+            slant=float(fit.setup.slants[k]),
+            cov=covs[k],
+            repeats=log.repeats[k],
+            place_sds=np.sqrt(fit.law.squares[k]),
+            place_cov=squares[k],
+            undetermined=undetermined(covs[k], prior.covs[k]),
+        )
+        for k, name in enumerate(log.beams)
     )
 
 

@@ -34,24 +34,15 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     """Say which part was sensed, where it is and how sure that is."""
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
     start = time.perf_counter()
-    if known is not None and options.as_published:
-        raise MisuseError(
-            "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
-        )
-    if options.image is not None and options.as_published:
-        raise MisuseError("--as-published: expected readings alone, which is what the paper compares. Drop --image.")
+    if options.as_published:
+        _check_published(known, options.image)
     words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
     from tanteo.cli.image import outline_of, read_taken
 
     taken = read_taken(options.image, options.camera, options.marks)
-    sources = [
-        ("the readings", readings),
-        ("--rig", options.rig),
-        ("--image", options.image),
-        ("--camera", options.camera),
-    ]
-    files.check_different(("--report", options.report), inputs=sources, parts=parts)
+    sources = {"the readings": readings, "--rig": options.rig, "--image": options.image, "--camera": options.camera}
+    files.check_different(("--report", options.report), inputs=list(sources.items()), parts=parts)
     given = read_given(readings, parts, options, file)
     from tanteo.recognition import identify
 
@@ -81,6 +72,16 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     if options.report is not None:
         _report(options.report, result, given, options, known)
     leave(decided=result.status == "recognized")
+
+
+def _check_published(known: answers.PosePrior | None, image: str | None) -> None:
+    """Refuse what the paper has no place for."""
+    if known is not None:
+        raise MisuseError(
+            "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
+        )
+    if image is not None:
+        raise MisuseError("--as-published: expected readings alone, which is what the paper compares. Drop --image.")
 
 
 def _say_latency(path: str, answer: answers.Answer, given: Given, options: Options, file: FileOptions) -> None:

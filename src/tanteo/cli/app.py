@@ -104,9 +104,7 @@ def _options(owner: Any, group: str = "") -> Iterator[_Option]:
         yield _Option(parameter, words, group)
 
 
-def _command(
-    function: Callable[..., None], check: Callable[[Mapping[str, Any]], None] | None = None
-) -> Callable[..., None]:
+def _command(function: Callable[..., None], check: Callable[[Mapping[str, Any]], None] | None) -> Callable[..., None]:
     """A command as the parser wants it.
 
     Args:

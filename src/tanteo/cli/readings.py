@@ -143,7 +143,7 @@ class FileOptions:
     ] = MAX_POINTS
 
 
-def read_file(path: str, options: FileOptions, units: str | None, rig: Rig | None = None) -> tuple[Readings, bool]:
+def read_file(path: str, options: FileOptions, units: str | None, rig: Rig | None) -> tuple[Readings, bool]:
     """The readings, with warnings of what was left out or taken as something, and whether ``--units`` was for them.
 
     Raises:

@@ -28,8 +28,8 @@ else:  # the parser resolves annotations, and has to load nothing for that
 _topics = partial(args.option, rich_help_panel="Topics and frames")
 
 
-def _time(name: str, most: float = 3600.0) -> Any:
-    return partial(parse_time, name, 0.0, most)
+def _time(name: str) -> Any:
+    return partial(parse_time, name, 0.0, 3600.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

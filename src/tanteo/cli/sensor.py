@@ -167,13 +167,17 @@ def fit(
             say(f"{found.status}: {found.message}", sys.stderr)
     else:
         emit(text.calibration_lines(found, verbose=verbose, layout=layout()))
-        if write is not None and calibrated:
-            say(f"rig written: {write}")
-        if picture is not None:
-            say(f"picture drawn: {picture}")
+        _say_written(write if calibrated else None, picture)
     if write is not None and not calibrated:
         complain("warning", f"{write} was not written: this log does not make a rig.")
     leave(decided=calibrated)
+
+
+def _say_written(rig: str | None, picture: str | None) -> None:
+    if rig is not None:
+        say(f"rig written: {rig}")
+    if picture is not None:
+        say(f"picture drawn: {picture}")
 
 
 def _write(found: Calibration, rig: Rig | None, sensor: SensorPreset | None, log: str, path: str) -> None:

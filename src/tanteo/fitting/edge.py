@@ -18,11 +18,14 @@ from tanteo.fitting.estimate import (
     make_report,
     shared_terms,
 )
+from tanteo.fitting.flatness import refuse_narrow
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
-MIN_SPREAD = 4.0
-"""Least root mean square of a point's abscissa, in standard deviations of its distance from the line."""
+_SHORT = (
+    "edge: expected points spread over {least} standard deviations, got {spread}; its direction is free. Add a point "
+    "further along {along} or on the other side."
+)
 _PASSES = 100
 _SETTLED = 1e-13
 
@@ -108,7 +111,7 @@ def _finish(points: Vectors, covs: Covariances, R: FloatArray, c: Vectors) -> Es
     H = _design(local[..., 0])
     HtW = np.swapaxes(H, -1, -2) @ W
     information = np.sum(HtW @ H, axis=-3)
-    _refuse_short(np.sqrt(np.minimum(information[..., 2, 2], information[..., 3, 3]) / n), R)
+    refuse_narrow(np.sqrt(np.minimum(information[..., 2, 2], information[..., 3, 3]) / n), R, _SHORT)
     P = inverse_spd(information)
     r = local[..., 1:]
     Wr = (W @ r[..., None])[..., 0]
@@ -117,18 +120,6 @@ def _finish(points: Vectors, covs: Covariances, R: FloatArray, c: Vectors) -> Es
     freedom = 2 - np.trace(HtW @ H @ P[..., None, :, :], axis1=-2, axis2=-1)
     standardised = np.sqrt(2 * each / np.maximum(freedom, 1e-9))
     return Estimate(SE3.from_parts(R, c), P, np.sum(each, axis=-1), 2 * n - 4, r, standardised, shared_jacobian)
-
-
-def _refuse_short(spread: FloatArray, R: FloatArray) -> None:
-    """Below a few standard deviations along, chance decides the direction."""
-    if np.all(spread >= MIN_SPREAD):
-        return
-    k = int(np.argmin(spread))
-    u, s = R.reshape(-1, 3, 3)[k, :, 0], np.ravel(spread)[k]
-    raise DegenerateError(
-        f"edge: expected points spread over {MIN_SPREAD:g} standard deviations, got {s:.2g}; its direction is free. "
-        f"Add a point further along ({u[0]:.3g}, {u[1]:.3g}, {u[2]:.3g}) or on the other side."
-    )
 
 
 def fit_edge(

@@ -1,4 +1,4 @@
-"""Points that do not spread in as many directions as a round feature needs."""
+"""Points that do not spread in as many directions as a feature needs."""
 
 from __future__ import annotations
 
@@ -9,6 +9,29 @@ from tanteo.typing import FloatArray, Vectors
 
 _FLAT = 1e-6
 """Points spread less than this share of their largest spread do not spread at all."""
+
+_LEAST_SPREAD = 4.0
+"""Standard deviations of a point over which points have to spread: below, chance decides how their feature lies."""
+
+
+def refuse_narrow(spread: FloatArray, R: FloatArray, message: str) -> None:
+    """Refuse points that hardly spread beyond their noise.
+
+    Args:
+        spread: root mean square along the direction that matters, in standard deviations ``(*batch,)``.
+        R: axes of the features, x first ``(*batch, 3, 3)``.
+        message: with ``{least}`` for how far they have to spread, ``{spread}`` for how far they do and ``{along}`` for
+            the x axis.
+
+    Raises:
+        DegenerateError: with the message.
+    """
+    if np.all(spread >= _LEAST_SPREAD):
+        return
+    k = int(np.argmin(spread))
+    u, s = R.reshape(-1, 3, 3)[k, :, 0], np.ravel(spread)[k]
+    said = {"least": f"{_LEAST_SPREAD:g}", "spread": f"{s:.2g}", "along": f"({u[0]:.3g}, {u[1]:.3g}, {u[2]:.3g})"}
+    raise DegenerateError(message.format(**said))
 
 
 def spreads(points: Vectors) -> tuple[Vectors, FloatArray, FloatArray]:

@@ -23,11 +23,14 @@ from tanteo.fitting.estimate import (
     make_report,
     shared_terms,
 )
+from tanteo.fitting.flatness import refuse_narrow
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Covariances, FloatArray, Vectors
 
-MIN_SPREAD = 4.0
-"""Least root mean square of a point's distance along the plane's second direction, in standard deviations."""
+_NARROW = (
+    "plane: expected points spread over {least} standard deviations in two directions, got {spread} across {along}; "
+    "the tilt about it is free. Add a point further to its side."
+)
 _ALONG = 0.05
 """A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""
 
@@ -137,7 +140,7 @@ def _finish(points: Vectors, covs: Covariances, R: FloatArray) -> Estimate:
     n = points.shape[-2]
     h = np.stack([-np.ones_like(w), -local[..., 1], local[..., 0]], axis=-1)
     information = np.swapaxes(h, -1, -2) @ (w[..., None] * h)
-    _refuse_narrow(np.sqrt(np.minimum(information[..., 1, 1], information[..., 2, 2]) / n), R)
+    refuse_narrow(np.sqrt(np.minimum(information[..., 1, 1], information[..., 2, 2]) / n), R, _NARROW)
     P = inverse_spd(information)
     hP = h @ P
     leftover = np.maximum(1 / w - np.sum(hP * h, axis=-1), 1e-9 / w)
@@ -153,18 +156,6 @@ def _finish(points: Vectors, covs: Covariances, R: FloatArray) -> Estimate:
         z[..., None],
         z / np.sqrt(leftover),
         shared_jacobian,
-    )
-
-
-def _refuse_narrow(spread: FloatArray, R: FloatArray) -> None:
-    """Below a few standard deviations across, chance decides the tilt."""
-    if np.all(spread >= MIN_SPREAD):
-        return
-    k = int(np.argmin(spread))
-    u, s = R.reshape(-1, 3, 3)[k, :, 0], np.ravel(spread)[k]
-    raise DegenerateError(
-        f"plane: expected points spread over {MIN_SPREAD:g} standard deviations in two directions, got {s:.2g} across "
-        f"({u[0]:.3g}, {u[1]:.3g}, {u[2]:.3g}); the tilt about it is free. Add a point further to its side."
     )
 
 

@@ -14,6 +14,15 @@ from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.parts import StoredParts, as_parts
 from tanteo.typing import FloatArray, IntArray, Vectors
 
+_EQUAL = 1e-6
+"""Relative difference of area and volume up to which two parts may be one: rounding of their files."""
+
+_MANY = 1000
+"""Parts of which all diagonals are told."""
+
+_LIKE, _ALIKE = 0.08, 200
+"""Share of the diagonal up to which parts are alike; so many of them are looked at."""
+
 
 class Candidates:
     """Parts of a list or of a catalogue, alike.
@@ -81,12 +90,10 @@ class Candidates:
         """Numbers of some parts by their names."""
         return {self.name(int(row)): float(odds[row]) for row in rows}
 
-    def names_alike(self, row_like: Any, within: float) -> list[str]:
+    def names_alike(self, part: Any) -> list[str]:
         """Names of the parts of the same area and volume as this one."""
-        size = row_like.area, row_like.volume
-        same = np.isclose(self.areas, size[0], rtol=within, atol=0) & np.isclose(
-            self.volumes, size[1], rtol=within, atol=0
-        )
+        same = np.isclose(self.areas, part.area, rtol=_EQUAL, atol=0)
+        same &= np.isclose(self.volumes, part.volume, rtol=_EQUAL, atol=0)
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
     def alike(self, prepared: PreparedPart, rows: IntArray) -> list[int]:
@@ -139,14 +146,3 @@ def sizes_of(parts: Any) -> tuple[float, ...]:
     steps = np.unique(np.rint(100 * np.log(found))) / 100
     inner = np.exp(steps).clip(found.min(), found.max())
     return (float(found.min()), *inner.tolist(), float(found.max()))
-
-
-_MANY = 1000
-
-_LIKE, _ALIKE = 0.08, 200
-"""Share of the diagonal up to which parts are alike; so many of them are looked at."""
-
-
-def rows_of(mask: np.ndarray) -> IntArray:
-    """Numbers of what is true, as the core takes them."""
-    return np.flatnonzero(mask).astype(np.int32)

@@ -59,7 +59,7 @@ def after_hints(
     rng: np.random.Generator,
     alike_parts: Callable[[PreparedPart], list[PreparedPart]],
     *,
-    certain: bool = False,
+    certain: bool,
 ) -> Crowd:
     """Which of very many parts are searched in rounds.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.inference.around import outlier_log_density
-from tanteo.inference.peaks import Objective, Peaks
+from tanteo.inference.peaks import Objective
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 
 
@@ -76,8 +76,3 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64),
     )  # fmt: skip
-
-
-def belongs_at(objective: Objective, peaks: Peaks, count: int) -> FloatArray:
-    """Probability of each point to be on the part at the first maxima ``(count, n)``."""
-    return details_at(objective, peaks.Ts[:count], peaks.zs[:count]).belongs

@@ -1,7 +1,7 @@
 """What labels say of an object that is not the part: points of one label share a plane, a line or a point of it.
 
 Points that are anywhere hardly ever lie in one plane. So a label whose points do is no proof of whichever part has such
-a face; and most objects that people make have faces along three perpendicular axes, catalogue or not.
+a face.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from typing import TypeAlias
 import numpy as np
 
 from tanteo.features import label_kind
-from tanteo.lie import SO3
 from tanteo.measurements import ContactPoints, is_round
 from tanteo.sensors import CENTRES
 from tanteo.special import log_sum
@@ -21,25 +20,12 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 _FLAT = 0.5
 """Share of labelled surfaces that are flat: nothing is known of it, and it matters by a factor of two at most."""
 
-_AGAIN, _ALIKE = 0.5, 3.0
-"""Share of faces that look the same way as one before which are that one, as unknown as the last; the standard
-deviations within which they look the same way."""
-
 _COUNT = 6
 """Points of a label that count: how a made face is off is the same for all of them, so that more of them say no more of
 whether it is the part's."""
 
 _SIZES = 6
 """Sizes of faces and edges, each half of the last, that are equally likely: from the object's to a thirtieth of it."""
-
-_FREE = 8 * np.pi**2 / 24
-"""Attitudes of three perpendicular axes: those of a body, of which 24 have the same axes."""
-
-_TRIED, _STEPS = 32, 4
-"""Pairs of directions that axes are proposed from, those nearest to perpendicular, and steps to the peak."""
-
-_SAME = 0.02
-"""Attitudes closer than this are one [rad]: far less than what the axes of two objects are apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,16 +119,44 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     off = (points.points - middle) @ across.T
     if free == 2:
         off = off - _outward(points, across[0]) * points.radii[:, None]
-    m, ball = len(across), 4 / 3 * np.pi * radius**3
-    room = {1: 2 * radius, 2: np.pi * radius**2, 3: ball}[m]
-    turns = {1: 4 * np.pi if points.inward.any() else 2 * np.pi, 2: 2 * np.pi, 3: 1.0}[m]
+    m = len(across)
     lever = (points.points - middle) @ along.T
     levers = [lever[:, k, None, None] * np.eye(m) for k in range(free)]
     J = np.concatenate(
         [np.broadcast_to(np.eye(m), (len(points), m, m)), *levers, -across @ points.shared_jacobian], axis=2
     )
-    states = m * (1 + free)  # of the plane, line or point, before the shared errors
-    S = across @ points.covs @ across.T
+    log, best, C = _integral(points, across @ points.covs @ across.T, J, off, radius)
+    if not points.directed.any():
+        log += _log_together(float(np.linalg.norm(lever, axis=1).max(initial=0.0)), len(points), free, radius)
+    if free == 1:
+        direction = along[0] + best[2:4] @ across
+        direction /= np.linalg.norm(direction)
+        return log, (direction, across.T @ C[2:4, 2:4] @ across, middle, np.array(np.inf))
+    if free == 0:
+        return log, None
+    normal = across[0] - best[1:3] @ along
+    normal /= np.linalg.norm(normal)
+    if points.directed.any():
+        log += float(np.log(np.maximum(np.abs(points.directions[points.directed] @ normal), 1e-3)).sum())
+    return log, (normal, along.T @ C[1:3, 1:3] @ along, middle + best[0] * across[0], C[0, 0])
+
+
+def _integral(
+    points: ContactPoints, S: Covariances, J: FloatArray, off: FloatArray, radius: float
+) -> tuple[float, FloatArray, Covariances]:
+    """Log of the integral over a plane, line or point, over the density of outliers; its states and their covariance.
+
+    Args:
+        points: that are on it.
+        S: their covariances across it ``(n, m, m)`` [m^2].
+        J: how they move with its states, the shared errors last ``(n, m, k)``.
+        off: how far they are from the first guess of it ``(n, m)`` [m].
+        radius: of the object [m].
+    """
+    m = off.shape[1]
+    states = m * (4 - m)  # of the plane, line or point, before the shared errors
+    room = {1: 2 * radius, 2: np.pi * radius**2, 3: 4 / 3 * np.pi * radius**3}[m]
+    turns = {1: 4 * np.pi if points.inward.any() else 2 * np.pi, 2: 2 * np.pi, 3: 1.0}[m]
     W = np.linalg.inv(S)
     H = np.einsum("nai,nab,nbj->ij", J, W, J)
     H += np.diag(np.r_[np.full(m, radius**-2), np.ones(len(H) - m)])
@@ -151,20 +165,7 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     chi2 = float(np.einsum("na,nab,nb->", off, W, off) - pull @ best)
     log = -np.log(room * turns) + 0.5 * states * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - 0.5 * chi2
     log += len(points) * (np.log(room) - 0.5 * m * np.log(2 * np.pi)) - 0.5 * np.linalg.slogdet(S)[1].sum()
-    if not points.directed.any():
-        log += _log_together(float(np.linalg.norm(lever, axis=1).max(initial=0.0)), len(points), free, radius)
-    C = np.linalg.inv(H)
-    if free == 1:
-        direction = along[0] + best[2:4] @ across
-        direction /= np.linalg.norm(direction)
-        return float(log), (direction, across.T @ C[2:4, 2:4] @ across, middle, np.array(np.inf))
-    if free == 0:
-        return float(log), None
-    normal = across[0] - best[1:3] @ along
-    normal /= np.linalg.norm(normal)
-    if points.directed.any():
-        log += float(np.log(np.maximum(np.abs(points.directions[points.directed] @ normal), 1e-3)).sum())
-    return float(log), (normal, along.T @ C[1:3, 1:3] @ along, middle + best[0] * across[0], C[0, 0])
+    return float(log), best, np.linalg.inv(H)
 
 
 def _log_together(reach: float, n: int, free: int, radius: float) -> float:
@@ -189,93 +190,3 @@ def _log_together(reach: float, n: int, free: int, radius: float) -> float:
 def _outward(points: ContactPoints, normal: Vectors) -> float:
     """1 where the normal looks towards the sensor, -1 where away; 1 where nobody knows."""
     return -1.0 if float(np.sum(points.inward @ normal)) > 0 else 1.0
-
-
-def log_of_one_object(facets: Facets, share: float, radius: float) -> float:
-    """Log density of facets of one object that people made, over that of facets that know nothing of each other."""
-    return log_right_angled(facets, share) + log_level(facets, radius)
-
-
-def log_level(facets: Facets, radius: float) -> float:
-    """The same of where they are: a face that looks the same way as one before may be that one.
-
-    Args:
-        facets: pieces of planes.
-        radius: of the object [m].
-    """
-    n, total = facets.normals, 0.0
-    for k in range(1, len(facets)):
-        tilts = facets.covariances[:k] + facets.covariances[k]
-        rotated = n[:k] - n[k]
-        alike = np.sum(rotated**2, axis=1) < _ALIKE**2 * np.trace(tilts, axis1=1, axis2=2)
-        alike &= np.isfinite(facets.variances[:k] + facets.variances[k])
-        if not alike.any():
-            continue
-        way = facets.points[k] - facets.points[:k][alike]
-        off = np.sum(way * n[:k][alike], axis=1)
-        levers = np.einsum("ki,kij,kj->k", way, facets.covariances[:k][alike], way)
-        variance = facets.variances[:k][alike] + facets.variances[k] + levers
-        log = np.log(2 * radius) - 0.5 * np.log(2 * np.pi * variance) - 0.5 * off**2 / variance
-        total += float(np.logaddexp(np.log(_AGAIN) + log.max(), np.log1p(-_AGAIN)))
-    return total
-
-
-def log_right_angled(facets: Facets, share: float) -> float:
-    """The same of their directions, of which a share run along three perpendicular axes.
-
-    Args:
-        facets: pieces of planes.
-        share: of faces along the axes.
-    """
-    normals, covariances = facets.normals, facets.covariances
-    k = len(normals)
-    if k < 2:
-        return 0.0
-    none, one = k * np.log1p(-share), np.log(k * share) + (k - 1) * np.log1p(-share)
-    tangents = SO3.frame_from_axis(normals, 2)[:, :, :2]
-    S = np.swapaxes(tangents, 1, 2) @ covariances @ tangents
-    frames = _axes_of_pairs(normals)
-    log, frames = _maximized(frames, tangents, S, normals, share)
-    order, kept = np.argsort(-log, kind="stable"), list[int]()
-    for i in order:
-        turns = np.abs(np.swapaxes(frames[kept], 1, 2) @ frames[i])
-        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(_SAME)):
-            kept.append(int(i))
-    return float(log_sum([none, one, *log[kept]]))
-
-
-def _axes_of_pairs(normals: Vectors) -> FloatArray:
-    """Perpendicular axes through pairs of directions ``(F, 3, 3)``, columns; through one alone of parallel ones."""
-    a, b = np.triu_indices(len(normals), 1)
-    cosines = np.abs(np.sum(normals[a] * normals[b], axis=1))
-    some = np.argsort(cosines, kind="stable")[:_TRIED]
-    x, z = normals[a[some]], np.cross(normals[a[some]], normals[b[some]])
-    sines = np.linalg.norm(z, axis=1, keepdims=True)
-    z = np.where(sines > 0.5, z / np.maximum(sines, 1e-12), SO3.frame_from_axis(x, 0)[..., 2])
-    return np.stack([x, np.cross(z, x), z], axis=-1)
-
-
-def _maximized(
-    frames: FloatArray, tangents: FloatArray, S: Covariances, normals: Vectors, share: float
-) -> tuple[FloatArray, FloatArray]:
-    """Axes at their peaks and the log of the integral about each, over the density of any directions."""
-    W, log_det = np.linalg.inv(S), np.linalg.slogdet(S)[1]
-    log = np.zeros(len(frames))
-    for step in range(_STEPS):
-        along = np.einsum("fia,ki->fka", frames, normals)
-        nearest = np.argmax(np.abs(along), axis=2)
-        sign = np.sign(np.take_along_axis(along, nearest[..., None], 2))
-        a = np.take_along_axis(np.swapaxes(frames, 1, 2), nearest[..., None], 1) * sign
-        r = np.einsum("kib,fki->fkb", tangents, a)
-        pulls = np.einsum("kab,fkb->fka", W, r)
-        q = np.einsum("fka,fka->fk", r, pulls)
-        on = np.log(share * 4 * np.pi / 6) - np.log(2 * np.pi) - 0.5 * log_det - 0.5 * q
-        total = np.logaddexp(np.log1p(-share), on)
-        weight = np.exp(on - total)
-        J = -np.swapaxes(tangents, 1, 2) @ SO3.hat(a)  # the axis moves by phi x a
-        H = np.einsum("fk,fkai,kab,fkbj->fij", weight, J, W, J) + 2 * np.pi / _FREE ** (2 / 3) * np.eye(3)
-        log = total.sum(axis=1) + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - np.log(_FREE)
-        if step < _STEPS - 1:
-            g = np.einsum("fk,fkai,fka->fi", weight, J, pulls)
-            frames = SO3.exp(-np.linalg.solve(H, g[..., None])[..., 0]) @ frames
-    return log, frames

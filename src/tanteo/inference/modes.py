@@ -161,7 +161,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     curved = from_centre(objective, objective.of_pose(peaks.information[best]))
     xi, w, rest = SE3.log(SE3.inverse(T_peak) @ Ts), w[keep], region.rest[keep]
     mean = np.zeros(6)
-    if len(rows) == 1 or not sampler.is_possible(T_peak):
+    if len(rows) == 1 or not sampler.density.is_possible(T_peak):
         mean = rest @ xi / region.mass
         T = T_peak @ SE3.exp(mean)
         xi = SE3.log(SE3.inverse(T) @ Ts)

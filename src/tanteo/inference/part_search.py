@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.inference.details import belongs_at
+from tanteo.inference.details import details_at
 from tanteo.inference.hole_tuples import from_centres
 from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.plane_votes import plane_poses
@@ -181,7 +181,8 @@ class PartSearch:
         others = self.objective.problem.around.others
         if not len(others) or not len(self.peaks):
             return np.zeros(len(others), dtype=bool)
-        return np.asarray(belongs_at(self.objective, self.peaks, 1)[0, others] > 0.5)
+        best = details_at(self.objective, self.peaks.Ts[:1], self.peaks.zs[:1])
+        return np.asarray(best.belongs[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
         """Whether the best maximum has nine of ten points on the part, with noise as it is known, or there are none."""

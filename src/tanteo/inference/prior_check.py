@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.answers import Hypothesis, Priors, in_box, part_scale, prior_rows
 from tanteo.inference.around import without_pose
 from tanteo.inference.fit_at_mode import GoodnessOfFit, goodness_of_fit
@@ -99,8 +100,6 @@ def _share(posterior: Posterior) -> float:
     peak = alone.maximize(mode.T_peak[None], fine=True)
     L = np.linalg.cholesky(np.linalg.inv(alone.of_pose(peak.information[0])))
     prior_samples = np.random.default_rng(1991).normal(size=(256, 6)) @ L.T
-    from tanteo import _core
-
     Ts = _core.place(np.repeat(peak.Ts[:1], len(prior_samples), axis=0), prior_samples, alone.prepared.shape.centre)
     return float(np.mean(in_box(pose, alone.prepared.part, Ts)))
 
@@ -110,13 +109,6 @@ def _alone(mode: Mode, priors: Priors) -> Objective:
     problem = mode.objective.problem
     problem = replace(problem, priors=without_pose(problem.points, priors), mixtures={})
     return replace(mode.objective, problem=problem, core=problem.compiled(mode.prepared))
-
-
-def without_prior(mode: Mode, priors: Priors) -> Mode:
-    """The mode at the maximum that it has if nothing is known of the pose."""
-    alone = _alone(mode, priors)
-    peak = alone.maximize(mode.T_peak[None], mode.z[None], fine=True)
-    return replace(mode, objective=alone, T_peak=peak.Ts[0], z=peak.zs[0])
 
 
 def p_of_prior(mode: Mode, priors: Priors) -> float:
@@ -144,8 +136,6 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
         zs[-1] = apart.zs[0, -1]  # the noise that the measurements have by themselves: a wrong prior is no noise
 
     def off(Ts: Transforms, zs: FloatArray) -> FloatArray:
-        from tanteo import _core
-
         rows = prior_rows(priors.pose, part, Ts)[0]
         logs = _core.log_densities(mode.prepared.shape, alone.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
         return np.asarray(np.sum(rows**2, axis=1) + 2 * (best - logs))

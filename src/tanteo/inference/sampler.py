@@ -12,16 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
-from tanteo.answers import in_box
 from tanteo.inference.box_cut import cut_by_box
 from tanteo.inference.compared import Compared
+from tanteo.inference.density import Density
+from tanteo.inference.mixture import FREEDOM, Mixture
 from tanteo.inference.peaks import Objective, Peaks
-from tanteo.inference.symmetry import is_held, log_gauge
 from tanteo.inference.widths import narrowed, roots
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
-
-FREEDOM = 4.0
-"""Degrees of freedom of the Student-t components: tails heavy enough for weights to stay bounded."""
 
 _WIDER = 1.3
 """Times the inverse information that a component has at first."""
@@ -44,9 +41,6 @@ something about the other."""
 
 _WORTH = 32
 """Samples from which the widths of a component are fitted."""
-
-_AWAY = 1e3
-"""Diagonals of the part at which it is out of reach of all points."""
 
 _STRANGE, _LOOKED_AT = 0.1, 4
 """Share of all weights at which a new maximization starts from a sample; so many of them at a time."""
@@ -71,6 +65,7 @@ class Sampler:
     log_constant: float
     along: Peaks | None = None
     trusted: bool = False
+    density: Density = field(init=False)
     Ts: Transforms = field(init=False)
     zs: FloatArray = field(init=False)
     log_target: FloatArray = field(init=False)
@@ -79,12 +74,10 @@ class Sampler:
     shares: FloatArray = field(init=False)
     means: FloatArray = field(init=False)
     covariances: Covariances = field(init=False)
-    _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
+    _mixture: Mixture = field(init=False)
     _slopes: FloatArray = field(init=False)
     local: BoolArray = field(init=False)
     _fitted: BoolArray = field(init=False)
-    _images: Transforms = field(init=False)
-    _untouched: float = field(init=False)
 
     def __post_init__(self) -> None:
         D, peaks = self.objective.problem.states, self.peaks
@@ -92,15 +85,10 @@ class Sampler:
         self.log_target, self.log_weights, self.log_density = np.zeros(0), np.zeros(0), np.zeros(0)
         self.shares = np.zeros((0, len(peaks)))
         self.means, self.covariances, self._slopes, cut = self._about(peaks)
-        turns = self.objective.prepared.part.symmetry.Ts
-        self._images = turns[1:] if len(turns) > 1 else np.zeros((0, 4, 4))
+        prepared = self.objective.prepared
+        self._mixture = Mixture(prepared.part.symmetry.Ts[1:], prepared.shape.centre)
         self._fitted, self.local = cut | self.trusted, np.zeros(len(peaks), dtype=bool)
-        far = np.eye(4)
-        far[:3, 3] = peaks.Ts[0, :3, 3] + _AWAY * self.objective.prepared.part.diagonal
-        shape, core = self.objective.prepared.shape, self.objective.core
-        self._untouched = -np.inf
-        if len(self.objective.problem.points):
-            self._untouched = float(_core.marginals(shape, core, far[None], np.zeros((1, D)))[0][0])
+        self.density = Density.about(self.objective, peaks.Ts[0], self.log_constant)
 
     def _about(self, peaks: Peaks) -> tuple[FloatArray, Covariances, FloatArray, BoolArray]:
         """First components: means ``(m, 6)``, scales ``(m, 6, 6)``, how the other states follow the pose ``(m, D, 6)``.
@@ -127,10 +115,7 @@ class Sampler:
 
     def counts(self) -> IntArray:
         """Samples drawn so far of each component ``(m,)``."""
-        counts = np.zeros(len(self.peaks), dtype=np.int64)
-        for owner, _, _, count in self._components:
-            counts[owner] += count
-        return counts
+        return self._mixture.counts(len(self.peaks))
 
     def spread(self, along: Peaks, count: int) -> None:
         """Components about poses that are no maxima, and so many samples of each: along a bent ridge of them."""
@@ -155,24 +140,16 @@ class Sampler:
         owners = np.repeat(on, counts[on])
         L = roots(self.covariances[on])
         for k in on:
-            self._count(int(k), int(counts[k]))
+            self._mixture.add(int(k), self.means[k], self.covariances[k], int(counts[k]))
         n = len(owners)
         z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(FREEDOM, size=(n, 1)) / FREEDOM)
         x = self.means[owners] + np.einsum("nij,nj->ni", L[np.repeat(np.arange(len(on)), counts[on])], z)
         Ts = self._placed(owners, x)
-        log, zs = self._target(Ts, self._followed(owners, x))
+        log, zs = self.density.at(Ts, self._followed(owners, x))
         log[np.linalg.norm(x[:, 3:], axis=1) >= np.pi] = -np.inf
         self.Ts, self.zs = np.concatenate([self.Ts, Ts]), np.concatenate([self.zs, zs])
         self.log_target = np.concatenate([self.log_target, log])
         self._weigh()
-
-    def _count(self, k: int, count: int) -> None:
-        """Remember what is drawn of a component: more of the same is one of larger weight."""
-        for row, (owner, mean, covariance, drawn) in enumerate(self._components):
-            if owner == k and np.array_equal(mean, self.means[k]) and np.array_equal(covariance, self.covariances[k]):
-                self._components[row] = k, mean, covariance, drawn + count
-                return
-        self._components.append((k, self.means[k].copy(), self.covariances[k].copy(), count))
 
     def _fit_widths(self, which: IntArray) -> None:
         """Narrow first components where the density falls faster than its curvature says."""
@@ -182,7 +159,7 @@ class Sampler:
 
         def log_at(x: FloatArray) -> tuple[FloatArray, FloatArray]:
             owners, x = np.repeat(which, x.shape[1]), np.ascontiguousarray(x.reshape(-1, 6))
-            return self._target(self._placed(owners, x), self._followed(owners, x))
+            return self.density.at(self._placed(owners, x), self._followed(owners, x))
 
         size = np.r_[np.ones(3), np.full(3, 4 / self.objective.prepared.part.diagonal)]  # turns as shifts of the rim
         self.covariances[which] = narrowed(self.covariances[which], size, log_at)
@@ -195,43 +172,8 @@ class Sampler:
         """The other states as they follow the pose on such motions ``(N, D)``."""
         return np.asarray(self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
 
-    def _target(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Log of prior times likelihood over shifts and turns, and the other states there."""
-        objective = self.objective
-        log, zs = _core.marginals(objective.prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
-        log = self._touched(log) + self.log_constant
-        if is_held(objective.prepared, named=objective.named):
-            log += log_gauge(objective.prepared, Ts, self.peaks.Ts[0])
-        pose = objective.problem.priors.pose
-        if pose is not None and pose.box is not None:
-            log[~in_box(pose, objective.prepared.part, Ts)] = -np.inf
-        return log, zs
-
-    def _touched(self, log: FloatArray) -> FloatArray:
-        """Log densities without that no point is of the part, which is as dense wherever the part may be."""
-        return np.asarray(log + np.log(np.maximum(-np.expm1(np.minimum(self._untouched - log, 0.0)), 1e-300)))
-
-    def is_possible(self, T: Transforms) -> bool:
-        """Whether a pose ``(4, 4)`` is in the box, if there is one."""
-        pose = self.objective.problem.priors.pose
-        return pose is None or pose.box is None or bool(in_box(pose, self.objective.prepared.part, T[None])[0])
-
     def _weigh(self) -> None:
-        components = sorted(self._components, key=lambda c: c[0])
-        owners = np.array([c[0] for c in components], dtype=np.int32)
-        means, counts = np.array([c[1] for c in components]), np.array([float(c[3]) for c in components])
-        L = roots(np.array([c[2] for c in components]))
-        inverse = np.ascontiguousarray(np.linalg.inv(L))
-        log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
-        centre, bases = self.objective.prepared.shape.centre, np.ascontiguousarray(self.peaks.Ts)
-        args = bases, owners, means, inverse, log_w, FREEDOM, centre
-        log_q, self.shares = _core.mixture(self.Ts, *args)
-        for turn in self._images:  # symmetric poses are one: each may have been drawn as any of them
-            other, shares = _core.mixture(np.ascontiguousarray(self.Ts @ turn), *args)
-            both = np.logaddexp(log_q, other)
-            with np.errstate(invalid="ignore"):
-                a, b = np.exp(log_q - both), np.exp(other - both)
-            self.shares, log_q = np.nan_to_num(a)[:, None] * self.shares + np.nan_to_num(b)[:, None] * shares, both
+        log_q, self.shares = self._mixture.log_density(self.peaks.Ts, self.Ts)
         ok = np.isfinite(self.log_target) & np.isfinite(log_q)
         self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
         self.log_density = np.where(np.isfinite(log_q), log_q, np.inf)
@@ -298,7 +240,7 @@ class Sampler:
     def _squared_gaps(self, k: int, information: FloatArray) -> FloatArray:
         """Squared lengths of the motions from a maximum to the samples, or to the nearest of their images ``(N,)``."""
         centre, out = self.objective.prepared.shape.centre, np.full(len(self.Ts), np.inf)
-        for turn in [np.eye(4), *self._images]:
+        for turn in [np.eye(4), *self._mixture.images]:
             x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts @ turn), centre)
             out = np.minimum(out, np.sum((x @ information) * x, axis=1))
         return out

@@ -73,10 +73,10 @@ def race(
     parts: Sequence[PreparedPart],
     log_unknown: float,
     rng: np.random.Generator,
-    hints: Sequence[Transforms | None] = (),
+    hints: Sequence[Transforms | None],
     *,
-    certain: bool = False,
-    left_out: LeftOut | None = None,
+    certain: bool,
+    left_out: LeftOut | None,
 ) -> tuple[list[PartSearch], float]:
     """Search all parts, each as long as it may matter.
 
@@ -108,8 +108,16 @@ def race(
         _try_on_others(live)
     live = _still_in(live, log_unknown, _BEHIND[1])
     points = problem.points
-    fixed = points.held >= _FIXED or int(points.oriented.sum()) >= _ORIENTED
-    while live and fixed:
+    if points.held >= _FIXED or int(points.oriented.sum()) >= _ORIENTED:
+        _in_rounds(searches, live, log_unknown)
+    searches += others
+    top = max([log_unknown if left_out.untried else -np.inf, *(s.log_evidence for s in searches)])
+    return searches, float(log_sum([dropped, left_out.log_evidence(top, tail)]))
+
+
+def _in_rounds(searches: Sequence[PartSearch], live: list[PartSearch], log_unknown: float) -> None:
+    """More restarts of those that are still in, while what they may have missed matters."""
+    while live:
         total = float(log_sum([s.log_evidence for s in searches]))
         best = max(live, key=lambda s: s.log_evidence)
         share = max(_LEAST_ROUNDS, _TOGETHER // len(live))
@@ -124,9 +132,6 @@ def race(
         if not left:
             break
         live = [s for s in live if s.log_evidence > max(log_unknown, best.log_evidence) - _BEHIND[1]]
-    searches += others
-    top = max([log_unknown if left_out.untried else -np.inf, *(s.log_evidence for s in searches)])
-    return searches, float(log_sum([dropped, left_out.log_evidence(top, tail)]))
 
 
 def _after_a_glance(searches: Sequence[PartSearch], effort: Effort) -> list[PartSearch]:

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from tanteo.answers import Priors
-from tanteo.inference.labels import log_of_one_object
+from tanteo.inference.one_object import log_of_one_object
 from tanteo.inference.problem import Problem
 from tanteo.inference.unknown_place import log_place_of_unknown
 from tanteo.special import log_sum

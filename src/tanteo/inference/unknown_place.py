@@ -10,7 +10,7 @@ from tanteo.typing import FloatArray, Vectors
 
 
 def log_place_of_unknown(
-    prior: PosePrior | None, centroid: Vectors, middle: Vectors, radius: float, sd: float | None = None
+    prior: PosePrior | None, centroid: Vectors, middle: Vectors, radius: float, sd: float
 ) -> float:
     """Log of how much more probable the prior makes an unknown object where it was sensed than it is anywhere.
 
@@ -22,9 +22,9 @@ def log_place_of_unknown(
         centroid: of the parts, in their frames ``(3,)`` [m].
         middle: of the readings, in the world ``(3,)`` [m].
         radius: of the workspace [m].
-        sd: how far its middle may be from theirs, along each axis [m]; ``radius`` if not given.
+        sd: how far its middle may be from theirs, along each axis [m].
     """
-    log, sd = 0.0, radius if sd is None else sd
+    log = 0.0
     if prior is not None and prior.box is not None:
         low, high = (prior.box - middle) / sd
         log += float((log_between(low, high) + np.log(2 * radius / (prior.box[1] - prior.box[0]))).sum())

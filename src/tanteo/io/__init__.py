@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
+    from tanteo.io.brands import BRANDS, Brand, brand
     from tanteo.io.camera_file import read_camera
     from tanteo.io.images import read_image, write_image
     from tanteo.io.marks_csv import read_marks
     from tanteo.io.part_files import part_file, parts_of
     from tanteo.io.pose_syntax import brand_word, parse_pose
     from tanteo.io.pose_text import POSE_NAMES, WrittenPose, check_pose_name, write_pose
-    from tanteo.io.poses import BRANDS, Brand, brand, pose_as_brand, pose_from_brand
+    from tanteo.io.poses import pose_as_brand, pose_from_brand
     from tanteo.io.prior_file import prior_brand, read_prior
     from tanteo.io.prior_text import parse_box, parse_pose_prior, parse_table, read_furniture
     from tanteo.io.readings_csv import write_readings
@@ -38,7 +39,8 @@ if TYPE_CHECKING:
         sight_json,
     )
     from tanteo.io.rig_checks import suspect_metres
-    from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, write_rig
+    from tanteo.io.rig_file import read_rig, shipped_rigs
+    from tanteo.io.rig_writing import rig_text, write_rig
     from tanteo.io.ros_answers import (
         DIAGNOSTICS,
         MARKERS,
@@ -66,20 +68,13 @@ if TYPE_CHECKING:
     )
     from tanteo.io.ros_readings import placing, readings_of_messages
     from tanteo.io.scene_file import SceneFile, read_scene
+    from tanteo.io.sensor_json import calibration_document, rig_document
     from tanteo.io.session_record import load_record, read_record, resumed, session_document, write_record
     from tanteo.io.stated import Direction, Stated, as_pose, parse_direction
     from tanteo.io.units import parse_angle, parse_length, parse_lengths
     from tanteo.io.whole_text import parse_density, parse_mass, parse_size
     from tanteo.io.work_frames import WorkFrame, WrittenFrame, parse_work_frame, write_work_frame
-    from tanteo.io.work_json import (
-        calibration_document,
-        distinction_json,
-        part_json,
-        plan_csv,
-        plan_json,
-        rig_document,
-        sensed_json,
-    )
+    from tanteo.io.work_json import distinction_json, part_json, plan_csv, plan_json, sensed_json
 
 __all__ = [
     "BRANDS",
@@ -186,7 +181,8 @@ __getattr__, __dir__ = lazy(
         "marks_csv": "read_marks",
         "part_files": "part_file parts_of",
         "pose_text": "POSE_NAMES WrittenPose check_pose_name write_pose",
-        "poses": "BRANDS Brand brand pose_as_brand pose_from_brand",
+        "poses": "pose_as_brand pose_from_brand",
+        "brands": "BRANDS Brand brand",
         "prior_file": "prior_brand read_prior",
         "prior_text": "parse_box parse_pose_prior parse_table read_furniture",
         "whole_text": "parse_density parse_mass parse_size",
@@ -201,12 +197,14 @@ __getattr__, __dir__ = lazy(
         "pose_message ros_header transform",
         "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row says_something wanted_topics",
         "ros_readings": "placing readings_of_messages",
-        "rig_file": "read_rig rig_text shipped_rigs write_rig",
+        "rig_file": "read_rig shipped_rigs",
+        "rig_writing": "rig_text write_rig",
         "scene_file": "SceneFile read_scene",
         "record_tables": "SessionRecord",
         "session_record": "load_record read_record resumed session_document write_record",
         "units": "parse_angle parse_length parse_lengths",
         "work_frames": "WorkFrame WrittenFrame parse_work_frame write_work_frame",
-        "work_json": "calibration_document distinction_json part_json plan_csv plan_json rig_document sensed_json",
+        "work_json": "distinction_json part_json plan_csv plan_json sensed_json",
+        "sensor_json": "calibration_document rig_document",
     },
 )

@@ -8,15 +8,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated, Any
 
-import msgspec
 import numpy as np
 
-from tanteo.errors import InputError, MissingExtraError
+from tanteo.errors import InputError
 from tanteo.io.camera_keys import INVERSES, POSES, WRITE_IT, check_place, distortion, flat, near, plain
-from tanteo.io.camera_layouts import is_ini, one_layout, read_ini, read_xml, region
+from tanteo.io.camera_layouts import one_layout, region
+from tanteo.io.camera_text import parse_document
 from tanteo.io.document import made, table
 from tanteo.io.schema import Numbers, Place, Table, keys_of
 from tanteo.lie import SE3
@@ -32,8 +31,6 @@ _MOST_SKEW = 1.0
 _MOST_BYTES = 2_000_000
 """Of a calibration file, with all points of all its images; YAML takes seconds for so many."""
 
-_ALIAS, _MOST_ALIASES = re.compile(r"(?:^|[\s\[,:])\*\w", re.MULTILINE), 20
-"""References of YAML, and how many there may be: references to references grow without end."""
 _EDGE, _MATRIX = "edge_sd_px", ("cameraMatrix", "mtx", "K", "k", "M1", "intrinsic_matrix", "camera_intrinsic")
 _OF_RECTIFIED = ("projection_matrix", "rectification_matrix")
 
@@ -179,7 +176,7 @@ def read_camera(path: str | Path, *, rectified: bool = False, shape: tuple[int, 
     """
     path = Path(path)
     try:
-        parsed = _parse(read_whole(path, "a calibration file", _MOST_BYTES).decode(), path)
+        parsed = parse_document(read_whole(path, "a calibration file", _MOST_BYTES).decode(), path)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: expected a calibration file, got: {error}. Save it as UTF-8.") from None
     except RecursionError:
@@ -212,50 +209,3 @@ def _check_keys(document: Mapping[str, Any], path: Path) -> None:
         kind = f"{name} {value}".lower() if "model" in name.lower() else ""
         if _FISHEYE.search(kind) and value not in (0, False, None):
             raise InputError(f"{path}, {name}: expected a pinhole lens, got the fisheye model {value!r}. {_RECTIFY}")
-
-
-def _parse(text: str, path: Path) -> Mapping[str, Any]:
-    if is_ini(text):
-        return read_ini(text, path)
-    if text.lstrip("\ufeff \t\r\n").startswith("<"):
-        return read_xml(text, path)
-    if text.lstrip().startswith("{"):
-        try:
-            document = msgspec.json.decode(text)
-        except msgspec.DecodeError as error:
-            raise InputError(f"{path}: expected JSON, got: {error}. Correct the file.") from None
-    else:
-        yaml = _yaml()
-        if len(_ALIAS.findall(text)) > _MOST_ALIASES:
-            raise InputError(
-                f"{path}: expected YAML, got more than {_MOST_ALIASES} references (*name). Write them out."
-            )
-        # OpenCV writes a directive that YAML does not know
-        lines = [line for line in text.splitlines() if not line.startswith(("%YAML", "---"))]
-        try:
-            document = yaml.load("\n".join(lines), Loader=_loader(yaml))
-        except yaml.YAMLError as error:
-            raise InputError(f"{path}: expected YAML, got: {' '.join(str(error).split())}. Correct the file.") from None
-    if not isinstance(document, Mapping):
-        raise InputError(f"{path}: expected keys and values, got other text. Give a calibration file of OpenCV or ROS.")
-    return document
-
-
-def _yaml() -> ModuleType:
-    try:
-        import yaml
-    except ImportError as error:
-        raise MissingExtraError(
-            f"camera: expected PyYAML to read YAML, got {error}. Run pip install 'tanteo[vision]', or give JSON."
-        ) from error
-    return yaml
-
-
-def _loader(yaml: Any) -> Any:
-    """The safe loader, taking OpenCV's matrices for the mappings that they are."""
-
-    class Loader(yaml.SafeLoader):  # type: ignore[misc]
-        pass
-
-    Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", lambda loader, node: loader.construct_mapping(node, True))
-    return Loader

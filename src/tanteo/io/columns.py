@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
+from tanteo.io.brands import BRANDS
 from tanteo.io.hand_columns import ANGLES as HAND_ANGLES
 from tanteo.io.hand_columns import PLACE, WAYS, as_hand, way_of
 from tanteo.io.hand_columns import PLAIN as HAND_PLAIN
 from tanteo.io.headers import advice, canonical, is_beside, with_id, with_unit
-from tanteo.io.poses import BRANDS
 from tanteo.io.schema import show
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 

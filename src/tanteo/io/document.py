@@ -20,19 +20,9 @@ import numpy as np
 from msgspec import NODEFAULT, Meta
 
 from tanteo.errors import InputError, UnitError, did_you_mean
-from tanteo.io.schema import (
-    Numbers,
-    Place,
-    Table,
-    fields_of,
-    is_table,
-    keys_of,
-    numbers_of,
-    show,
-    unwrapped,
-)
+from tanteo.io.schema import Numbers, Place, Table, fields_of, is_table, keys_of, numbers_of, show, unwrapped
 from tanteo.typing import FloatArray
-from tanteo.whole import RECORD, read_whole
+from tanteo.whole import read_whole
 
 T = TypeVar("T")
 
@@ -57,33 +47,6 @@ def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> 
         raise InputError(f"{path}: expected TOML, got: {error}. Correct the file.") from None
     except RecursionError:
         raise InputError(f"{path}: expected a {what}, got tables in tables without end. Correct the file.") from None
-
-
-def load_json(path: Path, what: str, kind: type[T], schema: str, advice: str, content: bytes | None = None) -> T:
-    """The document of a JSON file of a schema.
-
-    Args:
-        path: the file.
-        what: it is the document of.
-        kind: class of the document.
-        schema: that it has to name.
-        advice: what to do about a wrong table.
-        content: the JSON, where the file holds it among other things.
-
-    Raises:
-        InputError: It cannot be read, is not the JSON of this schema, or says something else than its class.
-    """
-    try:
-        whole = read_whole(path, "a record", RECORD) if content is None else content
-        raw = msgspec.json.decode(whole.decode("utf-8-sig"))
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(
-            f"{path}: expected the JSON of a whole {what}, got: {show(str(error))}. If the file is cut, take a copy."
-        ) from None
-    got = raw.get("schema", "none") if isinstance(raw, dict) else schema
-    if got != schema:
-        raise InputError(f"{path}, schema: expected {schema}, got {show(got)}. Give the record of a {what}.")
-    return table(kind, raw, Place(str(path), advice))
 
 
 def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = types.MappingProxyType({})) -> T:
@@ -183,7 +146,7 @@ def _wanted(name: str, hint: Any) -> str:
     return f"{key} ({numbers.shapes[0][0]} numbers)" if numbers is not None and numbers.shapes[0] else key
 
 
-def _words(hint: Any, meta: Meta | None, name: str = "") -> str:
+def _words(hint: Any, meta: Meta | None, name: str) -> str:
     """What is expected of a value."""
     if meta is not None and meta.description:
         return meta.description

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.io.poses import BRANDS, pose_of
+from tanteo.io.brands import BRANDS
+from tanteo.io.poses import pose_of
 from tanteo.lie import SE3, SO3
 from tanteo.typing import FloatArray, Transforms
 

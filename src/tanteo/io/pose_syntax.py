@@ -8,7 +8,8 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.io.assembling import LARGEST
-from tanteo.io.poses import BRANDS, Brand, brand, pose_from_brand
+from tanteo.io.brands import BRANDS, Brand, brand
+from tanteo.io.poses import pose_from_brand
 from tanteo.io.units import parse_lengths_angles
 from tanteo.typing import FloatArray, Transforms
 

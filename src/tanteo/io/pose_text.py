@@ -15,7 +15,8 @@ import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
 from tanteo.frames import UncertainFrame, as_gtsam_covariance, as_ros_covariance
-from tanteo.io.poses import BRANDS, Brand, pose_as_brand, pose_from_brand
+from tanteo.io.brands import BRANDS, Brand
+from tanteo.io.poses import pose_as_brand, pose_from_brand
 from tanteo.lie import SO3
 
 if TYPE_CHECKING:

@@ -1,119 +1,17 @@
-"""Poses as robot brands and ROS write them. Inside tanteo a pose is a matrix in metres; these are the border.
-
-Each convention is a row of :data:`BRANDS`. ``verified`` says whether the brand's own or an integrator's
-documentation was read; the others are from memory and must be confirmed on the controller before use.
-"""
+"""Poses as robot brands and ROS write them. Inside tanteo a pose is a matrix in metres; these are the border."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Literal
-
 import numpy as np
 
-from tanteo.errors import InputError, did_you_mean
+from tanteo.errors import InputError
 from tanteo.frames import check_transforms
-from tanteo.io.schema import show
+from tanteo.io.brands import Brand, brand
 from tanteo.lie import SE3, SO3
 from tanteo.typing import FloatArray, Rotations, Transforms
 
-Rule = Literal["euler", "rotation vector", "wxyz", "xyzw"]
-
-
-@dataclass(frozen=True, slots=True)
-class Brand:
-    """How a brand writes a pose.
-
-    Attributes:
-        name: Name for look-up.
-        fields: The fields in their order, position first.
-        metre: Metres per unit of position.
-        rule: What the fields after the position are.
-        axes: For Euler angles: the axes of the product, left to right, so ``"zyx"`` is ``Rz Ry Rx``.
-        order: For Euler angles: which angle field belongs to each of the axes.
-        radian: Radians per unit of angle.
-        verified: The convention was read in documentation.
-        source: Where.
-        syntax: How the controller's language writes the pose, with a place for each field.
-    """
-
-    name: str
-    fields: tuple[str, ...]
-    metre: float
-    rule: Rule
-    axes: str
-    order: tuple[int, int, int]
-    radian: float
-    verified: bool
-    source: str
-    syntax: str
-
-
-_DEG = np.pi / 180
 _UNIT = 1e-3
 """How far the length of a quaternion may be off one, by rounding."""
-
-_RC = "docs.baslerweb.com rc_cube, pose_format_"
-_RDK = "RoboDK-API, robomath.py, "
-_MEMORY = "from memory: confirm"
-
-
-def _euler(
-    name: str, fields: str, axes: str, order: tuple[int, int, int], source: str, syntax: str, verified: bool = True
-) -> Brand:
-    return Brand(name, tuple(fields.split()), 1e-3, "euler", axes, order, _DEG, verified, source, syntax)
-
-
-_BACK, _FORTH = (2, 1, 0), (0, 1, 2)
-_LIST, _ROUND = "{}, {}, {}, {}, {}, {}", "({}, {}, {}, {}, {}, {})"
-_ROWS = (
-    Brand("paper", ("px", "py", "pz", "psi", "theta", "phi"), 1.0, "euler", "zyx", _BACK, 1.0, True,
-          "Montano and Sagues 1991, appendix 1", _LIST),
-    _euler("fanuc", "X Y Z W P R", "zyx", _BACK, _RC + "fanuc",
-           "X = {} mm, Y = {} mm, Z = {} mm, W = {} deg, P = {} deg, R = {} deg"),
-    _euler("kuka", "X Y Z A B C", "zyx", _FORTH, _RC + "kuka", "{{X {}, Y {}, Z {}, A {}, B {}, C {}}}"),
-    _euler("yaskawa", "X Y Z Rx Ry Rz", "zyx", _BACK, _RC + "yaskawa", "{},{},{},{},{},{}"),
-    _euler("mitsubishi", "X Y Z A B C", "zyx", _BACK, _RC + "mitsubishi", _ROUND),
-    _euler("kawasaki", "X Y Z O A T", "zyz", _FORTH, _RC + "kawasaki", "TRANS" + _ROUND),
-    _euler("staubli", "X Y Z Rx Ry Rz", "xyz", _FORTH, _RDK + "Pose_2_Staubli", "{{" + _LIST + "}}"),
-    _euler("comau", "X Y Z A E R", "zyz", _FORTH, _RDK + "Pose_2_Comau", "POS({}, {}, {}, {}, {}, {}, '')"),
-    _euler("doosan", "X Y Z A B C", "zyz", _FORTH, "visose/Robots, SystemDoosan.EulerZYZ", "posx" + _ROUND),
-    _euler("omron", "X Y Z yaw pitch roll", "zyz", _FORTH, "V+ Language User's Guide 17.0, page 168", "TRANS" + _ROUND),
-    _euler("techman", "X Y Z Rx Ry Rz", "zyx", _BACK, _RDK + "Pose_2_Techman", "{{" + _LIST + "}}"),
-    _euler("ufactory", "X Y Z Roll Pitch Yaw", "zyx", _BACK, "UFACTORY Lite 6 manual, page 95", "[" + _LIST + "]"),
-    Brand("abb", ("X", "Y", "Z", "Q1", "Q2", "Q3", "Q4"), 1e-3, "wxyz", "", _FORTH, 1.0, True, _RC + "abb",
-          "[[{}, {}, {}], [{}, {}, {}, {}]]"),
-    Brand("ur", ("x", "y", "z", "rx", "ry", "rz"), 1.0, "rotation vector", "", _FORTH, 1.0, True,
-          _RC + "ur (metres as in URScript and RTDE; PolyScope shows mm)", "p[" + _LIST + "]"),
-    Brand("ros", ("x", "y", "z", "qx", "qy", "qz", "qw"), 1.0, "xyzw", "", _FORTH, 1.0, True,
-          "geometry_msgs; REP-103", _LIST + ", {}"),
-    _euler("denso", "X Y Z RX RY RZ", "zyx", _BACK,
-           "the RC8 manual (ID 1939) has the order RZ, RY, RX, not whether axes turn along: confirm", "P" + _ROUND,
-           verified=False),
-    _euler("epson", "X Y Z U V W", "zyx", _FORTH, _MEMORY, "XY" + _ROUND, verified=False),
-    _euler("mecademic", "X Y Z alpha beta gamma", "xyz", _FORTH, _MEMORY, _ROUND, verified=False),
-)  # fmt: skip
-
-BRANDS: Mapping[str, Brand] = MappingProxyType({b.name: b for b in _ROWS})
-"""All conventions by name."""
-
-
-_ALIASES = {"staeubli": "staubli", "stäubli": "staubli", "motoman": "yaskawa", "universal": "ur"}
-
-
-def brand(name: str) -> Brand:
-    """The convention of this name.
-
-    Raises:
-        InputError: No such brand; the message lists the nearest.
-    """
-    name = _ALIASES.get(name.lower(), name.lower())
-    if name not in BRANDS:
-        hint = did_you_mean(name, BRANDS)
-        raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{show(name)}'.{hint}")
-    return BRANDS[name]
 
 
 def pose_from_brand(name: str, values: FloatArray) -> Transforms:

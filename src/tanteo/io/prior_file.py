@@ -12,8 +12,9 @@ from msgspec import Meta
 from tanteo.answers import PosePrior, Table
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import UncertainFrame, from_ros_covariance
+from tanteo.io.brands import BRANDS, Brand
 from tanteo.io.document import load_toml
-from tanteo.io.poses import BRANDS, Brand, pose_from_brand
+from tanteo.io.poses import pose_from_brand
 from tanteo.io.prior_text import check_pose_prior, spread_pose
 from tanteo.io.schema import Covariance, Direction, Length, Numbers, Point, Posed
 from tanteo.io.schema import Table as FileTable

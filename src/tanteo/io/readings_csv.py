@@ -12,6 +12,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.io import units
+from tanteo.io.cells import Sheet
 from tanteo.io.columns import DIRECTION, HAND, NORMAL, POINT, read_header
 from tanteo.io.headers import units_row
 from tanteo.io.stated import Stated
@@ -67,7 +68,7 @@ def _read_rows(
         second = next(rows, None)
         below = units_row(second, _UNITS) if second and len(second) >= len(header) else None
         columns = read_header(header, place, units=stated.units, brand=stated.brand, below=(below or ())[: len(header)])
-        table = Table(path, columns, how, 1 if below is None else 2)
+        table = Table(Sheet(path, columns, how, above=1 if below is None else 2))
         rest = rows if below is not None or second is None else chain([second], rows)
         while chunk := list(islice(rest, CHUNK)):
             table.add(chunk)

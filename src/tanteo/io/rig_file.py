@@ -1,10 +1,8 @@
-"""Rig files: where the range sensors sit on the hand (TOML, ``docs/formats.md``), read, written and as JSON."""
+"""Rig files: where the range sensors sit on the hand (TOML, ``docs/formats.md``)."""
 
 from __future__ import annotations
 
-import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -19,24 +17,11 @@ from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import check_covariance
 from tanteo.io.document import load_toml, made
 from tanteo.io.rig_checks import check_beam, check_twins
-from tanteo.io.schema import (
-    Covariance,
-    Direction,
-    Length,
-    Number,
-    Numbers,
-    Place,
-    Point,
-    Quaternion,
-    Table,
-    toml_lines,
-)
+from tanteo.io.schema import Covariance, Direction, Length, Number, Numbers, Place, Point, Quaternion, Table
 from tanteo.lie import SE3, SO3
-from tanteo.replaced import replaced
 from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
 from tanteo.typing import Covariances, FloatArray, Rotations, Transforms
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _MOST_ZONES = 4096
 _SAME = {
     "sd": "sd", "sd_per_range": "sd_prop", "beam_half_angle": "beam_half_angle", "max": "max_range",
@@ -240,28 +225,3 @@ def shipped_rigs() -> Mapping[str, str]:
     folder = resources.files("tanteo.sensors")
     files = [f for f in folder.iterdir() if f.name.endswith(".toml")]
     return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in sorted(files, key=lambda f: f.name)}
-
-
-def write_rig(rig: Rig, path: str | Path, *, comment: str = "") -> None:
-    """Write a rig file, lengths in millimetres and angles in degrees.
-
-    Args:
-        rig: What to write.
-        path: The file; replaced if it exists.
-        comment: Lines for its beginning.
-
-    Raises:
-        OSError: The file cannot be written.
-    """
-    text = rig_text(rig, comment=comment)
-    with replaced(path) as file:
-        file.write_text(text, encoding="utf-8")
-
-
-def rig_text(rig: Rig, *, comment: str = "") -> str:
-    """The text of a rig file."""
-    blocks = ["\n".join(f"# {line}".rstrip() for line in comment.splitlines())] if comment else []
-    for sensor in rig.sensors:
-        name = sensor.name if _BARE.fullmatch(sensor.name) else json.dumps(sensor.name, ensure_ascii=False)
-        blocks.append("\n".join([f"[sensors.{name}]", *toml_lines(SensorTable.of(sensor))]))
-    return "\n\n".join(blocks) + "\n"

@@ -7,20 +7,23 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from tanteo import __version__
 from tanteo.active import POLICIES, Candidates, Offers, Policy, SensingState, Start
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart, prepare_all
-from tanteo.io.document import load_json, made, table
+from tanteo.io.document import made, table
 from tanteo.io.part_files import part_file, parts_of
 from tanteo.io.record_tables import HERE, ObservationTable, PosePriors, SensingTable, SessionRecord
 from tanteo.io.result_json import recognition_document
-from tanteo.io.schema import as_plain
+from tanteo.io.schema import Place, as_plain, show
 from tanteo.io.session_mcap import SUFFIX, is_mcap, record_text, write_mcap
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.session import Observation, Sensing, Session
 from tanteo.typing import BoolArray
+from tanteo.whole import RECORD, read_whole
 
 SCHEMA = "tanteo.session/1"
 
@@ -79,8 +82,7 @@ def load_record(path: str | Path) -> SessionRecord:
         InputError: the file cannot be read, or is not a whole record; the message names file and key.
     """
     path = Path(path)
-    content = record_text(path).encode() if is_mcap(path) else None
-    record = load_json(path, "session", SessionRecord, SCHEMA, "Take the record as it was written.", content)
+    record = table(SessionRecord, _read(path), Place(str(path), "Take the record as it was written."))
     _policy(record)
     observations = [one.observation() for one in record.observations]
     actions = [*(one.action for one in observations), record.asked, *record.refused]
@@ -88,6 +90,21 @@ def load_record(path: str | Path) -> SessionRecord:
     if record.questions < least:
         raise record.at.refused("questions", f"{least} or more, the largest number of a question", "Correct it.")
     return record
+
+
+def _read(path: Path) -> Any:
+    """The JSON of a record."""
+    whole = record_text(path).encode() if is_mcap(path) else read_whole(path, "a record", RECORD)
+    try:
+        raw = msgspec.json.decode(whole.decode("utf-8-sig"))
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(
+            f"{path}: expected the JSON of a whole session, got: {show(str(error))}. If the file is cut, take a copy."
+        ) from None
+    got = raw.get("schema", "none") if isinstance(raw, dict) else SCHEMA
+    if got != SCHEMA:
+        raise InputError(f"{path}, schema: expected {SCHEMA}, got {show(got)}. Give the record of a session.")
+    return raw
 
 
 def _policy(record: SessionRecord) -> Policy:

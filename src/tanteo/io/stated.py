@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from tanteo.errors import InputError, check_kind
+from tanteo.io.brands import brand as known_brand
 from tanteo.io.pose_syntax import parse_pose
-from tanteo.io.poses import brand as known_brand
 from tanteo.io.units import length_unit, parse_lengths
 from tanteo.limits import LARGEST_TILT_SD, LEAST_TILT_SD, check_length
 from tanteo.typing import FloatArray, Transforms, Vectors

@@ -57,7 +57,7 @@ def parse_angle(text: str, name: str = "angle") -> float:
     return values[0]
 
 
-def parse_lengths_angles(text: str, name: str = "place") -> tuple[tuple[float, ...], tuple[float, ...]]:
+def parse_lengths_angles(text: str, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """``'400,200,0mm 0,0,90deg'`` -> metres and radians; a unit holds for the numbers before it that have none.
 
     Raises:
@@ -78,7 +78,7 @@ def parse_lengths_angles(text: str, name: str = "place") -> tuple[tuple[float, .
     return tuple(values[0]), tuple(values[1])
 
 
-def length_unit(unit: str, name: str = "unit") -> float:
+def length_unit(unit: str, name: str) -> float:
     """Metres per unit.
 
     Raises:
@@ -87,7 +87,7 @@ def length_unit(unit: str, name: str = "unit") -> float:
     return _factor(unit, name, LENGTH_UNITS)
 
 
-def angle_unit(unit: str, name: str = "unit") -> float:
+def angle_unit(unit: str, name: str) -> float:
     """Radians per unit.
 
     Raises:

@@ -17,8 +17,8 @@ import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
 from tanteo.frames import UncertainFrame
+from tanteo.io.brands import BRANDS
 from tanteo.io.pose_text import brand_fields
-from tanteo.io.poses import BRANDS
 from tanteo.lie import SE3, SO3
 from tanteo.typing import Transforms, Vectors
 

@@ -1,4 +1,4 @@
-"""What was read, planned, sensed and calibrated, as JSON documents (``docs/formats.md``); metres and radians."""
+"""What was read, planned and sensed, as JSON documents (``docs/formats.md``); metres and radians."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tanteo import __version__
-from tanteo.io.result_json import covariance_document, document_json, strict
+from tanteo.io.result_json import covariance_document, document_json
 
 if TYPE_CHECKING:
     from tanteo.acquisition import Acquired, Predicted
     from tanteo.active import Discrimination, Plan
-    from tanteo.calibration import BeamFit, Calibration
     from tanteo.features import Feature
     from tanteo.parts import Part, RoundFeature
-    from tanteo.sensors import Rig, RigSensor
 
 
 def part_json(part: Part) -> str:
@@ -182,76 +180,3 @@ def _size(feature: Feature) -> dict[str, Any]:
     name, unit = feature.kind.size_name.replace(" ", "_"), "m" if feature.kind.size_name == "radius" else "rad"
     sd = math.sqrt(float(relate_size(feature).covariance[0, 0]))
     return {f"{name}_{unit}": size.value, f"{name}_sd_{unit}": sd, "convex": size.convex}
-
-
-def calibration_document(found: Calibration) -> dict[str, Any]:
-    """A document ``tanteo.calibration/1``: beams, noise, planes, coverage and outliers."""
-    log = found.log
-    places = [
-        {
-            "sensor": log.beams[log.beam[i]], "plane": log.planes[log.plane[i]], "range_m": found.ranges[i],
-            "incidence_rad": found.incidences[i], "readings": log.counts[i], "residual_m": found.residuals[i],
-            "sd_m": found.sds[i], "used": found.good[i],
-        }
-        for i in range(len(log))
-    ]  # fmt: skip
-    planes = [
-        {
-            "plane": plane.name, "frame": "world", "matrix": plane.T_world_plane,
-            "covariance": {"order": "rx ry z", "frame": "plane", "matrix": plane.cov},
-            "rms_m": plane.rms, "places": plane.stations,
-        }
-        for plane in found.planes
-    ]  # fmt: skip
-    outliers = [
-        {
-            "readings": s.ids, "sensor": s.sensor, "plane": s.plane, "reason": s.reason, "range_m": s.reading,
-            "expected_m": s.expected,
-        }
-        for s in found.outliers
-    ]  # fmt: skip
-    return dict(strict({
-        "schema": "tanteo.calibration/1", "status": found.status, "message": found.message,
-        "beams": [_beam(b) for b in found.beams], "planes": planes, "places": places, "outliers": outliers,
-    }))  # fmt: skip
-
-
-def _beam(beam: BeamFit) -> dict[str, Any]:
-    law, (const, prop, across) = beam.repeats.law, beam.place_sds
-    return {
-        "sensor": beam.name, "frame": "hand", "matrix": beam.T_hand_beam, "scale": beam.scale, "slant": beam.slant,
-        "covariance": {"order": "x y z rx ry scale slant", "frame": "beam", "matrix": beam.cov},
-        "noise_of_repeats": {
-            "const_m": float(law.const), "per_range": float(law.prop), "degrees_of_freedom": beam.repeats.dof,
-            "covariance_of_squares": beam.repeats.cov,
-        },
-        "noise_of_places": {
-            "const_m": float(const), "per_range": float(prop), "across_rad": float(across),
-            "covariance_of_squares": beam.place_cov,
-        },
-        "undetermined": beam.undetermined,
-    }  # fmt: skip
-
-
-def rig_document(rig: Rig) -> dict[str, Any]:
-    """A rig as a JSON document ``tanteo.rig/1``, in metres and radians; NaN where nothing is known."""
-    return {"schema": "tanteo.rig/1", "frame": "hand", "sensors": [_rig_sensor(s) for s in rig.sensors]}
-
-
-def _rig_sensor(sensor: RigSensor) -> dict[str, Any]:
-    from tanteo.sensors import Device
-
-    device = Device(sensor.name, sensor.preset, sensor)
-    return {
-        "name": sensor.name,
-        "preset": None if sensor.preset is None else sensor.preset.name,
-        "matrix": sensor.T_hand_sensor.tolist(),
-        "noise": {name: float(getattr(device.law, name)) for name in ("const", "prop", "quad", "exp_d0", "exp_k")},
-        "beam_half_angle_rad": sensor.beam_half_angle,
-        "range_m": [device.min_range, device.max_range],
-        "axis_cosine": sensor.axis_cosine,
-        "bias_m": sensor.bias,
-        "bias_sd_m": device.bias_sd,
-        "scale": sensor.scale,
-        "covariance": {"order": "x y z rx ry rz scale", "frame": "sensor", "matrix": device.cov_unit.tolist()},
-    }

@@ -16,6 +16,8 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?(?:[ \t;]+[-+]?\d+(?:,\d+)?)+[ \t
 _COMMENT = ("#", "//", "%", "(")
 _ENOUGH = 50
 """Rows that recognition looks at."""
+_SLACK = 2e-2
+"""By which the length of a direction may differ from one, as it is written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,6 @@ def _names(lines: list[str], count: int) -> tuple[str, ...]:
     return ()
 
 
-def are_unit(vectors: FloatArray, slack: float = 2e-2) -> bool:
+def are_unit(vectors: FloatArray) -> bool:
     """Whether all are of length one, as directions are written."""
-    return bool(len(vectors) and np.all(np.abs(np.linalg.norm(vectors, axis=1) - 1) < slack))
+    return bool(len(vectors) and np.all(np.abs(np.linalg.norm(vectors, axis=1) - 1) < _SLACK))

@@ -53,14 +53,12 @@ def read(contents: Contents) -> Log:
     if turned:
         notes.append("The probing planes are turned (A, B, C of G330 or G331): the points are taken as written.")
     ids = unique([w.get("N", str(k)) for k, w, _ in found])
-    return Log(
-        points=points, centres=True, radii=_column(found, "R"), outward=_vectors(found), ids=ids, notes=tuple(notes)
-    )
+    return Log(points=points, centres=True, radii=_radii(found), outward=_vectors(found), ids=ids, notes=tuple(notes))
 
 
-def _column(found: list[tuple[int, dict[str, str], dict[str, str]]], letter: str) -> np.ndarray | None:
+def _radii(found: list[tuple[int, dict[str, str], dict[str, str]]]) -> np.ndarray | None:
     """The radii, if each measured point has a positive one."""
-    values = np.array([float(words.get(letter, 0)) for _, words, _ in found])
+    values = np.array([float(words.get("R", 0)) for _, words, _ in found])
     return values if np.all(values > 0) else None
 
 

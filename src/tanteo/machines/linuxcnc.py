@@ -21,7 +21,6 @@ from tanteo.machines.offsets import WorkFrame
 from tanteo.machines.protocol import LinkLostError, MachineState, MachineStatus, StoppedError
 from tanteo.typing import FloatArray, Vectors
 
-PORT = 5007
 CONNECT, ENABLE = "EMC", "EMCTOO"
 """The passwords that linuxcncrsh has if it is not told others."""
 _AGAIN = 0.5

@@ -16,8 +16,8 @@ from typing import Any
 from tanteo.machines.link import Link
 from tanteo.machines.protocol import LinkLostError
 
-REQUEST_VERSION, CONTROLLER_VERSION, MESSAGE, DATA = b"V", b"v", b"M", b"U"
-SETUP_OUTPUTS, SETUP_INPUTS, START, PAUSE = b"O", b"I", b"S", b"P"
+REQUEST_VERSION, CONTROLLER_VERSION, DATA = b"V", b"v", b"U"
+SETUP_OUTPUTS, START, PAUSE = b"O", b"S", b"P"
 
 TYPES: Mapping[str, str] = MappingProxyType(
     {

@@ -113,9 +113,8 @@ class SafeMachine:
             )
         here = self.place()
         goal = here + reach * direction if contact else here
-        self._allow(
-            here, goal, f"{'touch' if contact else 'range'} along {in_words(direction)}, {1e3 * reach:.2f} mm at most"
-        )
+        what = "touch" if contact else "range"
+        self._allow(here, goal, f"{what} along {in_words(direction)}, {1e3 * reach:.2f} mm at most")
         if self._only_shown(here):
             return Sensed(here, direction, np.inf, reach)
         speed = self.limits.touch

@@ -5,9 +5,10 @@ of all that was sensed. Before every command :class:`Steering` slows it so that 
 than the clearance, and no part of the hand to the bounds of its workspace. This room knows no estimator.
 """
 
+from tanteo.motion.control import Loop
 from tanteo.motion.crossing import Crossing, EdgeEvent, cross_edge
 from tanteo.motion.following import approach, follow, retreat, settle, settled
-from tanteo.motion.steering import Ending, Loop, Motion, Rules, Steering
+from tanteo.motion.steering import Ending, Motion, Rules, Steering
 from tanteo.motion.track import Crease, crease_angle
 from tanteo.motion.travelling import dwell, go_to, look, looked, path
 

@@ -7,9 +7,10 @@ from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
     from tanteo.parts.building import mirror_part
+    from tanteo.parts.elements import Face, ModelEdges, ModelPlanes, ModelVertices, SurfaceKind, SymmetryGroup
     from tanteo.parts.facets import FLOAT32
     from tanteo.parts.files import LARGEST_FILE, UNITLESS, check_file, unit_name
-    from tanteo.parts.part import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SurfaceKind, SymmetryGroup
+    from tanteo.parts.part import Part
     from tanteo.parts.patterns import HolePattern, hole_patterns
     from tanteo.parts.reading import READABLE, StoredParts, as_part, as_parts, part_named, read_part
     from tanteo.parts.rounds import CentredFace, Rim, RoundFeature, centred_faces, round_features
@@ -31,7 +32,8 @@ __getattr__, __dir__ = lazy(
         "building": "mirror_part",
         "facets": "FLOAT32",
         "files": "LARGEST_FILE UNITLESS check_file unit_name",
-        "part": "Face ModelEdges ModelPlanes ModelVertices Part SurfaceKind SymmetryGroup",
+        "elements": "Face ModelEdges ModelPlanes ModelVertices SurfaceKind SymmetryGroup",
+        "part": "Part",
         "reading": "READABLE StoredParts as_part as_parts part_named read_part",
         "patterns": "HolePattern hole_patterns",
         "rounds": "CentredFace Rim RoundFeature centred_faces round_features",

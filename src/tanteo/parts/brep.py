@@ -16,7 +16,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from tanteo.parts.bodies import explore
-from tanteo.parts.part import SurfaceKind
+from tanteo.parts.elements import SurfaceKind
 from tanteo.typing import FloatArray, IntArray
 
 _MM = 1e-3

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.parts.edges import build_edges
-from tanteo.parts.part import Part, SymmetryGroup
+from tanteo.parts.elements import SymmetryGroup
+from tanteo.parts.part import Part
 from tanteo.parts.planes import build_faces, build_planes
 from tanteo.parts.symmetry import find_symmetry
 from tanteo.parts.topology import Draft, mesh_edges, triangle_geometry, volume_and_centroid

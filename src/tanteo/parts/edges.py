@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.parts.elements import Face, ModelEdges, ModelVertices
 from tanteo.parts.mesh_faces import SMOOTH_ANGLE
-from tanteo.parts.part import Face, ModelEdges, ModelVertices
 from tanteo.parts.topology import Draft, MeshEdges, components, triangle_geometry
 from tanteo.typing import BoolArray, FloatArray, IntArray
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.parts.part import SurfaceKind
+from tanteo.parts.elements import SurfaceKind
 from tanteo.typing import BoolArray, FloatArray
 
 NORMAL_TOLERANCE = 0.02

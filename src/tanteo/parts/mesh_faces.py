@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from tanteo.parts.elements import SurfaceKind
 from tanteo.parts.facets import FLOAT32, MeshFacets, find_facets
 from tanteo.parts.fits import fit_curved
-from tanteo.parts.part import SurfaceKind
 from tanteo.parts.topology import Draft, components, mesh_edges
 from tanteo.typing import FloatArray, IntArray
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.lie import SO3
-from tanteo.parts.part import Face, ModelPlanes
+from tanteo.parts.elements import Face, ModelPlanes
 from tanteo.parts.topology import Draft, MeshEdges, triangle_geometry
 from tanteo.typing import FloatArray, IntArray
 

@@ -1,4 +1,4 @@
-"""Holes and bosses of a part: cylinders and cones that go far enough around, with their rims, and through or blind.
+"""Holes and bosses of a part, with their rims, and through or blind.
 
 Beside them its spheres and cones, for a sphere has a centre and a cone an apex however far they go around.
 """
@@ -9,17 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.parts.part import Face, Part
+from tanteo.parts.elements import Face
+from tanteo.parts.part import Part
 from tanteo.parts.surfaces import surface_offsets
-from tanteo.parts.topology import components, mesh_edges
+from tanteo.parts.topology import mesh_edges
+from tanteo.parts.walls import SAME, Wall, corners_of, walls_of
 from tanteo.shapes import Surface
-from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
-
-_BINS, _LEAST_BINS = 72, 34
-"""Sectors around an axis, and how many have to have surface for a hole or boss: half a turn, with a mesh's rounding."""
-
-_PARALLEL, _SAME = 1e-4, 1e-4
-"""Axes closer than this are parallel [rad]; positions and radii within this share of the diagonal are the same."""
+from tanteo.typing import FloatArray, IntArray, Vectors
 
 _TIP = 1.2
 """A hole ends where material lies on its axis no farther beyond its wall than so many radii: what a drill leaves."""
@@ -136,24 +132,11 @@ def round_features(part: Part) -> tuple[RoundFeature, ...]:
     roundings, and left out.
     """
     if "rounds" not in part.derived:
-        walls = [_wall(part, faces) for faces in _together(part)]
-        found = [wall for wall in walls if wall is not None]
-        context = _Context.of(part) if found else None
-        part.derived["rounds"] = tuple(_feature(context, k, wall) for k, wall in enumerate(found) if context)
+        walls = walls_of(part)
+        context = _Context.of(part) if walls else None
+        part.derived["rounds"] = tuple(_feature(context, k, wall) for k, wall in enumerate(walls) if context)
     rounds: tuple[RoundFeature, ...] = part.derived["rounds"]
     return rounds
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Wall:
-    """Faces of one wall with axis, extent along it [m], and a place of the surface."""
-
-    faces: tuple[int, ...]
-    point: Vectors
-    axis: Vectors
-    low: float
-    high: float
-    place: Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,76 +159,7 @@ class _Context:
         return cls(part, surface, part.vertices[edges.ends[apart]].mean(axis=1), sides[apart])
 
 
-def _together(part: Part) -> list[tuple[int, ...]]:
-    """Faces of each wall: cones alone, cylinders with those that continue them."""
-    round_ones = [
-        k
-        for k, face in enumerate(part.faces)
-        if face.surface in ("cylinder", "cone") and face.axis_direction is not None and face.convex is not None
-    ]
-    if not round_ones:
-        return []
-    first, second = np.nonzero(np.triu(_continued(part, round_ones), 1))
-    labels = components(len(round_ones), first, second)
-    groups: dict[int, list[int]] = {}
-    for k, label in zip(round_ones, labels.tolist(), strict=True):
-        groups.setdefault(label, []).append(k)
-    return sorted(tuple(group) for group in groups.values())
-
-
-def _continued(part: Part, rows: list[int]) -> BoolArray:
-    """Which of some faces are of one cylinder and overlap along it ``(n, n)``."""
-    faces, near = [part.faces[k] for k in rows], _SAME * part.diagonal
-    points = np.array([face.axis_point for face in faces]) - part.centroid
-    axes = np.array([face.axis_direction for face in faces])
-    axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
-    feet = points - np.sum(points * axes, axis=1, keepdims=True) * axes
-    extents = np.array([_extent(_corners(part, (k,)), part.centroid, axis) for k, axis in zip(rows, axes, strict=True)])
-    radii = np.array([face.radius if face.surface == "cylinder" else np.nan for face in faces], dtype=np.float64)
-    convex = np.array([face.convex for face in faces])
-    same = (np.abs(radii[:, None] - radii) < near) & (convex[:, None] == convex)
-    same &= np.linalg.norm(axes[:, None] - axes, axis=-1) < _PARALLEL
-    same &= np.linalg.norm(feet[:, None] - feet, axis=-1) < near
-    low, high = extents.T
-    return np.asarray(same & (np.minimum(high[:, None], high) - np.maximum(low[:, None], low) > -near))
-
-
-def _corners(part: Part, faces: tuple[int, ...]) -> Vectors:
-    return np.asarray(part.vertices[np.unique(part.triangles[np.isin(part.triangle_face, faces)])])
-
-
-def _extent(points: Vectors, point: Vectors, axis: Vectors) -> tuple[float, float]:
-    along = (points - point) @ axis
-    return float(along.min()), float(along.max())
-
-
-def _wall(part: Part, faces: tuple[int, ...]) -> _Wall | None:
-    """The wall of some faces; None if it does not go far enough around."""
-    face = part.faces[faces[0]]
-    point, axis = np.asarray(face.axis_point), np.asarray(face.axis_direction)
-    triangles = part.vertices[part.triangles[np.isin(part.triangle_face, faces)]]
-    if np.count_nonzero(_sectors(triangles, point, axis)) < _LEAST_BINS:
-        return None
-    low, high = _extent(triangles.reshape(-1, 3), point, axis)
-    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    place = triangles[np.argmax(np.linalg.norm(across, axis=1))].mean(axis=0)
-    return _Wall(faces, point, axis, low, high, place) if high - low > 0 else None
-
-
-def _sectors(triangles: FloatArray, point: Vectors, axis: Vectors) -> BoolArray:
-    """Which sectors around an axis have surface ``(_BINS,)``."""
-    x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    x /= np.linalg.norm(x)
-    off = triangles - point
-    angles = np.arctan2(off @ np.cross(axis, x), off @ x)
-    beside = (angles - angles[:, :1] + np.pi) % (2 * np.pi) - np.pi
-    low, high = angles[:, 0] + beside.min(axis=1), angles[:, 0] + beside.max(axis=1)
-    middles = 2 * np.pi * (np.arange(_BINS) + 0.5) / _BINS
-    after = (middles - low[:, None]) % (2 * np.pi)
-    return np.asarray((after <= (high - low)[:, None]).any(axis=0))
-
-
-def _feature(context: _Context, number: int, wall: _Wall) -> RoundFeature:
+def _feature(context: _Context, number: int, wall: Wall) -> RoundFeature:
     part = context.part
     face = part.faces[wall.faces[0]]
     hole = not face.convex
@@ -261,7 +175,7 @@ def _feature(context: _Context, number: int, wall: _Wall) -> RoundFeature:
         for end, sign, radius, faces, is_open in zip(ends, (-1, 1), radii, meets, opened, strict=True)
     )
     fields = {name: getattr(face, name) for name in ("axis_point", "axis_direction", "radius", "half_angle")}
-    residual = float(np.abs(surface_offsets(face.surface, fields, _corners(part, wall.faces))).max())
+    residual = float(np.abs(surface_offsets(face.surface, fields, corners_of(part, wall.faces))).max())
     through = all(opened) if hole and part.closed else None
     name = f"{'hole' if hole else 'boss'} {number}"
     return RoundFeature(name, hole, face.surface, wall.faces, ends, radii, (rims[0], rims[1]), through, residual)
@@ -273,7 +187,7 @@ def _radius_at(face: Face, end: Vectors) -> float:
     return float(np.linalg.norm(end - np.asarray(face.axis_point)) * np.tan(face.half_angle or 0.0))
 
 
-def _open_ends(context: _Context, wall: _Wall, hole: bool) -> tuple[bool, bool]:
+def _open_ends(context: _Context, wall: Wall, hole: bool) -> tuple[bool, bool]:
     """Whether a hole is open at its lower and upper end; whether a boss ends in the open there."""
     middle = wall.point + 0.5 * (wall.low + wall.high) * wall.axis
     half, out = 0.5 * (wall.high - wall.low), wall.place - wall.point
@@ -284,11 +198,11 @@ def _open_ends(context: _Context, wall: _Wall, hole: bool) -> tuple[bool, bool]:
     if hole:
         beyond = half + _TIP * float(np.linalg.norm(out))
         return bool(far[0] > beyond), bool(far[1] > beyond)
-    near = half + _INSIDE * float(np.linalg.norm(out)) + _SAME * context.part.diagonal
+    near = half + _INSIDE * float(np.linalg.norm(out)) + SAME * context.part.diagonal
     return bool(far[0] < near), bool(far[1] < near)
 
 
-def _meeting(context: _Context, wall: _Wall, ends: Vectors) -> list[tuple[int, ...]]:
+def _meeting(context: _Context, wall: Wall, ends: Vectors) -> list[tuple[int, ...]]:
     """Faces that meet a wall at each of its ends."""
     own = np.isin(context.sides, wall.faces)
     rim = own.any(axis=1) & ~own.all(axis=1)

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.parts.part import Face, Part, SurfaceKind
+from tanteo.parts.elements import Face, SurfaceKind
+from tanteo.parts.part import Part
 from tanteo.parts.topology import components, mesh_edges, triangle_geometry
 from tanteo.shapes import Profiles, Revolved, revolved
 from tanteo.typing import FloatArray, IntArray, Vectors

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.lie import SE3, SO3
-from tanteo.parts.part import Part, SymmetryGroup
+from tanteo.parts.elements import SymmetryGroup
+from tanteo.parts.part import Part
 from tanteo.parts.symmetry_probe import TOLERANCE, SymmetryProbe
 from tanteo.parts.topology import components
 from tanteo.typing import FloatArray, IntArray
@@ -69,10 +70,6 @@ def find_symmetry(part: Part) -> SymmetryGroup:
         if probe.accepts(_about(part.centroid, R)):
             found.append(_refined(part, R))
     return SymmetryGroup(np.array([_about(part.centroid, R) for R in _ordered(found)]))
-
-
-def _apart(a: FloatArray | None, b: FloatArray) -> float:
-    return np.inf if a is None else float(np.linalg.norm(a - b))
 
 
 def _about(centre: FloatArray, R: FloatArray) -> FloatArray:

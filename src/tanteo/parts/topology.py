@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.parts.part import SurfaceKind
+from tanteo.parts.elements import SurfaceKind
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 

@@ -5,18 +5,20 @@ It has words, a picture in 3-D, charts, figures, and how to run it again. A page
 more to tell about an answer hands in further :class:`Section` values.
 """
 
+from tanteo.answers import percent
 from tanteo.report.charts import bar
 from tanteo.report.combined import combined
 from tanteo.report.contacts import Contacts, Sensed, find_contacts, gather
 from tanteo.report.course import course_section, goal_words
 from tanteo.report.discrimination import distinction_page
 from tanteo.report.page import Html, Section, element, photo_section
+from tanteo.report.part_drawn import Drawn, draw_part
 from tanteo.report.planned import plan_page
-from tanteo.report.scene import Drawn, draw_part
 from tanteo.report.sections import directions_of, rests_section
 from tanteo.report.shapes import Shapes, draw_shapes, shapes_of
-from tanteo.report.uncertainty import Budget, Source, Way, find_ways, make_budget
-from tanteo.report.words import brief, headline, length, percent
+from tanteo.report.uncertainty import Budget, Source, make_budget
+from tanteo.report.ways import Way, find_ways
+from tanteo.report.words import brief, headline, length
 from tanteo.report.write import Run, report_page, session_page, write_report
 
 __all__ = [

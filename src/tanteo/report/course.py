@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.active import Added, Stop
+from tanteo.answers import percent
 from tanteo.report.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
 from tanteo.report.page import Html, Section, element, join, table
-from tanteo.report.words import MM, brief, percent, uncertain
+from tanteo.report.words import MM, brief, uncertain
 from tanteo.session import Session, Step
 
 _IN_TABLE = 2

@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 
 from tanteo.active import Plan, PlannedReading, Probe
-from tanteo.answers import box_corners
+from tanteo.answers import box_corners, percent
 from tanteo.lie import SE3
 from tanteo.parts import Part
 from tanteo.report.answered import Layer, picture, times
 from tanteo.report.charts import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.report.page import Front, Html, Section, element, fact_list, join, make_page, table
-from tanteo.report.scene import feature_lines, overlay_numbers, packed, part_document, pose_numbers, view_document
+from tanteo.report.part_drawn import feature_lines
+from tanteo.report.scene import overlay_numbers, packed, part_document, pose_numbers, view_document
 from tanteo.report.sections import pose_figures, rerun_section
-from tanteo.report.uncertainty import Way, find_ways
-from tanteo.report.words import MM, fixed, length, percent, uncertain
+from tanteo.report.ways import Way, find_ways
+from tanteo.report.words import MM, fixed, length, uncertain
 from tanteo.report.write import Run
 from tanteo.typing import Vectors
 
@@ -58,13 +59,21 @@ def _front(
     legend = [("stick", f"{plan.feature}, which has to keep the tolerance")] if plan.feature is not None else []
     legend += [("arrow", "planned reading, numbered in order: the tip is where it should meet the part")]
     overlay = f"overlays: off by 1, 2 and 3 sd after the last{times(enlarged)}"
-    x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
+    facts = fact_list([*_facts(plan, probe, tolerance, confidence), *run.facts])
+    side = join([element("h2", "What it brings"), element("dl", facts, class_="first")])
+    shown = picture(layers, [ways] if ways else [], legend, [[("overlay", overlay)]] if ways else [], haunted=False)
+    chip, status = ("✓ planned", "recognized") if plan.reached else ("✕ not reached", "unknown")
+    return Front(title, chip, status, plan.message, shown, side)
+
+
+def _facts(plan: Plan, probe: Probe, tolerance: float, confidence: float) -> list[tuple[str, str]]:
+    """What was asked for and what the plan brings."""
     facts = [
         ("Goal", f"{_all(plan)} within {length(tolerance)}, with {percent(confidence)}"),
         (f"{_worst(plan).capitalize()} before, 1 sd", uncertain(plan.before)),
     ]
     if plan.readings:
-        last = plan.readings[-1]
+        n, last = len(plan.readings), plan.readings[-1]
         facts += [
             (f"{_worst(plan).capitalize()} after {n} reading{'s' * (n > 1)}, 1 sd", uncertain(last.sd)),
             (f"{_all(plan).capitalize()} within the tolerance then, wherever the part lies", percent(last.within)),
@@ -73,15 +82,13 @@ def _front(
                 percent(last.within_if_met),
             ),
         ]
-    facts += [
+    x, y, z = (fixed(v * MM, 2) for v in plan.T_world_part[:3, 3])
+    return [
+        *facts,
         ("Sensor", probe.name),
         ("Starts before the surface", length(probe.standoff)),
         ("Part expected at, in the world", f"x {x}, y {y}, z {z} mm"),
     ]
-    side = join([element("h2", "What it brings"), element("dl", fact_list([*facts, *run.facts]), class_="first")])
-    shown = picture(layers, [ways] if ways else [], legend, [[("overlay", overlay)]] if ways else [], haunted=False)
-    chip, status = ("✓ planned", "recognized") if plan.reached else ("✕ not reached", "unknown")
-    return Front(title, chip, status, plan.message, shown, side)
 
 
 def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:

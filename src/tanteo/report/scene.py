@@ -10,84 +10,13 @@ from typing import Any
 import numpy as np
 
 from tanteo.answers import Hypothesis
-from tanteo.parts import Part, mesh_edges
+from tanteo.parts import Part
 from tanteo.report.contacts import Contacts, Sensed
+from tanteo.report.part_drawn import draw_part
 from tanteo.report.shapes import Shapes, shapes_of
-from tanteo.report.uncertainty import Way
+from tanteo.report.ways import Way
 from tanteo.report.words import MM
-from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
-
-_MOST_TRIANGLES, _MOST_LINES = 40_000, 12_000
-"""For all parts of a page together: about 2 MB."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Drawn:
-    """What the page samples of a part, in the part's frame.
-
-    Attributes:
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``.
-        lines: ``(L, 2, 3)``, where faces meet [m].
-        coarse: Whether the mesh was made coarser than that of the part.
-    """
-
-    vertices: FloatArray
-    triangles: IntArray
-    lines: FloatArray
-    coarse: bool
-
-
-def draw_part(part: Part, share: int = 1) -> Drawn:
-    """Mesh and lines of a part.
-
-    Args:
-        part: The part.
-        share: Number of parts that share the page.
-    """
-    vertices, triangles = part.vertices, part.triangles
-    max_measurements = _MOST_TRIANGLES // share
-    cells = 256
-    while len(triangles) > max_measurements:
-        vertices, triangles = _clustered(part, cells)
-        cells = cells * 3 // 4
-    return Drawn(vertices, triangles, _lines(part)[: _MOST_LINES // share], len(part.triangles) > max_measurements)
-
-
-def _clustered(part: Part, cells: int) -> tuple[FloatArray, IntArray]:
-    """The mesh with all vertices of one cell of a grid made one, and triangles that vanish by it left out."""
-    low, size = part.box[0], float((part.box[1] - part.box[0]).max())
-    key = np.floor((part.vertices - low) / size * cells).astype(np.int64) @ [1, 4096, 4096**2]
-    _, cell = np.unique(key, return_inverse=True)
-    count = np.bincount(cell)
-    vertices = np.stack([np.bincount(cell, part.vertices[:, k]) / count for k in range(3)], axis=1)
-    triangles = cell[part.triangles]
-    a, b, c = triangles.T
-    return vertices, triangles[(a != b) & (b != c) & (c != a)]
-
-
-def feature_lines(part: Part, feature: str) -> FloatArray:
-    """Lines that show a face, an edge or a vertex by its name, in the part frame ``(L, 2, 3)`` [m]."""
-    kind, number = feature.split()
-    k = int(number)
-    if kind == "edge":
-        return part.edges.ends[[k]]
-    if kind == "vertex":
-        arms = 0.03 * part.diagonal * np.eye(3)
-        return part.corners.points[k] + np.stack([-arms, arms], axis=1)
-    corners = part.triangles[part.triangle_face == k][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    pairs, count = np.unique(np.sort(corners, axis=1), axis=0, return_counts=True)
-    return part.vertices[pairs[count == 1]]
-
-
-def _lines(part: Part) -> FloatArray:
-    """Edges of the mesh between two faces of the part, the sharpest first ``(L, 2, 3)``."""
-    edges, normals = mesh_edges(part.triangles), Surface(part.vertices, part.triangles).normals
-    between = (part.triangle_face[edges.left] != part.triangle_face[edges.right]) | edges.rims
-    cosines = np.sum(normals[edges.left] * normals[edges.right], axis=1)[between]
-    return part.vertices[edges.ends[between]][np.argsort(cosines, kind="stable")]
-
 
 _ARM = 0.14
 """Length of a beam whose origin is unknown, and most of a drawn distance, as a share of the part's size."""

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.active import Direction
-from tanteo.answers import prior_rows
+from tanteo.answers import percent, prior_rows
 from tanteo.lie import SO3
 from tanteo.report.charts import residual_chart
 from tanteo.report.contacts import Sensed
 from tanteo.report.page import Html, Section, element, join, per_hypothesis, table
 from tanteo.report.scene import Candidate
-from tanteo.report.words import MM, brief, fixed, percent
+from tanteo.report.words import MM, brief, fixed
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from tanteo.answers import CONFIDENCE, Answer, Hypothesis, corner_sd
+from tanteo.answers import CONFIDENCE, Answer, Hypothesis, corner_sd, percent
 from tanteo.parts import Part
 from tanteo.report.contacts import Sensed
 
@@ -125,10 +125,3 @@ def length(metres: float) -> str:
 def fixed(value: float, digits: int) -> str:
     """A number with so many decimals; never minus zero."""
     return f"{round(value, digits) + 0.0:.{digits}f}"
-
-
-def percent(p: float) -> str:
-    """A probability; never 0 or 100 %, because a posterior is not certain."""
-    if p >= 0.9995:
-        return "> 99.9 %"
-    return "< 0.1 %" if p < 0.0005 else f"{100 * p:.1f} %"

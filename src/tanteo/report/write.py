@@ -19,14 +19,8 @@ from tanteo.report.contacts import Sensed, find_contacts, gather
 from tanteo.report.course import course_section, goal_words
 from tanteo.report.page import Section, make_page
 from tanteo.report.scene import Candidate, scene_document, shapes_shown
-from tanteo.report.sections import (
-    directions_of,
-    figure_section,
-    rerun_section,
-    residual_section,
-    rests_section,
-)
-from tanteo.report.uncertainty import find_ways
+from tanteo.report.sections import directions_of, figure_section, rerun_section, residual_section, rests_section
+from tanteo.report.ways import find_ways
 from tanteo.sensors import Readings
 from tanteo.session import Session
 from tanteo.typing import Vectors

@@ -6,8 +6,7 @@ import json
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,8 +18,9 @@ from tanteo.errors import InputError, MissingExtraError, TanteoError
 from tanteo.parts import Part
 from tanteo.ros.intake import Intake
 from tanteo.ros.knowledge import Knowledge
+from tanteo.ros.network import Settings
 from tanteo.ros.said import next_document, next_pose, state_message
-from tanteo.ros.types import NEEDS_ROS, filled, type_named
+from tanteo.ros.types import filled, type_named
 from tanteo.sensors import Readings
 from tanteo.session import Done
 
@@ -28,53 +28,6 @@ _LOOK, _TELL, _SAY = 0.5, 0.05, 1.0
 """How often topics are looked for, readings told, and diagnostics sent at least [s]."""
 _DEPTH = 1000
 """Messages that wait while a callback runs."""
-
-
-@dataclass(slots=True, eq=False)
-class Settings:
-    """How the node appears.
-
-    Attributes:
-        name: of the node.
-        simulated: the time is that of ``/clock``.
-        max_measurements: readings that are told; later ones are left out until it is reset.
-        once: end when the answer is decided.
-    """
-
-    name: str = "tanteo"
-    simulated: bool = False
-    max_measurements: int = 300
-    once: bool = False
-
-
-@contextmanager
-def opened(settings: Settings) -> Iterator[Any]:
-    """A node of rclpy, which leaves the network at the end.
-
-    Raises:
-        MissingExtraError: rclpy or a message package is missing.
-    """
-    try:
-        import rclpy
-        from rclpy.parameter import Parameter
-        from rclpy.signals import SignalHandlerOptions
-    except ImportError:
-        raise MissingExtraError(NEEDS_ROS) from None
-    sim = Parameter("use_sim_time", Parameter.Type.BOOL, settings.simulated)
-    try:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        node = rclpy.create_node(settings.name, parameter_overrides=[sim])
-    except RuntimeError as error:  # of rclpy, all of them
-        rclpy.try_shutdown()
-        raise InputError(
-            f"ROS 2: expected a node on its network, got: {str(error).splitlines()[0]}. Look at RMW_IMPLEMENTATION, "
-            "ROS_DOMAIN_ID and ROS_LOG_DIR."
-        ) from None
-    try:
-        yield node
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
 
 
 @dataclass(slots=True, eq=False)
@@ -157,13 +110,12 @@ class RosNode:
 
     def _look(self) -> None:
         """Subscribe to what matters of the topics that have come."""
-        there = {topic: kinds[0] for topic, kinds in self.node.get_topic_names_and_types()}
-        there = {topic: kind for topic, kind in there.items() if not topic.startswith(f"/{self.settings.name}/")}
+        own, topics = f"/{self.settings.name}/", self.node.get_topic_names_and_types()
+        there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
         for topic, kind in io.wanted_topics(there, self.intake.options).items():
-            if topic in self._subscribed:
-                continue
-            self._subscribed[topic] = None
-            self._subscribe(topic, kind)
+            if topic not in self._subscribed:
+                self._subscribed[topic] = None
+                self._subscribe(topic, kind)
 
     def _subscribe(self, topic: str, kind: str) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy

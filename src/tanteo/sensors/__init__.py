@@ -15,12 +15,9 @@ from tanteo.sensors.checks import (
     WALLS,
     check_features,
     reading_kinds,
-    say_repeated,
-    say_stuck,
 )
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
-    ErrorModel,
     Status,
     UnitErrors,
     draw_base,
@@ -28,9 +25,9 @@ from tanteo.sensors.emission import (
     draw_units,
     emit,
     emit_touches,
-    error_model,
     reported_poses,
 )
+from tanteo.sensors.figures import ErrorModel, error_model
 from tanteo.sensors.measure import measure, unstated_sd
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import (
@@ -44,6 +41,7 @@ from tanteo.sensors.noise import (
     sensed_point,
     sensor_error_cov,
 )
+from tanteo.sensors.oddities import say_repeated, say_stuck
 from tanteo.sensors.presets import (
     NoiseLaw,
     RobotPreset,

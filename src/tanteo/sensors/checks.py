@@ -1,10 +1,9 @@
-"""What every set of readings must satisfy, and what is odd about some: repeated ones, and a sensor that is stuck."""
+"""What every set of readings must satisfy."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +11,9 @@ import numpy as np
 from tanteo.errors import ReadingsError
 from tanteo.features import KINDS
 from tanteo.limits import LARGEST, LARGEST_TILT_SD, LEAST_SD, LEAST_TILT_SD
-from tanteo.typing import BoolArray, IntArray
+from tanteo.typing import BoolArray
 
 if TYPE_CHECKING:
-    from tanteo.sensors.measurements import PointMeasurements
     from tanteo.sensors.readings import Readings
 
 _ARRAYS = (
@@ -212,84 +210,3 @@ def _check_located(readings: Readings) -> None:
         raise ReadingsError(f"normal of reading {who}: expected three numbers, got fewer.")
     if who := _first_bad(readings, ~np.isnan(readings.normal_sds) & ~readings.has_normal):
         raise ReadingsError(f"normal_sd of reading {who}: expected a normal beside it, got none. Add nx, ny, nz.")
-
-
-_SAME = 1e-9
-"""Numbers (m, or parts of a unit direction) that agree to this are the same."""
-
-_NAMED = 3
-"""So many sets of equal readings are named, the rest are counted."""
-
-
-def say_repeated(measured: PointMeasurements) -> str:
-    """A sentence that names readings with equal point, direction, normal and spread; empty if there are none.
-
-    They are not merged: a device with a coarse resolution may honestly say the same again.
-    """
-    sets = _equal(measured)
-    if not sets:
-        return ""
-    names = [f"{', '.join(ids[:-1])} and {ids[-1]}" for ids in sets[:_NAMED]]
-    rest = len(sets) - _NAMED
-    more = f" (and {rest} more such set{'s' * (rest > 1)})" if rest > 0 else ""
-    return (
-        f"Readings {'; '.join(names)}{more} are equal in place, direction and spread, and each counts: if they are one "
-        "reading under several names, keep one, or the covariance is too small."
-    )
-
-
-def _equal(measured: PointMeasurements) -> list[Sequence[str]]:
-    """Names of readings that are equal, a set at a time, in the order of their first ones."""
-    if not len(measured):
-        return []
-    sds = np.sqrt(np.diagonal(measured.covs, axis1=-2, axis2=-1))
-    directions, normals = np.nan_to_num(measured.directions), np.nan_to_num(measured.normals)
-    numbers = np.concatenate([measured.points, directions, normals, sds, measured.radii[:, None]], axis=1)
-    inverse = np.unique(np.round(numbers / _SAME) + 0.0, axis=0, return_inverse=True)[1].ravel()  # 0.0: no minus zero
-    sets: dict[int, list[str]] = {}
-    for name, row in zip(measured.ids, inverse.tolist(), strict=True):
-        sets.setdefault(row, []).append(name)
-    return [ids for ids in sets.values() if len(ids) > 1]
-
-
-_FINE, _FEW, _MANY = 1e-4, 4, 7
-"""Where a sensor tells ranges finer than this [m], so many equal ones in a row are no chance; and so many where not."""
-
-_ROUNDING = 1e-9
-"""Ranges that agree to this are the same [m]."""
-
-
-def say_stuck(readings: Readings) -> str:
-    """A question where a sensor gave the same range again and again, from different places; empty where none did.
-
-    Args:
-        readings: in the order in which they were made.
-    """
-    for sensor in dict.fromkeys(readings.sensors):
-        rows = np.flatnonzero(np.isfinite(readings.ranges) & (np.array(readings.sensors, dtype=object) == sensor))
-        first, count = _longest(readings, rows)
-        steps = readings.ranges[rows] / _FINE
-        fine = (np.abs(steps - np.round(steps)) > _ROUNDING / _FINE).any()
-        if count < (_FEW if fine else _MANY):
-            continue
-        k, end = rows[first], rows[first + count - 1]
-        who = f" of '{sensor}'" if sensor else ""
-        return (
-            f"The {count} ranges {readings.ids[k]} to {readings.ids[end]}{who} are all {1e3 * readings.ranges[k]:.6g} "
-            "mm, from different places: is the sensor stuck?"
-        )
-    return ""
-
-
-def _longest(readings: Readings, rows: IntArray) -> tuple[int, int]:
-    """Where the longest run of equal ranges from different places begins, and how long it is."""
-    best, first = (0, min(len(rows), 1)), 0
-    places = np.where(readings.has_point[:, None], readings.points, readings.Ts_world_hand[:, :3, 3])
-    for k in range(1, len(rows)):
-        same = abs(readings.ranges[rows[k]] - readings.ranges[rows[k - 1]]) < _ROUNDING
-        elsewhere = np.linalg.norm(places[rows[k]] - places[rows[k - 1]]) > _ROUNDING
-        if not (same and elsewhere):
-            first = k
-        elif k - first + 1 > best[1]:
-            best = first, k - first + 1
-    return best

@@ -1,4 +1,4 @@
-"""Error figures of sensors as arrays, and what devices would say: readings with errors drawn from that very model.
+"""What devices would say: readings with errors drawn from the very model that is assumed of them.
 
 For simulators and tests. Truth comes in (ranges and incidences along true rays, from whoever knows the shapes), and
 readings with a status go out. Nothing here is used to estimate anything.
@@ -17,107 +17,16 @@ The last axis is always the sensors of the model; all axes before it are batches
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames import frozen_array
 from tanteo.lie import SE3
-from tanteo.sensors.devices import Device
-from tanteo.sensors.presets import NoiseLaw, RobotPreset, SensorPreset
-from tanteo.sensors.rig import Rig
-from tanteo.typing import Covariances, FloatArray, IntArray, Tangents, Transforms, Vectors
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ErrorModel:
-    """Error figures of ``k`` sensors as arrays ``(k,)``: metres, radians, NaN nowhere.
-
-    Attributes:
-        names: Of the sensors.
-        law: Noise along the beam.
-        min_range: Nearest range reported [m].
-        max_range: Farthest range reported [m], infinite for unknown.
-        max_incidence: Incidence up to which the device answers [rad].
-        beam_half_angle: Of the cones [rad].
-        bias: Known offset of the ranges [m].
-        bias_sd: Standard deviation of the offset that is left, one draw a unit [m].
-        scale: Known scale error of the ranges.
-        axis_cosine: Between beam and optical axis, for devices that report the distance along the axis.
-        T_hand_sensors: Where the sensors sit by the rig, ``(k, 4, 4)``; identity for bare presets.
-        cov_unit: Of mounting (body error at the device) and scale error, one draw a unit, ``(k, 7, 7)``.
-        T_hand_units: Where the devices sit that the sensors are beams of, ``(k, 4, 4)``.
-        unit: Number of the first sensor of the same device, ``(k,)``: they share the draw.
-    """
-
-    names: tuple[str, ...]
-    law: NoiseLaw
-    min_range: FloatArray
-    max_range: FloatArray
-    max_incidence: FloatArray
-    beam_half_angle: FloatArray
-    bias: FloatArray
-    bias_sd: FloatArray
-    scale: FloatArray
-    axis_cosine: FloatArray
-    T_hand_sensors: Transforms
-    cov_unit: Covariances
-    T_hand_units: Transforms
-    unit: IntArray
-
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            if name not in ("names", "law", "unit"):
-                object.__setattr__(self, name, frozen_array(getattr(self, name)))
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-
-def error_model(source: Rig | SensorPreset | Sequence[SensorPreset]) -> ErrorModel:
-    """The error figures of a rig's sensors, of a preset or of several, as :func:`measure` uses them.
-
-    Raises:
-        InputError: A preset that touches: it has no range (see :func:`emit_touches`).
-    """
-    devices = _devices(source)
-
-    def column(name: str) -> FloatArray:
-        return np.array([getattr(d, name) for d in devices], dtype=np.float64)
-
-    mounts = [d.mount for d in devices]
-    # sensors of a rig may be beams of one device; presets are devices of their own, even if they are the same
-    units = [d.unit if d.mount is not None else str(k) for k, d in enumerate(devices)]
-    return ErrorModel(
-        names=tuple(d.name for d in devices),
-        law=NoiseLaw.stack([d.law for d in devices]),
-        min_range=column("min_range"),
-        max_range=np.nan_to_num(column("max_range"), nan=np.inf),
-        max_incidence=column("max_incidence"),
-        beam_half_angle=np.nan_to_num(column("beam_half_angle")),
-        bias=np.array([m.bias if m else 0.0 for m in mounts]),
-        bias_sd=column("bias_sd"),
-        scale=np.array([m.scale if m else 0.0 for m in mounts]),
-        axis_cosine=np.array([m.axis_cosine if m else 1.0 for m in mounts]),
-        T_hand_sensors=np.stack([m.T_hand_sensor if m else np.eye(4) for m in mounts]),
-        cov_unit=np.stack([d.cov_unit for d in devices]),
-        T_hand_units=np.stack([m.T_hand_unit if m else np.eye(4) for m in mounts]),
-        unit=np.array([units.index(unit) for unit in units], dtype=np.int64),
-    )
-
-
-def _devices(source: Rig | SensorPreset | Sequence[SensorPreset]) -> list[Device]:
-    if isinstance(source, Rig):
-        return [Device(s.name, s.preset, s) for s in source.sensors]
-    presets = [source] if isinstance(source, SensorPreset) else list(source)
-    touching = [p.name for p in presets if p.is_contact]
-    if touching or not presets:
-        got = f"'{touching[0]}', which touches" if touching else "none"
-        raise InputError(f"source: expected sensors that give ranges, got {got}. Use emit_touches for touches.")
-    return [Device(p.name, p, None) for p in presets]
+from tanteo.sensors.figures import ErrorModel
+from tanteo.sensors.presets import RobotPreset, SensorPreset
+from tanteo.typing import FloatArray, IntArray, Tangents, Transforms, Vectors
 
 
 class Status(IntEnum):

@@ -77,14 +77,13 @@ def measure(
     points, radii = _surface_points(readings, placed)
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
     half_angles = np.where(np.isnan(half_angles), beam_half_angle, half_angles)
-    covs = _independent(readings, placed, half_angles, sds, radii)
+    covs, aims = _independent(readings, placed, half_angles, sds, radii), aims_of(readings, placed)
     shared = list[Common]()
     if robot is not None:
         covs = covs + _repeatability(readings, points, robot)
         shared.append(base(points, placed, free, robot))
     if tip_sd is not None:
         shared.append(tip(readings, placed, tip_sd))
-    aims = aims_of(readings, placed)
     covs = covs + _unaimed(aims, np.array([d.bias_sd for d in devices])[numbers])
     shared += of_devices(placed, aims, devices, numbers, free)
     if bias_sd is not None:

@@ -183,15 +183,13 @@ _COLUMN = {
 @cache
 def sensor_presets() -> Mapping[str, SensorPreset]:
     """All sensor presets by name."""
-    rows = _rows("sensor_presets.csv")
-    return MappingProxyType({r["name"]: SensorPreset(**_values(SensorPreset, r)) for r in rows})
+    return _table(SensorPreset, "sensor_presets.csv")
 
 
 @cache
 def robot_presets() -> Mapping[str, RobotPreset]:
     """All robot presets by name."""
-    rows = _rows("robot_error_presets.csv")
-    return MappingProxyType({r["name"]: RobotPreset(**_values(RobotPreset, r)) for r in rows})
+    return _table(RobotPreset, "robot_error_presets.csv")
 
 
 def sensor_preset(name: str) -> SensorPreset:
@@ -227,9 +225,10 @@ def robot_preset(name: str) -> RobotPreset:
     return _look_up("robot", name, robot_presets())
 
 
-def _rows(file: str) -> list[dict[str, str]]:
+def _table(cls: type[_P], file: str) -> Mapping[str, _P]:
     text = resources.files("tanteo.sensors").joinpath(file).read_text(encoding="utf-8")
-    return list(csv.DictReader(text.splitlines()))
+    rows = csv.DictReader(text.splitlines())
+    return MappingProxyType({row["name"]: cls(**_values(cls, row)) for row in rows})
 
 
 def _values(cls: type[SensorPreset] | type[RobotPreset], row: Mapping[str, str]) -> dict[str, Any]:

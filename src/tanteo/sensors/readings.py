@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError, check_kind
 from tanteo.sensors.checks import check_readings
+from tanteo.sensors.given import filled_kinds, flags_of, frozen, frozen_flags, names_of, units_of
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _COLUMNS = {
@@ -82,8 +82,8 @@ class Readings:
     def __post_init__(self) -> None:
         n = len(self.ids)
         for name, shape in _COLUMNS.items():
-            object.__setattr__(self, name, _frozen(name, getattr(self, name), (n, *shape)))
-        object.__setattr__(self, "is_free", _frozen_flags(self.is_free, n))
+            object.__setattr__(self, name, frozen(name, getattr(self, name), (n, *shape)))
+        object.__setattr__(self, "is_free", frozen_flags(self.is_free, n))
         for name in ("features", "kinds", "sensors", "material_sides"):
             if len(getattr(self, name)) != n:
                 raise ReadingsError(f"{name}: expected {n} entries, one a reading, got {len(getattr(self, name))}.")
@@ -129,23 +129,23 @@ class Readings:
         if first is not None and not hasattr(first, "__len__"):
             raise ReadingsError(f"readings: expected columns, one row a reading, got {first!r}.")
         n = n if n is not None else (0 if first is None else len(first))
-        free = np.zeros(n, dtype=bool) if is_free is None else _flags(is_free)
-        kinds = _filled_kinds(kinds, free, n)
-        labels = ("",) * n if features is None else _names(features)
+        free = np.zeros(n, dtype=bool) if is_free is None else flags_of(is_free)
+        kinds = filled_kinds(kinds, free, n)
+        labels = ("",) * n if features is None else names_of(features)
         columns = {
-            "points": points, "directions": _units("directions", directions),
-            "normals": _units("normals", normals), "normal_sds": normal_sds, "sds": sds,
+            "points": points, "directions": units_of("directions", directions),
+            "normals": units_of("normals", normals), "normal_sds": normal_sds, "sds": sds,
             "across_sds": across_sds,
             "radii": np.zeros(n) if radii is None else radii, "Ts_world_hand": Ts_world_hand,
             "ranges": ranges, "max_ranges": max_ranges, "hole_radii": hole_radii,
         }  # fmt: skip
         arrays = {k: np.broadcast_to(np.nan, (n, *_COLUMNS[k])) if v is None else v for k, v in columns.items()}
         return cls(
-            ids=tuple(map(str, range(1, n + 1))) if ids is None else _names(ids),
+            ids=tuple(map(str, range(1, n + 1))) if ids is None else names_of(ids),
             features=tuple("" if f else label for f, label in zip(free, labels, strict=True)) if free.any() else labels,
             kinds=kinds,
-            sensors=("",) * n if sensors is None else _names(sensors),
-            material_sides=("",) * n if material_sides is None else _names(material_sides),
+            sensors=("",) * n if sensors is None else names_of(sensors),
+            material_sides=("",) * n if material_sides is None else names_of(material_sides),
             is_free=free,
             source=source,
             notes=tuple(notes),
@@ -212,75 +212,3 @@ def concatenate(parts: Sequence[Readings]) -> Readings:
     names: dict[str, Any] = {k: tuple(x for p in parts for x in getattr(p, k)) for k in _NAMES}
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     return Readings(**names, **arrays, source=parts[0].source, notes=notes)
-
-
-def _frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """A read-only float64 copy of the right shape; broadcast columns of NaN stay one number in memory."""
-    array = _numbers(name, value)
-    if array.shape != shape:
-        raise ReadingsError(f"{name}: expected shape {shape}, got {array.shape}. Give one row a reading.")
-    if array.flags.writeable:
-        array = array.copy()
-        array.flags.writeable = False
-    return array
-
-
-def _numbers(name: str, value: FloatArray) -> FloatArray:
-    """Real numbers as float64: of masked or complex ones a part would go unsaid."""
-    if "numpy.ma" in sys.modules and np.ma.is_masked(value):  # asking for it would import it
-        raise ReadingsError(f"{name}: expected numbers, got a masked array. Fill it with NaN, or leave the rows out.")
-    try:
-        if np.iscomplexobj(value):
-            raise ReadingsError(f"{name}: expected real numbers, got complex ones. Give their real parts.")
-        return np.asarray(value, dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        if isinstance(error, ReadingsError):
-            raise
-        raise ReadingsError(f"{name}: expected numbers, one row a reading, got others ({error}).") from None
-
-
-def _names(values: Sequence[object]) -> tuple[str, ...]:
-    """Names as text; None and NaN, which tables have in empty cells, are none."""
-    return tuple("" if v is None or v != v else str(v) for v in values)
-
-
-def _flags(value: BoolArray) -> BoolArray:
-    """A copy; words would all be true."""
-    flags = np.array(value)
-    if flags.dtype.kind not in "bui" and flags.size:
-        raise ReadingsError(f"is_free: expected true or false, got '{flags.flat[0]}'. Compare the words first.")
-    return flags.astype(bool)
-
-
-def _frozen_flags(value: BoolArray, n: int) -> BoolArray:
-    flags = _flags(value)
-    if flags.shape != (n,):
-        raise ReadingsError(f"is_free: expected shape {(n,)}, got {flags.shape}. Give one flag a reading.")
-    flags.flags.writeable = False
-    return flags
-
-
-def _filled_kinds(kinds: Sequence[str] | None, free: BoolArray, n: int) -> tuple[str, ...]:
-    if kinds is None:
-        return tuple("free" if f else "point" for f in free) if free.any() else ("point",) * n
-    if len(kinds) != n:
-        raise ReadingsError(f"kinds: expected {n} entries, one a reading, got {len(kinds)}.")
-    free |= np.fromiter((k == "free" for k in kinds), dtype=bool, count=n)
-    return tuple("free" if f else (k or "point") for f, k in zip(free, kinds, strict=True))
-
-
-def _units(name: str, vectors: Vectors | None) -> Vectors | None:
-    """Vectors scaled to length one; NaN rows stay."""
-    if vectors is None:
-        return None
-    vectors = _numbers(name, vectors)
-    if vectors.ndim != 2 or vectors.shape[1] != 3:
-        raise ReadingsError(f"{name}: expected shape (n, 3), got {vectors.shape}. Give one row a reading.")
-    if np.isinf(vectors).any():
-        raise ReadingsError(f"{name}: expected finite numbers, got infinity. Correct them.")
-    norms = np.linalg.norm(vectors, axis=1)
-    short = np.flatnonzero(norms < 1e-9)
-    if len(short):
-        raise ReadingsError(f"{name}: expected a vector that is not zero, got zero in row {short[0] + 1}.")
-    # a row that is partly NaN stays as it is, for the check of numbers to name
-    return np.asarray(vectors / np.where(np.isnan(norms), 1.0, norms)[:, None])

@@ -8,7 +8,8 @@ The only thing here with memory. It touches no file and moves no hand::
     print(session.answer().message)
 """
 
+from tanteo.session.action import Action
 from tanteo.session.conversation import Session
-from tanteo.session.values import Action, Done, Observation, Sensing, Step
+from tanteo.session.values import Done, Observation, Sensing, Step
 
 __all__ = ["Action", "Done", "Observation", "Sensing", "Session", "Step"]

@@ -27,10 +27,11 @@ from tanteo.answers import Answer, PosePrior
 from tanteo.errors import check_kind
 from tanteo.limits import check_count
 from tanteo.sensors import Readings, check_readings_kind, concatenate, say_stuck
+from tanteo.session.action import Action
 from tanteo.session.ahead import limits, shared_of
 from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
 from tanteo.session.questions import action_of, answers, is_same, new_readings, unlike, whole_action
-from tanteo.session.values import Action, Done, Observation, Sensing, Step
+from tanteo.session.values import Done, Observation, Sensing, Step
 from tanteo.session.worth import OUT_OF_REACH, enough, once_more, worth_acquiring, worth_making
 from tanteo.typing import BoolArray, Vectors
 

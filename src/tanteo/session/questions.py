@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.active import Candidates, Choice, DecisionContext, SensingState, WholeFeature
 from tanteo.lie import SE3
 from tanteo.sensors import Readings
-from tanteo.session.values import Action
+from tanteo.session.action import Action
 
 _OF_A_QUESTION = re.compile(r"a\d+")
 """Names of readings that answer questions."""

@@ -21,8 +21,9 @@ from tanteo.active import (
     whole_seconds,
 )
 from tanteo.lie import SE3
+from tanteo.session.action import Action
 from tanteo.session.answer import contradiction, moved_words
-from tanteo.session.values import Action, Done, Step
+from tanteo.session.values import Done, Step
 from tanteo.special import entropy
 
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tanteo.answers import percent
 from tanteo.io import pose_as_brand
 from tanteo.lie import SO3
 from tanteo.text.layout import PLAIN, Layout, printable
-from tanteo.text.numbers import percent
 
 if TYPE_CHECKING:
     from tanteo.answers import Answer, Hypothesis, PosePrior

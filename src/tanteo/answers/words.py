@@ -1,4 +1,4 @@
-"""Numbers in words."""
+"""A probability in words."""
 
 from __future__ import annotations
 

@@ -1,0 +1,179 @@
+"""The cells of a readings file: where each stands, and what its numbers have to satisfy."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from tanteo.errors import ReadingsError, UnitError
+from tanteo.io.assembling import LARGEST
+from tanteo.io.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
+from tanteo.io.hand_columns import ABB, way_of
+from tanteo.io.poses import FULL_TURN, MANY_TURNS, in_radians
+from tanteo.logs import Lines, TableText
+from tanteo.typing import BoolArray, FloatArray
+
+_LARGEST_TIP = 1.0
+"""No tip has a larger radius [m]."""
+
+_SHORTEST, _LONGEST = 1e-9, 1e9
+"""Lengths that a direction may have; their squares are numbers still."""
+
+_POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter", "half_angle")
+_QUATERNION_SLACK = 1e-3
+_UNIT_RIGHT = "is the unit in the column's name right?"
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A file of rows, as complaints name its cells.
+
+    Attributes:
+        path: The file.
+        columns: As its header names them.
+        text: How it is written.
+        above: Rows above the first reading.
+    """
+
+    path: Path
+    columns: tuple[Column, ...]
+    text: TableText
+    above: int
+
+    @cached_property
+    def by_base(self) -> Mapping[str, Column]:
+        """Its columns by their names without units."""
+        return {column.base: column for column in self.columns}
+
+    def place(self, row: int) -> str:
+        """File and line of a row of the table, found by reading the file again: only complaints pay for it."""
+        with self.text.open(self.path) as text:
+            lines = Lines(text)
+            rows = csv.reader(lines, strict=True, delimiter=self.text.delimiter)
+            next(islice(rows, row + self.above, None), None)
+            return f"{self.path}, line {lines.number}"
+
+    def refuse(self, row: int, name: str, value: str, expected: str) -> NoReturn:
+        """Complain about a cell."""
+        got = f"'{value}'" if value else "an empty cell"
+        raise ReadingsError(
+            f"{self.place(row)}, column '{self.by_base[name].written}': expected {expected}, got {got}. "
+            "Correct the file."
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """The numbers of some rows.
+
+    Attributes:
+        sheet: Where they stand.
+        first: Row of the table that is the first of them.
+        ids: Of all rows of the table so far; None where it has none.
+        values: By column, NaN for empty cells.
+    """
+
+    sheet: Sheet
+    first: int
+    ids: Sequence[str] | None
+    values: Mapping[str, FloatArray]
+
+    def check(self) -> None:
+        """Numbers in their limits, groups whole, units that are probable.
+
+        Raises:
+            ReadingsError: One is not; the message names file, line, column and value.
+            UnitError: An angle is probably in another unit than its column says.
+        """
+        for name in _POSITIVE:
+            if name in self.values:
+                self._require(~(self.values[name] <= 0), name, "a positive number")
+        if "radius" in self.values:
+            radii = self.values["radius"]
+            self._require(~(radii < 0), "radius", "zero or more")
+            self._require(~(radii > _LARGEST_TIP), "radius", f"{_LARGEST_TIP:g} m or less ({_UNIT_RIGHT})")
+        for name in (*POINT, "range", "max", "hand_x", "hand_y", "hand_z"):
+            if name in self.values:
+                meant = f" Millimetres are {name}_mm" if self.sheet.by_base[name].factor == 1 else ""
+                expected = f"within {LARGEST:g} m of the origin ({_UNIT_RIGHT}{meant})"
+                self._require(~(np.abs(self.values[name]) > LARGEST), name, expected)
+        self._check_turns()
+        self._check_groups()
+
+    def _check_groups(self) -> None:
+        """Refuse a group of which a row has some only, a direction without length and a quaternion that is none."""
+        for group in groups(self.values):
+            if group[0] in self.values:
+                filled = np.stack([~np.isnan(self.values[name]) for name in group])
+                for name, column in zip(group, filled, strict=True):
+                    self._require(column | ~filled.any(axis=0), name, f"all of {', '.join(group)} or none")
+        for group in (DIRECTION, NORMAL, OUTWARD):
+            if group[0] in self.values:
+                self._check_directions(group)
+        for four in (QUATERNION, ABB):
+            if four[0] in self.values:
+                lengths = self._lengths(four)
+                good = ~(np.abs(lengths - 1) > _QUATERNION_SLACK)
+                self._require(good, four[0], f"a unit quaternion {four[0]} .. {four[-1]}", lengths)
+
+    def _check_directions(self, group: tuple[str, ...]) -> None:
+        """Complain about the largest component of a direction that has none, or one too large to be squared."""
+        each = np.abs(np.stack([self.values[name] for name in group]))
+        largest, which = each.max(axis=0), each.argmax(axis=0)
+        for good, expected in (
+            (~(largest < _SHORTEST), "a direction that is not zero"),
+            (~(largest > _LONGEST), f"components of a direction, up to {_LONGEST:g}"),
+        ):
+            if not good.all():
+                self._require(good, group[which[np.flatnonzero(~good)[0]]], expected)
+
+    def _check_turns(self) -> None:
+        """Refuse degrees under the name of radians, nobody turns by more than a full turn; and the other way round."""
+        angles = [column for column in self.sheet.columns if column.base in ANGLES]
+        for column in angles:
+            if column.written.lower().rstrip(")]").endswith("rad"):
+                far = np.abs(self.values[column.base]) > FULL_TURN
+                self._require_unit(~far, column, "deg", "rad is more than a full turn: are these degrees")
+        for column in angles:
+            few = ~(np.abs(self.values[column.base]) > MANY_TURNS)
+            self._require(few, column.base, "an angle of up to 36000 degrees")
+        turned = [column for column in angles if column.base in way_of(self.values).names]
+        degrees = [column for column in turned if column.factor != 1]
+        if degrees and in_radians(np.concatenate([self.values[c.base] / c.factor for c in degrees])):
+            sizes = [np.nanmax(np.abs(self.values[c.base]), initial=0) for c in degrees]
+            worst = degrees[int(np.argmax(sizes))]
+            nearer = np.abs(self.values[worst.base]) != max(sizes)
+            why = "deg, and no angle beyond half a turn of radians: are these radians"
+            self._require_unit(nearer, worst, "rad", why)
+        if turned and turned[0].base == "hand_rx" and turned[0].factor == 1:
+            lengths = self._lengths([column.base for column in turned])
+            self._require(~(lengths > FULL_TURN), "hand_rx", "a rotation vector of at most a full turn", lengths)
+
+    def _lengths(self, group: Sequence[str]) -> FloatArray:
+        return np.sqrt(sum((self.values[name] ** 2 for name in group), start=np.zeros(())))
+
+    def _require(self, good: BoolArray, name: str, expected: str, lengths: FloatArray | None = None) -> None:
+        if good.all():
+            return
+        k = int(np.flatnonzero(~good)[0])
+        number = self.values[name][k]
+        value = f"{number / self.sheet.by_base[name].factor:.12g}" if not np.isnan(number) else ""
+        value = value if lengths is None else f"length {lengths[k]:.6g}"
+        self.sheet.refuse(self.first + k, name, value, expected)
+
+    def _require_unit(self, good: BoolArray, column: Column, unit: str, why: str) -> None:
+        if good.all():
+            return
+        k = int(np.argmin(good))
+        row = self.first + k
+        raise UnitError(
+            f"{self.sheet.place(row)}, {column.written} of reading '{self.ids[row] if self.ids else row + 1}': "
+            f"{self.values[column.base][k] / column.factor:.12g} {why}? Name the column {column.base}_{unit}."
+        )
