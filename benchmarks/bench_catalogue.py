@@ -10,6 +10,7 @@ import argparse
 import resource
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from common import Table
@@ -223,7 +224,7 @@ NARROWED = ("parts", "sensed", "scenes", "CPU s, median", "90 %", "true part kep
 def main() -> None:
     """Measure one catalogue, and print a table."""
     words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("catalogue")
+    words.add_argument("catalogue", help="or a folder of CAD files")
     words.add_argument("scenes", type=int, nargs="?", default=20)
     words.add_argument("kinds", nargs="*", metavar="KIND", default=list(KINDS))
     words.add_argument("--seed", type=int, default=1)
@@ -232,7 +233,8 @@ def main() -> None:
     words.add_argument("--sd", type=float, default=SD, help="of a point [m]")
     asked = words.parse_args()
     start = time.perf_counter()
-    catalogue = tanteo.open_catalogue(asked.catalogue)
+    is_one = (Path(asked.catalogue) / "catalogue.json").exists()
+    catalogue = tanteo.open_catalogue(asked.catalogue) if is_one else tanteo.read_parts([asked.catalogue]).parts
     opened = time.perf_counter() - start
     if asked.narrow:
         rows = [narrow(catalogue, kind, asked.scenes, asked.seed, asked.sd) for kind in asked.kinds]

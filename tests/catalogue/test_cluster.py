@@ -223,15 +223,13 @@ def test_processes_end_when_who_began_them_was_killed():
 
 
 def test_processes_wait_for_one_that_is_connected():
-    from distributed import Client, SubprocessCluster
+    from distributed import Client
 
-    from tanteo.cluster.end import EndWithClient
+    from tanteo.cluster import own_processes
 
-    idle = {"idle_timeout": "300s"}
-    with SubprocessCluster(n_workers=0, dashboard_address=None, scheduler_kwargs=idle) as own, Client(own) as client:
-        client.register_plugin(EndWithClient(7.0))
+    with own_processes(1) as client:
         assert client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.idle_timeout) is None
-        with Client(own):
+        with Client(client.cluster):
             pass  # another that leaves
         assert client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.idle_timeout) is None
 

@@ -36,7 +36,7 @@ def test_a_hidden_part_is_named_and_placed(run, few, tmp_path):
     result = run("see", IMAGES / "half_hidden.png", *PLACED, "--parts", few, "--picture", picture)
     assert "clamp at x" in result.out
     assert "Camera fitted to 12 marks" in result.err
-    assert read_image(picture).shape == (960, 1280)
+    assert read_image(picture).shape == (1000, 1280)  # twice as large, with a legend
 
 
 def test_one_document_with_every_object(run, few):

@@ -6,6 +6,16 @@ sees files under the same paths. Whoever can reach a scheduler can run programs 
 that you trust.
 """
 
-from tanteo.cluster.work import at_work, check_scheduler, spread
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["at_work", "check_scheduler", "spread"]
+from tanteo.cluster.work import at_work, check_scheduler, spread
+from tanteo.lazy import lazy
+
+if TYPE_CHECKING:
+    from tanteo.cluster.own import own_processes
+
+__all__ = ["at_work", "check_scheduler", "own_processes", "spread"]
+
+__getattr__: Callable[[str], Any]
+__getattr__, _ = lazy(__name__, {"own": "own_processes"})
