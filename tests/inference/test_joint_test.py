@@ -73,8 +73,8 @@ def test_a_prior_that_three_points_cannot_contradict_is_blamed(bracket):
             priors = Priors(pose=PosePrior(T @ SE3.exp(np.r_[far * way, 0, 0, 0]), C), radius=bracket.part.radius)
             answer = identify_points(touches, no_paths(), [bracket], priors=priors)
             refused += [answer.message] if answer.status == "unknown" else []
-    assert refused
-    assert all("not where it was said to be" in message for message in refused), refused
+    assert any("not where it was said to be" in message for message in refused), refused
+    assert not any("the readings contradict it" in message for message in refused), refused
 
 
 def test_a_copy_in_another_frame_is_said_to_fit_alike(bracket, tmp_path):

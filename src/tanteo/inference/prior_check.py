@@ -23,13 +23,13 @@ from tanteo.localization import pose_information, weak_motions
 from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Transforms
 
-_DOUBT = 0.05
+DOUBT = 0.05
 """P-values of the answer, and of the prior, above which a search without it is not worth its time."""
 
 _PLAUSIBLE, _OUTLIERS = 1e-3, 0.03
 """A pose explains the measurements if its chi-square, and as many outliers as it leaves, are no less likely."""
 
-_DRAWS = 32
+DRAWS = 32
 """Samples of the mode among which the one is looked for that agrees best with both."""
 
 
@@ -70,7 +70,7 @@ def check_prior(
         return PriorCheck()
     fits = best is not None and best.probability >= posterior.unknown
     p = p_of_prior(posterior.modes[0], priors) if posterior.modes else 1.0
-    if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > _DOUBT:
+    if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > DOUBT:
         return PriorCheck(p)
     other = without()
     if not other.modes or other.modes[0].probability < other.unknown:
@@ -140,7 +140,7 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
         logs = _core.log_densities(mode.prepared.shape, alone.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
         return np.asarray(np.sum(rows**2, axis=1) + 2 * (best - logs))
 
-    heavy = np.argsort(-mode.weights, kind="stable")[:_DRAWS]
+    heavy = np.argsort(-mode.weights, kind="stable")[:DRAWS]
     Ts = np.concatenate([mode.T_peak[None], mode.Ts[heavy]])
     least = off(Ts, np.repeat(zs[None], len(Ts), axis=0)).min()
     return min(share, chi2_survival(least, max(known - len(left), 1)))

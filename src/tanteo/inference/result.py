@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from tanteo.answers import Hypothesis, PosePrior, hypothesis_at, prior_rows, spins
+from tanteo.answers import Hypothesis, Misfit, PosePrior, hypothesis_at, prior_rows, spins
 from tanteo.inference.covariances import common_tolerance, covariances
+from tanteo.inference.details import details_at
 from tanteo.inference.fit_at_mode import GoodnessOfFit, face_names
 from tanteo.inference.modes import Mode
+from tanteo.inference.prior_check import DOUBT, DRAWS
 from tanteo.lie import SE3
 from tanteo.localization import SharedGiven
 from tanteo.measurements import ContactPoints
+from tanteo.typing import Transforms
 
 _REMARKABLE = 2.0
 """A measurement that is off by fewer standard deviations is not what contradicts a pose."""
@@ -28,12 +33,7 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
     free, distances = one.free, one.at.distances[0]
     covariance, given = covariances(one)
     common, common_given = common_tolerance(points, one)
-    known, known_rows = (of[0] for of in prior_rows(pose, part, mode.T_peak[None]))
-    errors = mode.z[: points.shared_jacobian.shape[2]]
-    named = pose is not None and pose.T_world_part is not None  # a prior names one of the spins, too
-    more = len(known) + len(free) - (len(spins(part)) if named else 0)
-    rest = float(np.sum(errors**2) + np.sum(known**2))
-    misfit = one.misfit().beside(rest, more, one.told_beside(known_rows))
+    misfit = _joint_misfit(one, pose)
     names = face_names(one)
     return hypothesis_at(
         part,
@@ -49,6 +49,34 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
         covariance_relative=None if given is None else given + common_given,
         shared=_shared_given(mode),
     )
+
+
+def _joint_misfit(one: GoodnessOfFit, pose: PosePrior | None) -> Misfit:
+    """Of measurements, shared errors and what was known of the pose: at the maximum, or where a sample agrees more.
+
+    A density is not highest where squares are least: where a prior bends a region, they may be far apart.
+    """
+    best = _misfit_at(one, pose, one.mode.T_peak)
+    if pose is None or best.p_value > DOUBT:
+        return best
+    heavy = np.argsort(-one.mode.weights, kind="stable")[:DRAWS]
+    others = [_misfit_at(_moved_to(one, T), pose, T) for T in one.mode.Ts[heavy]]
+    return max([best, *(other for other in others if other.dof == best.dof)], key=lambda misfit: misfit.p_value)
+
+
+def _moved_to(one: GoodnessOfFit, T: Transforms) -> GoodnessOfFit:
+    """The same mode with the measurements at another of its poses."""
+    return replace(one, at=details_at(one.mode.objective, T[None], one.mode.z[None]))
+
+
+def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Misfit:
+    part, z = one.mode.prepared.part, one.mode.z
+    known, known_rows = (of[0] for of in prior_rows(pose, part, T[None]))
+    errors = z[: one.mode.objective.problem.points.shared_jacobian.shape[2]]
+    named = pose is not None and pose.T_world_part is not None  # a prior names one of the spins, too
+    more = len(known) + len(one.free) - (len(spins(part)) if named else 0)
+    rest = float(np.sum(errors**2) + np.sum(known**2))
+    return one.misfit().beside(rest, more, one.told_beside(known_rows))
 
 
 def _shared_given(mode: Mode) -> SharedGiven | None:
