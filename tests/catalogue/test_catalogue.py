@@ -16,6 +16,8 @@ from random_parts import write_off
 from tanteo.catalogue import (
     add_to_catalogue,
     build_catalogue,
+    coarse_field,
+    compiled_shape,
     hull_points,
     known_rests,
     open_catalogue,
@@ -333,3 +335,26 @@ def test_identify_takes_a_catalogue_as_parts(tmp_path):
     other = tanteo.identify(readings, tanteo.read_parts("examples/parts"), sd=1e-4)
     assert answer.best.part == other.best.part == "bracket_left"
     assert answer.best.probability == pytest.approx(other.best.probability, abs=1e-3)
+
+
+def test_coarse_fields_are_cached_and_made_anew_if_damaged(tmp_path, monkeypatch):
+    monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
+    write_off(
+        tmp_path / "wedge.off",
+        [(0, 0, 0), (90, 0, 0), (0, 50, 0), (0, 0, 20)],
+        [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)],
+    )
+
+    def field():
+        part = read_parts([tmp_path / "wedge.off"], unit="mm").parts[0]
+        return coarse_field(part, compiled_shape(part))
+
+    grid, levels = field()
+    (kept,) = (tmp_path / "cache").rglob("*.field1")
+    whole = kept.read_bytes()
+    for damaged in (whole, whole[:-9], b"", b"no field"):
+        kept.write_bytes(damaged)
+        again = field()
+        np.testing.assert_array_equal(again[0], grid)
+        np.testing.assert_array_equal(again[1], levels)
+        assert kept.read_bytes() == whole

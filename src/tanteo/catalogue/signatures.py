@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
+from tanteo.catalogue.cache import load_derived, store_derived
 from tanteo.catalogue.index import kinds
 from tanteo.catalogue.resting import hull_points, rest_rows
 from tanteo.catalogue.shaping import axes_of
@@ -31,6 +32,9 @@ even: a sheet has nodes in its middle, without which it would be half a cell awa
 
 LEVELS = 24
 """Steps of the coarse field in the length of a cell; what is farther than 127 of them is as far as that."""
+
+_FIELD, _GRID = "field1", 28
+"""What the field is called in the cache, and its version; bytes of where its nodes are."""
 
 PARALLEL = 1e-3
 """Faces that are turned by less than this are compared by their distance, others by their angle [rad]."""
@@ -177,11 +181,29 @@ def pairs_of(planes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def coarse_field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Where the nodes of a grid about the part are, and signed distances to the surface there; kept with the part."""
+    """Where the nodes of a grid about the part are, and signed distances to the surface there.
+
+    They are kept with the part, and beside it in the cache.
+    """
     if "field" not in part.derived:
-        part.derived["field"] = _field(part, shape)
-    known: tuple[np.ndarray, np.ndarray] = part.derived["field"]
-    return known
+        known = _stored_field(part)
+        if known is None:
+            known = _field(part, shape)
+            store_derived(part, _FIELD, known[0].tobytes() + known[1].tobytes())
+        part.derived["field"] = known
+    field: tuple[np.ndarray, np.ndarray] = part.derived["field"]
+    return field
+
+
+def _stored_field(part: Part) -> tuple[np.ndarray, np.ndarray] | None:
+    """What is in the cache, if it is whole."""
+    stored = load_derived(part, _FIELD)
+    if stored is None or len(stored) < _GRID:
+        return None
+    grid, levels = stored[:_GRID].view(np.float32), stored[_GRID:].view(np.int8)
+    counts = grid[4:]
+    whole = bool(np.isfinite(grid).all() and counts.min() >= 2 and np.prod(counts) == len(levels))
+    return (grid, levels) if whole else None
 
 
 def field_table(numbers: FloatArray, fields: Sequence[tuple[np.ndarray, np.ndarray]]) -> dict[str, np.ndarray]:
