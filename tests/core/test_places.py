@@ -47,9 +47,9 @@ def size_of(body):
 
 @pytest.mark.parametrize("make", MAKES)
 @pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("facets", [2.5, 5])
+@pytest.mark.parametrize("facets", [0.4, 0.8, 2.5, 5])
 def test_many_small_flats_agree_with_the_sum_over_all(name, make, facets):
-    """Noise that is so many facets wide: places stand for one of them and for several."""
+    """Noise that is so many facets wide: places stand for one of them, for several, or for those far away."""
     body = BODIES[name]
     q, Ts, zs = scene(body, MAKES[make], facets * size_of(body), 3)
     oracle = Oracle(body, q)
