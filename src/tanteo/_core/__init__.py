@@ -6,6 +6,7 @@ Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. `
 
 from tanteo._core.native import (
     EdgeFrame,
+    FactorList,
     Problem,
     Shape,
     axes_lack,
@@ -22,8 +23,10 @@ from tanteo._core.native import (
     fit_rounds,
     foremost_edges,
     group_information,
+    landmark_codes,
     log_densities,
     make_edge_frame,
+    make_factors,
     make_problem,
     make_shape,
     marginals,
@@ -51,6 +54,7 @@ from tanteo._core.native import (
 
 __all__ = [
     "EdgeFrame",
+    "FactorList",
     "Problem",
     "Shape",
     "axes_lack",
@@ -67,8 +71,10 @@ __all__ = [
     "fit_rounds",
     "foremost_edges",
     "group_information",
+    "landmark_codes",
     "log_densities",
     "make_edge_frame",
+    "make_factors",
     "make_problem",
     "make_shape",
     "marginals",

@@ -14,10 +14,9 @@ from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays, directions_met, is_round
+from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
-from tanteo.sensors import APEX, BALL, CENTRE
-from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.typing import Covariances, FloatArray, Indices, IntArray, Transforms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +57,7 @@ class Problem:
     around: Around = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     elsewhere: Elsewhere = field(init=False, repr=False)
+    _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
         groups = groups_of(self.points)
@@ -105,11 +105,17 @@ class Problem:
             return float(anywhere)
         return float(anywhere + log_density_within(unplaced(pose), self.priors.radius))
 
+    @property
+    def factors(self) -> list[tuple[_core.FactorList, Indices]]:
+        """The measurements for the core; compiled once, for all parts."""
+        if not self._factors and len(self.points):
+            self._factors.extend(self.points.compiled(outlier_log_density(self.points, self.priors)))
+        return self._factors
+
     def compiled(self, prepared: PreparedPart) -> _core.Problem:
         """The question about one part, for the core."""
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
-        extra = np.full(len(t), t.tolerance**2)
         rays = rays.join(self.around.paths) if len(self.around.paths) else rays
         table = self.priors.pose.table if self.priors.pose is not None else None
         lines = np.column_stack(
@@ -117,13 +123,9 @@ class Problem:
         )
         means, roots, log_weights = self._normals(prepared)
         return _core.make_problem(
-            _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
-            _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
-            _c(self.around.over_outlier),
-            np.array([number_of(kind) for kind in t.kinds], dtype=np.int32), _c(t.circles), self.groups,
-            _c(self.elsewhere.log_odds), _c(t.shared_jacobian), float(self.scale_sd), _c(rates), _c(weights),
-            self.priors.outlier_rate, _c(lines), _c(rays.shared_jacobian), _c(rays.turns), _c(means), _c(roots),
-            _c(log_weights),
+            self.factors, _c(self.around.over_outlier), self.groups, _c(self.elsewhere.log_odds), _c(t.shared_jacobian),
+            np.zeros((0, 3, 0)), float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
+            _c(rays.shared_jacobian), _c(rays.turns), _c(means), _c(roots), _c(log_weights),
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
         )  # fmt: skip
 
@@ -143,18 +145,9 @@ class Problem:
         return means.reshape(-1, 4, 4), roots.reshape(-1, 6, 6), np.repeat(log, len(turns))
 
 
-_CENTRES = {CENTRE: 3, BALL: 5, APEX: 6}
-"""Numbers in the core (``Kind``) of kinds of points that are not on the surface."""
-
-
 def unplaced(pose: PosePrior) -> PosePrior:
     """What is known of the pose but for its normal density."""
     return replace(pose, T_world_part=None, covariance=None)
-
-
-def number_of(kind: str) -> int:
-    """Of a kind of point, for the core."""
-    return _CENTRES.get(kind, 4 if is_round(kind) else directions_met(kind) - 1)
 
 
 def _c(values: FloatArray) -> FloatArray:
