@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -89,10 +89,11 @@ def touches_of(
     points, sd, *, radii=0.0, directions=None, normals=None, normal_sd=np.pi, reach=0.0, shared_jacobian=None
 ):
     """World points as touches with isotropic noise of that standard deviation (a number, or one a point)."""
-    return measurements.surface_points(
+    made = measurements.surface_points(
         np.array(points, dtype=float), sd, radii=radii, directions=directions, normals=normals, normal_sds=normal_sd,
         reach=reach, shared_jacobian=shared_jacobian,
     )  # fmt: skip
+    return replace(made, ids=tuple(map(str, range(len(points)))))
 
 
 def oriented(target, n, rng, sd=3e-4, tilt=0.05):

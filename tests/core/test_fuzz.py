@@ -179,7 +179,6 @@ def test_meshes_that_are_none_are_refused(change):
         {"extra": np.full(2, -1.0)},
         {"radii": np.full(2, -1.0)},
         {"normals": np.ones((2, 3)), "normal_sds": np.zeros(2)},
-        {"kinds": np.full(2, 7, np.int32)},
         {"groups": np.full(2, 2, np.int32)},
         {"shared_jacobian": np.zeros((2, 3, 59))},
         {"shared_jacobian": np.zeros((2, 3, 58)), "scale_sd": 0.5},

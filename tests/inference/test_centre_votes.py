@@ -72,7 +72,8 @@ def catalogue(parts):
         numbers[8:14] = np.r_[np.zeros(3), size]
         columns.append({
             "numbers": numbers, "grid": np.zeros(7, dtype=np.float32), "planes": np.float32(box_faces(size)),
-            "axes": np.float32(rows).reshape(-1, 12), "rounds": np.zeros((0, 9), dtype=np.float32),
+            "axes": np.float32([[*row, row[11] == 3, 0, 0] for row in rows]).reshape(-1, 15),
+            "rounds": np.zeros((0, 9), dtype=np.float32),
             "hull": np.zeros((0, 3), dtype=np.float32), "rests": np.zeros((0, 4), dtype=np.float32),
             "field": np.zeros(0, dtype=np.int8),
             **dict.fromkeys(("same", "opposite", "angles"), np.zeros(0, dtype=np.float32)),
@@ -409,13 +410,13 @@ def given(sensed_ones, every, **changed):
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("axes", np.zeros(5, dtype=np.float32), "12 numbers"),
+        ("axes", np.zeros(5, dtype=np.float32), "15 numbers"),
         ("axes_start", np.arange(81) * 1000, "increasing"),
         ("planes_start", np.arange(3), "increasing"),
         ("rows", np.array([10**6], dtype=np.int32), "rows"),
         ("centres", np.full((2, 13), np.nan), "finite"),
         ("centres", np.zeros((2, 13)), "positive"),
-        ("centres", np.full((2, 13), 9.0), "kinds"),
+        ("centres", np.full((2, 13), 99.0), "kinds"),
         ("sensed", np.zeros((2, 5)), "expected an array"),
         ("seeds", np.array([0, 1], dtype=np.int32), "three numbers"),
         ("seeds", np.array([0, 99, 1], dtype=np.int32), "seeds"),

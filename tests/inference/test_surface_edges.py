@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from altered import altered
 from tanteo.inference import PreparedPart, identify_points, prepare
 from tanteo.measurements import ContactPoints, FreeRays, surface_points
 from tanteo.parts import read_part
@@ -35,5 +35,5 @@ def test_readings_on_one_line_or_at_one_point_are_not_enough(target, along, says
 
 def test_a_noise_larger_than_part_is_said_and_not_an_exception(target):
     points = target.samples[:12]
-    touches = replace(touched(points), covs=np.tile(np.eye(3), (12, 1, 1)), sd=np.ones(12))
+    touches = altered(touched(points), covs=np.tile(np.eye(3), (12, 1, 1)), sd=np.ones(12))
     assert identify_points(touches, FreeRays.none(), [target]).status == "insufficient"

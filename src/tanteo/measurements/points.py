@@ -71,7 +71,7 @@ class ContactPoints:
         if not self.kinds:
             object.__setattr__(self, "kinds", ("point",) * n)
         zero = np.zeros(3)
-        arrays = {
+        arrays: dict[str, Any] = {
             "points": np.array([f.at for f in all_of], dtype=np.float64).reshape(n, 3),
             "covs": np.array([f.cov for f in all_of], dtype=np.float64).reshape(n, 3, 3),
             "radii": np.array([f.ball_radius for f in all_of], dtype=np.float64),
@@ -83,9 +83,10 @@ class ContactPoints:
             "directed": np.array([f.approach is not None for f in all_of], dtype=np.bool_),
             "oriented": np.array([f.normal is not None for f in all_of], dtype=np.bool_),
         }
+        arrays["sd"] = np.sqrt(np.linalg.eigvalsh(np.asarray(arrays["covs"], dtype=np.float64))[:, -1])
         for name, array in arrays.items():
+            array.flags.writeable = False
             object.__setattr__(self, name, array)
-        object.__setattr__(self, "sd", np.sqrt(np.linalg.eigvalsh(self.covs)[:, -1]))
         v = float(self.covs[0, 0, 0]) if n else np.nan
         same = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v)) if n else False
         object.__setattr__(self, "variance", v if same else float("nan"))

@@ -12,6 +12,28 @@ void Factor::set_noise(const Mat3& covariance, double tolerance_variance) {
     for (int i = 0; i < 9; ++i) isotropic = isotropic && std::fabs(cov.m[i] - (i % 4 ? 0 : v)) <= 1e-9 * v;
 }
 
+NearestPlace nearest_on_surface(const Factor& factor, const Shape& shape, const Pose& pose, const Vec3& p, double radius,
+                                const Vec3& inward, bool directed) {
+    const Closest closest = shape.closest(p);
+    const Vec3& normal = shape.normals[closest.triangle];
+    const double sign = dot(p - closest.point, normal) < 0 ? -1 : 1;
+    const Vec3 d = pose.R * unit(p - closest.point), n = pose.R * normal;
+    NearestPlace out;
+    out.distance = sign * std::sqrt(closest.squared) - radius;
+    out.per_sd = 1 / std::sqrt(dot(d, factor.cov * d) + factor.extra);
+    // density right on a face of that normal, times the sd along it
+    double density = directed ? std::max(-dot(n, inward), 0.0) : 1 / shape.area;
+    if (factor.oriented) {
+        const double per_tilt = 1 / factor.direction_sd;
+        const double squared = 2 * (1 - dot(n, factor.direction)) * per_tilt * per_tilt;
+        density *= per_tilt * per_tilt / (2 * PI) * std::exp(-0.5 * squared);
+    }
+    out.density = density * std::exp(-factor.log_outlier) / std::sqrt(2 * PI) * out.per_sd;
+    out.normal = closest.squared > 0 ? sign * unit(p - closest.point) : normal;
+    out.element = shape.faces[closest.triangle];
+    return out;
+}
+
 void add_component(LocalSlope& sum, const Component& c, double weight) {
     const double r = c.distance * c.per_sd;
     if (c.element >= 0) {

@@ -157,6 +157,11 @@ class Factor {
 // Poses are scored roughly: no measurement costs more, it may be an outlier.
 constexpr double ROUGH_CAP = 9;
 
+// The place of the surface that is nearest to a place p of the part, for a ball of a radius (0 for a point) and a beam
+// along a direction, if it is known.
+NearestPlace nearest_on_surface(const Factor& factor, const Shape& shape, const Pose& pose, const Vec3& p, double radius,
+                                const Vec3& inward, bool directed);
+
 // Gradient and information of one component, to which a weight is applied.
 void add_component(LocalSlope& sum, const Component& c, double weight);
 

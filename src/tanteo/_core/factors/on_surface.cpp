@@ -71,23 +71,7 @@ NearestElement OnSurface::nearest(const Shape& shape, const Pose& pose, const Ve
 }
 
 NearestPlace OnSurface::beside(const Shape& shape, const Pose& pose, const Vec3& p) const {
-    const Closest closest = shape.closest(p);
-    const Vec3& normal = shape.normals[closest.triangle];
-    const double sign = dot(p - closest.point, normal) < 0 ? -1 : 1;
-    const Vec3 d = pose.R * unit(p - closest.point), n = pose.R * normal;
-    NearestPlace out;
-    out.distance = sign * std::sqrt(closest.squared) - radius;
-    out.per_sd = 1 / std::sqrt(dot(d, cov * d) + extra);
-    // density right on a face of that normal, times the sd along it
-    double density = directed ? std::max(-dot(n, inward), 0.0) : 1 / shape.area;
-    if (oriented) {
-        const double per_tilt = 1 / direction_sd, squared = 2 * (1 - dot(n, direction)) * per_tilt * per_tilt;
-        density *= per_tilt * per_tilt / (2 * PI) * std::exp(-0.5 * squared);
-    }
-    out.density = density * std::exp(-log_outlier) / std::sqrt(2 * PI) * out.per_sd;
-    out.normal = closest.squared > 0 ? sign * unit(p - closest.point) : normal;
-    out.element = shape.faces[closest.triangle];
-    return out;
+    return nearest_on_surface(*this, shape, pose, p, radius, inward, directed);
 }
 
 void OnSurface::fill(const Columns& columns, size_t row) {

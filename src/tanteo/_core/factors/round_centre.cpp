@@ -102,14 +102,12 @@ NearestElement RoundCentre::nearest(const Shape& shape, const Pose&, const Vec3&
     return out;
 }
 
-NearestPlace RoundCentre::beside(const Shape& shape, const Pose&, const Vec3& p) const {
-    NearestPlace out{};
+NearestPlace RoundCentre::beside(const Shape& shape, const Pose& pose, const Vec3& p) const {
     Vec3 off;
     const int k = nearest_landmark(shape, p, off);
-    out.element = -1;
+    if (k < 0) return nearest_on_surface(*this, shape, pose, p, offset, {}, false);  // the part has no such landmark
+    NearestPlace out{};
     out.per_sd = std::sqrt(3 / (cov(0, 0) + cov(1, 1) + cov(2, 2) + 3 * extra));
-    out.distance = 1e300;
-    if (k < 0) return out;
     out.distance = norm(off);
     out.element = shape.number_of(shape.axes[k]);
     return out;
