@@ -7,6 +7,7 @@ Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. `
 from tanteo._core.native import (
     EdgeFrame,
     FactorList,
+    PoseTerm,
     Problem,
     Shape,
     axes_lack,
@@ -40,6 +41,7 @@ from tanteo._core.native import (
     open_shape,
     place,
     propose,
+    python_term,
     refine_edges,
     round_distances,
     scores,
@@ -55,6 +57,7 @@ from tanteo._core.native import (
 __all__ = [
     "EdgeFrame",
     "FactorList",
+    "PoseTerm",
     "Problem",
     "Shape",
     "axes_lack",
@@ -88,6 +91,7 @@ __all__ = [
     "open_shape",
     "place",
     "propose",
+    "python_term",
     "refine_edges",
     "round_distances",
     "scores",

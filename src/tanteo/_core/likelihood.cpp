@@ -28,6 +28,9 @@ double Likelihood::at(const State& state, bool with_slope) {
     }
     log += add_rays(state);
     log += add_priors(state, with_slope);
+    if (!with_terms) return log;
+    const Slope slope{shape.centre, K, gradient.data(), information.data()};
+    for (const auto& term : problem.terms) log += term->add(state, with_slope ? &slope : nullptr);
     return log;
 }
 

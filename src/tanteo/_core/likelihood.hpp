@@ -10,12 +10,6 @@ namespace tanteo {
 
 constexpr int MOST_STATES = 64;
 
-// What is asked about: a pose, whitened shared errors, and the log of the noise scale over its sd.
-struct State {
-    Pose pose;
-    std::vector<double> z;  // shared errors, then the noise scale if it is a state
-};
-
 // A factor at a pose: its components, and the probability that it is no outlier.
 struct Evaluated {
     Vec3 p, m;       // place and direction in the part
@@ -38,6 +32,7 @@ class Likelihood {
     // about the centre of the shape
     double at(const State& state, bool with_slope);
 
+    bool with_terms = true;          // whether further terms are added (PoseTerm)
     std::vector<char> coarse;        // whether a factor counts where noise is blurred; empty: all do
     double blur = 0, blur_turn = 0;  // added to the noise of places [m] and directions [rad]: coarse to fine
     std::vector<double> gradient, information;

@@ -1,5 +1,6 @@
 // The door to Python: arrays in, arrays out; every loop runs without the interpreter's lock.
 #include <nanobind/stl/map.h>
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -28,6 +29,7 @@ using namespace nb::literals;
 
 namespace tanteo {
 void offer_images(nb::module_& m);  // image_door.cpp
+void offer_python_terms(nb::module_& m);  // factors/python_term.cpp
 void offer_beams(nb::module_& m);   // beam_door.cpp
 void offer_coarse(nb::module_& m);  // coarse_door.cpp
 void offer_outlines(nb::module_& m);  // outlines_door.cpp
@@ -212,10 +214,14 @@ Out log_densities(const Shape& shape, const Problem& problem, Doubles Ts, Double
     {
         nb::gil_scoped_release release;
         for_all(all.size(), [&] {
-            return [&, likelihood = Likelihood(shape, problem)](size_t k) mutable {
-                out[k] = likelihood.at(all[k], false);
-            };
+            Likelihood own(shape, problem);
+            own.with_terms = false;
+            return [&, likelihood = std::move(own)](size_t k) mutable { out[k] = likelihood.at(all[k], false); };
         });
+        for (const auto& term : problem.terms) {
+            const std::vector<double> more = term->values(all);
+            for (size_t k = 0; k < all.size(); ++k) out[k] += more[k];
+        }
     }
     return array_of(std::move(out), {all.size()});
 }
@@ -537,7 +543,12 @@ NB_MODULE(native, m) {
         .def_prop_ro("centre", [](const Shape& s) {
             return array_of(std::vector<double>{s.centre.x, s.centre.y, s.centre.z}, {3});
         }, nb::rv_policy::automatic);
-    nb::class_<Problem>(m, "Problem").def_prop_ro("size", &Problem::size);
+    nb::class_<PoseTerm>(m, "PoseTerm");
+    offer_python_terms(m);
+    nb::class_<Problem>(m, "Problem")
+        .def_prop_ro("size", &Problem::size)
+        .def("add", [](Problem& problem, std::shared_ptr<const PoseTerm> term) { problem.terms.push_back(std::move(term)); },
+             "term"_a);
     m.def("make_shape", &make_shape, "vertices"_a, "triangles"_a, "faces"_a, "profile_rows"_a, "profiles"_a, "edges"_a,
           "corners"_a, "axes"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());

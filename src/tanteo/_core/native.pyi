@@ -1,6 +1,6 @@
 """What native.cpp offers. Arrays that go in are C-contiguous; integers of another width are converted."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -28,10 +28,21 @@ class Shape:
     def normals(self) -> FloatArray: ...
     def bytes(self) -> bytes: ...
 
+class PoseTerm: ...
+
 class Problem:
     @property
     def size(self) -> int: ...
+    def add(self, term: PoseTerm) -> None: ...
 
+def python_term(
+    name: str,
+    log_density: Callable[[FloatArray], FloatArray],
+    gradient: Callable[[FloatArray], FloatArray] | None,
+    shift: float,
+    turn: float,
+    outlier_rate: float,
+) -> PoseTerm: ...
 def make_shape(
     vertices: FloatArray,
     triangles: AnyInts,

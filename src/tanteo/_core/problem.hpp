@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "factors/factor.hpp"
-#include "vec.hpp"
+#include "pose_term.hpp"
 
 namespace tanteo {
 
@@ -44,6 +44,7 @@ struct Problem {
     std::vector<PosePrior> priors;
     bool has_table = false;
     Table table;
+    std::vector<std::shared_ptr<const PoseTerm>> terms;  // of images and others: added to the log density as they are
 
     int size() const { return 6 + shared + (scale_sd > 0); }
     const double* place_jacobian(int j) const { return &shared_jacobian[static_cast<size_t>(j) * 3 * shared]; }

@@ -2,11 +2,16 @@
 
 from tanteo.measurements.features import as_labelled_points
 from tanteo.measurements.points import ContactPoints, as_contact_points, surface_points
+from tanteo.measurements.pose_factor import PoseFactor
+from tanteo.measurements.python_factor import PoseFunction, PythonFactor
 from tanteo.measurements.rays import FreeRays, as_free_rays
 
 __all__ = [
     "ContactPoints",
     "FreeRays",
+    "PoseFactor",
+    "PoseFunction",
+    "PythonFactor",
     "as_contact_points",
     "as_free_rays",
     "as_labelled_points",
