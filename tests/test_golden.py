@@ -17,8 +17,8 @@ import golden
 
 FEW = [
     *(f"{row}/{k}" for row in ("touch", "laser", "prior", "hard_prior_6") for k in range(2)),
-    *("labelled/0", "tip_shared/0", "free_rays/0", "hard_normals/0", "hard_bias/0", "thin_sheet/0", "twins/0"),
-    *("features/0", "features/1", "example/bracket_bare", "example/square_post", "rendered/0"),
+    *("tip_shared/0", "free_rays/0", "hard_normals/0", "hard_bias/0", "thin_sheet/0", "twins/0"),
+    *("features/0", "features/1", "example/bracket_bare", "example/square_post"),
 ]
 
 
