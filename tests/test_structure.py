@@ -16,19 +16,19 @@ ROOT = Path(__file__).parents[1]
 MOST = {
     "iterative pose fits": 22,
     "iterative pose fits in C++": 10,
-    "tuned numbers in inference": 278,
+    "tuned numbers in inference": 275,
     "tuned numbers in vision": 225,
     "tuned numbers in posterior": 60,
-    "kinds asked for in C++": 29,
-    "files that ask for kinds in C++": 8,
-    "kinds asked for in Python": 105,
-    "files that ask for kinds in Python": 43,
-    "code lines of Python in the judged packages": 9586,
-    "code lines of C++": 8232,
+    "kinds asked for in C++": 0,
+    "files that ask for kinds in C++": 0,
+    "kinds asked for in Python": 81,
+    "files that ask for kinds in Python": 36,
+    "code lines of Python in the judged packages": 9558,
+    "code lines of C++": 8823,
 }
 """Largest accepted figures: the numbers may fall."""
 
-ENTERED = 79
+ENTERED = 80
 """Largest accepted number of files that the second call of ``identify`` enters."""
 
 

@@ -52,7 +52,7 @@ TOUCH = Sensing("touch", 2e-4, False, ())
 
 @pytest.mark.parametrize("rate", [0.0, 0.2])
 @pytest.mark.parametrize("analytic", [False, True])
-def test_density_gradient_and_information_are_those_of_the_formula(block, rate, analytic):
+def test_density_and_slopes_are_those_of_the_formula(block, rate, analytic):
     rng = np.random.default_rng(2)
     T, point, sd = box_centred_pose(rng), np.array([0.03, -0.01, 0.02]), 1e-3
     factor, gradient = gauge(T, point, sd, outlier_rate=rate)
@@ -129,7 +129,7 @@ def test_poses_that_a_factor_proposes_are_tried(block):
         (lambda Ts, part: np.zeros((len(Ts), 1)), "one number for each"),
     ],
 )
-def test_functions_that_return_something_else_are_refused_by_name(block, log_density, says):
+def test_functions_that_return_something_else_are_refused(block, log_density, says):
     core = compiled(block, PythonFactor(name="my gauge", log_density=log_density))
     with pytest.raises(ValueError, match=f"my gauge: .*{says}"):
         _core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, 0)))
