@@ -108,6 +108,15 @@ class Factor(ABC):
         """1 for a hole, -1 for a boss, 0 where unknown or without meaning."""
         return 0
 
+    def log_outlier(self, radius: float) -> float:
+        """Return the log density of the measurement if it is an outlier, or of an unknown object.
+
+        Args:
+            radius: of the ball of the workspace, in which it is anywhere [m].
+        """
+        log = -np.log(4 / 3 * np.pi * radius**3)
+        return float(log if self.normal is None else log - np.log(4 * np.pi))
+
     @abstractmethod
     def columns(self) -> dict[str, Any]:
         """Return what the core needs beside place, covariance and direction, by the names of its columns."""

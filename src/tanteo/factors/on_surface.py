@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
+import numpy as np
+
 from tanteo.errors import InputError
 from tanteo.factors.factor import NO_DIRECTION, Factor, Row
 from tanteo.typing import Vectors
@@ -25,6 +27,12 @@ class OnSurface(Factor):
     approach: Vectors | None = None
     outward: Vectors | None = None
     free_path: float = 0.0
+
+    def log_outlier(self, radius: float) -> float:
+        """Return the log density of an outlier: anywhere in the workspace; of a beam anywhere along it."""
+        if self.approach is None:
+            return super(OnSurface, self).log_outlier(radius)
+        return float(-np.log(2 * radius) - (0.0 if self.normal is None else np.log(4 * np.pi)))
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of the core."""

@@ -21,6 +21,9 @@ MADE = 1e-4
 MADE_ANGLE = 0.01
 """Standard deviation of a made half angle of a cone against its CAD [rad] (decision 70)."""
 
+_DECADES = 2.0
+"""Decades of sizes that round features of an unknown object have."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RoundCentre(Factor):
@@ -28,6 +31,7 @@ class RoundCentre(Factor):
 
     Attributes:
         sensed_size: sensed radius or half angle; None if unknown.
+        second_size: a second sensed size, such as the radius of a torus's tube; None if unknown.
         material_side: 1 for a hole, -1 for a boss, 0 if unknown.
         axis_offset: how far along the axis the sensed place is from the landmark [m].
         is_line: whether the feature is an axis, on which a centre may be at any height.
@@ -38,6 +42,7 @@ class RoundCentre(Factor):
     is_line: ClassVar[bool] = False
     size_is_angle: ClassVar[bool] = False
     sensed_size: SensedSize | None = None
+    second_size: SensedSize | None = None
     material_side: int = 0
     axis_offset: float = 0.0
 
@@ -48,12 +53,22 @@ class RoundCentre(Factor):
             return self.at
         return np.asarray(self.at - self.axis_offset * self.normal.direction)
 
+    def log_outlier(self, radius: float) -> float:
+        """Return the log density of an outlier: anywhere, and of any size, even in its logarithm."""
+        log = super(RoundCentre, self).log_outlier(radius)
+        for size in (self.sensed_size, self.second_size):
+            if size is not None:
+                log -= np.log(_DECADES * np.log(10) * size.value)
+        return float(log)
+
     def columns(self) -> dict[str, Any]:
         """Return the columns of the core."""
-        size = self.sensed_size
+        size, other = self.sensed_size, self.second_size
         return {
             "sizes": 0.0 if size is None else size.value,
             "size_sds": 0.0 if size is None else size.sd,
+            "others": 0.0 if other is None else other.value,
+            "other_sds": 0.0 if other is None else other.sd,
             "material_sides": self.material_side,
             "offsets": self.axis_offset,
         }
@@ -66,6 +81,12 @@ class RoundCentre(Factor):
             sd = float(np.sqrt(np.linalg.eigvalsh(row.cov)[-1]))
             size = SensedSize(row.size, MADE_ANGLE if cls.size_is_angle else float(np.hypot(sd, MADE)))
         return cls(at=row.at, cov=row.cov, normal=row.normal, sensed_size=size, material_side=row.material_side)
+
+
+def second_size_of(feature: Feature, made: float) -> SensedSize | None:
+    """Return the second sensed size of a round feature, as wide as it is made."""
+    size = feature.second_size
+    return None if size is None else SensedSize(size.value, float(np.hypot(np.sqrt(size.variance), made)))
 
 
 def size_of(feature: Feature, made: float) -> tuple[SensedSize | None, int]:
@@ -91,7 +112,10 @@ def centre_of(cls: type[RoundCentre], feature: Feature, jacobian: FloatArray, ma
     if feature.kind.axis is not None:
         axis = SensedDirection(R[:, feature.kind.axis], float(np.sqrt(np.linalg.eigvalsh(P[3:, 3:])[-1])))
     size, side = size_of(feature, made)
-    factor = cls(at=T[:3, 3], cov=R @ P[:3, :3] @ R.T, normal=axis, sensed_size=size, material_side=side)
+    factor = cls(
+        at=T[:3, 3], cov=R @ P[:3, :3] @ R.T, normal=axis, sensed_size=size, material_side=side,
+        second_size=second_size_of(feature, made),
+    )  # fmt: skip
     return [(factor, R @ jacobian[:3])]
 
 

@@ -14,27 +14,37 @@ constexpr double SIZE_REACH = 4;    // standard deviations of a size within whic
 
 }  // namespace
 
-// Whether it may be of a landmark: of its kind and side, and of a size within so much.
-bool RoundCentre::may_be(const RoundAxis& axis, double within) const {
+namespace {
+
+// Density of a sensed size whose true value is in a range.
+double size_density(double size, double least, double most, double sd) {
+    const double r = (size - std::clamp(size, least, most)) / sd;
+    return fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI) / sd;
+}
+
+}  // namespace
+
+// Whether it may be of a landmark: of its kind and side, and of sizes within so many standard deviations.
+bool RoundCentre::may_be(const RoundAxis& axis, double sds, double blur) const {
     if (axis.kind != landmark() || side * axis.hole < 0) return false;
-    return !(size > 0) || (size > axis.least - within && size < axis.most + within);
+    const double within = sds * std::hypot(size_sd, blur), other_within = sds * std::hypot(other_sd, blur);
+    if (size > 0 && !(size > axis.least - within && size < axis.most + within)) return false;
+    return !(other > 0) || (other > axis.least_other - other_within && other < axis.most_other + other_within);
 }
 
 void RoundCentre::evaluate(const Placement& at, Components& out) const {
     const bool line = is_line();
-    const double width = std::hypot(size_sd, size_is_angle() ? at.blur_turn : at.blur);
+    const double blur = size_is_angle() ? at.blur_turn : at.blur, width = std::hypot(size_sd, blur);
     const double tilt_variance = direction_sd * direction_sd + at.blur_turn * at.blur_turn;
     const PointDensity density(at.C);
     for (const RoundAxis& axis : at.shape.axes) {
-        if (!may_be(axis, REACH * width)) continue;
+        if (!may_be(axis, REACH, blur)) continue;
         Component c;
         c.weight = axis.weight * fast_exp(-log_outlier) *
                    (line ? segment_density(axis.a, axis.direction, axis.length, at.p, at.C, c)
                          : density.at(start(axis), at.p, c));
-        if (size > 0) {
-            const double r = (size - std::clamp(size, axis.least, axis.most)) / width;
-            c.weight *= fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI) / width;
-        }
+        if (size > 0) c.weight *= size_density(size, axis.least, axis.most, width);
+        if (other > 0) c.weight *= size_density(other, axis.least_other, axis.most_other, std::hypot(other_sd, blur));
         if (side) c.weight *= 2;  // the side was sensed, too: half of the prior is of the other one
         if (oriented && c.weight >= at.negligible) {
             const bool either = !axis_is_signed();
@@ -52,7 +62,7 @@ void RoundCentre::evaluate(const Placement& at, Components& out) const {
 Sites RoundCentre::sites(const Shape& shape) const {
     std::vector<Site> out;
     for (const RoundAxis& axis : shape.axes) {
-        if (!may_be(axis, SIZE_REACH * size_sd)) continue;
+        if (!may_be(axis, SIZE_REACH, 0)) continue;
         if (!is_line()) out.push_back({start(axis), axis.direction});
         for (size_t k = 0; k < HEIGHTS && is_line(); ++k) {
             const double t = static_cast<double>(k / 2) / (HEIGHTS / 2 - 1);
@@ -68,7 +78,7 @@ int RoundCentre::nearest_landmark(const Shape& shape, const Vec3& p, Vec3& off) 
     double least = 1e300;
     for (size_t k = 0; k < shape.axes.size(); ++k) {
         const RoundAxis& axis = shape.axes[k];
-        if (!may_be(axis, SIZE_REACH * size_sd)) continue;
+        if (!may_be(axis, SIZE_REACH, 0)) continue;
         const Vec3 away = p - start(axis);
         const Vec3 from = away - std::clamp(dot(away, axis.direction), 0.0, axis.length) * axis.direction;
         if (squared(from) >= least) continue;
@@ -118,6 +128,8 @@ void RoundCentre::fill(const Columns& columns, size_t row) {
     columns.set_direction(*this, row, columns.vector("normals", row));
     size = columns.number("sizes", row, 0, 1e300);
     size_sd = columns.number("size_sds", row, size > 0 ? 1e-12 : 0, 1e300);
+    other = columns.number("others", row, 0, 1e300);
+    other_sd = columns.number("other_sds", row, other > 0 ? 1e-12 : 0, 1e300);
     side = static_cast<int>(columns.number("material_sides", row, -1, 1));
     offset = columns.number("offsets", row, 0, 1e300);
 }

@@ -10,7 +10,8 @@ namespace tanteo {
 // share of the landmark among its kind and s_i the range of sizes that it has.
 class RoundCentre : public Factor {
   public:
-    double size = 0, size_sd = 1;  // radius [m] or half angle [rad]; 0 where unknown
+    double size = 0, size_sd = 1;    // radius [m] or half angle [rad]; 0 where unknown
+    double other = 0, other_sd = 1;  // a second size, such as the radius of a torus's tube; 0 where unknown
     int side = 0;                  // 1: of a hole, -1: of a boss, 0: unknown
     double offset = 0;             // how far along the axis from the landmark the point is [m]
 
@@ -29,7 +30,7 @@ class RoundCentre : public Factor {
     virtual bool size_is_angle() const { return false; }
 
   private:
-    bool may_be(const RoundAxis& axis, double within) const;
+    bool may_be(const RoundAxis& axis, double sds, double blur) const;
     Vec3 start(const RoundAxis& axis) const { return axis.a + offset * axis.direction; }
     int nearest_landmark(const Shape& shape, const Vec3& p, Vec3& off) const;
 };
