@@ -21,6 +21,7 @@ from tanteo.factors.factor import (
     compile_factors,
     factor_class,
     landmark_rows,
+    numbered_landmarks,
     register_factor,
 )
 from tanteo.factors.on_surface import OnSurface
@@ -51,5 +52,6 @@ __all__ = [
     "compile_factors",
     "factor_class",
     "landmark_rows",
+    "numbered_landmarks",
     "register_factor",
 ]

@@ -59,5 +59,5 @@ class AxisCentre(RoundCentre):
                 if share > 0:
                     beyond = _ON * (ends[1] - ends[0])
                     ends = ends + np.stack([-beyond, beyond])
-                    out.append(Landmark(ends, sizes, share / len(rounds), one.hole, number, is_line=True))
+                    out.append(Landmark(ends, sizes, share / len(rounds), one.hole, number, one.name, is_line=True))
         return out

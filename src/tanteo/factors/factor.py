@@ -193,7 +193,8 @@ class Landmark:
         sizes: least and largest size that it has, [m] or [rad].
         share: its share among all of its kind.
         hole: whether it is of a hole, otherwise of a boss.
-        number: of the round feature, the same for several landmarks of one.
+        number: number among its kind, from 0; the same for several landmarks of one feature.
+        name: of the feature, for people.
         is_line: whether it is an axis.
         others: least and largest value of a second size.
     """
@@ -203,6 +204,7 @@ class Landmark:
     share: float
     hole: bool
     number: int
+    name: str
     is_line: bool = False
     others: tuple[float, float] = (0.0, 0.0)
 
@@ -269,13 +271,20 @@ def landmark_rows(part: Part) -> FloatArray:
     share, side of the material, number, code of the kind, 1 for a line, least and largest second size.
     """
     codes, rows = _core.landmark_codes(), []
-    for cls in dict.fromkeys(KINDS.values()):
-        for one in cls.landmarks(part):
-            side = 1.0 if one.hole else -1.0
-            rows.append(
-                [*one.ends.ravel(), *one.sizes, one.share, side, one.number, codes[cls.core], one.is_line, *one.others]
-            )
+    for cls, number, one in numbered_landmarks(part):
+        side = 1.0 if one.hole else -1.0
+        rows.append([*one.ends.ravel(), *one.sizes, one.share, side, number, codes[cls.core], one.is_line, *one.others])
     return np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(-1, 15))
+
+
+def numbered_landmarks(part: Part) -> list[tuple[type[Factor], int, Landmark]]:
+    """Return the landmarks of a part of all kinds, each with its class and its number among all of them."""
+    out, first = list[tuple[type[Factor], int, Landmark]](), 0
+    for cls in dict.fromkeys(KINDS.values()):
+        own = cls.landmarks(part)
+        out += [(cls, first + one.number, one) for one in own]
+        first += max((one.number + 1 for one in own), default=0)
+    return out
 
 
 NO_DIRECTION = np.zeros(3)

@@ -12,7 +12,7 @@ import numpy as np
 
 from tanteo.factors.factor import Factor, FeaturePart, Landmark, Row, SensedDirection, SensedSize
 from tanteo.features import Feature
-from tanteo.parts import Part, centred_faces, round_features
+from tanteo.parts import Part, centred_faces
 from tanteo.typing import FloatArray, Vectors
 
 MADE = 1e-4
@@ -121,10 +121,11 @@ def centre_of(cls: type[RoundCentre], feature: Feature, jacobian: FloatArray, ma
 
 def point_landmarks(part: Part, surface: str) -> list[Landmark]:
     """Return the centres of the faces of a part on one kind of surface, each as probable as any other."""
-    first, faces = len(round_features(part)), centred_faces(part)
-    count = sum(one.surface == surface for one in faces)
+    faces = [one for one in centred_faces(part) if one.surface == surface]
     return [
-        Landmark(np.stack([one.centre, one.centre + one.axis]), (one.size, one.size), 1 / count, one.hole, number)
-        for number, one in enumerate(faces, start=first)
-        if one.surface == surface
-    ]
+        Landmark(
+            np.stack([one.centre, one.centre + one.axis]), (one.size, one.size), 1 / len(faces), one.hole, number,
+            part.faces[one.face].name,
+        )
+        for number, one in enumerate(faces)
+    ]  # fmt: skip

@@ -8,11 +8,12 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.answers import Misfit, part_scale, spins, without_spins
+from tanteo.factors import numbered_landmarks
 from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin
 from tanteo.localization import pose_information, weak_motions
 from tanteo.measurements import FreeRays
-from tanteo.parts import Part, centred_faces, round_features
+from tanteo.parts import Part
 from tanteo.typing import FloatArray, Tangents
 
 _HELD, _TOLD = 0.05, 24
@@ -113,7 +114,7 @@ def face_names(one: GoodnessOfFit) -> list[str]:
 
 
 def _name_of(part: Part, number: int) -> str:
-    """What the core calls by a number: a face; beyond -1 edges, vertices, holes and bosses, then spheres and cones."""
+    """Return the name of an element of the core: a face; beyond -1 edges, vertices, then landmarks."""
     k, edges, corners = -2 - number, len(part.edges), len(part.corners)
     if number >= 0:
         return part.faces[number].name
@@ -121,10 +122,7 @@ def _name_of(part: Part, number: int) -> str:
         return f"edge {k}"
     if k < edges + corners:
         return f"vertex {k - edges}"
-    rounds, beyond = round_features(part), k - edges - corners
-    if beyond < len(rounds):
-        return rounds[beyond].name
-    return part.faces[centred_faces(part)[beyond - len(rounds)].face].name
+    return next(one.name for _, own, one in numbered_landmarks(part) if own == k - edges - corners)
 
 
 def information_by_point(mode: Mode) -> FloatArray:

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors import KINDS
+from tanteo.factors import numbered_landmarks
 from tanteo.inference.pose_seeds import spread_out
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
@@ -64,16 +64,15 @@ class Axes:
 
     def __init__(self, part: Part) -> None:
         ends, sizes, sides, kinds, numbers = [], [], [], [], set[int]()
-        for cls in dict.fromkeys(KINDS.values()):
-            for one in cls.landmarks(part):
-                if one.number in numbers:
-                    continue  # the same axis, at all heights of the part
-                numbers.add(one.number)
-                middle, half = one.ends.mean(axis=0), 0.5 * (one.ends - one.ends.mean(axis=0))
-                ends.append(middle + half if one.is_line else one.ends[[0, 0]])  # a line goes on beyond its wall
-                sizes.append(one.sizes)
-                sides.append(1.0 if one.hole else -1.0)
-                kinds.append(cls.core)
+        for cls, number, one in numbered_landmarks(part):
+            if number in numbers:
+                continue  # the same axis, at all heights of the part
+            numbers.add(number)
+            middle, half = one.ends.mean(axis=0), 0.5 * (one.ends - one.ends.mean(axis=0))
+            ends.append(middle + half if one.is_line else one.ends[[0, 0]])  # a line goes on beyond its wall
+            sizes.append(one.sizes)
+            sides.append(1.0 if one.hole else -1.0)
+            kinds.append(cls.core)
         self.ends = np.array(ends).reshape(-1, 2, 3)
         self.sizes = np.array(sizes).reshape(-1, 2)
         self.sides = np.array(sides)
