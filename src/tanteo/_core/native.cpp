@@ -122,22 +122,32 @@ struct FactorList {
     std::vector<std::shared_ptr<const Factor>> all;
 };
 
-FactorList factors_of(const std::string& kind, const nb::dict& given) {
+// Named arrays from Python; those that had to be converted live as long as kept.
+std::map<std::string, Columns::Array> arrays_of(const nb::dict& given, std::vector<Doubles>& kept) {
     std::map<std::string, Columns::Array> arrays;
-    std::vector<Doubles> kept;
-    size_t rows = 0;
     for (const auto& [key, value] : given) {
         kept.push_back(nb::cast<Doubles>(value));
         const Doubles& a = kept.back();
         Columns::Array array{a.data(), {}};
         for (size_t k = 0; k < a.ndim(); ++k) array.shape.push_back(a.shape(k));
-        const std::string name = nb::cast<std::string>(key);
-        if (name == "points" && !array.shape.empty()) rows = array.shape[0];
-        arrays[name] = std::move(array);
+        arrays[nb::cast<std::string>(key)] = std::move(array);
     }
+    return arrays;
+}
+
+FactorList factors_of(const std::string& kind, const nb::dict& given) {
+    std::vector<Doubles> kept;
+    std::map<std::string, Columns::Array> arrays = arrays_of(given, kept);
+    const auto points = arrays.find("points");
+    const size_t rows = points == arrays.end() || points->second.shape.empty() ? 0 : points->second.shape[0];
     FactorList out;
     for (auto& factor : make_factors(kind, Columns(rows, std::move(arrays)))) out.all.push_back(std::move(factor));
     return out;
+}
+
+std::shared_ptr<PoseTerm> term_of(const std::string& kind, const nb::dict& arrays, int first) {
+    std::vector<Doubles> kept;
+    return make_term(kind, Arrays(arrays_of(arrays, kept)), static_cast<int>(expect(first, "first", 0, MOST_STATES)));
 }
 
 // The factors of all kinds in the order of the measurements.
@@ -554,6 +564,7 @@ NB_MODULE(native, m) {
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
     nb::class_<FactorList>(m, "FactorList").def("__len__", [](const FactorList& list) { return list.all.size(); });
     m.def("make_factors", &factors_of, "kind"_a, "columns"_a);
+    m.def("make_term", &term_of, "kind"_a, "arrays"_a, "first"_a);
     m.def("landmark_codes", [] { return landmark_codes(); });
     m.def("make_problem", &make_problem, "factors"_a, "furniture"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
           "direction_jacobian"_a, "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a,

@@ -22,9 +22,12 @@ std::map<std::string, int>& codes() {
     return all;
 }
 
-[[noreturn]] void refuse(const std::string& name, const std::string& what) {
-    throw std::invalid_argument(name + ": " + what + ".");
+std::map<std::string, TermMaker>& terms() {
+    static std::map<std::string, TermMaker> all;
+    return all;
 }
+
+[[noreturn]] void refuse(const std::string& name, const std::string& what) { refuse_argument(name, what); }
 
 // A covariance; a little is added to all directions where it would be singular otherwise.
 Mat3 covariance(const double* values, double extra) {
@@ -109,6 +112,70 @@ Factors make_factors(const std::string& kind, const Columns& columns) {
     if (found != kinds().end()) return found->second.make(columns);
     std::string known;
     for (const auto& [name, entry] : kinds()) known += (known.empty() ? "" : ", ") + name;
+    refuse("kind", "expected one of " + known + ", got " + kind);
+}
+
+[[noreturn]] void refuse_argument(const std::string& name, const std::string& what) {
+    throw std::invalid_argument(name + ": " + what + ".");
+}
+
+Arrays::Arrays(std::map<std::string, Columns::Array> given) : arrays(std::move(given)) {
+    for (const auto& [name, array] : arrays) {
+        size_t size = 1;
+        for (const size_t n : array.shape) size *= n;
+        for (size_t k = 0; k < size; ++k)
+            if (!std::isfinite(array.data[k])) refuse(name, "expected finite numbers, got nan or inf");
+    }
+}
+
+bool Arrays::has(const char* name) const {
+    const auto found = arrays.find(name);
+    if (found == arrays.end()) return false;
+    for (const size_t n : found->second.shape)
+        if (!n) return false;
+    return true;
+}
+
+const Columns::Array& Arrays::get(const char* name) const {
+    const auto found = arrays.find(name);
+    if (found == arrays.end()) refuse(name, "expected an array, got none");
+    return found->second;
+}
+
+double Arrays::number(const char* name, double least, double most) const {
+    const Columns::Array& array = get(name);
+    for (const size_t n : array.shape)
+        if (n != 1) refuse(name, "expected one number");
+    const double value = array.data[0];
+    if (value >= least && value <= most) return value;
+    std::ostringstream what;
+    what << "expected a number from " << least << " to " << most << ", got " << value;
+    refuse(name, what.str());
+}
+
+std::vector<Vec3> Arrays::vectors(const char* name) const {
+    const Columns::Array& array = get(name);
+    if (array.shape.size() != 2 || array.shape[1] != 3) refuse(name, "expected rows of three numbers");
+    std::vector<Vec3> out(array.shape[0]);
+    for (size_t k = 0; k < out.size(); ++k) out[k] = load(array.data + 3 * k);
+    return out;
+}
+
+std::vector<double> Arrays::numbers(const char* name, std::vector<size_t> shape) const {
+    const Columns::Array& array = get(name);
+    if (array.shape != shape) refuse(name, "expected an array of another shape");
+    size_t size = 1;
+    for (const size_t n : shape) size *= n;
+    return std::vector<double>(array.data, array.data + size);
+}
+
+RegisteredTerm::RegisteredTerm(const char* name, TermMaker make) { terms()[name] = std::move(make); }
+
+std::shared_ptr<PoseTerm> make_term(const std::string& kind, const Arrays& arrays, int first) {
+    const auto found = terms().find(kind);
+    if (found != terms().end()) return found->second(arrays, first);
+    std::string known;
+    for (const auto& [name, entry] : terms()) known += (known.empty() ? "" : ", ") + name;
     refuse("kind", "expected one of " + known + ", got " + kind);
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "../pose_term.hpp"
 #include "factor.hpp"
 
 namespace tanteo {
@@ -44,6 +45,32 @@ struct RegisteredKind {
 
 // Throws std::invalid_argument for a kind that is not registered, naming those that are.
 Factors make_factors(const std::string& kind, const Columns& columns);
+
+// Named arrays of one further term of the log density, checked as they are read.
+class Arrays {
+  public:
+    explicit Arrays(std::map<std::string, Columns::Array> arrays);
+    bool has(const char* name) const;                                       // whether it is given and not empty
+    double number(const char* name, double least, double most) const;       // of one number
+    std::vector<Vec3> vectors(const char* name) const;                      // of rows of three
+    std::vector<double> numbers(const char* name, std::vector<size_t> shape) const;
+
+  private:
+    const Columns::Array& get(const char* name) const;
+    std::map<std::string, Columns::Array> arrays;
+};
+
+using TermMaker = std::function<std::shared_ptr<PoseTerm>(const Arrays&, int first)>;
+
+struct RegisteredTerm {
+    RegisteredTerm(const char* name, TermMaker make);
+};
+
+// first: index of the first shared error of the term. Throws std::invalid_argument for a kind that is not registered.
+std::shared_ptr<PoseTerm> make_term(const std::string& kind, const Arrays& arrays, int first);
+
+// Throws std::invalid_argument: name: what was expected.
+[[noreturn]] void refuse_argument(const std::string& name, const std::string& what);
 
 // Codes of the landmarks of kinds that are points of the part beside its surface (Shape::axes), by kind.
 const std::map<std::string, int>& landmark_codes();
