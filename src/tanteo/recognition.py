@@ -12,7 +12,7 @@ import numpy.typing as npt
 from tanteo.answers import STATED, Answer, Finding, Priors, check_question, with_elapsed
 from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, scale_of
 from tanteo.limits import check_length
-from tanteo.measurements import as_contact_points, as_free_rays
+from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
 
@@ -34,6 +34,7 @@ def identify(
     top: int = 5,
     as_published: bool = False,
     priors: Priors | None = None,
+    factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
 ) -> Answer:
@@ -57,6 +58,7 @@ def identify(
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: what is assumed beforehand: outliers, workspace, a prior pose, a box, a table.
+        factors: further measurements of the pose, such as a :class:`tanteo.PythonFactor` of your own.
         seed: of the search.
         conventions: where no part explains the readings, whether usual mistakes (units, directions, quaternions,
             radius) are undone one by one and asked again; a finding names the one that fits. Each takes a search.
@@ -93,8 +95,9 @@ def identify(
     rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
     answer = identify_points(
-        points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors, seed=seed
-    )
+        points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
+        factors=factors, seed=seed,
+    )  # fmt: skip
     if unstated is not None and answer.best is not None:
         answer = _told_sd(answer, unstated)
     found = about_readings(answer, readings, measured, rays, parts)
@@ -109,7 +112,7 @@ def identify(
     def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
         return identify(
             readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
-            rig=rig, significance=significance, top=1, priors=priors, seed=seed, conventions=False,
+            rig=rig, significance=significance, top=1, priors=priors, factors=factors, seed=seed, conventions=False,
         )  # fmt: skip
 
     meant = about_conventions(answer, readings, parts, ask, placed=placed) if conventions else None
@@ -175,6 +178,7 @@ def locate(
     top: int = 5,
     as_published: bool = False,
     priors: Priors | None = None,
+    factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
 ) -> Answer:
@@ -194,6 +198,7 @@ def locate(
         top: number of poses to report.
         as_published: by the paper's constraints and tests.
         priors: what is assumed beforehand.
+        factors: further measurements of the pose.
         seed: of the search.
         conventions: whether usual mistakes are tried where it does not fit.
 
@@ -209,5 +214,5 @@ def locate(
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
         bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
-        seed=seed, conventions=conventions,
+        factors=factors, seed=seed, conventions=conventions,
     )  # fmt: skip

@@ -101,6 +101,7 @@ def outlier_log_density(points: ContactPoints, priors: Priors) -> FloatArray:
     """
     ball = np.log(4 / 3 * np.pi * priors.radius**3)
     log = np.where(points.directed, -np.log(2 * priors.radius), -ball)
-    radii = points.circles[:, 0]
-    sized = np.where(radii > 0, np.log(_DECADES * np.log(10) * np.where(radii > 0, radii, 1.0)), 0.0)
+    sizes = np.array([1.0 if f.sensed_size is None else f.sensed_size.value for f in points.factors])
+    is_sized = np.array([f.sensed_size is not None for f in points.factors], dtype=bool)
+    sized = np.where(is_sized, np.log(_DECADES * np.log(10) * sizes), 0.0)
     return np.asarray(log - np.where(points.oriented, np.log(4 * np.pi), 0.0) - sized)

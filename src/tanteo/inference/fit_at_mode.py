@@ -11,7 +11,7 @@ from tanteo.answers import Misfit, part_scale, spins, without_spins
 from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin
 from tanteo.localization import pose_information, weak_motions
-from tanteo.measurements import FreeRays, directions_met
+from tanteo.measurements import FreeRays
 from tanteo.parts import Part, centred_faces, round_features
 from tanteo.typing import FloatArray, Tangents
 
@@ -59,9 +59,9 @@ class GoodnessOfFit:
 
     def misfit(self) -> Misfit:
         """Of the points that belong and their normals, against what was stated."""
-        belongs, tilts, kinds = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.kinds
+        belongs, tilts, factors = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.factors
         points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
-        across = sum(directions_met(kind) for kind, on in zip(kinds, belongs, strict=True) if on)
+        across = sum(factor.codimension for factor, on in zip(factors, belongs, strict=True) if on)
         told = 2 * int(np.count_nonzero(tilts[belongs]))
         tilted = float(np.sum(tilts[belongs] ** 2))
         return Misfit(points, tilted, across + told - 6, self.log_noise_factor, across - 6)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.factors import AxisCentre
 from tanteo.inference.problem import Problem
 from tanteo.measurements import ContactPoints
-from tanteo.sensors import CENTRE
 from tanteo.typing import FloatArray
 
 _LEAST = 3
@@ -24,7 +24,7 @@ def too_little(problem: Problem) -> str:
         return f"All {len(problem.points)} readings are on the {of}: sense the part, on several sides."
     if not len(points):
         return f"No reading met anything: sense {_LEAST} places or more, better eight, on several sides."
-    line = ", slid along its axis" if CENTRE in points.kinds else ""
+    line = ", slid along its axis" if any(isinstance(f, AxisCentre) for f in points.factors) else ""
     if len(points) == 1 and points.centres.any():
         return (
             f"One centre fits every hole, boss or sphere of its size, and leaves free how the part is tilted, turned "

@@ -90,7 +90,7 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
     shapes = labels.log_odds.sum() + log_of_one_object(labels.facets, priors.right_angled, priors.radius)
-    return float(problem.log_not_on_part.sum() + place + share + shapes)
+    return float(problem.log_not_on_part.sum() + place + share + shapes) + problem.log_factors_unknown
 
 
 def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) -> float:
