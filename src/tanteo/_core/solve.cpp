@@ -1,5 +1,6 @@
 #include "solve.hpp"
 
+#include "maximize.hpp"
 #include "parallel.hpp"
 
 #include <cmath>
@@ -106,16 +107,23 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
     return all;
 }
 
+// The information of a weak prior on state i: a shift of a quarter of the diagonal and a turn of half a radian. It limits
+// steps along motions of the pose that no measurement constrains.
+static double weak_prior(int i, const Shape& shape) {
+    const double root = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
+    return root * root;
+}
+
 // How many of the other states the points tell, of those that the noise scale scales: the integral over them is in
 // proportion to so many powers of the scale. Their joint maximum has it too small, and of few points at nothing.
-static double told_by_points(const Likelihood& likelihood, const Shape& shape, const Problem& problem) {
+static double told_by_points(const Likelihood& likelihood, const std::vector<double>& information, const Shape& shape,
+                             const Problem& problem) {
     if (!(problem.scale_sd > 0) || likelihood.blur > 0) return 0;
     const int K = problem.size(), P = K - 1;
     std::vector<double> L(static_cast<size_t>(P) * P), column(P);
     for (int i = 0; i < P; ++i) {
-        for (int j = 0; j <= i; ++j) L[i * P + j] = likelihood.information[i * K + j];
-        const double soft = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
-        L[i * P + i] += soft * soft + 1e-12 * L[i * P + i];
+        for (int j = 0; j <= i; ++j) L[i * P + j] = information[i * K + j];
+        L[i * P + i] += weak_prior(i, shape) + 1e-12 * L[i * P + i];
     }
     if (!cholesky(L.data(), P)) return 0;
     double told = 0;
@@ -127,48 +135,63 @@ static double told_by_points(const Likelihood& likelihood, const Shape& shape, c
     return likelihood.scaled_share * std::min(std::max(told, 0.0), static_cast<double>(P));
 }
 
+namespace {
+
+// The log density as a problem of `maximize`. The integral over the states that the points constrain is in proportion to
+// a power of the noise scale, so its log is added: a multiple of the scale that is held during a step.
+struct LogDensity {
+    using State = tanteo::State;
+    struct Linear {
+        double value = 0;
+        std::vector<double> gradient, information;
+    };
+
+    Likelihood& likelihood;
+    const Shape& shape;
+    const Problem& problem;
+    double enough;
+
+    void linearize(const State& state, Linear& out) {
+        out.value = likelihood.at(state, true);
+        std::swap(out.gradient, likelihood.gradient);
+        std::swap(out.information, likelihood.information);
+    }
+    void slope(const Linear& at, double* g) const {
+        std::copy(at.gradient.begin(), at.gradient.end(), g);
+        if (problem.scale_sd > 0) g[at.gradient.size() - 1] += told;
+    }
+    double prior(int i, double, double) const { return weak_prior(i, shape); }
+    State retract(const State& state, double* step) const {
+        shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
+        return stepped(state, step, shape.centre);
+    }
+    double gain(const State& from, const Linear& at, const State& to, const Linear& there) const {
+        const double by_scale = problem.scale_sd > 0 ? told * (to.z.back() - from.z.back()) : 0;
+        return there.value - at.value + by_scale;
+    }
+    bool accepts(const Linear&, double gain, double) const { return gain > 0; }
+    bool converged(double gain, double) const { return gain < enough; }
+    void accepted(const State&, const Linear& at) {
+        if (problem.scale_sd > 0) told = problem.scale_sd * told_by_points(likelihood, at.information, shape, problem);
+    }
+
+    double told = 0;
+};
+
+}  // namespace
+
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
             Maximum& maximum) {
-    const int K = problem.size();
     likelihood.blur = blur;
     likelihood.blur_turn = blur / (0.25 * shape.diagonal);
-    maximum.log = likelihood.at(maximum.state, true);
-    maximum.gradient = likelihood.gradient;
-    maximum.information = likelihood.information;
-    double told = problem.scale_sd * told_by_points(likelihood, shape, problem);
-    std::vector<double> L(static_cast<size_t>(K) * K), step(K), slope(K);
-    double damping = 1e-3;
-    for (int k = 0; k < steps; ++k) {
-        L = maximum.information;
-        for (int i = 0; i < K; ++i) {
-            const double soft = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
-            L[i * K + i] += damping * L[i * K + i] + soft * soft;
-        }
-        slope = maximum.gradient;
-        if (problem.scale_sd > 0) slope.back() += told;
-        step = slope;
-        double gain = -1;
-        if (cholesky(L.data(), K)) {
-            solve_cholesky(L.data(), K, step.data());
-            double most = 0;  // what the step may gain at most, if the density is as its curvature says
-            for (int i = 0; i < K; ++i) most += step[i] * slope[i];
-            if (most < enough) break;
-            shorten(step.data(), K, LARGEST_TURN, 0.25 * shape.diagonal);
-            const State next = stepped(maximum.state, step.data(), shape.centre);
-            const double there = likelihood.at(next, true);
-            gain = there - maximum.log;
-            if (problem.scale_sd > 0) gain += told * (next.z.back() - maximum.state.z.back());
-            if (gain > 0) {
-                if (problem.scale_sd > 0) told = problem.scale_sd * told_by_points(likelihood, shape, problem);
-                maximum.state = next;
-                maximum.log = there;
-                std::swap(maximum.gradient, likelihood.gradient);
-                std::swap(maximum.information, likelihood.information);
-            }
-        }
-        damping = gain > 0 ? std::max(0.1 * damping, 1e-6) : 20 * damping;
-        if ((gain > 0 && gain < enough) || damping > 100) break;
-    }
+    LogDensity density{likelihood, shape, problem, enough};
+    LogDensity::Linear at;
+    density.linearize(maximum.state, at);
+    density.accepted(maximum.state, at);
+    maximize(density, maximum.state, at, {1e-3, 0.1, 1e-6, 20, 0, 5}, steps, enough);
+    maximum.log = at.value;
+    std::swap(maximum.gradient, at.gradient);
+    std::swap(maximum.information, at.information);
 }
 
 // Whether a point is one of so many that lie far apart; empty if there are no more. They are of twice as many that come
