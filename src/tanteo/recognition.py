@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from tanteo.answers import STATED, Answer, Finding, Priors, check_question, with_elapsed
 from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, scale_of
-from tanteo.limits import check_length
+from tanteo.limits import SIGNIFICANCE, TOP, check_length
 from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
@@ -30,8 +30,8 @@ def identify(
     tip_sd: npt.ArrayLike | None = None,
     bias_sd: float | None = None,
     rig: Rig | None = None,
-    significance: float = 0.01,
-    top: int = 5,
+    significance: float = SIGNIFICANCE,
+    top: int = TOP,
     as_published: bool = False,
     priors: Priors | None = None,
     factors: Sequence[PoseFactor] = (),
@@ -174,8 +174,8 @@ def locate(
     tip_sd: npt.ArrayLike | None = None,
     bias_sd: float | None = None,
     rig: Rig | None = None,
-    significance: float = 0.01,
-    top: int = 5,
+    significance: float = SIGNIFICANCE,
+    top: int = TOP,
     as_published: bool = False,
     priors: Priors | None = None,
     factors: Sequence[PoseFactor] = (),

@@ -21,6 +21,7 @@ from tanteo.inference.result import as_hypothesis, worst_reading
 from tanteo.inference.search import LeftOut
 from tanteo.inference.too_little import too_little
 from tanteo.inference.verdict import Outcome, verdict_of
+from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.measurements import ContactPoints, FreeRays, PoseFactor
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
@@ -32,8 +33,8 @@ def identify_points(
     parts: Sequence[Part] | Sequence[PreparedPart],
     *,
     shared: Sequence[SharedError] = (),
-    significance: float = 0.01,
-    top: int = 5,
+    significance: float = SIGNIFICANCE,
+    top: int = TOP,
     priors: Priors | None = None,
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
@@ -60,7 +61,7 @@ def identify_points(
     problem = Problem(points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors))
     clock.lap("prepare")
     if message := too_little(problem):
-        return Answer("insufficient", message, (), 1.0, clock.laps(), seed)
+        return Answer("insufficient", message, (), 1.0, clock.laps(), seed, significance=significance)
     odds = candidates.log_odds(problem.priors.whole)
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
     found, hypotheses = _located(posterior, problem.priors.pose, top)
@@ -80,7 +81,7 @@ def identify_points(
     clock.lap("compare")
     outcome = Outcome(candidates, chosen, posterior, found, hypotheses, check, worst)
     status, message = verdict_of(outcome, significance, shared)
-    return Answer(status, message, hypotheses, posterior.unknown, clock.laps(), seed)
+    return Answer(status, message, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
 
 
 def _searched(
