@@ -28,6 +28,8 @@ double Likelihood::at(const State& state, bool with_slope) {
     }
     log += add_rays(state);
     log += add_priors(state, with_slope);
+    const Slope slope{shape.centre, K, gradient.data(), information.data()};
+    for (const auto& term : problem.terms) log += term->add(state, with_slope ? &slope : nullptr);
     return log;
 }
 

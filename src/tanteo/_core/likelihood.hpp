@@ -10,12 +10,6 @@ namespace tanteo {
 
 constexpr int MOST_STATES = 64;
 
-// What is asked about: a pose, whitened shared errors, and the log of the noise scale over its sd.
-struct State {
-    Pose pose;
-    std::vector<double> z;  // shared errors, then the noise scale if it is a state
-};
-
 // One face, edge or corner that a point may have met.
 struct Hit {
     double weight;  // density over that of an outlier

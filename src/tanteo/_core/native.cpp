@@ -1,4 +1,5 @@
 // The door to Python: arrays in, arrays out; every loop runs without the interpreter's lock.
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
@@ -24,6 +25,7 @@ using namespace nb::literals;
 
 namespace tanteo {
 void offer_images(nb::module_& m);  // image_door.cpp
+void offer_pose_terms(nb::module_& m);  // factors/pose_terms_door.cpp
 void offer_beams(nb::module_& m);   // beam_door.cpp
 void offer_coarse(nb::module_& m);  // coarse_door.cpp
 void offer_outlines(nb::module_& m);  // outlines_door.cpp
@@ -564,7 +566,12 @@ NB_MODULE(native, m) {
         .def_prop_ro("centre", [](const Shape& s) {
             return array_of(std::vector<double>{s.centre.x, s.centre.y, s.centre.z}, {3});
         }, nb::rv_policy::automatic);
-    nb::class_<Problem>(m, "Problem").def_prop_ro("size", &Problem::size);
+    offer_images(m);
+    offer_pose_terms(m);
+    nb::class_<Problem>(m, "Problem")
+        .def_prop_ro("size", &Problem::size)
+        .def("add", [](Problem& problem, std::shared_ptr<const PoseTerm> term) { problem.terms.push_back(std::move(term)); },
+             "term"_a);
     m.def("make_shape", &make_shape, "vertices"_a, "triangles"_a, "faces"_a, "profile_rows"_a, "profiles"_a, "edges"_a,
           "corners"_a, "axes"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
@@ -590,7 +597,6 @@ NB_MODULE(native, m) {
     m.def("closest_points", &closest_points, "shape"_a, "points"_a);
     m.def("group_information", &group_information, "weights"_a, "means"_a, "variances"_a, "groups"_a);
     m.def("first_hits", &first_hits, "shape"_a, "origins"_a, "directions"_a);
-    offer_images(m);
     offer_beams(m);
     offer_coarse(m);
     offer_outlines(m);

@@ -1,8 +1,9 @@
 // What was sensed and what is known beforehand: packed once, read many times.
 #pragma once
+#include <memory>
 #include <vector>
 
-#include "vec.hpp"
+#include "pose_term.hpp"
 
 namespace tanteo {
 
@@ -64,6 +65,7 @@ struct Problem {
     std::vector<PosePrior> priors;
     bool has_table = false;
     Table table;
+    std::vector<std::shared_ptr<const PoseTerm>> terms;  // of images and others: added to the log density as they are
 
     int size() const { return 6 + shared + (scale_sd > 0); }
     const double* gain(int j) const { return &shared_jacobian[static_cast<size_t>(j) * 3 * shared]; }

@@ -14,7 +14,7 @@ from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays, directions_met, is_round
+from tanteo.measurements import ContactPoints, FreeRays, PoseFactor, directions_met, is_round
 from tanteo.parts import Part
 from tanteo.sensors import APEX, BALL, CENTRE
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
@@ -45,6 +45,7 @@ class Problem:
         priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
         mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
         odds: log odds of each part by what was measured of the whole object, by its name; none were measured without.
+        factors: measurements of the pose that are no points or rays, such as images.
         around: points that may be of what stands around.
         groups: number of the label of each point ``(n,)``; -1 where it has none.
         elsewhere: what labels say of surfaces that are not the part's.
@@ -55,6 +56,7 @@ class Problem:
     priors: Priors
     mixtures: dict[int, PoseMixture] = field(default_factory=dict)
     odds: Mapping[str, float] = field(default_factory=dict)
+    factors: tuple[PoseFactor, ...] = ()
     around: Around = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     elsewhere: Elsewhere = field(init=False, repr=False)
@@ -71,9 +73,19 @@ class Problem:
         return self.priors.log_noise_factor if len(self.points) else 0.0
 
     @property
+    def shared_errors(self) -> int:
+        """Number of shared errors: of the points first, then of each factor."""
+        return int(self.points.shared_jacobian.shape[2]) + sum(factor.states for factor in self.factors)
+
+    @property
     def states(self) -> int:
-        """Shared errors and noise scale beside the pose."""
-        return self.points.shared_jacobian.shape[2] + (self.scale_sd > 0)
+        """Number of states beside the pose: shared errors and the noise scale."""
+        return self.shared_errors + (self.scale_sd > 0)
+
+    @property
+    def log_factors_unknown(self) -> float:
+        """Log density of all factors if the object is unknown."""
+        return float(sum(factor.log_unknown for factor in self.factors))
 
     @property
     def log_not_on_part(self) -> FloatArray:
@@ -99,8 +111,9 @@ class Problem:
         """Log of what the core leaves out of the prior density of the pose: it is over shifts [m] and turns [rad]."""
         anywhere = -3 * np.log(2 * self.priors.radius) - np.log(8 * np.pi**2)
         pose = self.priors.pose
-        if id(prepared) in self.mixtures or (pose is not None and pose.T_world_part is not None):
-            anywhere = 0.0  # the mixture is a density already
+        placed = id(prepared) in self.mixtures or (pose is not None and pose.T_world_part is not None)
+        if placed or any(factor.is_pose_prior for factor in self.factors):
+            anywhere = 0.0  # the mixture, or the factor, is a density already
         if pose is None:
             return float(anywhere)
         return float(anywhere + log_density_within(unplaced(pose), self.priors.radius))
@@ -116,16 +129,22 @@ class Problem:
             [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
         )
         means, roots, log_weights = self._normals(prepared)
-        return _core.make_problem(
+        more = ((0, 0), (0, 0), (0, self.shared_errors - t.shared_jacobian.shape[2]))
+        core = _core.make_problem(
             _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
             _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
             _c(self.around.over_outlier),
             np.array([number_of(kind) for kind in t.kinds], dtype=np.int32), _c(t.circles), self.groups,
-            _c(self.elsewhere.log_odds), _c(t.shared_jacobian), float(self.scale_sd), _c(rates), _c(weights),
-            self.priors.outlier_rate, _c(lines), _c(rays.shared_jacobian), _c(rays.turns), _c(means), _c(roots),
-            _c(log_weights),
+            _c(self.elsewhere.log_odds), _c(np.pad(t.shared_jacobian, more)), float(self.scale_sd), _c(rates),
+            _c(weights), self.priors.outlier_rate, _c(lines), _c(np.pad(rays.shared_jacobian, more)),
+            _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
         )  # fmt: skip
+        first = t.shared_jacobian.shape[2]
+        for factor in self.factors:
+            core.add(factor.term(prepared.part, first))
+            first += factor.states
+        return core
 
     def _normals(self, prepared: PreparedPart) -> tuple[Transforms, FloatArray, FloatArray]:
         """Means, roots of the inverse covariances and log weights of the normal densities, of symmetric poses, too."""

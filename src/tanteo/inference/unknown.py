@@ -85,12 +85,14 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
         centroid: of the parts, in their frames ``(3,)`` [m].
     """
     points, priors, labels = problem.points, problem.priors, problem.elsewhere
+    if not len(points):
+        return problem.log_factors_unknown
     where = whereabouts(points.points[problem.around.others], priors.radius)
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
     shapes = labels.log_odds.sum() + log_of_one_object(labels.facets, priors.right_angled, priors.radius)
-    return float(problem.log_not_on_part.sum() + place + share + shapes)
+    return float(problem.log_not_on_part.sum() + place + share + shapes) + problem.log_factors_unknown
 
 
 def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) -> float:

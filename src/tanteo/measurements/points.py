@@ -101,6 +101,13 @@ class ContactPoints:
         object.__setattr__(self, "oriented", np.any(self.normals != 0, axis=1))
         object.__setattr__(self, "variance", v if alike and len(self.covs) else float("nan"))
 
+    @classmethod
+    def none(cls) -> ContactPoints:
+        """Return a set of no points."""
+        no, vectors = np.zeros(0), np.zeros((0, 3))
+        matrices, jacobian = np.zeros((0, 3, 3)), np.zeros((0, 3, 0))
+        return cls((), vectors, matrices, no, vectors, vectors, no, no, jacobian, no)
+
     def __len__(self) -> int:
         return len(self.ids)
 
