@@ -18,7 +18,7 @@ from common import Table
 import tanteo
 from tanteo.answers import sized
 from tanteo.factors import AxisCentre, Factor, SensedSize, SurfacePoint
-from tanteo.inference import Problem, candidates, identify_points, narrowing
+from tanteo.inference import Problem, candidates, identify_points, race
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays, surface_points
 from tanteo.parts import Part, exact_faces, round_features
@@ -193,7 +193,7 @@ def narrow(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int, sd: f
         row = int(rng.integers(len(catalogue)))
         points = scene(catalogue[row], kind, rng, sd)
         begun = time.process_time()
-        found = narrowing.narrowed(Problem(points, FreeRays.none(), sized(None, float(every.radii.max()))), every).rows
+        found = race.screen(Problem(points, FreeRays.none(), sized(None, float(every.radii.max()))), every).rows
         if number >= 0:
             cpu.append(time.process_time() - begun)
             left.append(len(found))

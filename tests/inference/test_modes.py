@@ -11,7 +11,7 @@ from tanteo.inference import Problem, identify_points, prepare
 from tanteo.inference.modes import _beyond_normal, _covariance
 from tanteo.inference.proposals import Effort, spread_rows
 from tanteo.inference.sampler import Compared, Sampler
-from tanteo.inference.search import alike, start_search
+from tanteo.inference.race import alike, start_search
 from tanteo.lie import SE3
 
 

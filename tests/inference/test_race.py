@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from tanteo.inference.search import _still_in
+from tanteo.inference.race import _still_in
 
 
 def _part(log_evidence, on):

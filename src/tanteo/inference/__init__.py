@@ -29,22 +29,29 @@ if TYPE_CHECKING:
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
     from tanteo.inference.prior_check import p_of_prior
     from tanteo.inference.problem import PoseMixture, Problem
+    from tanteo.inference.proposals import InitialPoses, Proposer, SearchState
     from tanteo.inference.recognition import identify_points
     from tanteo.inference.result import as_hypothesis, worst_reading
+    from tanteo.inference.settings import DEFAULTS, Settings
     from tanteo.inference.settling import settle
     from tanteo.inference.update import on_part, posterior_about, update_posterior
 
 __all__ = [
+    "DEFAULTS",
     "NEGLIGIBLE",
     "Ask",
     "GoodnessOfFit",
+    "InitialPoses",
     "Mode",
     "PartSearch",
     "PoseMixture",
     "Posterior",
     "PreparedPart",
     "Problem",
+    "Proposer",
     "Scale",
+    "SearchState",
+    "Settings",
     "about_conventions",
     "about_directions",
     "about_frames",
@@ -97,6 +104,8 @@ __getattr__, __dir__ = lazy(
         "fit_at_mode": "GoodnessOfFit face_names goodness_of_fit information_by_point",
         "limits": "what_limits",
         "result": "as_hypothesis worst_reading",
+        "proposals": "InitialPoses Proposer SearchState",
+        "settings": "DEFAULTS Settings",
         "settling": "settle",
         "update": "on_part posterior_about update_posterior",
     },

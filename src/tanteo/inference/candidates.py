@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from tanteo.answers import WholeObject
-from tanteo.catalogue import Catalogue, coarse_field, field_table, signature, tables_of
+from tanteo.catalogue import Catalogue, coarse_field, face_columns, field_table, tables_of, widths
 from tanteo.inference.prepared import PreparedPart, prepare
+from tanteo.inference.settings import RaceSettings
 from tanteo.parts import StoredParts, as_parts
 from tanteo.typing import FloatArray, IntArray, Vectors
 
@@ -19,9 +20,6 @@ _EQUAL = 1e-6
 
 _MANY = 1000
 """Parts of which all diagonals are told."""
-
-_LIKE, _ALIKE = 0.08, 200
-"""Share of the diagonal up to which parts are alike; so many of them are looked at."""
 
 
 class Candidates:
@@ -96,14 +94,14 @@ class Candidates:
         same &= np.isclose(self.volumes, part.volume, rtol=_EQUAL, atol=0)
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
-    def alike(self, prepared: PreparedPart, rows: IntArray) -> list[int]:
-        """Those of some parts that have nearly the box, centroid, area and volume of a part, the nearest first."""
+    def similar(self, prepared: PreparedPart, rows: IntArray, settings: RaceSettings) -> list[int]:
+        """Return those of some parts that have nearly the box, centroid, area and volume of a part, most similar first."""
         part = prepared.part
         own = np.r_[part.centroid, part.box.ravel(), np.sqrt(part.area / 6), np.cbrt(part.volume)]
         sizes = np.column_stack([np.sqrt(self.areas[rows] / 6), np.cbrt(self.volumes[rows])])
         off = np.abs(np.column_stack([self._numbers[rows, 5:14], sizes]) - own).max(axis=1)
-        near = np.flatnonzero(off < _LIKE * part.diagonal)
-        return [int(row) for row in rows[near[np.argsort(off[near], kind="stable")]][:_ALIKE]]
+        near = np.flatnonzero(off < settings.similar * part.diagonal)
+        return [int(row) for row in rows[near[np.argsort(off[near], kind="stable")]][: settings.least]]
 
     def name(self, row: int) -> str:
         """Of one of them, unopened where that is possible."""
@@ -118,7 +116,21 @@ class Candidates:
         if isinstance(self.parts, Catalogue):
             starts = self.parts.starts
             return [(int(s), segment.table) for s, segment in zip(starts, self.parts.segments, strict=False)]
-        return [(0, tables_of([_signed(prepare(part)) for part in self.parts]))]
+        return [(0, tables_of([self._columns(row) for row in range(len(self))]))]
+
+    def _columns(self, row: int) -> dict[str, np.ndarray]:
+        """Return the columns of one part of a list, which are kept with it."""
+        part = self.prepared(row).part
+        if "columns" not in part.derived:
+            part.derived["columns"] = face_columns(part)
+        known: dict[str, np.ndarray] = part.derived["columns"]
+        return known
+
+    def widths(self, rows: IntArray) -> FloatArray:
+        """Return diameters and mean widths of some parts ``(m, 2)`` [m]."""
+        if isinstance(self.parts, StoredParts):
+            return self.parts.numbers[rows, 3:5]
+        return np.array([widths(self.prepared(int(row)).part.vertices) for row in rows]).reshape(-1, 2)
 
     @cached_property
     def fields(self) -> list[tuple[int, Any]]:
@@ -127,15 +139,6 @@ class Candidates:
             return self.tables
         opened = [prepare(part) for part in self.parts]
         return [(0, field_table(self._numbers, [coarse_field(one.part, one.shape) for one in opened]))]
-
-
-def _signed(prepared: PreparedPart) -> dict[str, Any]:
-    """The signature of a part, which is kept with it."""
-    derived = prepared.part.derived
-    if "signature" not in derived:
-        derived["signature"] = signature(prepared.part, prepared.shape)
-    known: dict[str, Any] = derived["signature"]
-    return known
 
 
 def sizes_of(parts: Any) -> tuple[float, ...]:

@@ -9,24 +9,12 @@ import numpy as np
 from tanteo import _core
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
-from tanteo.inference.proposals import Scales
+from tanteo.inference.scales import Scales
 from tanteo.inference.symmetry import folded, gauge_information, is_held
 from tanteo.typing import FloatArray, Indices, IntArray, Transforms
 
 _ROUNDING = 1e-11
 """Share of an information that is added to it: of very precise points what is free would be lost by rounding."""
-
-SAME = 4.0
-"""Squared Mahalanobis distance within which two maxima are one."""
-
-FAINT = 14.0
-"""Log evidence below the best at which a maximum is forgotten."""
-
-_STEPS, _ENOUGH = 20, 1e-3
-"""Steps of a maximization at most, and the gain in log density at which it ends."""
-
-_MARGIN = 30.0
-"""Log density behind the best at which a maximization is given up half-way: twice what is forgotten at the end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +83,11 @@ class Objective:
     rows: Indices
 
     @property
+    def same(self) -> float:
+        """Squared Mahalanobis distance within which two maxima are one."""
+        return self.problem.settings.search.same_sds**2
+
+    @property
     def named(self) -> bool:
         """Whether a prior names one of several symmetric poses."""
         return self.problem.mixture(self.prepared) is not None
@@ -116,20 +109,20 @@ class Objective:
         self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
     ) -> Peaks:
         """The maxima that poses lead to, each once; ``fine``: without blurred noise first."""
-        D = self.problem.states
+        D, own = self.problem.states, self.problem.settings.search
         if not len(Ts):
             return Peaks.none(D)
         zs = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs)
         blurs = np.zeros(0) if fine else self.scales.blurs
         Ts, zs, logs, information, rows = _core.maximize(
-            self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, _STEPS, _ENOUGH, _MARGIN
+            self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, own.steps, own.step_gain, 2 * own.faint
         )
         evidence = logs + 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.regular(information))[1]
         groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups[rows]
         return self.distinct(Peaks(Ts, zs, logs, information, evidence, groups))
 
-    def look(self, Ts: Transforms, groups: IntArray, keep: int) -> Peaks:
-        """The maxima that proposals lead to."""
+    def settle_and_maximize(self, Ts: Transforms, groups: IntArray, keep: int) -> Peaks:
+        """Return the maxima that proposals lead to."""
         Ts, groups = self.settle(Ts, groups, keep)
         return self.maximize(Ts, groups=groups)
 
@@ -158,11 +151,11 @@ class Objective:
         if not len(peaks):
             return peaks
         order = np.argsort(-peaks.evidence, kind="stable")
-        order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - FAINT]
+        order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - self.problem.settings.search.faint]
         peaks = peaks.take(order)
         peaks = self._folded(peaks)
         information = np.ascontiguousarray(self.of_pose(peaks.information))
-        kept, who = _core.distinct(peaks.Ts, information, SAME, count, self.prepared.shape.centre)
+        kept, who = _core.distinct(peaks.Ts, information, self.same, count, self.prepared.shape.centre)
         groups = _united(peaks.groups, who.astype(np.int64), len(kept))
         peaks = replace(peaks.take(kept.astype(np.int64)), groups=groups)
         return self._without_images(peaks)
@@ -191,7 +184,7 @@ class Objective:
             if not alone[k]:
                 continue
             x = _core.offsets(peaks.Ts[k], images[(k + 1) * len(turns) :], self.prepared.shape.centre)
-            same = (np.sum((x @ information[k]) * x, axis=1).reshape(-1, len(turns)) < SAME).any(axis=1)
+            same = (np.sum((x @ information[k]) * x, axis=1).reshape(-1, len(turns)) < self.same).any(axis=1)
             rows = k + 1 + np.flatnonzero(same & alone[k + 1 :])
             groups[k] |= np.bitwise_or.reduce(groups[rows], initial=0)
             alone[rows] = False
@@ -205,7 +198,7 @@ class Objective:
         information, centre = self.of_pose(known.information), self.prepared.shape.centre
         x = np.stack([_core.offsets(T, Ts, centre) for T in known.Ts])
         gaps = np.einsum("kni,kij,knj->kn", x, information, x)
-        return new.take(np.flatnonzero(gaps.min(axis=0) > SAME))
+        return new.take(np.flatnonzero(gaps.min(axis=0) > self.same))
 
     def merged(self, old: Peaks, new: Peaks, count: int) -> Peaks:
         """Both; a maximum found again was found by more groups."""

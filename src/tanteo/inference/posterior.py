@@ -13,9 +13,9 @@ from tanteo.inference.near_variants import log_density_of_near_variant
 from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
+from tanteo.inference.race import LeftOut, PartSearch, common_random_numbers, missing, race, start_search
 from tanteo.inference.sampler import Sampler
 from tanteo.inference.sampling import sample
-from tanteo.inference.search import LeftOut, PartSearch, alike, missing, race, start_search
 from tanteo.inference.symmetry import log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
 from tanteo.special import log_sum
@@ -62,8 +62,8 @@ def infer(
     centroid: Vectors,
     rng: np.random.Generator,
     *,
-    hints: Sequence[Transforms | None] = (),
-    certain: bool = False,
+    known: Sequence[Transforms | None] = (),
+    exhaustive: bool = False,
     left_out: LeftOut | None = None,
 ) -> Posterior:
     """The posterior: search, sample, weigh.
@@ -74,13 +74,13 @@ def infer(
         count: number of all parts.
         centroid: mean of theirs, in their frames ``(3,)`` [m].
         rng: of all draws.
-        hints: poses of each of them to begin with, if any are known.
-        certain: whether these are all poses that labels and normals allow.
+        known: poses of each of them to begin with; None where there are none.
+        exhaustive: whether these are all poses that labels and normals allow.
         left_out: what is known of the other parts.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
-    searches, unseen = race(problem, parts, anywhere - prior, rng, hints, certain=certain, left_out=left_out)
+    searches, unseen = race(problem, parts, anywhere - prior, rng, known, exhaustive=exhaustive, left_out=left_out)
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
 
 
@@ -95,7 +95,7 @@ def search_about(
         rng: generator of all draws.
     """
     searches = []
-    for (prepared, Ts), own in zip(proposals, alike(rng, len(proposals)), strict=True):
+    for (prepared, Ts), own in zip(proposals, common_random_numbers(rng, len(proposals)), strict=True):
         search = start_search(problem, prepared, own)
         search.try_poses(Ts, certain=True)
         searches.append(search)
@@ -122,7 +122,7 @@ def weigh(
         log_left_out: log evidence of parts that were not searched, at most, their prior included: the object is one
             that is not known, too, if it is one of them.
     """
-    drawing = zip(searches, priors, alike(rng, len(searches)), strict=True)
+    drawing = zip(searches, priors, common_random_numbers(rng, len(searches)), strict=True)
     found = [(s, float(prior), own) for s, prior, own in drawing if len(s.peaks)]
     evidence = np.array([s.log_evidence + prior for s, prior, _ in found])
     total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)

@@ -13,6 +13,7 @@ from tanteo.inference.around import Around, around, outlier_log_density
 from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.settings import DEFAULTS, Settings
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays, PoseFactor
 from tanteo.parts import Part
@@ -45,6 +46,7 @@ class Problem:
         mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
         odds: log odds of each part by what was measured of the whole object, by its name; none were measured without.
         pose_factors: measurements of the pose that are no points or rays, such as images and functions of a user.
+        settings: numbers of the search.
         around: points that may be of what stands around.
         groups: number of the label of each point ``(n,)``; -1 where it has none.
         elsewhere: what labels say of surfaces that are not the part's.
@@ -56,6 +58,7 @@ class Problem:
     mixtures: dict[int, PoseMixture] = field(default_factory=dict)
     odds: Mapping[str, float] = field(default_factory=dict)
     pose_factors: tuple[PoseFactor, ...] = ()
+    settings: Settings = DEFAULTS
     around: Around = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     elsewhere: Elsewhere = field(init=False, repr=False)

@@ -12,13 +12,13 @@ from tanteo.features import SharedError
 from tanteo.inference.around import without_pose
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.fit_at_mode import GoodnessOfFit, goodness_of_fit
-from tanteo.inference.narrowing import Narrowed, narrowed
 from tanteo.inference.posterior import Posterior, infer
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.prior_check import check_prior
 from tanteo.inference.problem import Problem
+from tanteo.inference.race import Active, LeftOut, screen
 from tanteo.inference.result import as_hypothesis, worst_reading
-from tanteo.inference.search import LeftOut
+from tanteo.inference.settings import DEFAULTS, Settings
 from tanteo.inference.too_little import too_little
 from tanteo.inference.verdict import Outcome, verdict_of
 from tanteo.limits import SIGNIFICANCE, TOP
@@ -38,6 +38,7 @@ def identify_points(
     priors: Priors | None = None,
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
+    settings: Settings = DEFAULTS,
 ) -> Answer:
     """Which part the measurements are of, and its pose, labelled or not.
 
@@ -51,6 +52,7 @@ def identify_points(
         priors: what is assumed beforehand.
         factors: further measurements of the pose, such as functions of your own.
         seed: of the search and the samples.
+        settings: numbers of the search and the race.
 
     Raises:
         InputError: without parts, or for an ``significance`` outside (0, 1).
@@ -58,7 +60,7 @@ def identify_points(
     parts = check_question(parts, significance, top, seed, priors)
     clock = Clock()
     candidates = Candidates(parts)
-    problem = Problem(points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors))
+    problem = Problem(points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors), settings=settings)
     clock.lap("prepare")
     if message := too_little(problem):
         return Answer("insufficient", message, (), 1.0, clock.laps(), seed, significance=significance)
@@ -71,7 +73,7 @@ def identify_points(
     check = check_prior(
         posterior,
         hypotheses[0] if hypotheses else None,
-        lambda: _answer(alone, candidates, narrowed(alone, candidates, odds), seed),
+        lambda: _answer(alone, candidates, screen(alone, candidates, odds), seed),
         significance,
     )
     if check.other is not None:  # where the prior has it, it fits another pose: it is told where it was felt
@@ -86,14 +88,14 @@ def identify_points(
 
 def _searched(
     problem: Problem, candidates: Candidates, odds: FloatArray, seed: int, clock: Clock
-) -> tuple[Narrowed, Posterior]:
+) -> tuple[Active, Posterior]:
     """The parts that are worth a search, and the posterior over them; of more parts where they do not explain it."""
-    chosen = narrowed(problem, candidates, odds)
+    chosen = screen(problem, candidates, odds)
     problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
     posterior = _answer(problem, candidates, chosen, seed)
     if chosen.aside and posterior.unknown > 0.5:  # nothing explains the points: what was measured may be of another
-        chosen = narrowed(problem, candidates, odds, every=True)
+        chosen = screen(problem, candidates, odds, every=True)
         posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
     return chosen, posterior
@@ -107,30 +109,30 @@ def _located(
     return found, tuple(as_hypothesis(posterior.problem.points, one, pose) for one in found[:top])
 
 
-def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: int) -> Posterior:
+def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int) -> Posterior:
     """The posterior of the parts that are worth a search."""
     parts = [candidates.prepared(int(row)) for row in chosen.rows]
-    hints = [_proposed(problem, candidates, chosen, int(row)) for row in chosen.rows]
+    known = [_proposed(problem, candidates, chosen, int(row)) for row in chosen.rows]
     rest = set(chosen.others.tolist())
 
-    def alike(part: PreparedPart) -> list[PreparedPart]:
-        rows = [row for row in candidates.alike(part, chosen.others) if row in rest]
+    def similar(part: PreparedPart) -> list[PreparedPart]:
+        rows = [row for row in candidates.similar(part, chosen.others, problem.settings.race) if row in rest]
         rest.difference_update(rows)
         return [candidates.prepared(row) for row in rows]
 
     centroid = candidates.centroids.mean(axis=0)
     behind = chosen.left_out if chosen.bound else None
     return infer(
-        problem, parts, len(candidates), centroid, np.random.default_rng(seed), hints=hints, certain=chosen.certain,
+        problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known, exhaustive=chosen.exhaustive,
         left_out=LeftOut(
-            len(rest), behind, chosen.discount, alike, untried=chosen.bound and not chosen.certain
+            len(rest), behind, chosen.discount, similar, untried=chosen.bound and not chosen.exhaustive
         ),
     )  # fmt: skip
 
 
-def _proposed(problem: Problem, candidates: Candidates, chosen: Narrowed, row: int) -> Transforms | None:
+def _proposed(problem: Problem, candidates: Candidates, chosen: Active, row: int) -> Transforms | None:
     """Poses of a part to begin with: by what was sensed, and where an image shows the outline of the object."""
-    whole, found = problem.priors.whole, chosen.hints.get(row)
+    whole, found = problem.priors.whole, chosen.known.get(row)
     proposed = [factor.poses(candidates.prepared(row).part) for factor in problem.pose_factors]
     if whole is not None and whole.outline is not None:
         proposed.append(whole.outline.poses(candidates.parts, row))

@@ -9,18 +9,19 @@ every part is looked for all over its prior again.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tanteo.inference.details import details_at
 from tanteo.inference.modes import Mode
+from tanteo.inference.part_search import PartSearch, start_search
 from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.prior_samples import RIDGE, along_ridge
 from tanteo.inference.problem import Problem
-from tanteo.inference.proposals import Effort
-from tanteo.inference.search import PartSearch, start_search
+from tanteo.inference.proposals import PriorSamples
+from tanteo.inference.proposals.prior_samples import along_ridge
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _SAMPLES, _OF_NORMAL = 24, 2
@@ -114,7 +115,7 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
     if likely > _MATTERS and not search.trusted:
         _draw(search, _FRESH)
-        search.along = along_ridge(objective, _resampled(modes, RIDGE, rng))
+        search.along = along_ridge(objective, _resampled(modes, search.settings.maximized, rng))
     return search
 
 
@@ -152,7 +153,7 @@ def _resampled(modes: Sequence[Mode], count: int, rng: np.random.Generator) -> T
 
 
 def _draw(search: PartSearch, count: int) -> None:
-    search.sample(count)
+    search.propose(PriorSamples(), replace(search.settings.effort, maximized=count))
     search.peaks = _found(search.peaks)
 
 
@@ -160,7 +161,7 @@ def _look_widely(search: PartSearch) -> None:
     """Look for a part all over its prior, and by pairs of points where these fix a pose."""
     _draw(search, _WIDELY)
     if len(search.objective.problem.points) >= _SEVERAL:
-        search.restart(Effort())
+        search.restart()
         search.peaks = _found(search.peaks)
 
 

@@ -21,9 +21,9 @@ from tanteo.inference.diagnostics import (
 )
 from tanteo.inference.fit_at_mode import GoodnessOfFit
 from tanteo.inference.limits import what_limits
-from tanteo.inference.narrowing import Narrowed
 from tanteo.inference.posterior import Posterior
 from tanteo.inference.prior_check import PriorCheck
+from tanteo.inference.race import Active
 
 _PATCH = 0.2
 """Share of the part's size that measurements have to reach over, or the pose to be roughly known, for one answer."""
@@ -51,7 +51,7 @@ class Outcome:
     """
 
     candidates: Candidates
-    chosen: Narrowed
+    chosen: Active
     posterior: Posterior
     found: list[GoodnessOfFit]
     hypotheses: tuple[Hypothesis, ...]
@@ -88,7 +88,7 @@ def verdict_of(outcome: Outcome, significance: float, shared: Sequence[SharedErr
 
 
 def _known_after_all(
-    message: str, hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, posterior: Posterior
+    message: str, hypotheses: tuple[Hypothesis, ...], chosen: Active, posterior: Posterior
 ) -> tuple[Status, str]:
     """An unknown object that may be one of the parts that were not searched, or that lies beside the best."""
     if posterior.left_out > 0.5 * posterior.unknown > 0:
@@ -106,7 +106,7 @@ def _doubted(message: str, best: GoodnessOfFit, priors: Priors) -> tuple[Status,
     return ("ambiguous", doubt) if doubt else ("recognized", message)
 
 
-def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:
+def _not_searched(chosen: Active, posterior: Posterior, status: str) -> str:
     """That parts which were not searched may explain the readings as well, where that matters."""
     if status == "recognized" or not _MAY_MISS < posterior.left_out < 0.5:
         return ""
@@ -116,7 +116,7 @@ def _not_searched(chosen: Narrowed, posterior: Posterior, status: str) -> str:
     )
 
 
-def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, posterior: Posterior) -> str:
+def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Active, posterior: Posterior) -> str:
     """That so little was sensed that very many parts may explain it."""
     best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
     return (

@@ -16,23 +16,14 @@ import numpy as np
 from tanteo import _core
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.sensed_planes import MADE, SDS, TILT, SensedPlanes
+from tanteo.inference.proposals.sensed_planes import SensedPlanes
+from tanteo.inference.settings import SearchSettings, Settings
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
-LIMIT = 60.0
-"""Nats that a part costs at most: beyond, none is better than another."""
 
-_LOOSE = 1.5
-"""Nats that a sensed normal on a face that is no plane costs, beside those of its share of the part."""
-
-_SHARE = 0.3
-"""Share of all parts up to which the vote of a pair is worth taking."""
-
-_KEPT, _OF_ONE = 8, 1000
-"""Poses of a part of many; of one, all that three planes of a part with many faces may mean."""
-
-BEHIND = 10.0
-"""Nats behind the best up to which a part is in: less than a labelled plane of no face."""
+def cost_margin(settings: Settings) -> float:
+    """Return the cost behind the best part at which tables prune a part [nats]."""
+    return settings.search.negligible / settings.race.table_weight
 
 
 def on_planes(
@@ -43,15 +34,17 @@ def on_planes(
     What is so far behind the best costs at least as much, as far as is known.
     """
     lacking, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
-    costs = _by_poses(_Faces(candidates.tables, rows, far, _KEPT), sensed, lacking, hints)
+    costs = _by_poses(_Faces(candidates.tables, rows, far, sensed.settings.kept), sensed, lacking, hints)
     return costs, hints
 
 
-def plane_poses(sensed: SensedPlanes, prepared: PreparedPart) -> Transforms:
+def plane_poses(sensed: SensedPlanes, prepared: PreparedPart, settings: Settings) -> Transforms:
     """Poses of one part at which the planes are on its faces ``(S, 4, 4)``; none where they leave a motion free."""
     hints = dict[int, Transforms]()
     if len(sensed.triples) and sensed.triples[2] >= 0:
-        faces = _Faces([(0, prepared.faces)], np.zeros(1, dtype=np.int64), BEHIND, _OF_ONE)
+        faces = _Faces(
+            [(0, prepared.faces)], np.zeros(1, dtype=np.int64), cost_margin(settings), settings.search.placed
+        )
         _by_poses(faces, sensed, np.zeros(1), hints)
     return hints.get(0, np.zeros((0, 4, 4)))
 
@@ -76,7 +69,7 @@ class _Faces:
 def _by_poses(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, hints: dict[int, Transforms]) -> FloatArray:
     """Nats of parts that lack so many by votes, by poses, of other triples where the first lead to nothing."""
     costs, more = _by_triples(faces, sensed.first, lacking, hints), sensed.more
-    if costs.min(initial=LIMIT) > sensed.doubtful and len(more.triples) + len(more.walls):
+    if costs.min(initial=sensed.settings.cost_limit) > sensed.doubtful and len(more.triples) + len(more.walls):
         costs = np.minimum(costs, _by_triples(faces, more, lacking, hints))
     return costs
 
@@ -87,13 +80,13 @@ def _by_triples(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, hints:
     These are tried up to a limit of nats, as each nat more takes longer. It is raised until a part is found, or no
     plane would be of a face any more.
     """
-    costs, lowest, limit = lacking, LIMIT, float(len(sensed.rows))
+    costs, limit = lacking, float(len(sensed.rows))
     while True:
         costs, lowest = _tried(faces, sensed, lacking, limit, hints)
         if lowest < limit or limit >= sensed.hopeless:
             break
         limit = min(2 * limit, sensed.hopeless)
-    if limit < lowest + faces.far < LIMIT:
+    if limit < lowest + faces.far < sensed.settings.cost_limit:
         costs, _ = _tried(faces, sensed, lacking, lowest + faces.far, hints)
     return costs
 
@@ -103,7 +96,7 @@ def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> Float
     costs = np.zeros(len(rows))
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
-        costs[here] = np.minimum(votes(sensed, table)[rows[here] - start], LIMIT)
+        costs[here] = np.minimum(votes(sensed, table)[rows[here] - start], sensed.settings.cost_limit)
     return costs
 
 
@@ -111,7 +104,8 @@ def _tried(
     faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, limit: float, hints: dict[int, Transforms]
 ) -> tuple[FloatArray, float]:
     """Nats of parts by poses that cost less than a limit, else the limit, and the least; hints are set."""
-    costs, lowest, rows = np.maximum(lacking, limit), LIMIT, faces.rows
+    none = sensed.settings.cost_limit
+    costs, lowest, rows = np.maximum(lacking, limit), none, faces.rows
     for start, table in faces.tables:
         here = np.flatnonzero((lacking < limit) & (rows >= start) & (rows < start + len(table["numbers"])))
         local, upto = (rows[here] - start).astype(np.int32), min(limit, lowest + faces.far)
@@ -122,7 +116,7 @@ def _tried(
         )  # fmt: skip
         costs[here] = np.maximum(found[:, 0], lacking[here])
         some = np.flatnonzero(found[:, 0] < upto)
-        lowest = min(lowest, float(found[some, 0].min(initial=LIMIT)))
+        lowest = min(lowest, float(found[some, 0].min(initial=none)))
         for k in some:
             hints[int(rows[here[k]])] = Ts[k][found[k] < upto]
     return costs, lowest
@@ -132,12 +126,12 @@ def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
     """Nats by pairs alone ``(n,)``: the planes that have to be of no face, each counted once."""
     n, k = len(table["numbers"]), len(sensed.rows)
     share = np.asarray(table["numbers"])[:, 16]
-    loose = np.where(share > 0, _LOOSE - np.log(np.maximum(share, 1e-300)), np.inf)
+    loose = np.where(share > 0, sensed.settings.loose - np.log(np.maximum(share, 1e-300)), np.inf)
     costs, used = np.zeros(n), np.zeros((n, k), dtype=bool)
     loose = np.where(np.diff(np.asarray(table["rounds_start"])) > 0, 0.0, loose)  # or it is of a cylinder
     most = [np.minimum(row[9], loose) if row[11] > 0 else np.full(n, row[9]) for row in sensed.rows]
     for i, j in combinations(range(k), 2):
-        has = _having(sensed.rows[i], sensed.rows[j], table, n)
+        has = _having(sensed.settings, sensed.rows[i], sensed.rows[j], table, n)
         if has is None:
             continue
         free = ~has & ~used[:, i] & ~used[:, j]  # pairs that share no plane each cost one
@@ -146,29 +140,31 @@ def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
     return costs
 
 
-def _having(first: FloatArray, second: FloatArray, table: Mapping[str, Any], n: int) -> BoolArray | None:
+def _having(
+    own: SearchSettings, first: FloatArray, second: FloatArray, table: Mapping[str, Any], n: int
+) -> BoolArray | None:
     """Which parts have two faces like two planes ``(n,)``; None where most do."""
     cosine = float(np.clip(first[:3] @ second[:3], -1, 1))
-    within = SDS * float(np.hypot(first[7], second[7])) + TILT
+    within = own.gate * float(np.hypot(first[7], second[7])) + own.tilt_as_made
     angle = float(np.arccos(cosine))
     sided = first[10] > 0 and second[10] > 0
     angles = (angle,) if sided else (angle, np.pi - angle)
     found = list[np.ndarray]()
     for one in angles:
         found.append(_between(table, "angles", one - within, one + within))
-        if one < within and abs(_height(first, second)[0]) < _height(first, second)[1]:
+        if one < within and abs(_height(own, first, second)[0]) < _height(own, first, second)[1]:
             return None  # both may be of one face
         if one < within:
-            found.append(_distances(table, "same", first, second, signed=False))
+            found.append(_distances(own, table, "same", first, second, signed=False))
         if one > np.pi - within:
-            found.append(_distances(table, "opposite", first, second, signed=sided))
+            found.append(_distances(own, table, "opposite", first, second, signed=sided))
     rows = np.concatenate(found)
     has = np.zeros(n, dtype=bool)
     has[rows] = True
-    return None if np.count_nonzero(has) > _SHARE * n else has
+    return None if np.count_nonzero(has) > own.vote_share * n else has
 
 
-def _height(first: FloatArray, second: FloatArray) -> tuple[float, float]:
+def _height(own: SearchSettings, first: FloatArray, second: FloatArray) -> tuple[float, float]:
     """How far apart two parallel planes are, and within how much that is known [m]."""
     way = second[3:6] - first[3:6]
     normal = first[:3] + (1.0 if first[:3] @ second[:3] > 0 else -1.0) * second[:3]
@@ -176,14 +172,14 @@ def _height(first: FloatArray, second: FloatArray) -> tuple[float, float]:
     height = float(way @ normal)
     lever = float(np.linalg.norm(way - height * normal))
     tilt = float(np.hypot(first[7], second[7])) / 2
-    return height, SDS * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + MADE
+    return height, own.gate * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + own.as_made
 
 
 def _distances(
-    table: Mapping[str, Any], name: str, first: FloatArray, second: FloatArray, *, signed: bool
+    own: SearchSettings, table: Mapping[str, Any], name: str, first: FloatArray, second: FloatArray, *, signed: bool
 ) -> np.ndarray:
     """Parts with two parallel faces as far apart as two planes are."""
-    height, within = _height(first, second)
+    height, within = _height(own, first, second)
     if signed:
         return _between(table, name, height - within, height + within)
     rows, far = _between(table, name, abs(height) - within, abs(height) + within), abs(height)

@@ -8,35 +8,11 @@ from itertools import combinations
 import numpy as np
 
 from tanteo.inference.around import outlier_log_density
-from tanteo.inference.labelled_planes import Planes, labelled_planes
 from tanteo.inference.problem import Problem
+from tanteo.inference.proposals.labelled_planes import Planes, labelled_planes
+from tanteo.inference.settings import DEFAULTS, SearchSettings
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, Indices
-
-_WIDER = 0.6
-"""Of the log of the factor to which the noise is known: so much larger it is taken to be."""
-
-SDS, MADE, TILT = 4.0, 1e-4, 0.004
-"""Distances and angles agree within so many standard deviations and so much more [m, rad]."""
-
-_MOST, _CURVED, _LEAST = 13.0, 8.0, 2.0
-"""Nats that a labelled plane of no face costs: what it does by the outlier rate, but between the first and the last;
-one sensed normal may be of a curved face."""
-
-_TRIPLES, _MORE, _INDEPENDENT = 2, 6, 0.25
-"""Triples of lines that poses are made of, and where these lead to nothing; the least product of their normals."""
-
-_WALLS = 6
-"""Pairs of points of walls: those of three cylinders have three that are not of one."""
-
-_NOISE = 0.4
-"""Nats of a plane that is of its face, on average: less than a half, as noise is taken larger than it is stated."""
-
-_KNOWN = 0.01
-"""Tilt below which it hardly matters how well a normal is known [rad]."""
-
-_COMPARED = 16
-"""Planes that are compared, those known best."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,31 +25,38 @@ class SensedPlanes:
         triples: of them, that fix a pose, or two and -1 ``(3 m,)``.
         walls: of them, one and two points that may be of the walls of two cylinders across it ``(3 w,)``.
         certain: whether some triple fixes one although each normal without a parallel is of a curved face.
+        settings: numbers of the comparison.
     """
 
     rows: FloatArray
     triples: Indices
     walls: Indices
     certain: bool = True
+    settings: SearchSettings = DEFAULTS.search
+
+    @property
+    def _first(self) -> int:
+        """Number of triples that are tried first."""
+        return self.settings.tuples // 2
 
     @property
     def first(self) -> SensedPlanes:
         """With the triples that are tried first, and with walls where nothing else may fix the pose."""
         none = np.zeros(0, dtype=np.int32)
-        return replace(self, triples=self.triples[: 3 * _TRIPLES], walls=none if self.certain else self.walls)
+        return replace(self, triples=self.triples[: 3 * self._first], walls=none if self.certain else self.walls)
 
     @property
     def more(self) -> SensedPlanes:
         """With what is left to try: other triples, whose second may be of a wall, and points of walls."""
         none = np.zeros(0, dtype=np.int32)
         kept = self.triples.reshape(-1, 3)
-        turned = np.concatenate([kept[_TRIPLES:], kept[kept[:, 2] >= 0][:, [0, 2, 1]]])
+        turned = np.concatenate([kept[self._first :], kept[kept[:, 2] >= 0][:, [0, 2, 1]]])
         return replace(self, triples=turned.ravel(), walls=self.walls if self.certain else none)
 
     @property
     def doubtful(self) -> float:
-        """Nats of the best part from which other triples are tried: of noise and one plane without a face."""
-        return _NOISE * len(self.rows) + float(self.rows[:, 9].max())
+        """Cost of the best part from which other triples are tried: of noise (half of chi2) and one plane without a face."""
+        return 0.5 * len(self.rows) + float(self.rows[:, 9].max())
 
     @property
     def hopeless(self) -> float:
@@ -88,20 +71,23 @@ class SensedPlanes:
 
 def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     """The planes that labels and normals show, with their noise as large as it may be."""
-    planes = labelled_planes(points)
-    factor = float(np.exp(_WIDER * problem.scale_sd))
-    some = np.argsort(planes.tilts, kind="stable")[:_COMPARED]
+    own = problem.settings.search
+    planes = labelled_planes(points, own)
+    factor = float(np.exp(own.noise_share * problem.scale_sd))
+    some = np.argsort(planes.tilts, kind="stable")[: own.compared]
     normals = planes.normals[some]
     at = planes.middles[some] - planes.radii[some, None] * normals
     shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
     sds = np.hypot(factor * planes.sds[some], shared)
     alone = np.array([len(planes.rows[k]) == 1 for k in some], dtype=bool)
-    most = _without_face(problem, points, planes, factor)[some].clip(_LEAST, np.where(alone, _CURVED, _MOST))
+    most = _without_face(problem, points, planes, factor)[some].clip(
+        own.cost_least, np.where(alone, own.cost_point, own.cost_most)
+    )
     rows = np.column_stack(
         [
             normals,
             at,
-            np.hypot(sds, MADE),
+            np.hypot(sds, own.as_made),
             factor * planes.tilts[some],
             planes.spans[some],
             most,
@@ -109,12 +95,12 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
             alone,
         ]
     )
-    near = _parallel(normals, planes.tilts[some])
+    near = _parallel(own, normals, planes.tilts[some])
     lonely = alone & (near.sum(axis=1) < 2)  # they may be of a curved face
-    triples = _triples(normals, planes.tilts[some], lonely, near)
+    triples = _triples(own, normals, planes.tilts[some], lonely, near)
     doubtful = lonely[triples.reshape(-1, 3)].sum(axis=1) > (triples[2::3] >= 0)
-    walls = _walls(normals, at, planes.tilts[some], alone, near)
-    return SensedPlanes(np.ascontiguousarray(rows), triples, walls, bool(np.any(~doubtful)))
+    walls = _walls(own, normals, at, planes.tilts[some], alone, near)
+    return SensedPlanes(np.ascontiguousarray(rows), triples, walls, bool(np.any(~doubtful)), own)
 
 
 def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
@@ -128,25 +114,30 @@ def _without_face(problem: Problem, points: ContactPoints, planes: Planes, facto
     return np.array(out)
 
 
-def _parallel(normals: FloatArray, tilts: FloatArray) -> BoolArray:
+def _parallel(own: SearchSettings, normals: FloatArray, tilts: FloatArray) -> BoolArray:
     """Which planes are parallel within what is known of them ``(k, k)``."""
     sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
-    return np.asarray(sines < SDS * np.hypot(tilts[:, None], tilts) + TILT)
+    return np.asarray(sines < own.gate * np.hypot(tilts[:, None], tilts) + own.tilt_as_made)
 
 
-def _walls(normals: FloatArray, at: FloatArray, tilts: FloatArray, alone: BoolArray, near: BoolArray) -> Indices:
+def _walls(
+    own: SearchSettings, normals: FloatArray, at: FloatArray, tilts: FloatArray, alone: BoolArray, near: BoolArray
+) -> Indices:
     """Pairs of points, far from each other, that may be of walls across the plane that most others are parallel to."""
     if len(normals) < 3:
         return np.zeros(0, dtype=np.int32)
     first = int(np.argmax(near.sum(axis=1)))
-    points = np.flatnonzero(alone & (np.abs(normals @ normals[first]) < SDS * np.hypot(tilts, tilts[first]) + TILT))
+    across = own.gate * np.hypot(tilts, tilts[first]) + own.tilt_as_made
+    points = np.flatnonzero(alone & (np.abs(normals @ normals[first]) < across))
     away = at[points] - np.outer((at[points] - at[first]) @ normals[first], normals[first])
     apart = np.linalg.norm(away[:, None] - away, axis=-1)
     pairs = sorted(combinations(range(len(points)), 2), key=lambda ij: -float(apart[ij]))
-    return np.array([(first, points[i], points[j]) for i, j in pairs[:_WALLS]], dtype=np.int32).ravel()
+    return np.array([(first, points[i], points[j]) for i, j in pairs[: own.items]], dtype=np.int32).ravel()
 
 
-def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray, near: BoolArray) -> Indices:
+def _triples(
+    own: SearchSettings, normals: FloatArray, tilts: FloatArray, lonely: BoolArray, near: BoolArray
+) -> Indices:
     """Planes of three lines each that fix a pose, the most telling first; in each the line of most planes first.
 
     What may be of a curved face comes last. Where all normals lie in one plane, the third is -1: poses slide along what
@@ -161,8 +152,8 @@ def _triples(normals: FloatArray, tilts: FloatArray, lonely: BoolArray, near: Bo
         tuples = np.array(list(combinations(order, size)), dtype=np.int32).reshape(-1, size)
         n = normals[tuples]
         sizes = np.abs(np.linalg.det(n)) if size == 3 else np.linalg.norm(np.cross(n[:, 0], n[:, 1]), axis=1)
-        good = sizes * 0.5 ** lonely[tuples].sum(axis=1) / (_KNOWN + known[tuples].max(axis=1))
-        chosen = [k for k in np.argsort(-good, kind="stable") if sizes[k] >= _INDEPENDENT][:_MORE]
+        good = sizes * 0.5 ** lonely[tuples].sum(axis=1) / (own.tilt_as_made + known[tuples].max(axis=1))
+        chosen = [k for k in np.argsort(-good, kind="stable") if sizes[k] >= own.independent][: own.items]
         if chosen:
             return np.pad(tuples[chosen], ((0, 0), (0, 3 - size)), constant_values=-1).ravel()
     return np.zeros(0, dtype=np.int32)

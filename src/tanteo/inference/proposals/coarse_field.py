@@ -1,4 +1,4 @@
-"""Points against coarse fields of very many parts: scores of all, then steps on those that are worth it.
+"""Points against coarse distance fields of parts: scores of all parts, then refinement of promising poses.
 
 A part is tried at turns that are even over all attitudes, and wherever its box holds the points after a turn. Parts of
 a kind have nearly the same box: they share the best few hundred of these, and each takes its own best of them.
@@ -15,48 +15,25 @@ from tanteo import _core
 from tanteo.catalogue import LEVELS
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.problem import Problem
-from tanteo.inference.proposals import spread_rows
+from tanteo.inference.scales import spread_rows
 from tanteo.measurements import ContactPoints
 from tanteo.typing import FloatArray, Indices, IntArray, Transforms
 
-_POINTS = 24
-"""Points that are looked at, far from each other."""
 
-_AREAS = 64
-"""Equal areas of a part's surface: the distance between their middles is what poses are tried by."""
-
-_MOST = 8.0
-"""Nats that a point costs at most."""
-
-_STEPPED, _FEWEST, _MANIEST = 576, 16, 64
-"""Points that first steps place on a part, about, and poses from which these are made: few points tell poses less well
-apart, so that more of them are tried, at the same cost."""
-
-_THOROUGH = 16
-"""Times as many poses where parts are few. Of touches of a real block, nearly a cube with steps, these had its pose
-in 13 of 30 attitudes, in 1.6 times the time; without, in none."""
-
-_KEPT = 4
-
-_BEHIND = 12.0
-"""Nats of the best score of a part behind that of all from which no steps are made on it. A score is blurred by half a
-cell of what it tries: at the right pose it was up to 5 nats behind in the scenes looked at."""
-
-
-def coarse_look(
+def evaluate_fields(
     problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray, *, thorough: bool = False
 ) -> tuple[FloatArray, dict[int, Transforms]]:
-    """Nats that points cost on each part, roughly ``(m,)``, and poses of those that are worth it, by row.
+    """Return the rough cost of the points on each part [nats] ``(m,)``, and poses of promising parts by row.
 
     Args:
         problem: the question.
-        points: those that are looked at.
+        points: points that are evaluated.
         candidates: all parts.
         rows: of those that are compared ``(m,)``.
-        thorough: more poses are tried, and there are some of every part.
+        thorough: refine more poses, and return some of every part.
     """
-    look = _Look(problem, points, thorough=thorough)
-    best = _MOST * len(look.at)
+    look = _Evaluation(problem, points, thorough=thorough)
+    best = look.own.cost_point * len(look.at)
     costs, hints = np.full(len(rows), best), dict[int, Transforms]()
     for start, table in candidates.fields:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
@@ -68,21 +45,23 @@ def coarse_look(
     return costs, hints
 
 
-class _Look:
-    """Some of the points, in the order in which they tell most."""
+class _Evaluation:
+    """Some of the points, far from each other, the farthest first."""
 
     def __init__(self, problem: Problem, points: ContactPoints, *, thorough: bool) -> None:
+        own = self.own = problem.settings.search
         factor = float(np.exp(problem.scale_sd)) if problem.scale_sd else 1.0
         usable = np.flatnonzero(~points.centres)
-        spread = usable[spread_rows(points.take(usable), min(_POINTS, len(usable)))]
+        spread = usable[spread_rows(points.take(usable), min(own.few_points, len(usable)))]
         shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
         self.at = np.ascontiguousarray(points.points[spread])
         self.normals = np.ascontiguousarray(np.where(points.oriented[spread, None], points.normals[spread], 0.0))
         self.sds = np.hypot(factor * points.sd[spread], shared)
         self.tilts = np.where(points.oriented[spread], points.normal_sds[spread], 1.0)
         self.radii = np.ascontiguousarray(points.radii[spread])
-        self.behind = np.inf if thorough else _BEHIND
-        self.stepped = int(np.clip(_STEPPED / len(spread), _FEWEST, _MANIEST)) * (_THOROUGH if thorough else 1)
+        self.behind = np.inf if thorough else own.negligible
+        more = own.few_points / len(spread)  # few points discriminate poses less well
+        self.stepped = int(min(more, 3.0) * own.coarse_poses) * (own.thorough if thorough else 1)
 
     def at_parts(
         self, table: Mapping[str, Any], rows: Indices, best: float
@@ -97,7 +76,8 @@ class _Look:
         numbers, kinds = np.asarray(table["numbers"]), np.asarray(table["kind"])
         return _core.coarse(
             np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
-            np.sqrt(numbers[:, 0] / _AREAS), np.ascontiguousarray(numbers[:, 5:8]),
+            np.sqrt(numbers[:, 0] / self.own.coarse_areas), np.ascontiguousarray(numbers[:, 5:8]),
             np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, np.ascontiguousarray(kinds[rows]), best,
-            self.behind, self.at, self.normals, self.sds, self.tilts, self.radii, _MOST, self.stepped, _KEPT,
+            self.behind, self.at, self.normals, self.sds, self.tilts, self.radii, self.own.cost_point, self.stepped,
+            self.own.kept // 2,
         )  # fmt: skip

@@ -8,14 +8,9 @@ import numpy as np
 
 from tanteo.features import label_kind
 from tanteo.inference.labels import groups_of
+from tanteo.inference.settings import SearchSettings
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
-
-_FLAT = 3.0
-"""Points of a label are of a plane if they scatter about theirs by no more than so many standard deviations."""
-
-_KNOWN = 0.1
-"""Standard deviation of a sensed normal up to which it is known which faces it may be of [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +40,7 @@ class Planes:
     rows: tuple[IntArray, ...]
 
 
-def labelled_planes(points: ContactPoints) -> Planes:
+def labelled_planes(points: ContactPoints, settings: SearchSettings) -> Planes:
     """Planes of the labels that have three points or more and fit one, and of points with a sensed normal."""
     groups, found = groups_of(points), []
     for g in range(groups.max(initial=-1) + 1):
@@ -56,7 +51,7 @@ def labelled_planes(points: ContactPoints) -> Planes:
         middle = p.mean(axis=0)
         _, sizes, axes = np.linalg.svd(p - middle, full_matrices=False)
         n, width = axes[2], sizes[1] / np.sqrt(len(rows))
-        if sizes[2] > _FLAT * sd * np.sqrt(len(rows)) or width < _FLAT * sd:
+        if sizes[2] > settings.gate * sd * np.sqrt(len(rows)) or width < settings.gate * sd:
             continue
         toward = points.inward[rows].sum(axis=0) @ n
         n = -n if toward > 0 else n
@@ -65,7 +60,9 @@ def labelled_planes(points: ContactPoints) -> Planes:
         found.append(
             (n, n @ middle, middle, span, points.radii[rows].mean(), tilt, toward != 0, sd / np.sqrt(len(rows)), rows)
         )
-    for k in np.flatnonzero(points.oriented & ~points.centres & (groups < 0) & (points.normal_sds < _KNOWN)):
+    for k in np.flatnonzero(
+        points.oriented & ~points.centres & (groups < 0) & (points.normal_sds < settings.plane_normal_sd)
+    ):
         n, p = points.normals[k], points.points[k]
         found.append((n, n @ p, p, 0.0, points.radii[k], points.normal_sds[k], True, points.sd[k], np.array([k])))
     n, offsets, middles, spans, radii, tilts, sided, sds, own = zip(*found, strict=True) if found else [()] * 9

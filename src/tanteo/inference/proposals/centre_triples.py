@@ -9,47 +9,35 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import combinations
+from typing import final
 
 import numpy as np
 
 from tanteo import _core
 from tanteo.factors import numbered_landmarks
-from tanteo.inference.pose_seeds import spread_out
 from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.problem import Problem
+from tanteo.inference.proposals.pose_seeds import spread_out
+from tanteo.inference.proposals.proposer import InitialPoses, Proposer, SearchState
+from tanteo.inference.settings import SearchSettings
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
 
-_SDS, _MADE = 4.0, 5e-5
-"""Distances agree within so many standard deviations, and so much [m]: holes are not made where they are drawn."""
 
-_TRIPLES, _AMONG = 4, 10
-"""Triples of centres that are tried, no centre in two of them, and those far apart that they are of."""
+@final
+class CentreTriples(Proposer):
+    """Three centres on three axes, once: poses that are within the noise."""
 
-_MOST = 1000
-"""Triples of axes that are tried for one of them."""
+    name = "centres on axes"
 
-_SHARP = 0.1
-"""Least height of a triangle over its longest side: centres in a row leave a turn free."""
-
-_TINY = 1e-300
-"""Keeps axes without length from dividing by zero."""
-
-_PARALLEL = 1e-3
-"""Axes closer than this are parallel [rad]."""
-
-_STEPS = 8
-"""Steps of a pose to the axes."""
-
-_ON = 0.5
-"""Lengths of a wall that a centre may be beyond it."""
-
-_CLOSER, _BEST = 0.6, 12
-"""Ratio of the scales of the steps to all points; poses that are kept."""
-
-_SOME = 32
-"""Centres, and other points, on which poses are settled and compared."""
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose the poses that put three centres on three axes of holes and bosses."""
+        if state.round:
+            return InitialPoses.none()
+        core = state.objective.core
+        return InitialPoses.exhaustive(from_centres(problem.points, core, part, problem.settings.search))
 
 
 class Axes:
@@ -62,7 +50,8 @@ class Axes:
         kinds: names of the factors that may be there, in the core ``(N,)``.
     """
 
-    def __init__(self, part: Part) -> None:
+    def __init__(self, part: Part, settings: SearchSettings) -> None:
+        self.settings = settings
         ends, sizes, sides, kinds, numbers = [], [], [], [], set[int]()
         for cls, number, one in numbered_landmarks(part):
             if number in numbers:
@@ -88,19 +77,22 @@ class Axes:
         A centre may be anywhere along an axis, so parallel ones are as near as their lines.
         """
         a, along = self.ends[:, 0], self.ends[:, 1] - self.ends[:, 0]
-        unit = along / np.maximum(np.linalg.norm(along, axis=1), _TINY)[:, None]
+        unit = along / np.maximum(np.linalg.norm(along, axis=1), np.finfo(float).tiny)[:, None]
         corners = np.linalg.norm(self.ends[:, None, :, None] - self.ends[None, :, None], axis=-1)
         off = a[None] - a[:, None]
         beside = np.linalg.norm(off - np.einsum("ijk,jk->ij", off, unit)[..., None] * unit, axis=-1)
         across = np.cross(unit[:, None], unit)
         sines = np.linalg.norm(across, axis=-1)
         skew = np.abs(np.einsum("ijk,ijk->ij", off, across)) / np.maximum(sines, 1e-12)
-        return np.where(sines > _PARALLEL, skew, np.minimum(beside, beside.T)), corners.max(axis=(2, 3))
+        return np.where(sines > self.settings.tilt_as_made, skew, np.minimum(beside, beside.T)), corners.max(
+            axis=(2, 3)
+        )
 
     def allowed(self, points: ContactPoints) -> BoolArray:
         """Which axes each centre may be of, by kind, side and size ``(n, N)``."""
         size, sd, side = sensed_sizes(points)[..., None]
-        near = (size > self.sizes[:, 0] - _SDS * sd) & (size < self.sizes[:, 1] + _SDS * sd)
+        gate = self.settings.gate * sd
+        near = (size > self.sizes[:, 0] - gate) & (size < self.sizes[:, 1] + gate)
         alike = np.array([factor.core for factor in points.factors])[:, None] == self.kinds
         return np.asarray(alike & (side * self.sides >= 0) & ((size == 0) | near))
 
@@ -111,64 +103,66 @@ def sensed_sizes(points: ContactPoints) -> FloatArray:
     return np.column_stack([np.array(sizes).reshape(-1, 2), [f.material_side for f in points.factors]]).T
 
 
-def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedPart) -> Transforms:
+def from_centres(
+    points: ContactPoints, core: _core.Problem, prepared: PreparedPart, settings: SearchSettings
+) -> Transforms:
     """Poses that put three centres on three axes, moved until all points are near: the best first ``(S, 4, 4)``."""
     rows, none = np.flatnonzero(points.centres), np.zeros((0, 4, 4))
     if len(rows) < 3:
         return none
-    axes = Axes(prepared.part)
+    axes = Axes(prepared.part, settings)
     if len(axes) < 3:
         return none
     centres = points.take(rows)
-    found = [_placed(centres, axes, triple) for triple in _triples(centres)]
+    found = [_placed(centres, axes, triple) for triple in _triples(centres, settings)]
     Ts = np.concatenate([none, *found])
-    Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[:_BEST]]
+    Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[: settings.kept]]
     return _settled(points, core, prepared, axes, Ts) if len(Ts) else none
 
 
-def _triples(centres: ContactPoints) -> list[IntArray]:
+def _triples(centres: ContactPoints, settings: SearchSettings) -> list[IntArray]:
     """Triples of centres that are far apart and not in a row, the largest triangles first."""
-    spread = spread_out(centres.landmarks, _AMONG)
+    spread = spread_out(centres.landmarks, settings.items)
     triples = np.array(list(combinations(spread.tolist(), 3)))
     a, b, c = centres.landmarks[triples].transpose(1, 0, 2)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.max([np.linalg.norm(p - q, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
     chosen, used = list[IntArray](), set[int]()
     for k in np.argsort(-areas, kind="stable"):
-        if areas[k] > _SHARP * longest[k] ** 2 and used.isdisjoint(triples[k].tolist()):
+        if areas[k] > settings.off_line * longest[k] ** 2 and used.isdisjoint(triples[k].tolist()):
             chosen.append(triples[k])
             used.update(triples[k].tolist())
-    return chosen[:_TRIPLES]
+    return chosen[: settings.tuples]
 
 
 def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
     """Poses that put three centres on three axes."""
     p, sd, allowed = centres.landmarks[triple], centres.sd[triple], axes.allowed(centres.take(triple))
-    least, most = axes.distances
+    (least, most), gate = axes.distances, axes.settings.gate
 
     def fits(i: int, j: int) -> BoolArray:
-        apart, within = float(np.linalg.norm(p[i] - p[j])), _SDS * float(np.hypot(sd[i], sd[j])) + _MADE
+        apart, within = float(np.linalg.norm(p[i] - p[j])), gate * float(np.hypot(sd[i], sd[j])) + axes.settings.as_made
         near = (least < apart + within) & (most > apart - within)
         return np.asarray(near & allowed[i][:, None] & allowed[j] & ~np.eye(len(axes), dtype=bool))
 
     first, second, third = fits(0, 1), fits(0, 2), fits(1, 2)
     a, b = np.nonzero(first)
-    a, b = a[: 20 * _MOST], b[: 20 * _MOST]
+    a, b = a[: 20 * axes.settings.placed], b[: 20 * axes.settings.placed]
     pair, c = np.nonzero(second[a] & third[b])
-    picked = np.linspace(0, len(pair) - 1, min(len(pair), _MOST)).astype(int)
+    picked = np.linspace(0, len(pair) - 1, min(len(pair), axes.settings.placed)).astype(int)
     chosen = axes.ends[np.column_stack([a[pair], b[pair], c])[picked]]
-    return _on_axes(p, chosen) if len(chosen) else np.zeros((0, 4, 4))
+    return _on_axes(p, chosen, axes.settings) if len(chosen) else np.zeros((0, 4, 4))
 
 
-def _on_axes(p: Vectors, ends: FloatArray) -> Transforms:
+def _on_axes(p: Vectors, ends: FloatArray, settings: SearchSettings) -> Transforms:
     """Poses ``(K, 4, 4)`` that bring points ``(3, 3)`` near axes ``(K, 3, 2, 3)``: to the nearest places, in turns."""
     along = ends[:, :, 1] - ends[:, :, 0]
-    squares = np.maximum(np.sum(along**2, axis=-1), _TINY)
-    places = ends.mean(axis=2)
+    squares = np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)
+    places, slack, steps = ends.mean(axis=2), settings.wall_slack, settings.steps // 2
     Ts = _aligned(places, p)
-    for _ in range(_STEPS):
+    for _ in range(steps):
         there = SE3.apply(SE3.inverse(Ts)[:, None], np.broadcast_to(p, places.shape))
-        t = np.clip(np.sum((there - ends[:, :, 0]) * along, axis=-1) / squares, -_ON, 1 + _ON)
+        t = np.clip(np.sum((there - ends[:, :, 0]) * along, axis=-1) / squares, -slack, 1 + slack)
         places = ends[:, :, 0] + t[..., None] * along
         Ts = _aligned(places, p)
     return Ts
@@ -185,14 +179,14 @@ def _aligned(places: Vectors, p: Vectors) -> Transforms:
 
 def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
     """How far some of the centres are from the axes, in what they may be off, each as one at most ``(S,)``."""
-    some = spread_out(centres.landmarks, _SOME)
+    some = spread_out(centres.landmarks, axes.settings.few_points)
     a, along = axes.ends[:, 0], axes.ends[:, 1] - axes.ends[:, 0]
-    squares, allowed = np.maximum(np.sum(along**2, axis=1), _TINY), axes.allowed(centres.take(some))
-    within = _SDS * centres.sd[some] + 2 * _MADE
-    out = np.zeros(len(Ts))
+    squares, allowed = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny), axes.allowed(centres.take(some))
+    within = axes.settings.gate * centres.sd[some] + 2 * axes.settings.as_made
+    slack, out = axes.settings.wall_slack, np.zeros(len(Ts))
     for k, T in enumerate(SE3.inverse(Ts)):
         off = SE3.apply(T, centres.landmarks[some])[:, None] - a
-        t = np.clip(np.sum(off * along, axis=-1) / squares, -_ON, 1 + _ON)
+        t = np.clip(np.sum(off * along, axis=-1) / squares, -slack, 1 + slack)
         beside = np.linalg.norm(off - t[..., None] * along, axis=-1)
         nearest = np.where(allowed, beside, np.inf).min(axis=1)
         out[k] = np.sum(np.minimum((nearest / within) ** 2, 9.0))
@@ -207,19 +201,21 @@ def _settled(
     Where centres leave the height open, what is nearest to a point may be a face on the wrong side: so each pose is
     also tried slid along the holes, up and down.
     """
-    rows: Indices = np.concatenate([_some(np.flatnonzero(is_some)) for is_some in (points.centres, ~points.centres)])
+    rows: Indices = np.concatenate(
+        [_some(np.flatnonzero(kind), axes.settings.few_points) for kind in (points.centres, ~points.centres)]
+    )
     along = axes.ends[:, 1] - axes.ends[:, 0]
     deep = float(np.median(np.linalg.norm(along, axis=1)))
     slides = np.tile(np.eye(4), (3, 1, 1))
     slides[:, :3, 3] = np.outer([0.0, -0.5 * deep, 0.5 * deep], np.linalg.svd(along, full_matrices=False)[2][0])
     Ts = (Ts[:, None] @ slides).reshape(-1, 4, 4)
     end = 2 * float(np.median(points.sd))
-    count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / -np.log(_CLOSER))) + 1)
+    count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / (2 * axes.settings.scale_step))) + 1)
     scales = np.geomspace(max(deep, end), end, count)
     settled, _, _ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
     return np.asarray(settled)
 
 
-def _some(rows: IntArray) -> IntArray:
+def _some(rows: IntArray, count: int) -> IntArray:
     """So many of some rows, evenly."""
-    return rows[np.linspace(0, len(rows) - 1, min(len(rows), _SOME)).astype(int)]
+    return rows[np.linspace(0, len(rows) - 1, min(len(rows), count)).astype(int)]

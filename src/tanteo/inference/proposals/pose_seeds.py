@@ -9,22 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
+from tanteo.inference.settings import SearchSettings
 from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Vectors
-
-_SDS = 4.0
-"""Directions are taken as different from so many standard deviations of their tilts."""
-
-_SHARP, _BESIDE = 0.25, 0.1
-"""Least sine of two directions that fix an attitude; least share of a distance that is across a direction."""
-
-_USED = 8
-"""Centres, and planes, that seeds are made of."""
-
-_TRIED, _MORE = 4, 10
-"""Seeds, and others where these lead to nothing."""
-
-_BADLY = 4.0
-"""Of three centres, of which heights along axes are not known, a tilt is known so much worse."""
 
 
 def spread_out(p: Vectors, count: int) -> IntArray:
@@ -43,10 +29,11 @@ def spread_out(p: Vectors, count: int) -> IntArray:
 class Seeds:
     """Which centres and planes fix a pose, those first that fix it best."""
 
-    def __init__(self, rows: FloatArray, planes: FloatArray, usable: BoolArray) -> None:
+    def __init__(self, settings: SearchSettings, rows: FloatArray, planes: FloatArray, usable: BoolArray) -> None:
+        self.settings = settings
         self.rows, self.planes, self.count = rows, planes, len(rows)
-        self.centres = list(range(min(len(rows), _USED)))
-        self.flat = [len(rows) + int(k) for k in np.flatnonzero(usable)[:_USED]]
+        self.centres = list(range(min(len(rows), settings.items)))
+        self.flat = [len(rows) + int(k) for k in np.flatnonzero(usable)[: settings.items]]
         at = np.concatenate([rows[:, :3], planes[:, 3:6]])
         self.reach = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 0.0
 
@@ -60,8 +47,8 @@ class Seeds:
         if not seeds:
             seeds = [(*two, k) for two in combinations(self.centres, 2) for k in self.flat]
             seeds = seeds or [(k, m) for k in self.centres for m in self.flat]
-        first = _covering(seeds, [], 1, _TRIED)
-        return _as_rows(first), _as_rows(_covering(seeds, first, 2, _MORE)), len(known) > 0
+        first = _covering(seeds, [], 1, self.settings.tuples)
+        return _as_rows(first), _as_rows(_covering(seeds, first, 2, self.settings.items)), len(known) > 0
 
     def _all(self) -> list[tuple[int, ...]]:
         c, f = self.centres, self.flat
@@ -82,7 +69,11 @@ class Seeds:
         if len(ways) < 2:
             return None
         size, tilt = float(np.linalg.norm(np.cross(ways[0][0], ways[1][0]))), max(tilt for _, tilt in ways)
-        return float(self.reach * tilt / size) if size > max(_SHARP, _SDS * tilt) else None
+        return (
+            float(self.reach * tilt / size)
+            if size > max(self.settings.independent, self.settings.gate * tilt)
+            else None
+        )
 
     def _plane(self, k: int) -> FloatArray:
         return np.asarray(self.planes[k - self.count])
@@ -92,12 +83,16 @@ class Seeds:
         a, b, c = self.rows[held, :3]
         longest = max(float(np.linalg.norm(x)) for x in (b - a, c - a, c - b))
         height = float(np.linalg.norm(np.cross(b - a, c - a))) / max(longest, 1e-12)
-        return _BADLY * self.reach * float(self.rows[held, 6].max()) / height if height > _BESIDE * longest else None
+        return (
+            self.settings.gate * self.reach * float(self.rows[held, 6].max()) / height
+            if height > self.settings.off_line * longest
+            else None
+        )
 
     def _of_two(self, held: list[int], way: FloatArray, tilt: float) -> float | None:
         off = self.rows[held[1], :3] - self.rows[held[0], :3]
         across = float(np.linalg.norm(off - (off @ way) * way))
-        if across <= max(_BESIDE, _SDS * tilt) * float(np.linalg.norm(off)):
+        if across <= max(self.settings.off_line, self.settings.gate * tilt) * float(np.linalg.norm(off)):
             return None
         return self.reach * max(tilt, float(np.linalg.norm(self.rows[held, 6])) / across)
 

@@ -1,0 +1,7 @@
+"""Where maximizations start: one proposer a file, tables that bound many parts, and the registry of proposers."""
+
+from tanteo.inference.proposals.prior_samples import PriorSamples
+from tanteo.inference.proposals.proposer import BITS, InitialPoses, Proposer, SearchState
+from tanteo.inference.proposals.registry import proposers
+
+__all__ = ["BITS", "InitialPoses", "PriorSamples", "Proposer", "SearchState", "proposers"]
