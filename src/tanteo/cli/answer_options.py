@@ -34,9 +34,9 @@ class Options:
     mass: args.Mass = None
     density: args.Density = None
     size: args.Size = None
-    image: args.ImagePath = None
-    camera: args.CameraPath = None
-    marks: args.MarksPath = None
+    image: args.ImagePaths = None
+    camera: args.CameraPaths = None
+    marks: args.MarksPaths = None
     significance: args.Significance = 0.01
     top: args.Top = 5
     as_published: args.AsPublished = False

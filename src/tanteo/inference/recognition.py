@@ -21,7 +21,7 @@ from tanteo.inference.result import as_hypothesis, worst_reading
 from tanteo.inference.search import LeftOut
 from tanteo.inference.too_little import too_little
 from tanteo.inference.verdict import Outcome, verdict_of
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import ContactPoints, FreeRays, PoseFactor
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
 
@@ -35,6 +35,7 @@ def identify_points(
     significance: float = 0.01,
     top: int = 5,
     priors: Priors | None = None,
+    factors: tuple[PoseFactor, ...] = (),
     seed: int = 0,
 ) -> Answer:
     """Which part the measurements are of, and its pose, labelled or not.
@@ -47,6 +48,7 @@ def identify_points(
         significance: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         priors: what is assumed beforehand.
+        factors: other measurements of the pose, such as images.
         seed: of the search and the samples.
 
     Raises:
@@ -55,7 +57,7 @@ def identify_points(
     parts = check_question(parts, significance, top, seed, priors)
     clock = Clock()
     candidates = Candidates(parts)
-    problem = Problem(points, rays, sized(priors, float(candidates.radii.max())))
+    problem = Problem(points, rays, sized(priors, float(candidates.radii.max())), factors=factors)
     clock.lap("prepare")
     if message := too_little(problem):
         return Answer("insufficient", message, (), 1.0, clock.laps(), seed)

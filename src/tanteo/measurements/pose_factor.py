@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
+import numpy as np
+
 from tanteo import _core
 from tanteo.parts import Part
+from tanteo.typing import Transforms
 
 
 class PoseFactor(ABC):
@@ -25,6 +28,10 @@ class PoseFactor(ABC):
     def is_pose_prior(self) -> bool:
         """Whether the factor is itself the prior density of the pose, over shifts [m] and turns [rad]."""
         return False
+
+    def proposals(self, part: Part) -> Transforms:
+        """Return poses ``T_world_part`` of a part that the measurement suggests ``(k, 4, 4)``; none by default."""
+        return np.zeros((0, 4, 4))
 
     @abstractmethod
     def term(self, part: Part, first: int) -> _core.PoseTerm:
