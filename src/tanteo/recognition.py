@@ -213,6 +213,7 @@ def locate(
     top: int = 5,
     as_published: bool = False,
     priors: Priors | None = None,
+    views: Sequence[View] = (),
     seed: int = 0,
     conventions: bool = True,
 ) -> Answer:
@@ -232,6 +233,7 @@ def locate(
         top: number of poses to report.
         as_published: by the paper's constraints and tests.
         priors: what is assumed beforehand.
+        views: images of the object beside the readings.
         seed: of the search.
         conventions: whether usual mistakes are tried where it does not fit.
 
@@ -247,5 +249,5 @@ def locate(
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
         bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
-        seed=seed, conventions=conventions,
+        views=views, seed=seed, conventions=conventions,
     )  # fmt: skip
