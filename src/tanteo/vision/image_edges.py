@@ -36,7 +36,8 @@ _DISPLACED, _DISPLACED_SD = 0.3, 0.8
 """Share of edges that shadows, occluders and roundings displace, and by how much [px] (decision 23)."""
 
 _LOCATED = 1.4
-"""Weight of where an edge is, over that it is there (``python benchmarks/vision_poses.py 12`` and the pose tests chose it, decision 86)."""
+"""Weight of where an edge is, over that it is there (``python benchmarks/vision_poses.py 12`` and
+``pytest tests/vision/test_posterior.py`` chose it, decision 86)."""
 
 _OF_LENS = np.sqrt(0.5)
 """Share of a lens's error, as a deviation, that shifts all edges alike; the same share is each edge's own
