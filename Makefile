@@ -15,7 +15,7 @@ TESTS   = -m "not slow"
 PIP     = $(BIN)/python -m pip --disable-pip-version-check
 
 # The core is built with tools in $(VENV), in a folder that stays, so that building again compiles only what changed.
-CORE    = CMakeLists.txt $(wildcard src/tanteo/_core/*.cpp src/tanteo/_core/*.hpp)
+CORE    = CMakeLists.txt $(wildcard src/tanteo/_core/*.cpp src/tanteo/_core/*.hpp src/tanteo/_core/*/*.cpp src/tanteo/_core/*/*.hpp)
 EDIT    = $(PIP) install --quiet -c constraints.txt --no-build-isolation -Cbuild-dir=$(VENV)/core -e
 SITE    = $(shell $(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
 

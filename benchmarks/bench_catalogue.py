@@ -17,9 +17,10 @@ from common import Table
 
 import tanteo
 from tanteo.answers import sized
+from tanteo.factors import AxisCentre, Factor, SensedSize, SurfacePoint
 from tanteo.inference import Problem, candidates, identify_points, narrowing
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import ContactPoints, FreeRays, surface_points
 from tanteo.parts import Part, exact_faces, round_features
 
 SD, NORMAL_SD = 1e-4, 0.02
@@ -124,13 +125,10 @@ def scene(part: Part, kind: str, rng: np.random.Generator, sd: float = SD) -> Co
     n = n @ T[:3, :3].T
     sensed = n + NORMAL_SD * rng.normal(size=n.shape)
     sensed /= np.linalg.norm(sensed, axis=1, keepdims=True)
-    m, oriented = len(p), kind == "normals"
-    return ContactPoints(
-        ids=tuple(str(k) for k in range(m)), points=p, covs=np.tile(sd**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m),
-        directions=np.zeros((m, 3)), normals=sensed if oriented else np.zeros((m, 3)),
-        normal_sds=np.full(m, NORMAL_SD if oriented else np.pi), reach=np.zeros(m), shared_jacobian=np.zeros((m, 3, 0)),
-        sd=np.full(m, sd), labels=labels, kinds=("plane",) * m if labels else (),
-        sides=n if labels else np.zeros((m, 3)),
+    oriented = kind == "normals"
+    return surface_points(
+        p, sd, normals=sensed if oriented else None, normal_sds=NORMAL_SD if oriented else np.pi, labels=labels,
+        kind="plane" if labels else "point", outward=n if labels else None,
     )  # fmt: skip
 
 
@@ -146,16 +144,17 @@ def bores(part: Part, rng: np.random.Generator, *, sized: bool) -> ContactPoints
     p = SE3.apply(T, np.concatenate([centres, felt]))
     c, m = len(centres), len(p)
     radii = np.array([r.radii.mean() for r in some]) + BORE_SD * rng.normal(size=c)
-    circles = np.zeros((m, 3))
-    circles[:c] = np.column_stack([radii, np.full(c, np.hypot(BORE_SD, 1e-4)), [1 if r.hole else -1 for r in some]])
-    sides = np.concatenate([np.zeros((c, 3)), n @ T[:3, :3].T])
+    p, cov = p + BORE_SD * rng.normal(size=p.shape), BORE_SD**2 * np.eye(3)
+    factors = list[Factor]()
+    for k, one in enumerate(some):
+        size = SensedSize(float(radii[k]), float(np.hypot(BORE_SD, 1e-4))) if sized else None
+        side = (1 if one.hole else -1) if sized else 0
+        factors.append(AxisCentre(at=p[k], cov=cov, sensed_size=size, material_side=side))
+    outward = n @ T[:3, :3].T
+    factors += [SurfacePoint(at=at, cov=cov, outward=out) for at, out in zip(p[c:], outward, strict=True)]
     return ContactPoints(
-        ids=tuple(str(k) for k in range(m)), points=p + BORE_SD * rng.normal(size=p.shape),
-        covs=np.tile(BORE_SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m), directions=np.zeros((m, 3)),
-        normals=np.zeros((m, 3)), normal_sds=np.full(m, np.pi), reach=np.zeros(m),
-        shared_jacobian=np.zeros((m, 3, 0)), sd=np.full(m, BORE_SD),
-        labels=("",) * c + ("face",) * (m - c), kinds=("centre",) * c + ("plane",) * (m - c), sides=sides,
-        circles=circles if sized else np.zeros((m, 3)),
+        tuple(str(k) for k in range(m)), tuple(factors), np.zeros((m, 3, 0)),
+        labels=("",) * c + ("face",) * (m - c), kinds=("centre",) * c + ("plane",) * (m - c),
     )  # fmt: skip
 
 

@@ -25,7 +25,7 @@ import tanteo
 from tanteo.answers import Priors, WholeObject
 from tanteo.inference import identify_points
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import ContactPoints, FreeRays, surface_points
 from tanteo.vision import narrowed, outline_of_readings, prepare_vision, see_table
 from vision_scenes import random_shot, told_table
 
@@ -51,12 +51,7 @@ def sensed(part: tanteo.Part, T: np.ndarray, count: int, rng: np.random.Generato
     """Points of a part at a pose, without normals or labels."""
     p, _ = points_on(part, np.arange(len(part.triangles)), count, rng)
     p = SE3.apply(T, p) + SD * rng.normal(size=p.shape)
-    return ContactPoints(
-        ids=tuple(map(str, range(count))), points=p, covs=np.tile(SD**2 * np.eye(3), (count, 1, 1)),
-        radii=np.zeros(count), directions=np.zeros((count, 3)), normals=np.zeros((count, 3)),
-        normal_sds=np.full(count, np.pi), reach=np.zeros(count), shared_jacobian=np.zeros((count, 3, 0)),
-        sd=np.full(count, SD), labels=(), kinds=(), sides=np.zeros((count, 3)),
-    )  # fmt: skip
+    return surface_points(p, SD)
 
 
 def answered(

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
+from tanteo import measurements
 from tanteo.answers import without_spin
 from tanteo.features import SharedError
 from tanteo.inference import PreparedPart
 from tanteo.lie import SE3, SO3
 from tanteo.localization import pose_information
-from tanteo.measurements import ContactPoints, FreeRays, as_contact_points
+from tanteo.measurements import FreeRays, as_contact_points
 from tanteo.parts import exact_faces
 from tanteo.sensors import Readings, measure
 
@@ -88,20 +89,11 @@ def touches_of(
     points, sd, *, radii=0.0, directions=None, normals=None, normal_sd=np.pi, reach=0.0, shared_jacobian=None
 ):
     """World points as touches with isotropic noise of that standard deviation (a number, or one a point)."""
-    n = len(points)
-    sd = np.broadcast_to(np.asarray(sd, dtype=float), (n,))
-    return ContactPoints(
-        ids=tuple(str(i) for i in range(n)),
-        points=np.array(points, dtype=float),
-        covs=sd[:, None, None] ** 2 * np.eye(3),
-        radii=np.broadcast_to(np.asarray(radii, dtype=float), (n,)).copy(),
-        directions=np.zeros((n, 3)) if directions is None else directions,
-        normals=np.zeros((n, 3)) if normals is None else normals,
-        normal_sds=np.full(n, normal_sd),
-        reach=np.full(n, float(reach)),
-        shared_jacobian=np.zeros((n, 3, 0)) if shared_jacobian is None else shared_jacobian,
-        sd=sd.copy(),
-    )
+    made = measurements.surface_points(
+        np.array(points, dtype=float), sd, radii=radii, directions=directions, normals=normals, normal_sds=normal_sd,
+        reach=reach, shared_jacobian=shared_jacobian,
+    )  # fmt: skip
+    return replace(made, ids=tuple(map(str, range(len(points)))))
 
 
 def oriented(target, n, rng, sd=3e-4, tilt=0.05):

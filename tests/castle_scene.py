@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 import tanteo
+from altered import altered
 from bare_scenes import touches_of
 from tanteo.lie import SE3, SO3
 
@@ -154,7 +155,7 @@ class Pixels:
     def beams(self, rows):
         """Those pixels as readings."""
         touches = touches_of(self.points[rows], self.sd, directions=self.directions[rows])
-        return replace(touches, reach=self.ranges[rows] - 0.02, tolerance=self.tolerance)
+        return altered(touches, reach=self.ranges[rows] - 0.02, tolerance=self.tolerance)
 
     def draw(self, n, rng):
         """``n`` pixels spread over the faces, as readings."""

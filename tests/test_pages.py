@@ -90,6 +90,10 @@ def catalogue(wedge, folder):
     return report(wedge, folder)
 
 
+def engine(wedge, folder):
+    return report(wedge, folder)
+
+
 def round_features(wedge, folder):
     """Twelve touches of a bore of 10 mm in three rings, and the face in which it is."""
     from tanteo.features import PLANE, Feature
@@ -113,6 +117,7 @@ GIVEN = {
         active_sensing,
         bench,
         catalogue,
+        engine,
         replay,
         reading_cad,
         report,

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tanteo.errors import InputError, TanteoError
     from tanteo.frames import UncertainFrame
     from tanteo.io import read_camera, read_image, read_prior, read_readings, read_rig
+    from tanteo.measurements import PythonFactor
     from tanteo.parts import Part, read_part
     from tanteo.recognition import identify, locate
     from tanteo.sensors import Readings, robot_preset, sensor_preset
@@ -43,6 +44,7 @@ _HOMES = {
     "errors": ("InputError", "TanteoError"),
     "frames": ("UncertainFrame",),
     "io": ("read_camera", "read_image", "read_prior", "read_readings", "read_rig"),
+    "measurements": ("PythonFactor",),
     "parts": ("Part", "read_part"),
     "recognition": ("identify", "locate"),
     "sensors": ("Readings", "robot_preset", "sensor_preset"),
@@ -63,6 +65,7 @@ __all__ = [
     "PosePrior",
     "Priors",
     "Probe",
+    "PythonFactor",
     "Readings",
     "Sensing",
     "Session",

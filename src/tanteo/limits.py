@@ -13,6 +13,13 @@ LEAST_SD, LARGEST = 1e-9, 1e6
 LEAST_TILT_SD, LARGEST_TILT_SD = 1e-6, np.pi / 3
 """No sensed normal is known better than this, and one that is known worse says nothing [rad]."""
 
+SIGNIFICANCE = 0.01
+"""Significance level of all tests of an answer, unless the user states another (``--significance``): a true answer is
+rejected in this share of all cases. It is a convention, the 1 % level, not a tuned number."""
+
+TOP = 5
+"""Number of hypotheses that an answer reports, unless the user states another (``--top``)."""
+
 SUSPECT = 1e-3
 """Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
 
@@ -27,6 +34,17 @@ def check_number(name: str, value: object, unit: str = "") -> None:
         return
     metres = " 0.3 mm is 0.3e-3." if unit == "m" else ""
     raise InputError(f"{name}: expected one number{f' [{unit}]' if unit else ''}, got {value!r}.{metres}")
+
+
+def check_significance(value: object) -> None:
+    """Refuse a significance level that is not a number between 0 and 1.
+
+    Raises:
+        InputError: the value is none.
+    """
+    check_number("significance", value)
+    if not 0 < value < 1:  # type: ignore[operator]
+        raise InputError(f"significance: expected a probability between 0 and 1, got {value}. Give for example 0.01.")
 
 
 def _kind(value: object) -> str:

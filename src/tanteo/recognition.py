@@ -13,7 +13,7 @@ import numpy.typing as npt
 from tanteo.answers import STATED, Answer, Finding, Priors, check_question, sized, with_elapsed
 from tanteo.errors import InputError
 from tanteo.inference import Candidates, about_conventions, about_frames, about_readings, identify_points, scale_of
-from tanteo.limits import check_length
+from tanteo.limits import SIGNIFICANCE, TOP, check_length
 from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
@@ -39,11 +39,12 @@ def identify(
     tip_sd: npt.ArrayLike | None = None,
     bias_sd: float | None = None,
     rig: Rig | None = None,
-    significance: float = 0.01,
-    top: int = 5,
+    significance: float = SIGNIFICANCE,
+    top: int = TOP,
     as_published: bool = False,
     priors: Priors | None = None,
     views: Sequence[View] = (),
+    factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
 ) -> Answer:
@@ -69,6 +70,7 @@ def identify(
         priors: what is assumed beforehand: outliers, workspace, a prior pose, a box, a table.
         views: images of the object on a table, from cameras that stand in the world of the readings. They enter the
             one posterior beside the readings; at most 64 parts can be compared with them.
+        factors: further measurements of the pose, such as a :class:`tanteo.PythonFactor` of your own.
         seed: of the search.
         conventions: where no part explains the readings, whether usual mistakes (units, directions, quaternions,
             radius) are undone one by one and asked again; a finding names the one that fits. Each takes a search.
@@ -104,10 +106,10 @@ def identify(
     points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
     rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
-    factors = _factors(views, measured.points, parts, priors)
+    all_factors = (*factors, *_factors(views, measured.points, parts, priors))
     answer = identify_points(
         points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
-        factors=factors, seed=seed,
+        factors=all_factors, seed=seed,
     )  # fmt: skip
     if unstated is not None and answer.best is not None:
         answer = _told_sd(answer, unstated)
@@ -123,7 +125,8 @@ def identify(
     def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
         return identify(
             readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
-            rig=rig, significance=significance, top=1, priors=priors, views=views, seed=seed, conventions=False,
+            rig=rig, significance=significance, top=1, priors=priors, views=views,
+            factors=factors, seed=seed, conventions=False,
         )  # fmt: skip
 
     meant = about_conventions(answer, readings, parts, ask, placed=placed) if conventions else None
@@ -209,11 +212,12 @@ def locate(
     tip_sd: npt.ArrayLike | None = None,
     bias_sd: float | None = None,
     rig: Rig | None = None,
-    significance: float = 0.01,
-    top: int = 5,
+    significance: float = SIGNIFICANCE,
+    top: int = TOP,
     as_published: bool = False,
     priors: Priors | None = None,
     views: Sequence[View] = (),
+    factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
 ) -> Answer:
@@ -234,6 +238,7 @@ def locate(
         as_published: by the paper's constraints and tests.
         priors: what is assumed beforehand.
         views: images of the object beside the readings.
+        factors: further measurements of the pose.
         seed: of the search.
         conventions: whether usual mistakes are tried where it does not fit.
 
@@ -249,5 +254,5 @@ def locate(
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
         bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
-        views=views, seed=seed, conventions=conventions,
+        views=views, factors=factors, seed=seed, conventions=conventions,
     )  # fmt: skip

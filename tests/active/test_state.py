@@ -10,6 +10,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import betabinom, binom, multivariate_normal, multivariate_t
 
+from altered import altered
 from bare_scenes import SENSORS, no_paths, scene
 from sensing_scenes import drawn_truth, log_densities, log_variants, rough
 from tanteo.active import Start, around, at_pose, begin, chance_within, corner_distances, from_hypotheses, update
@@ -139,7 +140,7 @@ def test_a_symmetric_part_is_one_answer_and_no_more_probable():
     assert pair[0].part.symmetry.order > 1
     start = rough(pair, (0.005, 0.05))
     far = readings(pair[0], SE3.exp(np.array([3.0, 0, 0, 0, 0, 0])), 3, np.random.default_rng(0))
-    blank = replace(far, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
+    blank = altered(far, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
     state = update(begin(start), blank, no_paths())  # readings that say nothing leave the start as it was
     P = state.of_parts() / state.of_parts().sum()
     areas = np.array([t.part.area for t in pair])
@@ -157,7 +158,7 @@ def two_places(target):
 def test_prior_poses_keep_their_odds_while_readings_say_nothing(targets):
     start = two_places(targets[2])
     some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
-    blank = replace(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
+    blank = altered(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
     state = update(begin(start), blank, no_paths())
     near = np.linalg.norm(state.poses[:, :3, 3] - start.Ts[0, :3, 3], axis=1) < 0.05
     share = state.weights[near].sum() / state.weights.sum()
@@ -176,7 +177,7 @@ def test_two_prior_poses_at_one_place_add_their_mass(targets):
         Priors(noise_factor=1.0),
     )
     some = readings(targets[2], np.eye(4), 3, np.random.default_rng(0))
-    blank = replace(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
+    blank = altered(some, covs=np.tile(1e4 * np.eye(3), (3, 1, 1)), sd=np.full(3, 1e2), reach=np.zeros(3))
     P = update(begin(start), blank, no_paths()).of_parts()
     assert P[0] / P[1] == pytest.approx(1.0, abs=0.15)
 
@@ -256,7 +257,7 @@ def test_a_shared_error_may_explain_what_looks_aoutliers(targets, bias):
     )
     touches = readings(targets[2], start.Ts[0], 2, rng, replace(LASER, sd=1e-4))
     gains = 3e-3 * touches.directions[:, :, None]
-    touches = replace(touches, shared_jacobian=gains, points=touches.points + bias * gains[:, :, 0])
+    touches = altered(touches, shared_jacobian=gains, points=touches.points + bias * gains[:, :, 0])
     state = update(begin(start), touches, no_paths())
     Ts = start.Ts[0] @ SE3.exp((np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=(n, 6, 1)))[..., 0])
     z = rng.normal(size=(n, 1))

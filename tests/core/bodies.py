@@ -51,7 +51,8 @@ class Body:
         samples, normals = self.surface_points(256, np.random.default_rng(7))
         arrays = self.vertices, self.triangles, self.faces, self.profile_rows, self.profiles, self.edges, self.corners
         arrays = [np.ascontiguousarray(a, dtype=np.int32 if a.dtype.kind == "i" else float) for a in arrays]
-        rest = self.axes, self.vertices, self.centre, samples, normals
+        lines = np.column_stack([self.axes, self.axes[:, 11] == 3, np.zeros((len(self.axes), 2))])
+        rest = lines, self.vertices, self.centre, samples, normals
         return _core.make_shape(*arrays, *(np.ascontiguousarray(a) for a in rest), cells)
 
     def moved(self, T):

@@ -213,13 +213,13 @@ class Oracle:
 
     def blocked(self, j, p, d, C):
         """Whether all of five rays along the free-space ray before a hit meet the part early."""
-        if not (self.q.reach[j] > 0 and d.any()):
+        if not (self.q.free_reach[j] > 0 and d.any()):
             return False
         sd = np.sqrt(d @ C @ d)
-        free = self.q.reach[j] - IN_FRONT * sd - 0.01 * self.body.diagonal
+        free = self.q.free_reach[j] - IN_FRONT * sd - 0.01 * self.body.diagonal
         u = any_across(d)
         v = np.cross(d, u)
-        starts = [p - self.q.reach[j] * d + IN_FRONT * sd * aside for aside in (0 * u, u, v, -u, -v)]
+        starts = [p - self.q.free_reach[j] * d + IN_FRONT * sd * aside for aside in (0 * u, u, v, -u, -v)]
         return free > 0 and all(cast(self.body, s, d)[0] <= free for s in starts)
 
     def _log_at_rate(self, hits, rate):

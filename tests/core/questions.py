@@ -14,9 +14,18 @@ RADIUS = 0.1
 """Of the workspace [m]."""
 
 
+NAMES = "surface_point", "edge_point", "corner_point", "axis_centre", "surface_point", "sphere_centre", "cone_apex"
+"""Kinds of measurements of the oracle, by number; the fifth is of a face that is not flat."""
+
+
+def fields_before_shared():
+    """Number of fields before the shared errors."""
+    return [f.name for f in fields(Question)].index("shared_jacobian")
+
+
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What ``make_problem`` is given, in its order."""
+    """Measurements as columns, whatever their kind; the oracle reads these."""
 
     points: np.ndarray
     covs: np.ndarray
@@ -26,7 +35,7 @@ class Question:
     sides: np.ndarray
     normals: np.ndarray
     normal_sds: np.ndarray
-    reach: np.ndarray
+    free_reach: np.ndarray
     log_outlier: np.ndarray
     furniture: np.ndarray
     kinds: np.ndarray
@@ -48,10 +57,32 @@ class Question:
 
     def core(self):
         """Compiled."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        values["elsewhere"] = np.full(self.groups.max(initial=-1) + 1, self.elsewhere)
-        made = (np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in values.values())
-        return _core.make_problem(*made)
+        blocks = []
+        for kind in np.unique(self.kinds):
+            rows = np.flatnonzero(self.kinds == kind).astype(np.int32)
+            blocks.append((_core.make_factors(NAMES[kind], self._columns(rows, kind)), rows))
+        rest = [getattr(self, f.name) for f in fields(self)[fields_before_shared() :]]
+        elsewhere = np.full(self.groups.max(initial=-1) + 1, self.elsewhere)
+        shared, *others = (np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for v in rest)
+        furniture = np.ascontiguousarray(self.furniture)
+        return _core.make_problem(blocks, furniture, self.groups, elsewhere, shared, np.zeros((0, 3, 0)), *others)
+
+    def _columns(self, rows, kind):
+        """The columns that a kind has."""
+        own = {
+            "points": self.points, "covs": self.covs, "extra": self.extra, "log_outlier": self.log_outlier,
+            "normals": self.normals, "normal_sds": self.normal_sds,
+        }  # fmt: skip
+        if NAMES[kind] in ("surface_point", "edge_point", "corner_point"):
+            own |= {
+                "radii": self.radii, "directions": self.directions, "sides": self.sides, "free_reach": self.free_reach,
+                "round_face": np.full(len(self.kinds), float(kind == 4)),
+            }  # fmt: skip
+        else:
+            own |= {"sizes": self.circles[:, 0], "size_sds": self.circles[:, 1], "material_sides": self.circles[:, 2]}
+            own |= {"offsets": self.radii}
+        alone = len(rows) == len(self.kinds)  # as it is, also where its shape is wrong
+        return {n: np.ascontiguousarray(c if alone else c[rows], dtype=float) for n, c in own.items()}
 
     @property
     def states(self):
@@ -116,11 +147,13 @@ def anisotropic(q, rng):
     return replace(q, covs=covs, extra=(0.3 * sd) ** 2)
 
 
-def directed(q, normals, rng, *, reach=0.0):
+def directed(q, normals, rng, *, free_reach=0.0):
     """Beams that come from about where the surface looks; some from behind."""
     d = -normals + 0.5 * rng.normal(size=normals.shape)
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    return replace(q, directions=d, reach=np.full(len(d), reach), log_outlier=np.full(len(d), -np.log(2 * RADIUS)))
+    return replace(
+        q, directions=d, free_reach=np.full(len(d), free_reach), log_outlier=np.full(len(d), -np.log(2 * RADIUS))
+    )
 
 
 def sided(q, normals, rng):

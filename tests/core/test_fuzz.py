@@ -19,7 +19,11 @@ from tanteo import _core
 
 COUNT = int(os.environ.get("TANTEO_FUZZ", "60"))
 BLOCK = flat_bodies()["block"]
-ARRAYS = [f.name for f in fields(Question) if f.name not in ("kinds", "groups", "elsewhere", "scale_sd", "mean_rate")]
+ARRAYS = [
+    f.name
+    for f in fields(Question)
+    if f.name not in ("kinds", "circles", "groups", "elsewhere", "scale_sd", "mean_rate")
+]
 
 
 def strange_question(body, scale, rng):
@@ -38,7 +42,7 @@ def strange_question(body, scale, rng):
     q = replace(
         q, directions=directions, normals=normals, normal_sds=10.0 ** rng.integers(-6, 1, n), kinds=kinds,
         circles=rng.choice([0, 1], size=(n, 3)) * [scale * 1e-2, scale * 1e-3, 1] + [0, 1e-9, 0],
-        radii=scale * rng.choice([0, 1e-3, 1], size=n), reach=scale * rng.choice([0, 0.1, 10], size=n),
+        radii=scale * rng.choice([0, 1e-3, 1], size=n), free_reach=scale * rng.choice([0, 0.1, 10], size=n),
         groups=rng.choice([-1, 0, max(n - 1, 0)], size=n).astype(np.int32) if n else q.groups,
         scale_sd=float(rng.choice([0.0, 0.5])), log_outlier=q.log_outlier + rng.choice([-50, 0, 50]),
     )  # fmt: skip
@@ -107,6 +111,31 @@ def test_wrong_shapes_are_refused(name, change):
         replace(q, **{name: np.ascontiguousarray(change(getattr(q, name)))}).core()
 
 
+@pytest.mark.parametrize("kind", ["axis_centre", "sphere_centre", "cone_apex"])
+@pytest.mark.parametrize("name", ["sizes", "size_sds", "material_sides", "offsets"])
+@pytest.mark.parametrize("value", [[np.nan] * 3, [-2.0] * 3, [1.0] * 2, [[1.0]] * 3])
+def test_sizes_that_make_no_sense_are_refused_by_name(kind, name, value):
+    columns = {"points": np.zeros((3, 3)), "covs": np.tile(np.eye(3), (3, 1, 1)), "sizes": np.ones(3)}
+    columns |= {"size_sds": np.ones(3), name: np.array(value)}
+    with pytest.raises(ValueError, match=f"^{name}: "):
+        _core.make_factors(kind, columns)
+
+
+def test_an_unknown_kind_is_refused_with_those_that_are_known():
+    with pytest.raises(ValueError, match=r"^kind: expected one of .*surface_point.*, got wall"):
+        _core.make_factors("wall", {})
+
+
+@pytest.mark.parametrize("rows", [[0, 1, 1], [0, 1, 3], [0, -1, 1], [0, 1]])
+def test_every_measurement_stands_in_one_row(rows):
+    q = asked(np.zeros((3, 3)), 1e-3)
+    points = _core.make_factors("surface_point", {"points": q.points, "covs": q.covs})
+    rest = q.groups, np.zeros(0), q.shared_jacobian, np.zeros((0, 3, 0)), 0.0, q.rates, q.rate_weights, q.mean_rate
+    last = q.rays, q.ray_shifts, q.ray_turns, q.prior_means, q.prior_roots, q.prior_log_weights, q.table
+    with pytest.raises(ValueError, match=r"^rows: "):
+        _core.make_problem([(points, np.array(rows, np.int32))], np.zeros(3), *rest, *last)
+
+
 @pytest.mark.parametrize("name", ["vertices", "profiles", "edges", "corners"])
 def test_a_mesh_that_is_not_finite_is_refused(name):
     array = np.vstack([getattr(BLOCK, name), np.full((1, getattr(BLOCK, name).shape[1]), np.nan)])
@@ -150,7 +179,6 @@ def test_meshes_that_are_none_are_refused(change):
         {"extra": np.full(2, -1.0)},
         {"radii": np.full(2, -1.0)},
         {"normals": np.ones((2, 3)), "normal_sds": np.zeros(2)},
-        {"kinds": np.full(2, 7, np.int32)},
         {"groups": np.full(2, 2, np.int32)},
         {"shared_jacobian": np.zeros((2, 3, 59))},
         {"shared_jacobian": np.zeros((2, 3, 58)), "scale_sd": 0.5},

@@ -30,7 +30,7 @@ def asked_all(body, seed, *, n=20):
     rng = np.random.default_rng(seed)
     T = random_pose(rng)
     q, normals = touched(body, T, n, 1e-3, rng)
-    q = oriented(directed(anisotropic(q, rng), normals, rng, reach=0.2), normals, rng)
+    q = oriented(directed(anisotropic(q, rng), normals, rng, free_reach=0.2), normals, rng)
     q = with_shared(with_rays(q, body, T, rng, slope=0.03), 2, rng)
     q = replace(q, groups=rng.integers(-1, 3, n).astype(np.int32), scale_sd=0.3)
     Ts = np.stack([near_pose(T, rng, s, 20 * s) for s in (0, 3e-4, 1e-3)])
@@ -68,7 +68,7 @@ def test_another_frame_of_the_part_changes_nothing(name):
     # rays that stand for a cone, or for what is beside a beam, and the margin at their ends depend on the frame
     rays = q.rays.copy()
     rays[:, 6:8] = 0.5, 0
-    q = replace(q, rays=rays, reach=0 * q.reach)
+    q = replace(q, rays=rays, free_reach=0 * q.free_reach)
     V = random_pose(rng)
     expected = log_densities(body, q, Ts, zs)
     # cuts depend on the frame: boxes are along its axes, and outlines in axes made from them

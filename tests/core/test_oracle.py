@@ -38,7 +38,7 @@ def _anisotropic(q, normals, body, T, rng):
 
 
 def _beams(q, normals, body, T, rng):
-    return directed(q, normals, rng, reach=0.2)
+    return directed(q, normals, rng, free_reach=0.2)
 
 
 def _blunt_beams(q, normals, body, T, rng):

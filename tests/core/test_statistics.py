@@ -15,7 +15,7 @@ from tanteo import _core
 from tanteo.answers import Priors
 from tanteo.inference import Problem, infer, prepare
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import FreeRays, surface_points
 
 SD = 3e-4
 """Of the noise in every direction [m]."""
@@ -46,12 +46,7 @@ def drawn(prepared, n, rng, rate):
 
 
 def posterior(prepared, points, rng, rate):
-    n, none = len(points), np.zeros((len(points), 3))
-    covs, zeros = np.tile(SD**2 * np.eye(3), (n, 1, 1)), np.zeros(n)
-    names = tuple(str(k) for k in range(n))
-    touched = ContactPoints(
-        names, points, covs, zeros, none, none, np.full(n, np.pi), zeros, np.zeros((n, 3, 0)), np.full(n, SD)
-    )
+    touched = surface_points(points, SD)
     priors = Priors(radius=prepared.part.radius, outlier_rate=rate, noise_factor=1.0)
     return infer(Problem(touched, FreeRays.none(), priors), [prepared], 1, prepared.part.centroid, rng)
 

@@ -8,7 +8,7 @@ import tanteo
 from random_parts import write_off
 from tanteo.inference import identify_points
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import FreeRays, surface_points
 
 SD, TILT = 1e-4, 0.02
 COUNT = 70
@@ -44,12 +44,7 @@ def sensed(walls, rng):
     points = SE3.apply(T, 1e-3 * np.array(p)) + SD * rng.normal(size=(len(p), 3))
     normals = np.array(n) @ T[:3, :3].T + TILT * rng.normal(size=(len(p), 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    m = len(p)
-    return ContactPoints(
-        ids=tuple(map(str, range(m))), points=points, covs=np.tile(SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m),
-        directions=np.zeros((m, 3)), normals=normals, normal_sds=np.full(m, TILT), reach=np.zeros(m),
-        shared_jacobian=np.zeros((m, 3, 0)), sd=np.full(m, SD), labels=(), kinds=(), sides=np.zeros((m, 3)),
-    )  # fmt: skip
+    return surface_points(points, SD, normals=normals, normal_sds=TILT)
 
 
 LARGE = [(25, 30, 12, 3.8, 8)]

@@ -8,6 +8,7 @@ import pytest
 from tanteo import _core
 from tanteo.answers import Priors
 from tanteo.catalogue import tables_of
+from tanteo.factors import SensedDirection, SensedSize, SurfacePoint, factor_class
 from tanteo.inference import Problem, centre_votes, narrowing, plane_votes, pose_seeds, sensed_planes
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
@@ -71,7 +72,8 @@ def catalogue(parts):
         numbers[8:14] = np.r_[np.zeros(3), size]
         columns.append({
             "numbers": numbers, "grid": np.zeros(7, dtype=np.float32), "planes": np.float32(box_faces(size)),
-            "axes": np.float32(rows).reshape(-1, 12), "rounds": np.zeros((0, 9), dtype=np.float32),
+            "axes": np.float32([[*row, row[11] == 3, 0, 0] for row in rows]).reshape(-1, 15),
+            "rounds": np.zeros((0, 9), dtype=np.float32),
             "hull": np.zeros((0, 3), dtype=np.float32), "rests": np.zeros((0, 4), dtype=np.float32),
             "field": np.zeros(0, dtype=np.int8),
             **dict.fromkeys(("same", "opposite", "angles"), np.zeros(0, dtype=np.float32)),
@@ -98,18 +100,21 @@ def sensed(part, rng, which, *, sized=True, oriented=False, face=4, heights=None
     normals = np.zeros((m, 3))
     if oriented:
         normals[:c] = ((b - a) / np.linalg.norm(b - a, axis=1)[:, None]) @ T[:3, :3].T * rng.choice([-1, 1], (c, 1))
-    circles = np.zeros((m, 3))
-    circles[:c] = np.column_stack([own[:, 6] + SD * rng.normal(size=c), np.full(c, 1e-4), own[:, 9]])
-    sides = np.zeros((m, 3))
-    sides[c:] = T[:3, :3] @ out
-    return T, ContactPoints(
-        ids=tuple(map(str, range(m))), points=p + SD * rng.normal(size=p.shape),
-        covs=np.tile(SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m), directions=np.zeros((m, 3)), normals=normals,
-        normal_sds=np.full(m, 0.01 if oriented else np.pi), reach=np.zeros(m), shared_jacobian=np.zeros((m, 3, 0)),
-        sd=np.full(m, SD), labels=("",) * c + ("top",) * (m - c),
-        kinds=(*(KINDS[int(kind)] for kind in own[:, 11]), *("plane",) * (m - c)), sides=sides,
-        circles=circles if sized else np.zeros((m, 3)),
-    )  # fmt: skip
+    radii = own[:, 6] + SD * rng.normal(size=c)
+    p = p + SD * rng.normal(size=p.shape)
+    factors = []
+    for k in range(m):
+        axis = SensedDirection(normals[k], 0.01) if oriented and k < c else None
+        if k < c:
+            size, side = (SensedSize(radii[k], 1e-4), int(own[k, 9])) if sized else (None, 0)
+            cls = factor_class(KINDS[int(own[k, 11])])
+            factors.append(cls(at=p[k], cov=SD**2 * np.eye(3), normal=axis, sensed_size=size, material_side=side))
+        else:
+            factors.append(SurfacePoint(at=p[k], cov=SD**2 * np.eye(3), outward=T[:3, :3] @ out))
+    kinds = (*(KINDS[int(kind)] for kind in own[:, 11]), *("plane",) * (m - c))
+    labels = ("",) * c + ("top",) * (m - c)
+    ids = tuple(map(str, range(m)))
+    return T, ContactPoints(ids, tuple(factors), np.zeros((m, 3, 0)), labels=labels, kinds=kinds)
 
 
 def felt(points):
@@ -178,12 +183,8 @@ def test_poses_bring_centres_to_their_axes(blocks, every):
 
 
 def without(points, row, shift):
-    moved = points.points.copy()
-    moved[row] += shift
-    fields = ContactPoints.__dataclass_fields__
-    return ContactPoints(**{
-        name: moved if name == "points" else getattr(points, name) for name in fields if fields[name].init
-    })  # fmt: skip
+    moved = [replace(f, at=f.at + shift * (k == row)) for k, f in enumerate(points.factors)]
+    return replace(points, factors=tuple(moved))
 
 
 @pytest.mark.parametrize("which", range(4))
@@ -202,7 +203,9 @@ def test_a_centre_of_no_hole_costs_what_an_outlier_does(blocks, every, which):
 def test_a_radius_that_no_hole_has_costs_an_outlier(blocks, every):
     rng = np.random.default_rng(2)
     _, points = sensed(blocks[3], rng, range(4))
-    points.circles[1, 0] += 0.02
+    second = points.factors[1]
+    wider = replace(second, sensed_size=SensedSize(second.sensed_size.value + 0.02, second.sensed_size.sd))
+    points = replace(points, factors=(points.factors[0], wider, *points.factors[2:]))
     centres = felt(points)
     costs = centre_votes.lacking(centres, every, np.arange(len(blocks)))
     assert costs[3] == pytest.approx(centres.rows[1, 10], abs=3)
@@ -219,7 +222,8 @@ def test_a_boss_is_no_hole(blocks):
         _, points = sensed(part, rng, range(4))
         costs, _ = compared(points, every)
         assert costs[row] < 8 < costs[1 - row]
-        points.circles[:, 2] = 0.0  # nobody says which
+        unsided = [replace(f, material_side=0) if not f.on_surface else f for f in points.factors]
+        points = replace(points, factors=tuple(unsided))
         assert np.max(compared(points, every)[0]) < 8
 
 
@@ -406,13 +410,13 @@ def given(sensed_ones, every, **changed):
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("axes", np.zeros(5, dtype=np.float32), "12 numbers"),
+        ("axes", np.zeros(5, dtype=np.float32), "15 numbers"),
         ("axes_start", np.arange(81) * 1000, "increasing"),
         ("planes_start", np.arange(3), "increasing"),
         ("rows", np.array([10**6], dtype=np.int32), "rows"),
         ("centres", np.full((2, 13), np.nan), "finite"),
         ("centres", np.zeros((2, 13)), "positive"),
-        ("centres", np.full((2, 13), 9.0), "kinds"),
+        ("centres", np.full((2, 13), 99.0), "kinds"),
         ("sensed", np.zeros((2, 5)), "expected an array"),
         ("seeds", np.array([0, 1], dtype=np.int32), "three numbers"),
         ("seeds", np.array([0, 99, 1], dtype=np.int32), "seeds"),
@@ -449,17 +453,13 @@ def test_a_lonely_normal_makes_no_poses(blocks, every):
     """It may be of a face that is no plane, which a table does not have."""
     _, points = sensed(blocks[4], np.random.default_rng(17), [0, 1], face=None)
     normal = np.array([[0.6, 0.0, 0.8]])
-    one = replace(
-        points.take(np.array([0])), kinds=("point",), normals=normal, normal_sds=np.array([0.01]),
-        circles=np.zeros((1, 3)), points=points.points[:1] + 0.01 * normal,
+    at = points.points[0] + 0.01 * normal[0]
+    one = SurfacePoint(at=at, cov=SD**2 * np.eye(3), normal=SensedDirection(normal[0], 0.01))
+    joined = ContactPoints(
+        (*points.ids, "one"), (*points.factors, one), np.zeros((len(points) + 1, 3, 0)),
+        labels=(*points.labels, ""), kinds=(*points.kinds, "point"),
     )  # fmt: skip
-    names = [f for f in ContactPoints.__dataclass_fields__ if ContactPoints.__dataclass_fields__[f].init]
-    both = {name: (getattr(points, name), getattr(one, name)) for name in names}
-    joined = {
-        name: a + b if isinstance(a, tuple) else np.concatenate([a, b]) if isinstance(a, np.ndarray) else a
-        for name, (a, b) in both.items()
-    }
-    centres = felt(ContactPoints(**joined))
+    centres = felt(joined)
     assert len(centres.planes) == 1
     assert not len(centres.seeds)
     assert not centres.certain

@@ -9,7 +9,7 @@ from tanteo.answers import sized
 from tanteo.catalogue import build_catalogue, open_catalogue
 from tanteo.inference import Problem, candidates, narrowing
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import FreeRays, surface_points
 from tanteo.parts import read_part
 
 SD, LEVELS = 1e-4, 24.0
@@ -189,12 +189,7 @@ def test_parts_in_the_same_box_are_told_by_points_alone(tmp_path):
 
 
 def sensed(p):
-    n = len(p)
-    return ContactPoints(
-        ids=tuple(map(str, range(n))), points=p, covs=np.tile(SD**2 * np.eye(3), (n, 1, 1)), radii=np.zeros(n),
-        directions=np.zeros((n, 3)), normals=np.zeros((n, 3)), normal_sds=np.full(n, np.pi), reach=np.zeros(n),
-        shared_jacobian=np.zeros((n, 3, 0)), sd=np.full(n, SD),
-    )  # fmt: skip
+    return surface_points(p, SD)
 
 
 @pytest.mark.parametrize("sides", [(26, 24, 25), (25, 35, 50), (30, 36, 44)])

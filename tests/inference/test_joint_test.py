@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
+from altered import altered
 from bare_scenes import box_centred_pose, no_paths, off, oriented, surface_points, touches_of
 from tanteo.answers import PosePrior, Priors
 from tanteo.inference import identify_points, prepare
@@ -25,7 +25,7 @@ def bracket():
 
 def with_normals(bracket, n, seed, worse=1.0):
     touches, T = oriented(bracket, n, np.random.default_rng((11, n, seed)), 1e-3, 5e-3 * worse)
-    return replace(touches, normal_sds=np.full(n, 5e-3)), T
+    return altered(touches, normal_sds=np.full(n, 5e-3)), T
 
 
 @pytest.mark.slow

@@ -8,20 +8,13 @@ import pytest
 from tanteo.inference.labels import Facets, elsewhere, groups_of
 from tanteo.inference.one_object import log_level, log_right_angled
 from tanteo.lie import SO3
-from tanteo.measurements import ContactPoints
+from tanteo.measurements import surface_points
 
 RADIUS, SD = 0.1, 5e-3
 
 
 def labelled(points, sd=SD, kind="plane", **more):
-    n = len(points)
-    none = np.zeros((n, 3))
-    fields = {"directions": none, "labels": ("a",) * n, "kinds": (kind,) * n, **more}
-    return ContactPoints(
-        tuple(map(str, range(n))), points, np.tile(sd**2 * np.eye(3), (n, 1, 1)), np.zeros(n), normals=none,
-        normal_sds=np.full(n, np.pi), reach=np.zeros(n), shared_jacobian=np.zeros((n, 3, 0)),
-        sd=np.full(n, sd), **fields,
-    )  # fmt: skip
+    return surface_points(points, sd, labels=("a",) * len(points), kind=kind, **more)
 
 
 def odds(points):

@@ -1,5 +1,7 @@
 """Which of many parts are searched: what was sensed of a part never leaves it out, and what is left out counts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ from tanteo.inference import (
     sensed_planes,
 )
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import FreeRays, surface_points
 
 SD, TILT = 1e-4, 0.02
 FAMILIES, MEMBERS = 8, 10
@@ -77,14 +79,11 @@ def sensed(part, kind, rng, along=None):
     n = (across[rows] / areas[rows, None]) @ T[:3, :3].T
     tilted = n + TILT * rng.normal(size=n.shape)
     tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
-    m, oriented = len(p), kind == "normals"
-    return ContactPoints(
-        ids=tuple(map(str, range(m))), points=p + SD * rng.normal(size=p.shape),
-        covs=np.tile(SD**2 * np.eye(3), (m, 1, 1)), radii=np.zeros(m), directions=np.zeros((m, 3)),
-        normals=tilted if oriented else np.zeros((m, 3)),
-        normal_sds=np.full(m, TILT if oriented else np.pi), reach=np.zeros(m), shared_jacobian=np.zeros((m, 3, 0)),
-        sd=np.full(m, SD), labels=labels, kinds=("plane",) * m if labels else (),
-        sides=n if labels else np.zeros((m, 3)),
+    oriented = kind == "normals"
+    return surface_points(
+        p + SD * rng.normal(size=p.shape), SD, normals=tilted if oriented else None,
+        normal_sds=TILT if oriented else np.pi, labels=labels, kind="plane" if labels else "point",
+        outward=n if labels else None,
     )  # fmt: skip
 
 
@@ -139,13 +138,8 @@ def test_a_catalogue_and_a_list_of_its_parts_are_answered_alike(catalogue):
 def test_a_labelled_outlier_does_not_leave_its_part_out(catalogue):
     every = candidates.Candidates(catalogue)
     points = sensed(catalogue[20], "labelled", np.random.default_rng(5))
-    moved = points.points.copy()
-    moved[:4] += 0.02
-    off = ContactPoints(**{
-        name: moved if name == "points" else getattr(points, name)
-        for name in ContactPoints.__dataclass_fields__
-        if ContactPoints.__dataclass_fields__[name].init
-    })  # fmt: skip
+    moved = [replace(f, at=f.at + 0.02 * (k < 4)) for k, f in enumerate(points.factors)]
+    off = replace(points, factors=tuple(moved))
     assert 20 in narrowing.narrowed(question(off, every), every).rows
 
 

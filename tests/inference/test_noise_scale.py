@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 import tanteo
+from altered import altered
 from bare_scenes import Sensing, box_centred_pose, no_paths, scene, surface_points, touches_of
 from tanteo import Priors, read_part
 from tanteo.answers import Misfit, PosePrior, Table
@@ -70,9 +70,7 @@ def test_beams_that_end_on_the_table_were_free_until_there(target):
     top = points.points[:, 2].min() - 0.1
     places, directions = points.points.copy(), points.directions.copy()
     places[:8, 2], directions[:8] = top, (0.0, 0.0, -1.0)
-    lowered = points.take(np.arange(20))
-    object.__setattr__(lowered, "points", places)
-    object.__setattr__(lowered, "directions", directions)
+    lowered = altered(points, points=places, directions=directions)
     table = PosePrior(table=Table(np.array([0.0, 0.0, top]), np.array([0.0, 0.0, 1.0]), 1e-3))
     around = Problem(lowered, FreeRays.none(), Priors(radius=target.part.radius, pose=table)).around
     assert np.array_equal(np.flatnonzero(around.on_it), np.arange(8))
@@ -94,7 +92,7 @@ def test_what_else_tells_the_pose_takes_no_freedom_of_the_noise(target):
     for sd, turn_sd in ((0.1, 0.5), (0.02, 0.2)):
         rough = PosePrior(T, np.diag([sd] * 3 + [turn_sd] * 3) ** 2)
         assert told(points, target, Priors(pose=rough, noise_factor=2.0)) == pytest.approx(alone, rel=0.05)
-    tilted = replace(points, normals=facing(target, T, points), normal_sds=np.full(12, np.radians(30.0)))
+    tilted = altered(points, normals=facing(target, T, points), normal_sds=np.full(12, np.radians(30.0)))
     assert told(tilted, target, Priors(noise_factor=2.0)) == pytest.approx(alone, rel=0.05)
     exact = PosePrior(T, np.diag([1e-7] * 6) ** 2)
     local = SE3.apply(SE3.inverse(T), points.points)

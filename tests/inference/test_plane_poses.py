@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from altered import altered
 from bare_scenes import no_paths, touches_of
 from scenes import random_pose
 from tanteo.answers import sized
@@ -42,9 +43,9 @@ def scene(target, seed, *, radius=0.0, directed=False, faces=None):
         faces = next(large[[0, j, k]] for j in range(1, 8) for k in range(j) if abs(np.linalg.det(N[[0, j, k]])) > 0.5)
     p, normals, labels = on_faces(target, rng, faces)
     world = SE3.apply(T, p + radius * normals) + SD * rng.normal(size=p.shape)
-    touches = replace(touches_of(world, SD), labels=labels, radii=np.full(len(p), radius))
+    touches = altered(touches_of(world, SD), labels=labels, radii=np.full(len(p), radius))
     if directed:
-        touches = replace(touches, directions=-normals @ T[:3, :3].T)
+        touches = altered(touches, directions=-normals @ T[:3, :3].T)
     return T, touches
 
 
@@ -78,7 +79,7 @@ def test_a_ball_is_beside_the_faces(models_of_faces):
     target = models_of_faces["bracket_left"]
     T, touches = scene(target, 7, radius=4e-3)
     assert nearest(target, T, poses(touches, target)) < 0.03 * target.part.diagonal
-    wrong = replace(touches, radii=np.zeros(len(touches)))
+    wrong = altered(touches, radii=np.zeros(len(touches)))
     right, off = (nearest(target, T, poses(t, target)) for t in (touches, wrong))
     assert off > right
 

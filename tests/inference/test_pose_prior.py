@@ -11,7 +11,7 @@ from tanteo.answers import PosePrior, Priors, Table, prior_rows
 from tanteo.errors import InputError
 from tanteo.inference import identify_points
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import FreeRays, surface_points
 from tanteo.parts import read_part
 
 
@@ -21,13 +21,7 @@ def part(request):
 
 
 def touches_at(points, sd=1e-4):
-    n, zero = len(points), np.zeros((len(points), 3))
-    covs = np.tile(sd**2 * np.eye(3), (n, 1, 1))
-    ids = tuple(map(str, range(n)))
-    empty = np.zeros((n, 3, 0))
-    return ContactPoints(
-        ids, points, covs, np.zeros(n), zero, zero, np.full(n, np.pi), np.zeros(n), empty, np.full(n, sd)
-    )
+    return surface_points(points, sd)
 
 
 def on_surface(part, n, rng, faces=None):

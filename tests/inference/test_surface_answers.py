@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from altered import altered
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, off, scene, surface_points, touches_of
 from tanteo.answers import Priors
 from tanteo.features import SharedError
@@ -67,7 +68,7 @@ def test_noise_as_large_as_the_set_is_not_called_a_line(targets, tolerance, word
     _, touches, *_ = scene_of(targets["bracket_left"], 1, 12, TOUCH)
     covs, sd = np.tile((3e-2**2 + tolerance**2) * np.eye(3), (12, 1, 1)), np.full(12, np.hypot(3e-2, tolerance))
     answer = identify_points(
-        replace(touches, covs=covs, sd=sd, tolerance=tolerance), no_paths(), [targets["bracket_left"]]
+        altered(touches, covs=covs, sd=sd, tolerance=tolerance), no_paths(), [targets["bracket_left"]]
     )
     assert answer.status == "insufficient"
     assert answer.message.startswith(f"The noise of the readings {words} is as large as the whole set of them")
@@ -176,7 +177,7 @@ def test_a_part_given_twice_is_one_part(targets):
 def test_more_scatter_than_stated_is_said_and_widens_covariance(targets):
     target = targets["bracket_left"]
     T, touches, *_ = scene_of(target, 9, 40)
-    optimist = replace(touches, covs=touches.covs / 1.7**2, sd=touches.sd / 1.7)
+    optimist = altered(touches, covs=touches.covs / 1.7**2, sd=touches.sd / 1.7)
     honest, widened = (identify_points(t, no_paths(), [target]) for t in (touches, optimist))
     assert "scatter" not in honest.message
     assert "and the covariance is of that" in widened.message
@@ -188,7 +189,7 @@ def test_more_scatter_than_stated_is_said_and_widens_covariance(targets):
 def test_a_contradiction_names_the_reading_that_is_farthest_off(targets):
     target = targets["bracket_left"]
     _, touches, *_ = scene_of(target, 9, 40)
-    proud = replace(touches, covs=touches.covs / 12**2, sd=touches.sd / 12)
+    proud = altered(touches, covs=touches.covs / 12**2, sd=touches.sd / 12)
     answer = identify_points(proud, no_paths(), [target])
     best = answer.hypotheses[0]
     assert "contradict it" in answer.message
@@ -204,7 +205,7 @@ def tip_scene(target, seed, n, sd, tip):
     shared_jacobian = np.broadcast_to(tip * np.eye(3), (n, 3, 3))
     covs = np.tile(sd**2 * np.eye(3), (n, 1, 1))
     shared = (SharedError("tip offset", tip**2 * np.eye(3), "offset of the tip in the hand's frame [m]"),)
-    return replace(touches, shared_jacobian=shared_jacobian, covs=covs, sd=np.full(n, sd)), shared
+    return altered(touches, shared_jacobian=shared_jacobian, covs=covs, sd=np.full(n, sd)), shared
 
 
 def test_it_says_when_an_error_that_all_share_limits_the_answer(targets):
@@ -254,7 +255,7 @@ def test_none_of_these_when_most_readings_are_on_a_part(targets, name, seed, n):
 @pytest.mark.parametrize("astray", [1, 4])
 def test_more_strays_than_expected_are_mentioned(targets, astray):
     _, touches, *_ = scene_of(targets["block"], 12, 30, TOUCH)
-    touches.points[:astray] += [0.02, 0.03, 0.05]
+    touches = altered(touches, points=touches.points + (np.arange(30) < astray)[:, None] * [0.02, 0.03, 0.05])
     answer = identify_points(touches, no_paths(), [targets["block"]], priors=Priors(outlier_rate=0.02))
     assert answer.status == "recognized"
     assert len(answer.hypotheses[0].outliers) == astray
@@ -263,7 +264,9 @@ def test_more_strays_than_expected_are_mentioned(targets, astray):
 
 def test_none_of_these_when_half_of_the_readings_are_anywhere(targets):
     _, touches, *_ = scene_of(targets["block"], 12, 16, TOUCH)
-    touches.points[:8] += np.random.default_rng(12).uniform(-0.03, 0.03, (8, 3))
+    off = np.zeros((16, 3))
+    off[:8] = np.random.default_rng(12).uniform(-0.03, 0.03, (8, 3))
+    touches = altered(touches, points=touches.points + off)
     answer = identify_points(touches, no_paths(), [targets["block"], targets["wedge"]])
     best = answer.hypotheses[0]
     assert answer.status == "unknown"
@@ -301,9 +304,9 @@ def test_tolerance_does_not_count_twice_beside_a_shared_error(targets):
     """A base that is off moves part and readings together: it adds its own spread to the place, and nothing else."""
     target, tolerance, base = targets["bracket_left"], 2e-4, 3e-4
     _, touches, *_ = scene_of(target, 13, 40)
-    made = replace(touches, covs=touches.covs + tolerance**2 * np.eye(3), tolerance=tolerance)
-    made = replace(made, sd=np.sqrt(np.linalg.eigvalsh(made.covs)[:, -1]))
-    shared = replace(made, shared_jacobian=np.tile(base * np.eye(3), (len(made), 1, 1)))
+    made = altered(touches, covs=touches.covs + tolerance**2 * np.eye(3), tolerance=tolerance)
+    made = altered(made, sd=np.sqrt(np.linalg.eigvalsh(made.covs)[:, -1]))
+    shared = altered(made, shared_jacobian=np.tile(base * np.eye(3), (len(made), 1, 1)))
     alone, both = (identify_points(t, no_paths(), [target]).hypotheses[0] for t in (made, shared))
     own = both.covariance - np.diag(np.r_[np.full(3, base**2), np.zeros(3)])
     for C in (own, both.covariance_relative):

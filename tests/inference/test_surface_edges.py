@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from altered import altered
 from tanteo.inference import PreparedPart, identify_points, prepare
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import ContactPoints, FreeRays, surface_points
 from tanteo.parts import read_part
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
@@ -22,12 +22,7 @@ def target() -> PreparedPart:
 
 
 def touched(points, normals=None) -> ContactPoints:
-    n, none = len(points), np.zeros((len(points), 3))
-    return ContactPoints(
-        tuple(map(str, range(n))), points, np.tile(SD**2 * np.eye(3), (n, 1, 1)), np.zeros(n), none,
-        none if normals is None else normals, np.full(n, np.pi if normals is None else TILT), np.zeros(n),
-        np.zeros((n, 3, 0)), np.full(n, SD),
-    )  # fmt: skip
+    return surface_points(points, SD, normals=normals, normal_sds=np.pi if normals is None else TILT)
 
 
 @pytest.mark.parametrize(("along", "says"), [(0.0, "sense places farther apart"), (0.05, "on one line")])
@@ -40,5 +35,5 @@ def test_readings_on_one_line_or_at_one_point_are_not_enough(target, along, says
 
 def test_a_noise_larger_than_part_is_said_and_not_an_exception(target):
     points = target.samples[:12]
-    touches = replace(touched(points), covs=np.tile(np.eye(3), (12, 1, 1)), sd=np.ones(12))
+    touches = altered(touched(points), covs=np.tile(np.eye(3), (12, 1, 1)), sd=np.ones(12))
     assert identify_points(touches, FreeRays.none(), [target]).status == "insufficient"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from altered import altered
 from bare_scenes import SENSORS, box_centred_pose, nees, no_paths, off, scene
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
@@ -34,7 +34,7 @@ def test_moving_the_world_moves_the_answer(targets):
     touches, *_ = laser_scene(target, 1)
     G = box_centred_pose(np.random.default_rng(9), 2.0)
     R = G[:3, :3]
-    moved = replace(
+    moved = altered(
         touches,
         points=SE3.apply(G, touches.points),
         covs=R @ touches.covs @ R.T,

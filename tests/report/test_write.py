@@ -152,3 +152,16 @@ def test_nothing_is_certain():
     assert percent(1.0) == "> 99.9 %"
     assert percent(0.0) == "< 0.1 %"
     assert percent(0.5) == "50.0 %"
+
+
+@pytest.mark.parametrize("rejected", [False, True])
+def test_a_page_judges_the_fit_by_the_significance_of_its_answer(run, wedge, rejected):
+    readings, usual = run
+    p = usual.hypotheses[0].p_value
+    level = (p + 1) / 2 if rejected else p / 2
+    found = locate(readings, wedge, significance=level, conventions=False)
+    page = report_page(found, gather(readings), [wedge], Run("tanteo"))
+    assert found.significance == level
+    assert ("contradict it" in found.message) is rejected
+    assert ("no, they contradict each other" in page) is rejected
+    assert ("yes, within their noise" in page) is not rejected

@@ -75,8 +75,8 @@ def test_views_add_the_states_of_their_cameras(scene):
     known = replace(views[1], camera=replace(views[1].camera, covariance=1e-8 * np.eye(6)))
     first, second = view_factors([views[0], known], readings.points, parts, sized(Priors(), 0.1))
     assert (first.states, second.states) == (2, 8)
-    assert len(first.proposals(parts[0])) > 0
-    assert len(second.proposals(parts[0])) == 0
+    assert len(first.poses(parts[0])) > 0
+    assert len(second.poses(parts[0])) == 0
 
 
 def test_what_cannot_be_compared_is_refused(scene):

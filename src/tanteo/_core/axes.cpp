@@ -13,7 +13,6 @@ constexpr double PARALLEL = 1e-3;   // sine below which two axes are
 constexpr double LOOSE = 1.5;       // nats of a centre on an axis that is not among those of a part, beside their share
 constexpr double LEFT_OUT = 1e-3;   // least share that counts
 constexpr double NEVER = 1e300;
-constexpr int CIRCLE = 3;
 
 // Least distance of the lines of two axes; of a point from a line or another.
 double between(const ModelAxis& a, const ModelAxis& b) {
@@ -40,13 +39,14 @@ double ends_apart(const ModelAxis& a, const ModelAxis& b) {
 ModelAxes::ModelAxes(const float* rows, size_t count) {
     double share[KINDS] = {}, density = 0;
     for (size_t k = 0; k < count; ++k) {
-        const float* x = rows + 12 * k;
-        if (!std::all_of(x, x + 12, [](float value) { return std::fabs(value) < 1e6f; })) continue;  // counts as unseen
+        const float* x = rows + COLUMNS * k;
+        if (!std::all_of(x, x + COLUMNS, [](float value) { return std::fabs(value) < 1e6f; })) continue;  // counts as unseen
         const Vec3 a{x[0], x[1], x[2]}, b{x[3], x[4], x[5]};
         const double weight = x[8], half = 0.5 * norm(b - a);
         const int number = static_cast<int>(x[10]), kind = std::clamp(static_cast<int>(x[11]), 0, KINDS - 1);
+        const bool line = x[12] > 0;
         share[kind] += weight;
-        if (kind == CIRCLE && !all.empty() && all.back().kind == CIRCLE && all.back().number == number) {
+        if (line && !all.empty() && all.back().kind == kind && all.back().number == number) {
             ModelAxis& own = all.back();  // the same hole: how far beyond its wall centres may be
             const double s = dot(a - own.middle, own.along), t = dot(b - own.middle, own.along);
             own.low = std::min({s, t, -own.wall});
@@ -55,7 +55,7 @@ ModelAxes::ModelAxes(const float* rows, size_t count) {
             continue;
         }
         ModelAxis axis;
-        axis.point = kind != CIRCLE;
+        axis.point = !line;
         axis.along = unit(b - a);
         axis.middle = axis.point ? a : 0.5 * (a + b);
         axis.wall = axis.high = axis.point ? 0 : half;

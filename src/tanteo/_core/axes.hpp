@@ -11,7 +11,7 @@ struct SensedCentre {
     double sd = 0, tilt = 0;       // of the place [m], of the axis [rad]
     double size = 0, size_sd = 1;  // radius [m] or half angle [rad], 0 if nobody knows
     double most = 8;               // nats that it costs if it is of no axis
-    int side = 0, kind = 3;        // 1 of a hole, -1 of a boss, 0 if nobody knows; as the likelihood numbers them
+    int side = 0, kind = 0;        // 1 of a hole, -1 of a boss, 0 if unknown; code of its landmarks
 
     bool oriented() const { return squared(axis) > 0; }
 };
@@ -19,19 +19,19 @@ struct SensedCentre {
 // Where the centres of one hole or boss may be: along its wall, or farther at a price. Of a sphere or cone it is a point.
 struct ModelAxis {
     Vec3 middle, along;
-    bool point = false;
-    int side = 1, kind = 3, number = -1;
+    bool point = false;  // no line
+    int side = 1, kind = 0, number = -1;
     double least = 0, most = 0;                  // radius or half angle
     double wall = 0, low = 0, high = 0, price = 0;  // from the middle: half of the wall, the reach; nats beyond the wall
 };
 
 struct ModelAxes {
-    static constexpr int KINDS = 7;
+    static constexpr int KINDS = 64, COLUMNS = 15;
     std::vector<ModelAxis> all;
     double unseen[KINDS] = {};  // share of those of a kind that are not among them
 
     ModelAxes() = default;
-    ModelAxes(const float* rows, size_t count);  // twelve numbers each, as the shape of a part has them
+    ModelAxes(const float* rows, size_t count);  // COLUMNS numbers each, as the shape of a part has them
 };
 
 struct SensedScene {

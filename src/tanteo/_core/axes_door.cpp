@@ -80,7 +80,7 @@ ModelFaces faces_of(const Table& planes, const Table& rounds, int row) {
 
 Out axes_lack(Floats axes, Starts starts, Ints rows, Doubles centres) {
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(starts.size()) - 2);
-    const Table table(axes, starts, 12, "axes", chosen);
+    const Table table(axes, starts, ModelAxes::COLUMNS, "axes", chosen);
     const std::vector<SensedCentre> felt = centres_of(centres);
     std::vector<double> out(chosen.size());
     {
@@ -95,7 +95,7 @@ nb::tuple on_axes(Floats axes, Starts axes_start, Floats planes, Starts planes_s
                   Doubles unseen, Ints rows, Doubles centres, Doubles sensed, Ints seeds, Doubles poses_before, Ints poses_start,
                   double limit, double behind, int keep) {
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, static_cast<int64_t>(axes_start.size()) - 2);
-    const Table own(axes, axes_start, 12, "axes", chosen), flat(planes, planes_start, 7, "planes", chosen);
+    const Table own(axes, axes_start, ModelAxes::COLUMNS, "axes", chosen), flat(planes, planes_start, 7, "planes", chosen);
     const Table round(rounds, rounds_start, 9, "rounds", chosen);
     expect(unseen, "unseen", {axes_start.size() - 1});
     SensedScene scene{centres_of(centres), planes_of(sensed)};

@@ -1,5 +1,7 @@
 // The door to Python: arrays in, arrays out; every loop runs without the interpreter's lock.
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
@@ -7,7 +9,9 @@
 #include <cmath>
 #include <memory>
 
+#include "axes.hpp"
 #include "door.hpp"
+#include "factors/registry.hpp"
 #include "likelihood.hpp"
 #include "normal.hpp"
 #include "overlaps.hpp"
@@ -25,6 +29,7 @@ using namespace nb::literals;
 
 namespace tanteo {
 void offer_images(nb::module_& m);  // image_door.cpp
+void offer_python_terms(nb::module_& m);  // factors/python_term.cpp
 void offer_pose_terms(nb::module_& m);  // factors/pose_terms_door.cpp
 void offer_beams(nb::module_& m);   // beam_door.cpp
 void offer_coarse(nb::module_& m);  // coarse_door.cpp
@@ -59,6 +64,8 @@ void symmetric(const std::vector<double>& A, int K, double* out) {
 }
 
 constexpr int MOST_FACES = 10'000'000;  // their areas are kept by number
+constexpr size_t AXIS_COLUMNS = ModelAxes::COLUMNS;  // ends, range of the size, share, side, number, code, line or point, second size
+constexpr int MOST_LANDMARKS = ModelAxes::KINDS - 1;
 
 std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, Ints profile_rows, Doubles profiles,
                                   Doubles edges, Doubles corners, Doubles axes, Doubles hull, Doubles centre, Doubles samples,
@@ -78,14 +85,16 @@ std::unique_ptr<Shape> make_shape(Doubles vertices, Ints triangles, Ints faces, 
         const Vec3 a = load(edges.data() + 6 * k), b = load(edges.data() + 6 * k + 3);
         solid.edges.push_back({a, unit(b - a), norm(b - a)});
     }
-    for (size_t k = 0, known = expect(axes, "axes", {ANY, 12}); k < known; ++k) {
-        const double* x = axes.data() + 12 * k;
+    for (size_t k = 0, known = expect(axes, "axes", {ANY, AXIS_COLUMNS}); k < known; ++k) {
+        const double* x = axes.data() + AXIS_COLUMNS * k;
         const Vec3 a = load(x), b = load(x + 3);
-        const int kind = static_cast<int>(expect(x[11], "axes", 3, 6));
         if (!(norm(b - a) > 0)) refuse("axes", "expected two ends apart");
-        solid.axes.push_back({a, unit(b - a), kind == static_cast<int>(Kind::CENTRE) ? norm(b - a) : 0.0, x[6], x[7],
-                              expect(x[8], "axes", 0, 1), x[9] > 0 ? 1 : -1,
-                              static_cast<int>(expect(x[10], "axes", 0, MOST_FACES)), kind});
+        RoundAxis axis{a, unit(b - a), x[12] > 0 ? norm(b - a) : 0.0, x[6], x[7], expect(x[8], "axes", 0, 1),
+                       x[13], x[14], 0, 0, 0};
+        axis.hole = x[9] > 0 ? 1 : -1;
+        axis.number = static_cast<int>(expect(x[10], "axes", 0, MOST_FACES));
+        axis.kind = static_cast<int>(expect(x[11], "axes", 1, MOST_LANDMARKS));
+        solid.axes.push_back(axis);
     }
     solid.corners = vectors(corners, "corners");
     solid.hull = vectors(hull, "hull");
@@ -109,76 +118,75 @@ Out rows_out(const Array<Vec3>& rows) {
     return array_of(std::move(out), {rows.size(), 3});
 }
 
-// Of the noise of a point: what is added to all directions keeps it from being singular.
-Mat3 covariance(const double* values, double extra) {
-    Mat3 C;
-    std::copy_n(values, 9, C.m);
-    const double trace = C(0, 0) + C(1, 1) + C(2, 2), floor = 1e-12 * trace;
-    for (int i = 0; i < 3; ++i)
-        for (int k = 0; k < i; ++k)
-            if (std::fabs(C(i, k) - C(k, i)) > 1e-9 * trace) refuse("covs", "expected symmetric matrices");
-    double L[9];
-    std::copy_n(C.m, 9, L);
-    for (int i = 0; i < 3; ++i) L[4 * i] += extra - 2 * floor;
-    if (cholesky(L, 3)) return C;
-    for (int i = 0; i < 3; ++i) C(i, i) += 3 * floor;
-    std::copy_n(C.m, 9, L);
-    for (int i = 0; i < 3; ++i) L[4 * i] += extra;
-    if (!cholesky(L, 3)) refuse("covs", "expected covariances, got a matrix that is zero or not positive");
-    return C;
+// Factors of one kind, which problems share.
+struct FactorList {
+    std::vector<std::shared_ptr<const Factor>> all;
+};
+
+// Named arrays from Python; those that had to be converted live as long as kept.
+std::map<std::string, Columns::Array> arrays_of(const nb::dict& given, std::vector<Doubles>& kept) {
+    std::map<std::string, Columns::Array> arrays;
+    for (const auto& [key, value] : given) {
+        kept.push_back(nb::cast<Doubles>(value));
+        const Doubles& a = kept.back();
+        Columns::Array array{a.data(), {}};
+        for (size_t k = 0; k < a.ndim(); ++k) array.shape.push_back(a.shape(k));
+        arrays[nb::cast<std::string>(key)] = std::move(array);
+    }
+    return arrays;
 }
 
-std::unique_ptr<Problem> make_problem(Doubles at, Doubles covs, Doubles extra, Doubles radii, Doubles directions,
-                                      Doubles sides, Doubles normals, Doubles normal_sds, Doubles reach, Doubles log_outlier, Doubles furniture,
-                                      Ints kinds, Doubles circles, Ints groups, Doubles log_elsewhere, Doubles shared_jacobian, double scale_sd, Doubles rates,
+FactorList factors_of(const std::string& kind, const nb::dict& given) {
+    std::vector<Doubles> kept;
+    std::map<std::string, Columns::Array> arrays = arrays_of(given, kept);
+    const auto points = arrays.find("points");
+    const size_t rows = points == arrays.end() || points->second.shape.empty() ? 0 : points->second.shape[0];
+    FactorList out;
+    for (auto& factor : make_factors(kind, Columns(rows, std::move(arrays)))) out.all.push_back(std::move(factor));
+    return out;
+}
+
+std::shared_ptr<PoseTerm> term_of(const std::string& kind, const nb::dict& arrays, int first) {
+    std::vector<Doubles> kept;
+    return make_term(kind, Arrays(arrays_of(arrays, kept)), static_cast<int>(expect(first, "first", 0, MOST_STATES)));
+}
+
+// The factors of all kinds in the order of the measurements.
+void place_factors(const nb::list& blocks, Problem& problem) {
+    size_t n = 0;
+    for (const auto& block : blocks) n += nb::cast<FactorList&>(block[0]).all.size();
+    problem.factors.resize(n);
+    for (const auto& block : blocks) {
+        const FactorList& list = nb::cast<FactorList&>(block[0]);
+        const std::vector<int> rows = expect(nb::cast<Ints>(block[1]), "rows", list.all.size(), 0, int64_t(n) - 1);
+        for (size_t k = 0; k < rows.size(); ++k) problem.factors[rows[k]] = list.all[k];
+    }
+    for (const auto& factor : problem.factors)
+        if (!factor) refuse("rows", "expected every row from 0 to " + std::to_string(n) + " once");
+}
+
+std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints groups, Doubles log_elsewhere,
+                                      Doubles shared_jacobian, Doubles direction_jacobian, double scale_sd, Doubles rates,
                                       Doubles rate_weights, double mean_rate, Doubles rays, Doubles ray_shifts,
                                       Doubles ray_turns, Doubles prior_means, Doubles prior_roots,
                                       Doubles prior_log_weights, Doubles table) {
     auto problem = std::make_unique<Problem>();
-    const size_t n = expect(at, "points", {ANY, 3}), D = shared_jacobian.ndim() == 3 ? shared_jacobian.shape(2) : 0;
-    for (const auto& [column, name] : {std::pair{&extra, "extra"}, {&radii, "radii"}, {&normal_sds, "normal_sds"},
-                                       {&reach, "reach"}, {&log_outlier, "log_outlier"}, {&furniture, "furniture"}})
-        expect(*column, name, {n});
-    expect(covs, "covs", {n, 3, 3});
-    expect(directions, "directions", {n, 3});
-    expect(sides, "sides", {n, 3});
-    expect(normals, "normals", {n, 3});
-    expect(circles, "circles", {n, 3});
-    const std::vector<int> kind = expect(kinds, "kinds", n, 0, 6), group = expect(groups, "groups", n, -1, int64_t(n) - 1);
+    place_factors(blocks, *problem);
+    const size_t n = problem->factors.size(), D = shared_jacobian.ndim() == 3 ? shared_jacobian.shape(2) : 0;
+    problem->furniture = doubles(furniture, "furniture", {n});
+    for (const double density : problem->furniture) expect(density, "furniture", 0, 1e300);
+    problem->group = expect(groups, "groups", n, -1, int64_t(n) - 1);
+    for (size_t k = 0; k < n; ++k) {
+        const int group = problem->group[k];
+        if (group < 0) continue;
+        if (group >= static_cast<int>(problem->groups.size())) problem->groups.resize(group + 1);
+        problem->groups[group].push_back(static_cast<int>(k));
+    }
     problem->shared_jacobian = doubles(shared_jacobian, "shared_jacobian", {n, 3, D});
+    if (direction_jacobian.size()) problem->direction_jacobian = doubles(direction_jacobian, "direction_jacobian", {n, 3, D});
     problem->scale_sd = expect(scale_sd, "scale_sd", 0, 100);
     if (6 + D + (scale_sd > 0) > MOST_STATES) refuse("shared_jacobian", "expected fewer shared errors, got " + std::to_string(D));
     problem->shared = static_cast<int>(D);
-    for (size_t k = 0; k < n; ++k) {
-        Point p;
-        p.at = load(at.data() + 3 * k);
-        p.extra = expect(extra.data()[k], "extra", 0, 1e300);
-        p.cov = covariance(covs.data() + 9 * k, p.extra);
-        p.radius = expect(radii.data()[k], "radii", 0, 1e300);
-        p.direction = load(directions.data() + 3 * k);
-        p.normal = load(normals.data() + 3 * k);
-        p.directed = squared(p.direction) > 0;
-        if (!p.directed) p.direction = -load(sides.data() + 3 * k);
-        p.sided = squared(p.direction) > 0;
-        p.oriented = squared(p.normal) > 0;
-        p.normal_sd = expect(normal_sds.data()[k], "normal_sds", p.oriented ? 1e-12 : -1e300, 1e300);
-        p.reach = reach.data()[k];
-        p.log_outlier = log_outlier.data()[k];
-        p.furniture = expect(furniture.data()[k], "furniture", 0, 1e300);
-        p.kind = static_cast<Kind>(kind[k]);
-        p.circle = expect(circles.data()[3 * k], "circles", 0, 1e300);
-        p.circle_sd = expect(circles.data()[3 * k + 1], "circles", p.circle > 0 ? 1e-12 : 0, 1e300);
-        p.hole = static_cast<int>(expect(circles.data()[3 * k + 2], "circles", -1, 1));
-        p.group = group[k];
-        const double v = p.cov(0, 0);
-        p.isotropic = true;
-        for (int i = 0; i < 9; ++i) p.isotropic = p.isotropic && std::fabs(p.cov.m[i] - (i % 4 ? 0 : v)) <= 1e-9 * v;
-        if (p.group >= 0) {
-            if (p.group >= static_cast<int>(problem->groups.size())) problem->groups.resize(p.group + 1);
-            problem->groups[p.group].push_back(static_cast<int>(k));
-        }
-        problem->points.push_back(p);
-    }
     problem->log_elsewhere = doubles(log_elsewhere, "log_elsewhere", {problem->groups.size()});
     problem->rates = doubles(rates, "rates", {ANY});
     problem->rate_weights = doubles(rate_weights, "rate_weights", {problem->rates.size()});
@@ -217,10 +225,14 @@ Out log_densities(const Shape& shape, const Problem& problem, Doubles Ts, Double
     {
         nb::gil_scoped_release release;
         for_all(all.size(), [&] {
-            return [&, likelihood = Likelihood(shape, problem)](size_t k) mutable {
-                out[k] = likelihood.at(all[k], false);
-            };
+            Likelihood own(shape, problem);
+            own.with_terms = false;
+            return [&, likelihood = std::move(own)](size_t k) mutable { out[k] = likelihood.at(all[k], false); };
         });
+        for (const auto& term : problem.terms) {
+            const std::vector<double> more = term->values(all);
+            for (size_t k = 0; k < all.size(); ++k) out[k] += more[k];
+        }
     }
     return array_of(std::move(out), {all.size()});
 }
@@ -243,26 +255,16 @@ std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Dou
             array_of(std::move(informations), {S, K, K})};
 }
 
-// Density of a point right on a face of that normal (world), over that of an outlier, times its sd along the normal.
-double right_there(const Shape& shape, const Point& point, const Vec3& normal) {
-    double density = point.directed ? std::max(-dot(normal, point.direction), 0.0) : 1 / shape.area;
-    if (point.oriented) {
-        const double per_tilt = 1 / point.normal_sd, squared = 2 * (1 - dot(normal, point.normal)) * per_tilt * per_tilt;
-        density *= per_tilt * per_tilt / (2 * PI) * std::exp(-0.5 * squared);
-    }
-    return density * std::exp(-point.log_outlier) / std::sqrt(2 * PI);
-}
-
-// Of every point at every pose: density on the part over that of an outlier, probability that it belongs, and of the
-// likeliest place: distance, one over its sd, tilt of the normal in sds, density if it were right on it, normal; and
-// where the point is in the part. Faces: that of the place. And the log densities of all points together, and of each
-// group on the part.
+// Of every factor at every pose (S, n, 12): density on the part over that of an outlier, probability that it is no
+// outlier, and of its likeliest element: distance, one over its sd, tilt of the direction in sds, density if it were right
+// on it, normal (3); and its place in the part (3). The elements (S, n), the log density of all factors together (S), and
+// of each label group on the part (S, G).
 nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
     const std::vector<State> all = states(Ts, zs, problem);
-    const size_t S = all.size(), n = problem.points.size();
+    const size_t S = all.size(), n = problem.factors.size();
     const size_t G = problem.groups.size();
     std::vector<double> table(S * n * 12), together(S), groups(S * G);
-    std::vector<int32_t> faces(S * n, -1);
+    std::vector<int32_t> elements(S * n, -1);
     {
         nb::gil_scoped_release release;
         Likelihood likelihood(shape, problem);
@@ -271,55 +273,41 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
             together[k] = likelihood.log_points;
             for (size_t g = 0; g < G; ++g) groups[k * G + g] = likelihood.log_on_part(g);
             for (size_t j = 0; j < n; ++j) {
-                const Seen& s = likelihood.seen[j];
+                const Evaluated& own = likelihood.evaluated[j];
                 double* row = &table[(k * n + j) * 12];
-                row[0] = s.density;
-                row[1] = s.belongs;
-                const Point& point = problem.points[j];
-                store(s.in_part, row + 9);
-                Vec3 off;
-                const int axis = s.count || !point.amid() ? -1 : shape.nearest_axis(point, s.in_part, off);
-                if (axis >= 0) {
-                    row[2] = norm(off);
-                    row[3] = std::sqrt(3 / (point.cov(0, 0) + point.cov(1, 1) + point.cov(2, 2) + 3 * point.extra));
-                    row[5] = 0;
-                    faces[k * n + j] = shape.number_of(shape.axes[axis]);
+                row[0] = own.density;
+                row[1] = own.inlier;
+                store(own.p, row + 9);
+                if (!own.count) {
+                    const NearestPlace place = problem.factors[j]->beside(shape, all[k].pose, own.p);
+                    row[2] = place.distance;
+                    row[3] = place.per_sd;
+                    row[5] = place.density;
+                    store(place.normal, row + 6);
+                    elements[k * n + j] = place.element;
                     continue;
                 }
-                if (!s.count) {  // the nearest place of the surface
-                    const Closest c = shape.closest(s.in_part);
-                    const Vec3& normal = shape.normals[c.triangle];
-                    const double sign = dot(s.in_part - c.point, normal) < 0 ? -1 : 1;
-                    const Vec3 d = all[k].pose.R * unit(s.in_part - c.point);
-                    double variance = dot(d, point.cov * d) + point.extra;
-                    row[2] = sign * std::sqrt(c.squared) - point.radius;
-                    row[3] = 1 / std::sqrt(variance);
-                    row[4] = 0;
-                    row[5] = right_there(shape, point, all[k].pose.R * normal) * row[3];
-                    store(c.squared > 0 ? sign * unit(s.in_part - c.point) : normal, row + 6);
-                    faces[k * n + j] = shape.faces[c.triangle];
-                    continue;
-                }
-                const Hit* best = &likelihood.hits[s.first];
-                for (int i = s.first; i < s.first + s.count; ++i)
-                    if (likelihood.hits[i].weight > best->weight) best = &likelihood.hits[i];
-                row[2] = best->distance;
-                row[3] = best->per_sd;
-                row[4] = best->tilted ? std::hypot(best->tilt[0], best->tilt[1]) : 0;
-                const double r = best->distance * best->per_sd;
-                row[5] = best->weight * std::exp(0.5 * r * r);
-                store(best->normal, row + 6);
-                faces[k * n + j] = best->face;
+                const Component* const first = &likelihood.components.all[own.first];
+                const Component& best = *std::max_element(first, first + own.count, [](const Component& a, const Component& b) {
+                    return a.weight < b.weight;
+                });
+                row[2] = best.distance;
+                row[3] = best.per_sd;
+                row[4] = best.tilted ? std::hypot(best.tilt[0], best.tilt[1]) : 0;
+                const double r = best.distance * best.per_sd;
+                row[5] = best.weight * std::exp(0.5 * r * r);
+                store(best.normal, row + 6);
+                elements[k * n + j] = best.element;
             }
         }
     }
-    return nb::make_tuple(array_of(std::move(table), {S, n, 12}), array_of(std::move(faces), {S, n}),
+    return nb::make_tuple(array_of(std::move(table), {S, n, 12}), array_of(std::move(elements), {S, n}),
                           array_of(std::move(together), {S}), array_of(std::move(groups), {S, G}));
 }
 
 std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,
                               double tolerance, double blur, double tilt, int keep, uint64_t seed) {
-    const int64_t last = int64_t(problem.points.size()) - 1;
+    const int64_t last = int64_t(problem.factors.size()) - 1;
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, last), both = expect(pairs, "pairs", ANY, 0, last);
     const Effort effort{per_pair, spins, expect(tolerance, "tolerance", 0, 1e300), expect(blur, "blur", 1e-300, 1e300),
                         expect(tilt, "tilt", 1e-300, 1e300), static_cast<int>(expect(keep, "keep", 1, 1e9))};
@@ -342,7 +330,7 @@ std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints r
 Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, double blur, double tilt) {
     const std::vector<Pose> all = poses(Ts);
     std::vector<double> out;
-    const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.points.size()) - 1);
+    const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.factors.size()) - 1);
     expect(blur, "blur", 1e-300, 1e300);
     expect(tilt, "tilt", 1e-300, 1e300);
     {
@@ -356,7 +344,7 @@ Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, do
 std::tuple<Out, Out, OutInts> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales,
                                        Doubles Ts) {
     const std::vector<Pose> starts = poses(Ts);
-    const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.points.size()) - 1);
+    const std::vector<int> which = expect(rows, "rows", ANY, 0, int64_t(problem.factors.size()) - 1);
     const std::vector<double> steps = doubles(scales, "scales", {ANY});
     if (steps.empty()) refuse("scales", "expected some, got none");
     for (const double step : steps) expect(step, "scales", 1e-300, 1e300);
@@ -454,9 +442,9 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Ints owners, Doubles mea
     expect(inverses, "inverses", {C, 6, 6});
     expect(log_weights, "log_weights", {C});
     expect(freedom, "freedom", 1e-3, 1e6);
-    std::vector<Component> components(C);
+    std::vector<MixtureComponent> components(C);
     for (size_t k = 0; k < C; ++k) {
-        Component& c = components[k];
+        MixtureComponent& c = components[k];
         c.owner = owner[k];
         for (int i = 0; i < 6; ++i) expect(inverses.data()[36 * k + 7 * i], "inverses", 1e-150, 1e150);
         std::copy_n(means.data() + 6 * k, 6, c.mean);
@@ -566,8 +554,10 @@ NB_MODULE(native, m) {
         .def_prop_ro("centre", [](const Shape& s) {
             return array_of(std::vector<double>{s.centre.x, s.centre.y, s.centre.z}, {3});
         }, nb::rv_policy::automatic);
+    nb::class_<PoseTerm>(m, "PoseTerm");
     offer_images(m);
     offer_pose_terms(m);
+    offer_python_terms(m);
     nb::class_<Problem>(m, "Problem")
         .def_prop_ro("size", &Problem::size)
         .def("add", [](Problem& problem, std::shared_ptr<const PoseTerm> term) { problem.terms.push_back(std::move(term)); },
@@ -575,10 +565,13 @@ NB_MODULE(native, m) {
     m.def("make_shape", &make_shape, "vertices"_a, "triangles"_a, "faces"_a, "profile_rows"_a, "profiles"_a, "edges"_a,
           "corners"_a, "axes"_a, "hull"_a, "centre"_a, "samples"_a, "sample_normals"_a, "cells"_a);
     m.def("open_shape", &open_shape, "buffer"_a, nb::keep_alive<0, 1>());
-    m.def("make_problem", &make_problem, "points"_a, "covs"_a, "extra"_a, "radii"_a, "directions"_a, "sides"_a,
-          "normals"_a, "normal_sds"_a, "reach"_a, "log_outlier"_a, "furniture"_a, "kinds"_a, "circles"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
-          "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a, "ray_turns"_a,
-          "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a);
+    nb::class_<FactorList>(m, "FactorList").def("__len__", [](const FactorList& list) { return list.all.size(); });
+    m.def("make_factors", &factors_of, "kind"_a, "columns"_a);
+    m.def("make_term", &term_of, "kind"_a, "arrays"_a, "first"_a);
+    m.def("landmark_codes", [] { return landmark_codes(); });
+    m.def("make_problem", &make_problem, "factors"_a, "furniture"_a, "groups"_a, "log_elsewhere"_a, "shared_jacobian"_a,
+          "direction_jacobian"_a, "scale_sd"_a, "rates"_a, "rate_weights"_a, "mean_rate"_a, "rays"_a, "ray_shifts"_a,
+          "ray_turns"_a, "prior_means"_a, "prior_roots"_a, "prior_log_weights"_a, "table"_a);
     m.def("log_densities", &log_densities, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("slopes", &slopes, "shape"_a, "problem"_a, "poses"_a, "shared"_a);
     m.def("details", &details, "shape"_a, "problem"_a, "poses"_a, "shared"_a);

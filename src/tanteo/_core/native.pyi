@@ -1,5 +1,6 @@
 """What native.cpp offers. Arrays that go in are C-contiguous; integers of another width are converted."""
 
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -34,6 +35,14 @@ class Problem:
     def size(self) -> int: ...
     def add(self, term: PoseTerm) -> None: ...
 
+def python_term(
+    name: str,
+    log_density: Callable[[FloatArray], FloatArray],
+    gradient: Callable[[FloatArray], FloatArray] | None,
+    shift: float,
+    turn: float,
+    outlier_rate: float,
+) -> PoseTerm: ...
 def make_shape(
     vertices: FloatArray,
     triangles: AnyInts,
@@ -50,23 +59,20 @@ def make_shape(
     cells: int,
 ) -> Shape: ...
 def open_shape(buffer: NDArray[np.uint8]) -> Shape: ...
+
+class FactorList:
+    def __len__(self) -> int: ...
+
+def make_factors(kind: str, columns: dict[str, FloatArray]) -> FactorList: ...
+def make_term(kind: str, arrays: dict[str, FloatArray], first: int) -> PoseTerm: ...
+def landmark_codes() -> dict[str, int]: ...
 def make_problem(
-    points: FloatArray,
-    covs: FloatArray,
-    extra: FloatArray,
-    radii: FloatArray,
-    directions: FloatArray,
-    sides: FloatArray,
-    normals: FloatArray,
-    normal_sds: FloatArray,
-    reach: FloatArray,
-    log_outlier: FloatArray,
+    factors: Sequence[tuple[FactorList, AnyInts]],
     furniture: FloatArray,
-    kinds: AnyInts,
-    circles: FloatArray,
     groups: AnyInts,
     log_elsewhere: FloatArray,
     shared_jacobian: FloatArray,
+    direction_jacobian: FloatArray,
     scale_sd: float,
     rates: FloatArray,
     rate_weights: FloatArray,

@@ -37,6 +37,12 @@ class PoseTerm {
     virtual ~PoseTerm() = default;
     // Return the log density at a state; add its slope where one is given.
     virtual double add(const State& state, const Slope* slope) const = 0;
+    // Return the log densities at many states.
+    virtual std::vector<double> values(const std::vector<State>& states) const {
+        std::vector<double> out;
+        for (const State& state : states) out.push_back(add(state, nullptr));
+        return out;
+    }
     // Return how many entries of z the term reads, from the first.
     virtual int columns() const { return 0; }
 };

@@ -2,16 +2,12 @@
 
 #include <cmath>
 
-#include "aim.hpp"
 #include "normal.hpp"
 
 namespace tanteo {
 
 namespace {
 
-constexpr double CAP = 9;         // cost of a point at most: it may be an outlier
-constexpr double WRONG_SIDE = 4;  // of a beam that comes from within
-constexpr size_t WINDOW = 256;    // samples among which a partner is looked for
 
 struct Axes {  // a line and two directions across it
     Vec3 e, y, z;
@@ -28,76 +24,13 @@ Mat3 attitude(const Axes& world, const Axes& part, double c, double s) {
     return R;
 }
 
-// Capped cost of a centre: how far it is from the nearest axis or centre, and how far its own axis is tilted to that.
-double cost_of_centre(const Shape& shape, const Point& point, const Pose& pose, double per, double per_tilt) {
-    Vec3 off;
-    const int k = shape.nearest_axis(point, into_part(pose, point.at), off);
-    if (k < 0) return CAP;
-    double cost = squared(off) * per;
-    if (point.oriented) {
-        const double cosine = dot(pose.R * shape.axes[k].direction, point.normal);
-        cost += 2 * (1 - (point.kind == Kind::APEX ? cosine : std::fabs(cosine))) * per_tilt;
-    }
-    return std::min(cost, CAP);
-}
-
-// A place of the part where a point may be: on its surface, on an axis, a centre; the normal there, or the axis.
-struct Where {
-    Vec3 at, normal;
-};
-
-// Places to choose from for a point: k counts on for ever.
-class Places {
-  public:
-    Places(const Shape& shape, const Point& point) : shape(shape), point(point) {
-        heights = point.kind == Kind::CENTRE ? HEIGHTS : 1;
-        if (!point.amid()) return;
-        for (size_t k = 0; k < shape.axes.size(); ++k)
-            if (shape.axes[k].may_have(point, 4 * point.circle_sd)) axes.push_back(k);
-    }
-    size_t size() const { return point.amid() ? heights * axes.size() : shape.samples.size(); }
-    Where operator[](size_t k) const {
-        if (!point.amid()) {
-            const Vec3& n = shape.sample_normals[k];
-            return {shape.samples[k] + point.radius * n, n};
-        }
-        const RoundAxis& axis = shape.axes[axes[k / heights]];
-        if (heights == 1) return {axis.start(point), axis.direction};
-        const double t = static_cast<double>(k % HEIGHTS / 2) / (HEIGHTS / 2 - 1);
-        return {axis.a + (t * axis.length) * axis.direction, k % 2 ? -axis.direction : axis.direction};
-    }
-
-  private:
-    static constexpr size_t HEIGHTS = 10;  // five places along an axis, each with both directions
-    size_t heights = 1;
-    const Shape& shape;
-    const Point& point;
-    std::vector<size_t> axes;
-};
-
 }  // namespace
 
 double score(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const Pose& pose, double blur,
              double tilt, double limit) {
-    const double per = 1 / (blur * blur), per_tilt = 1 / (tilt * tilt);
     double sum = 0;
     for (const int j : rows) {
-        const Point& point = problem.points[j];
-        if (point.amid()) {
-            sum += cost_of_centre(shape, point, pose, per, per_tilt);
-            if (sum > limit) break;
-            continue;
-        }
-        int flat = 0;
-        const bool faces = point.oriented || point.sided;
-        const double f = shape.field(into_part(pose, point.at), faces ? &flat : nullptr) - point.radius;
-        double cost = f * f * per;
-        if (faces) {
-            const Vec3 n = pose.R * shape.flats[flat].normal;
-            if (point.oriented) cost += 2 * (1 - dot(n, point.normal)) * per_tilt;
-            if (point.sided && dot(n, point.direction) > CLEARLY) cost += WRONG_SIDE;
-        }
-        sum += std::min(cost, CAP);
+        sum += problem.factors[j]->rough_cost(shape, pose, blur, tilt);
         if (sum > limit) break;
     }
     return sum;
@@ -110,11 +43,11 @@ std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const 
     std::vector<int> partners;
     double bound = 1e300;
     for (size_t k = 0; k + 1 < pairs.size(); k += 2) {
-        const Point &P = problem.points[pairs[k]], &Q = problem.points[pairs[k + 1]];
+        const Factor &P = *problem.factors[pairs[k]], &Q = *problem.factors[pairs[k + 1]];
         const double gap = norm(Q.at - P.at);
         if (!(gap > 0)) continue;
         const Axes world((1 / gap) * (Q.at - P.at));
-        const Places firsts(shape, P), seconds(shape, Q);
+        const Sites firsts = P.sites(shape), seconds = Q.sites(shape);
         if (!firsts.size() || !seconds.size()) continue;
         const bool oriented = P.oriented && Q.oriented;
         const Vec3 middle = 0.5 * (P.at + Q.at);
@@ -122,19 +55,19 @@ std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const 
         int done = 0;
         for (int tries = 0; done < effort.per_pair && tries < 3 * effort.per_pair; ++tries) {
             const auto [A, na] = firsts[random.next() % firsts.size()];
-            const auto fits = [&, A = A, na = na](const Where& there) {
+            const auto fits = [&, A = A, na = na](const Site& there) {
                 const auto& [B, nb] = there;
                 const double d2 = squared(B - A);
                 if (!(d2 > 0) || d2 < low * low || d2 > high * high) return false;
                 if (!oriented) return true;
                 const Vec3 e = (1 / std::sqrt(d2)) * (B - A);
-                return std::fabs(dot(na, e) - dot(P.normal, world.e)) < 2 * effort.tilt &&
-                       std::fabs(dot(nb, e) - dot(Q.normal, world.e)) < 2 * effort.tilt &&
-                       std::fabs(dot(na, nb) - dot(P.normal, Q.normal)) < 2.5 * effort.tilt;
+                return std::fabs(dot(na, e) - dot(P.direction, world.e)) < 2 * effort.tilt &&
+                       std::fabs(dot(nb, e) - dot(Q.direction, world.e)) < 2 * effort.tilt &&
+                       std::fabs(dot(na, nb) - dot(P.direction, Q.direction)) < 2.5 * effort.tilt;
             };
             partners.clear();
             const size_t window = random.next() % seconds.size();  // samples come in no order: some in a row are some of all
-            const size_t some = Q.amid() ? seconds.size() : std::min(WINDOW, seconds.size());
+            const size_t some = seconds.window();
             for (size_t k = 0; k < some; ++k) {
                 const size_t b = (window + k) % seconds.size();
                 if (fits(seconds[b])) partners.push_back(static_cast<int>(b));
@@ -150,7 +83,7 @@ std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const 
             if (oriented) {  // the spin that turns both normals best
                 double c = 0, s = 0;
                 for (int w = 0; w < 2; ++w) {
-                    const Vec3 &m = w ? Q.normal : P.normal, &g = w ? nb : na;
+                    const Vec3 &m = w ? Q.direction : P.direction, &g = w ? nb : na;
                     const double my = dot(m, world.y), mz = dot(m, world.z), gy = dot(g, part.y), gz = dot(g, part.z);
                     c += my * gy + mz * gz;
                     s += my * gz - mz * gy;

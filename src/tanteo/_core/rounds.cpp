@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "symmetric.hpp"
+#include "maximize.hpp"
 
 namespace tanteo {
 
@@ -12,6 +12,7 @@ namespace {
 constexpr int FEET = 4;           // passes to the true places of points that are not as well known in all directions
 constexpr double NEAR = 1e-2;     // a step so small, squared and in standard deviations, is taken as it is
 constexpr double UPHILL = 1e-6;   // share by which the sum of squares may grow: weights are held during a step
+constexpr double ROUNDING = 1e-13;  // share of an information that keeps a singular one positive definite
 constexpr double TINY = 1e-300;
 constexpr double LARGEST_TURN = 0.5;
 
@@ -255,27 +256,7 @@ RoundLinear linearize(const RoundTask& task, const RoundState& state) {
 
 namespace {
 
-// The step, and its squared length in standard deviations.
-double step_of(const RoundLinear& at, double damping, std::vector<double>& step) {
-    const int M = at.M;
-    std::vector<double> unit(M), A(at.information);
-    for (int i = 0; i < M; ++i) unit[i] = A[i * M + i] > 0 ? 1 / std::sqrt(A[i * M + i]) : 1;
-    for (int i = 0; i < M; ++i)
-        for (int j = 0; j < M; ++j) A[i * M + j] *= unit[i] * unit[j];
-    for (int i = 0; i < M; ++i) A[i * M + i] += damping + 1e-13;
-    for (int i = 0; i < M; ++i) step[i] = unit[i] * at.gradient[i];
-    if (!solve_symmetric(A, M, step.data())) {  // rounding alone makes it so: a step down the gradient
-        for (int i = 0; i < M; ++i) step[i] = 1e-3 * unit[i] * at.gradient[i];
-    }
-    double size = 0;
-    for (int i = 0; i < M; ++i) {
-        step[i] *= -unit[i];
-        size += step[i] * at.gradient[i];
-    }
-    return std::fabs(size);
-}
-
-RoundState moved(const RoundTask& task, const RoundState& state, const std::vector<double>& step) {
+RoundState moved(const RoundTask& task, const RoundState& state, const double* step) {
     Vec3 v, w;
     size_t k = 0;
     for (const int r : task.rows) (r < 3 ? v[r] : w[r - 3]) = step[k++];
@@ -297,27 +278,38 @@ RoundState moved(const RoundTask& task, const RoundState& state, const std::vect
     return next;
 }
 
+// The log likelihood of a round feature, -chi2 / 2, as a problem of `maximize`. The weights are held during a step, so that
+// chi2 may grow by as little as they change.
+struct RoundLikelihood {
+    using State = RoundState;
+    using Linear = RoundLinear;
+
+    const RoundTask& task;
+    double settled;
+
+    void linearize(const RoundState& state, RoundLinear& out) const { out = tanteo::linearize(task, state); }
+    void slope(const RoundLinear& at, double* g) const {
+        for (int i = 0; i < at.M; ++i) g[i] = -at.gradient[i];
+    }
+    double prior(int, double diagonal, double damping) const {
+        return diagonal > 0 ? ROUNDING * diagonal : damping + ROUNDING;
+    }
+    RoundState retract(const RoundState& state, const double* step) const { return moved(task, state, step); }
+    double gain(const RoundState&, const RoundLinear& at, const RoundState&, const RoundLinear& there) const {
+        return 0.5 * (at.chi2 - there.chi2);
+    }
+    bool accepts(const RoundLinear& at, double gain, double predicted) const {
+        return -2 * gain <= UPHILL * (1 + at.chi2) || predicted < NEAR;
+    }
+    bool converged(double, double predicted) const { return predicted < settled; }
+    void accepted(const RoundState&, const RoundLinear&) const {}
+};
+
 }  // namespace
 
 bool settle_round(const RoundTask& task, RoundState& state, RoundLinear& at, int passes, double settled) {
-    double damping = 1e-4;
-    bool rest = false;
-    std::vector<double> step(at.M);
-    for (int pass = 0; pass < passes && !rest; ++pass) {
-        const double size = step_of(at, damping, step);
-        RoundState trial = moved(task, state, step);
-        RoundLinear there = linearize(task, trial);
-        if (there.chi2 <= at.chi2 + UPHILL * (1 + at.chi2) || size < NEAR) {
-            rest = size < settled;
-            state = std::move(trial);
-            at = std::move(there);
-            damping = damping > 1e-9 ? 0.1 * damping : 0.0;
-        } else {
-            rest = damping > 1e8;
-            damping = std::max(10 * damping, 1e-6);
-        }
-    }
-    return rest;
+    RoundLikelihood likelihood{task, settled};
+    return maximize(likelihood, state, at, {1e-4, 0.1, 0, 10, 1e-6, 1e8}, passes, 0);
 }
 
 }  // namespace tanteo

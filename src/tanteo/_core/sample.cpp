@@ -8,12 +8,12 @@ namespace tanteo {
 
 constexpr double FAR = 25;  // standard deviations beyond which a component is nothing
 
-Mixture::Mixture(std::vector<Pose> bases_, std::vector<Component> components_, double freedom_, const Vec3& centre_)
+Mixture::Mixture(std::vector<Pose> bases_, std::vector<MixtureComponent> components_, double freedom_, const Vec3& centre_)
     : bases(std::move(bases_)), components(std::move(components_)), freedom(freedom_), centre(centre_) {
     const double log = std::lgamma(0.5 * (freedom + 6)) - std::lgamma(0.5 * freedom) - 3 * std::log(freedom * PI);
     reach_shift.assign(bases.size(), 0.0);
     reach_turn.assign(bases.size(), 0.0);
-    for (const Component& c : components) {
+    for (const MixtureComponent& c : components) {
         weights.push_back(std::exp(c.log_weight + log));
         // the scale is L L' with L the inverse of what is given; its trace by columns of L
         double L[36] = {0}, shift = 0, turn = 0;
@@ -36,7 +36,7 @@ double Mixture::log_density(const Pose& pose, double* shares) const {
     bool skip = false;
     for (int k = 0; k < owners(); ++k) shares[k] = 0;
     for (size_t k = 0; k < components.size(); ++k) {
-        const Component& c = components[k];
+        const MixtureComponent& c = components[k];
         if (c.owner != last) {
             last = c.owner;
             const Pose& base = bases[c.owner];

@@ -6,7 +6,7 @@
 
 namespace tanteo {
 
-struct Component {
+struct MixtureComponent {
     int owner;         // components of one owner lie side by side and share its base
     double mean[6];    // in the tangent of the base about the centre
     double inverse[36];  // of the Cholesky factor of the scale, row-major, lower
@@ -16,13 +16,13 @@ struct Component {
 // Density of the mixture at a pose over the invariant measure of shifts of the centre and turns; shares by owner.
 class Mixture {
   public:
-    Mixture(std::vector<Pose> bases, std::vector<Component> components, double freedom, const Vec3& centre);
+    Mixture(std::vector<Pose> bases, std::vector<MixtureComponent> components, double freedom, const Vec3& centre);
     double log_density(const Pose& pose, double* shares) const;
     int owners() const { return static_cast<int>(bases.size()); }
 
   private:
     std::vector<Pose> bases;
-    std::vector<Component> components;
+    std::vector<MixtureComponent> components;
     std::vector<double> weights, reach_shift, reach_turn;  // squared, of an owner: beyond it is nothing
     double freedom;
     Vec3 centre;

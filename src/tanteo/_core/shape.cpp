@@ -161,20 +161,4 @@ double Shape::field(const Vec3& p, int* flat) const {
     return cell.away > 0 ? d + grid_step * std::sqrt(cell.away) : d;
 }
 
-int Shape::nearest_axis(const Point& point, const Vec3& p, Vec3& off) const {
-    int best = -1;
-    double least = 1e300;
-    for (size_t k = 0; k < axes.size(); ++k) {
-        const RoundAxis& axis = axes[k];
-        if (!axis.may_have(point, 4 * point.circle_sd)) continue;
-        const Vec3 away = p - axis.start(point);
-        const Vec3 from = away - std::clamp(dot(away, axis.direction), 0.0, axis.length) * axis.direction;
-        if (squared(from) >= least) continue;
-        least = squared(from);
-        off = from;
-        best = static_cast<int>(k);
-    }
-    return best;
-}
-
 }  // namespace tanteo

@@ -5,7 +5,6 @@
 
 #include "bvh.hpp"
 #include "array.hpp"
-#include "problem.hpp"
 #include "vec.hpp"
 
 namespace tanteo {
@@ -61,20 +60,14 @@ struct Segment {  // a straight sharp edge of the part
     double length;
 };
 
-// Of a hole or boss, from end to end, with the radii that it has; or without length the centre of a sphere, the apex of a
-// cone with its half angle. The weight is among all of its kind.
+// A landmark of the part for sensed centres: the axis of a hole or boss from end to end, or without length a point with
+// an axis (the centre of a sphere, the apex of a cone). Its code says of which kind of factor (factors/registry.hpp), its
+// sizes are those that it has; the weight is its share among all of its kind.
 struct RoundAxis {
     Vec3 a, direction;
     double length, least, most, weight;
+    double least_other = 0, most_other = 0;  // of a second size
     int hole, number, kind, unused = 0;
-
-    // where it begins for a point that may be beside an apex
-    Vec3 start(const Point& point) const { return a + point.radius * direction; }
-    // whether a point may be of it: of its kind and side, and of its size within so much
-    bool may_have(const Point& point, double within) const {
-        if (static_cast<int>(point.kind) != kind || point.hole * hole < 0) return false;
-        return !(point.circle > 0) || (point.circle > least - within && point.circle < most + within);
-    }
 };
 
 struct Closest {
@@ -119,11 +112,16 @@ class Shape : public ShapeNumbers {
     void triangles_about(const Vec3& origin, const Vec3& direction, double reach, double beside, Visit&& visit) const {
         triangle_tree.cast(origin, direction, reach, [&](int t, double nearest) { visit(t); return nearest; }, beside);
     }
-    // from the nearest axis of which a circle may be to its centre, in the part; the axis or -1
-    int nearest_axis(const Point& point, const Vec3& p, Vec3& off) const;
-    // by which a hit is called: below the numbers of edges and corners
+    // The number of an axis as an element: below those of edges and corners.
     int number_of(const RoundAxis& axis) const {
         return -2 - static_cast<int>(edges.size() + corners.size()) - axis.number;
+    }
+    // The share of an element among all of its kind: of faces by area, of edges by length.
+    double measure_of(int element) const {
+        const size_t at = static_cast<size_t>(-2 - element);
+        if (element >= 0) return face_area[element] / area;
+        if (at < edges.size()) return edges[at].length / edge_length;
+        return 1.0 / std::max<size_t>(corners.size(), 1);
     }
     // distance to the surface from the grid, not signed; rough far away
     double field(const Vec3& p, int* flat = nullptr) const;

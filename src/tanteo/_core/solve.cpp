@@ -1,5 +1,6 @@
 #include "solve.hpp"
 
+#include "maximize.hpp"
 #include "parallel.hpp"
 
 #include <cmath>
@@ -34,68 +35,35 @@ void shorten(double* step, int K, double turn, double shift) {
 
 namespace {
 
-// What a centre of a circle adds to a robust step: it is drawn to the nearest axis. Its cost.
-double step_of_centre(const Shape& shape, const Point& point, const Vec3& p, double per, double* A, double* b) {
-    Vec3 off;
-    if (shape.nearest_axis(point, p, off) < 0) return 4;
-    const double far = norm(off);
-    const Vec3 g = far > 1e-9 * shape.diagonal ? (1 / far) * off : any_across(shape.axes[0].direction), y = p - shape.centre;
-    const Vec3 turn = cross(g, y);
-    const double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
-    const double r = far * per, w = 1 / (1 + 0.25 * r * r);
-    for (int i = 0; i < 6; ++i) {
-        b[i] -= w * w * row[i] * r;
-        for (int l = 0; l <= i; ++l) A[6 * i + l] += w * w * row[i] * row[l];
-    }
-    return w * r * r;
-}
-
 // One robust step of a pose to the nearest surface at a scale; the cost before it. Without move: the cost alone.
 double settle_step(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale, bool move,
                    Pose& pose) {
     const double per = 1 / scale;
     double A[36] = {0}, b[6] = {0}, total = 0;
     for (const int j : rows) {
-        const Point& point = problem.points[j];
-        const Vec3 p = into_part(pose, point.at);
-        if (point.amid()) {
-            total += step_of_centre(shape, point, p, per, A, b);
+        const Factor& factor = *problem.factors[j];
+        const Vec3 p = into_part(pose, factor.at);
+        const NearestElement near = factor.nearest(shape, pose, p, scale > COARSE * shape.grid_step);
+        if (!near.possible || near.contradicted) {
+            total += 4;
             continue;
         }
-        const Closest c = scale > COARSE * shape.grid_step ? shape.closest_about(p) : shape.closest(p);
-        const Vec3& n = shape.normals[c.triangle];
-        double far = std::sqrt(c.squared);
-        Vec3 g = far > 1e-7 * shape.diagonal ? (1 / far) * (p - c.point) : n;
-        if (dot(g, n) < 0) {
-            g = -g;
-            far = -far;
-        }
-        const int flat = shape.flat_of[c.triangle], profile = flat < 0 ? -1 : shape.flats[flat].profile;
-        if (profile >= 0 && dot(g, n) > 0.9) {
-            const Profile::At at = shape.profiles[profile].at(p, false);
-            if (dot(at.normal, n) > 0.9) {
-                far = at.distance;
-                g = at.normal;
-            }
-        }
-        const double r = (far - point.radius) * per;
+        const Vec3& g = near.direction;
+        const double r = near.distance * per;
         const Vec3 y = p - shape.centre, turn = cross(g, y);
         // the point moves by -v + y x w
         double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
         double w = 1 / (1 + 0.25 * r * r);
-        if (point.sided && dot(n, transposed_times(pose.R, point.direction)) > 0) {
-            total += 4;
-            continue;
-        }
         total += w * r * r;
         w *= w;
         for (int i = 0; i < 6; ++i) {
             b[i] -= w * row[i] * r;
             for (int l = 0; l <= i; ++l) A[6 * i + l] += w * row[i] * row[l];
         }
-        if (!point.oriented) continue;
-        const Vec3 m = transposed_times(pose.R, point.normal), tilt = cross(m, n);
-        const double sd = std::max(point.normal_sd, scale / (0.25 * shape.diagonal)), info = 1 / (sd * sd);
+        const Vec3& n = near.normal;
+        if (!(squared(n) > 0)) continue;
+        const Vec3 m = transposed_times(pose.R, factor.direction), tilt = cross(m, n);
+        const double sd = std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)), info = 1 / (sd * sd);
         const double q = 2 * (1 - dot(m, n)) * info;
         double v = 1 / (1 + q / 8);
         total += v * q;
@@ -139,16 +107,23 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
     return all;
 }
 
+// The information of a weak prior on state i: a shift of a quarter of the diagonal and a turn of half a radian. It limits
+// steps along motions of the pose that no measurement constrains.
+static double weak_prior(int i, const Shape& shape) {
+    const double root = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
+    return root * root;
+}
+
 // How many of the other states the points tell, of those that the noise scale scales: the integral over them is in
 // proportion to so many powers of the scale. Their joint maximum has it too small, and of few points at nothing.
-static double told_by_points(const Likelihood& likelihood, const Shape& shape, const Problem& problem) {
+static double told_by_points(const Likelihood& likelihood, const std::vector<double>& information, const Shape& shape,
+                             const Problem& problem) {
     if (!(problem.scale_sd > 0) || likelihood.blur > 0) return 0;
     const int K = problem.size(), P = K - 1;
     std::vector<double> L(static_cast<size_t>(P) * P), column(P);
     for (int i = 0; i < P; ++i) {
-        for (int j = 0; j <= i; ++j) L[i * P + j] = likelihood.information[i * K + j];
-        const double soft = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
-        L[i * P + i] += soft * soft + 1e-12 * L[i * P + i];
+        for (int j = 0; j <= i; ++j) L[i * P + j] = information[i * K + j];
+        L[i * P + i] += weak_prior(i, shape) + 1e-12 * L[i * P + i];
     }
     if (!cholesky(L.data(), P)) return 0;
     double told = 0;
@@ -160,65 +135,81 @@ static double told_by_points(const Likelihood& likelihood, const Shape& shape, c
     return likelihood.scaled_share * std::min(std::max(told, 0.0), static_cast<double>(P));
 }
 
+namespace {
+
+// The log density as a problem of `maximize`. The integral over the states that the points constrain is in proportion to
+// a power of the noise scale, so its log is added: a multiple of the scale that is held during a step.
+struct LogDensity {
+    using State = tanteo::State;
+    struct Linear {
+        double value = 0;
+        std::vector<double> gradient, information;
+    };
+
+    Likelihood& likelihood;
+    const Shape& shape;
+    const Problem& problem;
+    double enough;
+
+    void linearize(const State& state, Linear& out) {
+        out.value = likelihood.at(state, true);
+        std::swap(out.gradient, likelihood.gradient);
+        std::swap(out.information, likelihood.information);
+    }
+    void slope(const Linear& at, double* g) const {
+        std::copy(at.gradient.begin(), at.gradient.end(), g);
+        if (problem.scale_sd > 0) g[at.gradient.size() - 1] += told;
+    }
+    double prior(int i, double, double) const { return weak_prior(i, shape); }
+    State retract(const State& state, double* step) const {
+        shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
+        return stepped(state, step, shape.centre);
+    }
+    double gain(const State& from, const Linear& at, const State& to, const Linear& there) const {
+        const double by_scale = problem.scale_sd > 0 ? told * (to.z.back() - from.z.back()) : 0;
+        return there.value - at.value + by_scale;
+    }
+    bool accepts(const Linear&, double gain, double) const { return gain > 0; }
+    bool converged(double gain, double) const { return gain < enough; }
+    void accepted(const State&, const Linear& at) {
+        if (problem.scale_sd > 0) told = problem.scale_sd * told_by_points(likelihood, at.information, shape, problem);
+    }
+
+    double told = 0;
+};
+
+}  // namespace
+
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
             Maximum& maximum) {
-    const int K = problem.size();
     likelihood.blur = blur;
     likelihood.blur_turn = blur / (0.25 * shape.diagonal);
-    maximum.log = likelihood.at(maximum.state, true);
-    maximum.gradient = likelihood.gradient;
-    maximum.information = likelihood.information;
-    double told = problem.scale_sd * told_by_points(likelihood, shape, problem);
-    std::vector<double> L(static_cast<size_t>(K) * K), step(K), slope(K);
-    double damping = 1e-3;
-    for (int k = 0; k < steps; ++k) {
-        L = maximum.information;
-        for (int i = 0; i < K; ++i) {
-            const double soft = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
-            L[i * K + i] += damping * L[i * K + i] + soft * soft;
-        }
-        slope = maximum.gradient;
-        if (problem.scale_sd > 0) slope.back() += told;
-        step = slope;
-        double gain = -1;
-        if (cholesky(L.data(), K)) {
-            solve_cholesky(L.data(), K, step.data());
-            double most = 0;  // what the step may gain at most, if the density is as its curvature says
-            for (int i = 0; i < K; ++i) most += step[i] * slope[i];
-            if (most < enough) break;
-            shorten(step.data(), K, LARGEST_TURN, 0.25 * shape.diagonal);
-            const State next = stepped(maximum.state, step.data(), shape.centre);
-            const double there = likelihood.at(next, true);
-            gain = there - maximum.log;
-            if (problem.scale_sd > 0) gain += told * (next.z.back() - maximum.state.z.back());
-            if (gain > 0) {
-                if (problem.scale_sd > 0) told = problem.scale_sd * told_by_points(likelihood, shape, problem);
-                maximum.state = next;
-                maximum.log = there;
-                std::swap(maximum.gradient, likelihood.gradient);
-                std::swap(maximum.information, likelihood.information);
-            }
-        }
-        damping = gain > 0 ? std::max(0.1 * damping, 1e-6) : 20 * damping;
-        if ((gain > 0 && gain < enough) || damping > 100) break;
-    }
+    LogDensity density{likelihood, shape, problem, enough};
+    LogDensity::Linear at;
+    density.linearize(maximum.state, at);
+    density.accepted(maximum.state, at);
+    maximize(density, maximum.state, at, {1e-3, 0.1, 1e-6, 20, 0, 5}, steps, enough);
+    maximum.log = at.value;
+    std::swap(maximum.gradient, at.gradient);
+    std::swap(maximum.information, at.information);
 }
 
 // Whether a point is one of so many that lie far apart; empty if there are no more. They are of twice as many that come
 // at even steps: of all points, outliers would be the farthest.
-static std::vector<char> far_apart(const std::vector<Point>& points, size_t count) {
-    std::vector<size_t> rows;  // those that what stands around does not explain
-    for (size_t j = 0; j < points.size(); ++j)
-        if (points[j].furniture < 1) rows.push_back(j);
-    if (points.size() <= count) return {};
-    std::vector<char> chosen(points.size(), 0);
+static std::vector<char> far_apart(const Problem& problem, size_t count) {
+    std::vector<size_t> rows;  // those that furniture does not explain
+    const auto& factors = problem.factors;
+    for (size_t j = 0; j < factors.size(); ++j)
+        if (problem.furniture[j] < 1) rows.push_back(j);
+    if (factors.size() <= count) return {};
+    std::vector<char> chosen(factors.size(), 0);
     const size_t some = std::min(2 * count, rows.size());
     std::vector<double> nearest(some, 1e300);
     for (size_t next = 0, k = 0; k < std::min(count, some); ++k) {
         const size_t row = rows[next * rows.size() / some];
         chosen[row] = 1;
         for (size_t j = 0; j < some; ++j)
-            nearest[j] = std::min(nearest[j], norm(points[rows[j * rows.size() / some]].at - points[row].at));
+            nearest[j] = std::min(nearest[j], norm(factors[rows[j * rows.size() / some]]->at - factors[row]->at));
         next = std::max_element(nearest.begin(), nearest.end()) - nearest.begin();
     }
     return chosen;
@@ -226,7 +217,7 @@ static std::vector<char> far_apart(const std::vector<Point>& points, size_t coun
 
 std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, const std::vector<State>& starts,
                              const std::vector<double>& blurs, int steps, double enough, double margin) {
-    const std::vector<char> coarse = far_apart(problem.points, ROUGH_POINTS);
+    const std::vector<char> coarse = far_apart(problem, ROUGH_POINTS);
     std::vector<Maximum> maxima(starts.size());
     for (size_t k = 0; k < starts.size(); ++k) {
         maxima[k].state = starts[k];

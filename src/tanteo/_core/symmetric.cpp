@@ -4,8 +4,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "vec.hpp"
-
 namespace tanteo {
 
 namespace {
@@ -56,12 +54,6 @@ Eigen eigen(std::vector<double> A, int n) {
         for (int i = 0; i < n; ++i) out.vectors[i * n + k] = V[i * n + order[k]];
     }
     return out;
-}
-
-bool solve_symmetric(std::vector<double> A, int n, double* b) {
-    if (!cholesky(A.data(), n)) return false;
-    solve_cholesky(A.data(), n, b);
-    return true;
 }
 
 }  // namespace tanteo

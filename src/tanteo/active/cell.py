@@ -16,6 +16,7 @@ from tanteo.answers import point_moves
 from tanteo.errors import InputError
 from tanteo.features import shared_root
 from tanteo.lie import SE3, SO3
+from tanteo.limits import SIGNIFICANCE
 from tanteo.sensors import PointMeasurements, Readings
 from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Vectors
@@ -23,8 +24,6 @@ from tanteo.typing import FloatArray, Vectors
 Measured = Callable[[Readings], PointMeasurements]
 """How readings are made into measurements."""
 
-CONTRADICTED = 0.01
-"""P-value below which the readings contradict what was stated of an error."""
 _TOLD = 0.05
 """Share of an error's stated variance that readings must explain, for it to be judged at all."""
 _ALIKE = 0.7
@@ -58,7 +57,7 @@ class CellError:
     @property
     def contradicted(self) -> bool:
         """Whether the readings contradict what was stated."""
-        return self.p_value < CONTRADICTED
+        return self.p_value < SIGNIFICANCE
 
 
 @dataclass(frozen=True, slots=True, eq=False)

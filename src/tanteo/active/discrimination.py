@@ -17,7 +17,7 @@ from tanteo.active.utility import about_mode
 from tanteo.answers import Priors, corner_moves
 from tanteo.inference import PreparedPart, Problem, identify_points, prepare_all, settle
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.measurements import FreeRays, surface_points
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
@@ -157,13 +157,9 @@ def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
     It does so on the whole, all differences shared out over its surface, and with as much of the surface as can be just
     where the first has it, which puts all the difference in one place: as when it was located by what both have.
     """
-    points, normals, n = first.samples[:_PLACES], first.normals[:_PLACES], min(_PLACES, len(first.samples))
+    points, normals = first.samples[:_PLACES], first.normals[:_PLACES]
     sd = _AGREE * first.part.diagonal
-    none, directions = np.zeros((n, 3, 0)), np.zeros((n, 3))
-    touches = ContactPoints(
-        tuple(map(str, range(n))), points, np.tile(sd**2 * np.eye(3), (n, 1, 1)), np.zeros(n), directions, normals,
-        np.full(n, 0.2), np.zeros(n), none, np.full(n, sd),
-    )  # fmt: skip
+    touches = surface_points(points, sd, normals=normals, normal_sds=0.2)
     priors = Priors(outlier_rate=0.2, radius=max(first.part.radius, second.part.radius))
     answer = identify_points(touches, FreeRays.none(), [second], priors=priors, top=_TWINS)
     if not answer.hypotheses:

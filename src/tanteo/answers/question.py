@@ -10,7 +10,7 @@ from typing import Any
 from tanteo.answers.priors import Priors
 from tanteo.answers.results import Answer
 from tanteo.errors import InputError, check_kind
-from tanteo.limits import check_count, check_number
+from tanteo.limits import check_count, check_significance
 from tanteo.parts import as_parts
 
 
@@ -23,9 +23,7 @@ def check_question(parts: Any, significance: float, top: int, seed: int, priors:
     found = as_parts("parts", parts)
     if not len(found):
         raise InputError("parts: expected at least one part, got none.")
-    check_number("significance", significance)
-    if not 0 < significance < 1:
-        raise InputError(f"significance: expected a probability between 0 and 1, got {significance}.")
+    check_significance(significance)
     check_count("top", top, 1)
     check_count("seed", seed, 0)
     if priors is not None:

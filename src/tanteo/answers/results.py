@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from tanteo.limits import SIGNIFICANCE
 from tanteo.localization import SharedGiven
 from tanteo.typing import Covariances, FloatArray, Transforms
 
@@ -108,6 +109,7 @@ class Answer:
         elapsed: seconds by stage.
         seed: of the search; the same seed gives the same answer.
         findings: what is odd about the input: units, directions, repeats and so on.
+        significance: significance level of the tests behind the status: a p-value below it rejects.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")
@@ -123,11 +125,16 @@ class Answer:
     elapsed: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
     findings: tuple[Finding, ...] = ()
+    significance: float = SIGNIFICANCE
 
     @property
     def best(self) -> Hypothesis | None:
         """The most probable hypothesis; None where no part is one. What it is worth is in :attr:`status`."""
         return self.hypotheses[0] if self.hypotheses else None
+
+    def rejects(self, hypothesis: Hypothesis) -> bool:
+        """Return whether the joint test rejects a hypothesis at the answer's significance level."""
+        return hypothesis.p_value < self.significance
 
     @property
     def pose(self) -> Transforms | None:

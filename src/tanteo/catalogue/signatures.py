@@ -15,7 +15,7 @@ from tanteo import _core
 from tanteo.catalogue.cache import load_derived, store_derived
 from tanteo.catalogue.index import kinds
 from tanteo.catalogue.resting import hull_points, rest_rows
-from tanteo.catalogue.shaping import axes_of
+from tanteo.factors import landmark_rows
 from tanteo.parts import Face, Part
 from tanteo.shapes import ClosestPoints, Surface, as_signed
 from tanteo.typing import FloatArray, Vectors
@@ -137,11 +137,11 @@ def rounds_of(part: Part) -> np.ndarray:
 
 
 def _largest_axes(part: Part) -> np.ndarray:
-    """Where centres may be ``(K, 12)``, as the core has it; of each kind the largest, for most are sensed of these.
+    """Where centres may be ``(K, 15)``, as the core has it; of each kind the largest, for most are sensed of these.
 
     Their weights are those among all: what they lack of 1 is the share of those that are left out.
     """
-    rows = axes_of(part)
+    rows = landmark_rows(part)
     kept = list[int]()
     for kind in np.unique(rows[:, 11]):
         own = np.flatnonzero(rows[:, 11] == kind)

@@ -9,6 +9,7 @@ from tanteo import answers, io
 from tanteo.cli import arguments as args
 from tanteo.cli import controller
 from tanteo.cli.misuse import MisuseError
+from tanteo.limits import SIGNIFICANCE, TOP
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +38,8 @@ class Options:
     image: args.ImagePaths = None
     camera: args.CameraPaths = None
     marks: args.MarksPaths = None
-    significance: args.Significance = 0.01
-    top: args.Top = 5
+    significance: args.Significance = SIGNIFICANCE
+    top: args.Top = TOP
     as_published: args.AsPublished = False
     report: args.Report = None
     pose_as: controller.PoseAs = None

@@ -13,6 +13,7 @@ import typer
 from tanteo import io
 from tanteo.cli import typed
 from tanteo.cli.typed import Words
+from tanteo.limits import SIGNIFICANCE, TOP
 
 if TYPE_CHECKING:
     from tanteo.answers import Table
@@ -154,12 +155,12 @@ MarksPaths = Annotated[
 Significance = Annotated[
     float,
     _answer("--significance", None, "Significance level of all tests: how often one may reject what is true."),
-    Words(partial(typed.fraction, "--significance", "number", "0.01"), float),
+    Words(partial(typed.fraction, "--significance", "number", str(SIGNIFICANCE)), float),
 ]
 Top = Annotated[
     int,
     _answer("--top", None, "Print this many hypotheses at most."),
-    Words(partial(typed.at_least, "--top", 1, "Use 5"), int),
+    Words(partial(typed.at_least, "--top", 1, f"Use {TOP}"), int),
 ]
 AsPublished = Annotated[bool, _answer("--as-published", None, "Use the equations as the paper of 1991 prints them.")]
 Seed = Annotated[int, _answer("--seed", None, "Seed of the search: the same seed gives the same answer."), SEED]

@@ -92,6 +92,7 @@ class Feature:
         tip_radius: of the ball that touched there [m]: its centre was one radius off the surface, so nothing else of
             the part is nearer to the centre than that; 0 for a beam or a point.
         size: radius or half angle of a round feature; None for others, and where nothing is known of it.
+        second_size: a second size of a kind that has two, such as the radius of a torus's tube; None where unknown.
 
     Raises:
         InputError: if the frame is not a rigid motion, or a size is of no round kind or of wrong shape.
@@ -107,6 +108,7 @@ class Feature:
     readings: tuple[str, ...] = ()
     tip_radius: float = 0.0
     size: Round | None = None
+    second_size: Round | None = None
 
     def __post_init__(self) -> None:
         name = f"feature {self.label!r}"

@@ -16,9 +16,6 @@ _SIGMAS = 4.0
 _PATHS = 40
 """Free-space rays to furniture that count: each is cast at every pose."""
 
-_DECADES = 2.0
-"""Over so many a radius may be any, if nothing is known of what it is of, each ratio alike."""
-
 _JEFFREYS = 0.5
 """Measurements on either side that the share of those on furniture starts with."""
 
@@ -95,12 +92,5 @@ def _paths(points: ContactPoints, on_it: BoolArray) -> FreeRays:
 
 
 def outlier_log_density(points: ContactPoints, priors: Priors) -> FloatArray:
-    """Log density of each point if it is an outlier, or of an unknown object: anywhere in the workspace ``(n,)``.
-
-    The radius of a circle is then any, evenly in its logarithm.
-    """
-    ball = np.log(4 / 3 * np.pi * priors.radius**3)
-    log = np.where(points.directed, -np.log(2 * priors.radius), -ball)
-    radii = points.circles[:, 0]
-    sized = np.where(radii > 0, np.log(_DECADES * np.log(10) * np.where(radii > 0, radii, 1.0)), 0.0)
-    return np.asarray(log - np.where(points.oriented, np.log(4 * np.pi), 0.0) - sized)
+    """Return the log density of each measurement if it is an outlier, or of an unknown object ``(n,)``."""
+    return np.array([factor.log_outlier(priors.radius) for factor in points.factors], dtype=np.float64)

@@ -50,7 +50,9 @@ def cut_by_box(
         if cut[k]:
             mean, C = _moments(at, S, pose.box)
             gain = np.linalg.solve(S, J @ P).T
-            means[k], covariances[k] = gain @ (mean - at), P + gain @ (C - S) @ gain.T
+            # Joseph form: P + gain (C - S) gain^T cancels to noise where the box is far away and C tiny
+            rest = np.eye(6) - gain @ J
+            means[k], covariances[k] = gain @ (mean - at), rest @ P @ rest.T + gain @ C @ gain.T
     return means, covariances, cut
 
 

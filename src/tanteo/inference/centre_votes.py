@@ -13,12 +13,12 @@ import numpy as np
 from tanteo import _core
 from tanteo.inference.around import outlier_log_density
 from tanteo.inference.candidates import Candidates
+from tanteo.inference.hole_tuples import sensed_sizes
 from tanteo.inference.plane_votes import BEHIND, LIMIT
 from tanteo.inference.pose_seeds import Seeds, spread_out
-from tanteo.inference.problem import Problem, number_of
+from tanteo.inference.problem import Problem
 from tanteo.inference.sensed_planes import SensedPlanes
 from tanteo.measurements import ContactPoints
-from tanteo.sensors import CENTRE
 from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms
 
 _WIDER, _MADE = 0.6, 5e-5
@@ -84,11 +84,12 @@ def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes
     own = own.take(spread_out(own.points, _COMPARED))
     factor = float(np.exp(_WIDER * problem.scale_sd))
     shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
-    sizes, size_sds, sides = own.circles.T
-    kinds = np.array([number_of(kind) for kind in own.kinds], dtype=np.float64)
+    sizes, size_sds, sides = sensed_sizes(own)
+    codes = _core.landmark_codes()
+    kinds = np.array([codes[factor.core] for factor in own.factors], dtype=np.float64)
     rows = np.column_stack(
         [
-            own.points - own.radii[:, None] * own.normals,  # of a fitted cone the apex
+            own.landmarks,
             own.normals,
             np.sqrt((factor * own.sd) ** 2 + shared**2 + _MADE**2),
             factor * own.normal_sds,
@@ -112,11 +113,11 @@ def _lonely(planes: FloatArray) -> BoolArray:
 
 def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatArray:
     """Nats that a centre costs if it is of no axis ``(n,)``."""
-    rate, sizes = problem.priors.outlier_rate, own.circles[:, 0]
-    line = np.array([kind == CENTRE for kind in own.kinds], dtype=bool)
+    rate, (sizes, size_sds, _) = problem.priors.outlier_rate, sensed_sizes(own)
+    line = np.array([factor.codimension == 2 for factor in own.factors], dtype=bool)
     log_across = -0.5 * np.log(2 * np.pi) - np.log(factor * own.sd)
     peak = np.where(line, 2 * log_across - np.log(4 * problem.priors.radius), 3 * log_across) - np.log(_HOLES)
-    peak += np.where(sizes > 0, -0.5 * np.log(2 * np.pi) - np.log(np.where(sizes > 0, own.circles[:, 1], 1.0)), 0.0)
+    peak += np.where(sizes > 0, -0.5 * np.log(2 * np.pi) - np.log(np.where(sizes > 0, size_sds, 1.0)), 0.0)
     elsewhere = outlier_log_density(own, problem.priors) + np.where(own.oriented, np.log(4 * np.pi), 0.0)
     return np.asarray((peak - elsewhere + np.log1p(-rate) - np.log(rate)).clip(_LEAST, _MOST))
 

@@ -11,6 +11,7 @@ from tanteo.answers import Answer, Hypothesis, Priors
 from tanteo.features import Sides, collect_shared
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.recognition import identify_points
+from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.measurements import FreeRays, as_labelled_points
 from tanteo.parts import Part
 
@@ -20,8 +21,8 @@ def identify_features(
     parts: Sequence[Part] | Sequence[PreparedPart],
     *,
     tolerance: float = 0.0,
-    significance: float = 0.01,
-    top: int = 5,
+    significance: float = SIGNIFICANCE,
+    top: int = TOP,
     priors: Priors | None = None,
 ) -> Answer:
     """Which of the parts the sensed features belong to, and its pose.

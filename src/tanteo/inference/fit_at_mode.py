@@ -8,11 +8,12 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.answers import Misfit, part_scale, spins, without_spins
+from tanteo.factors import numbered_landmarks
 from tanteo.inference.details import Details, details_at
 from tanteo.inference.modes import Mode, to_origin
 from tanteo.localization import pose_information, weak_motions
-from tanteo.measurements import FreeRays, directions_met
-from tanteo.parts import Part, centred_faces, round_features
+from tanteo.measurements import FreeRays
+from tanteo.parts import Part
 from tanteo.typing import FloatArray, Tangents
 
 _HELD, _TOLD = 0.05, 24
@@ -59,9 +60,9 @@ class GoodnessOfFit:
 
     def misfit(self) -> Misfit:
         """Of the points that belong and their normals, against what was stated."""
-        belongs, tilts, kinds = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.kinds
+        belongs, tilts, factors = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.factors
         points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
-        across = sum(directions_met(kind) for kind, on in zip(kinds, belongs, strict=True) if on)
+        across = sum(factor.codimension for factor, on in zip(factors, belongs, strict=True) if on)
         told = 2 * int(np.count_nonzero(tilts[belongs]))
         tilted = float(np.sum(tilts[belongs] ** 2))
         return Misfit(points, tilted, across + told - 6, self.log_noise_factor, across - 6)
@@ -113,7 +114,7 @@ def face_names(one: GoodnessOfFit) -> list[str]:
 
 
 def _name_of(part: Part, number: int) -> str:
-    """What the core calls by a number: a face; beyond -1 edges, vertices, holes and bosses, then spheres and cones."""
+    """Return the name of an element of the core: a face; beyond -1 edges, vertices, then landmarks."""
     k, edges, corners = -2 - number, len(part.edges), len(part.corners)
     if number >= 0:
         return part.faces[number].name
@@ -121,10 +122,7 @@ def _name_of(part: Part, number: int) -> str:
         return f"edge {k}"
     if k < edges + corners:
         return f"vertex {k - edges}"
-    rounds, beyond = round_features(part), k - edges - corners
-    if beyond < len(rounds):
-        return rounds[beyond].name
-    return part.faces[centred_faces(part)[beyond - len(rounds)].face].name
+    return next(one.name for _, own, one in numbered_landmarks(part) if own == k - edges - corners)
 
 
 def information_by_point(mode: Mode) -> FloatArray:
@@ -136,7 +134,7 @@ def information_by_point(mode: Mode) -> FloatArray:
     objective, problem = mode.objective, mode.objective.problem
     out = np.zeros((len(problem.points), 6, 6))
     priors = replace(problem.priors, pose=None)
-    nothing = replace(problem, rays=FreeRays.none(), priors=priors, mixtures={}, factors=())
+    nothing = replace(problem, rays=FreeRays.none(), priors=priors, mixtures={}, pose_factors=())
     own, scale = problem.points.shared_jacobian.shape[2], mode.z[problem.shared_errors :]
     T, z = np.ascontiguousarray(mode.T_peak[None]), np.r_[mode.z[:own], scale][None]
     for k in range(len(out)):

@@ -7,19 +7,18 @@ Of many holes few triples fit that, as few triples of faces fit three planes (``
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 
 from tanteo import _core
+from tanteo.factors import numbered_landmarks
 from tanteo.inference.pose_seeds import spread_out
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints
-from tanteo.parts import CentredFace, RoundFeature, centred_faces, round_features
-from tanteo.sensors import CENTRE, CENTRE_OF
+from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
 
 _SDS, _MADE = 4.0, 5e-5
@@ -60,17 +59,24 @@ class Axes:
         ends: of each ``(N, 2, 3)`` [m].
         sizes: least and largest radius [m] or half angle [rad] of each ``(N, 2)``.
         sides: 1 of a hole, -1 of a boss ``(N,)``.
-        kinds: of the points that may be there ``(N,)``.
+        kinds: names of the factors that may be there, in the core ``(N,)``.
     """
 
-    def __init__(self, rounds: tuple[RoundFeature, ...], faces: tuple[CentredFace, ...]) -> None:
-        both = [one.ends for one in rounds] + [np.stack([one.centre, one.centre]) for one in faces]
-        self.ends = np.array(both).reshape(-1, 2, 3)
-        sizes = [one.radii for one in rounds] + [np.array([one.size, one.size]) for one in faces]
-        self.sizes = np.sort(np.array(sizes).reshape(-1, 2), axis=1)
-        hollow = [one.hole for one in rounds] + [one.hole for one in faces]
-        self.sides = np.where(np.array(hollow, dtype=bool), 1.0, -1.0)
-        self.kinds = np.array([CENTRE] * len(rounds) + [CENTRE_OF[one.surface] for one in faces])
+    def __init__(self, part: Part) -> None:
+        ends, sizes, sides, kinds, numbers = [], [], [], [], set[int]()
+        for cls, number, one in numbered_landmarks(part):
+            if number in numbers:
+                continue  # the same axis, at all heights of the part
+            numbers.add(number)
+            middle, half = one.ends.mean(axis=0), 0.5 * (one.ends - one.ends.mean(axis=0))
+            ends.append(middle + half if one.is_line else one.ends[[0, 0]])  # a line goes on beyond its wall
+            sizes.append(one.sizes)
+            sides.append(1.0 if one.hole else -1.0)
+            kinds.append(cls.core)
+        self.ends = np.array(ends).reshape(-1, 2, 3)
+        self.sizes = np.array(sizes).reshape(-1, 2)
+        self.sides = np.array(sides)
+        self.kinds = np.array(kinds)
 
     def __len__(self) -> int:
         return len(self.ends)
@@ -93,10 +99,16 @@ class Axes:
 
     def allowed(self, points: ContactPoints) -> BoolArray:
         """Which axes each centre may be of, by kind, side and size ``(n, N)``."""
-        size, sd, side = points.circles.T[..., None]
+        size, sd, side = sensed_sizes(points)[..., None]
         near = (size > self.sizes[:, 0] - _SDS * sd) & (size < self.sizes[:, 1] + _SDS * sd)
-        alike = np.array(points.kinds)[:, None] == self.kinds
+        alike = np.array([factor.core for factor in points.factors])[:, None] == self.kinds
         return np.asarray(alike & (side * self.sides >= 0) & ((size == 0) | near))
+
+
+def sensed_sizes(points: ContactPoints) -> FloatArray:
+    """Return sensed size, its standard deviation and material side of each ``(3, n)``; 0 where unknown."""
+    sizes = [(0.0, 0.0) if f.sensed_size is None else (f.sensed_size.value, f.sensed_size.sd) for f in points.factors]
+    return np.column_stack([np.array(sizes).reshape(-1, 2), [f.material_side for f in points.factors]]).T
 
 
 def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedPart) -> Transforms:
@@ -104,11 +116,10 @@ def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedP
     rows, none = np.flatnonzero(points.centres), np.zeros((0, 4, 4))
     if len(rows) < 3:
         return none
-    axes = Axes(round_features(prepared.part), centred_faces(prepared.part))
+    axes = Axes(prepared.part)
     if len(axes) < 3:
         return none
     centres = points.take(rows)
-    centres = replace(centres, points=centres.points - centres.radii[:, None] * centres.normals)  # of cones the apex
     found = [_placed(centres, axes, triple) for triple in _triples(centres)]
     Ts = np.concatenate([none, *found])
     Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[:_BEST]]
@@ -117,9 +128,9 @@ def from_centres(points: ContactPoints, core: _core.Problem, prepared: PreparedP
 
 def _triples(centres: ContactPoints) -> list[IntArray]:
     """Triples of centres that are far apart and not in a row, the largest triangles first."""
-    spread = spread_out(centres.points, _AMONG)
+    spread = spread_out(centres.landmarks, _AMONG)
     triples = np.array(list(combinations(spread.tolist(), 3)))
-    a, b, c = centres.points[triples].transpose(1, 0, 2)
+    a, b, c = centres.landmarks[triples].transpose(1, 0, 2)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.max([np.linalg.norm(p - q, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
     chosen, used = list[IntArray](), set[int]()
@@ -132,7 +143,7 @@ def _triples(centres: ContactPoints) -> list[IntArray]:
 
 def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
     """Poses that put three centres on three axes."""
-    p, sd, allowed = centres.points[triple], centres.sd[triple], axes.allowed(centres.take(triple))
+    p, sd, allowed = centres.landmarks[triple], centres.sd[triple], axes.allowed(centres.take(triple))
     least, most = axes.distances
 
     def fits(i: int, j: int) -> BoolArray:
@@ -174,13 +185,13 @@ def _aligned(places: Vectors, p: Vectors) -> Transforms:
 
 def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
     """How far some of the centres are from the axes, in what they may be off, each as one at most ``(S,)``."""
-    some = spread_out(centres.points, _SOME)
+    some = spread_out(centres.landmarks, _SOME)
     a, along = axes.ends[:, 0], axes.ends[:, 1] - axes.ends[:, 0]
     squares, allowed = np.maximum(np.sum(along**2, axis=1), _TINY), axes.allowed(centres.take(some))
     within = _SDS * centres.sd[some] + 2 * _MADE
     out = np.zeros(len(Ts))
     for k, T in enumerate(SE3.inverse(Ts)):
-        off = SE3.apply(T, centres.points[some])[:, None] - a
+        off = SE3.apply(T, centres.landmarks[some])[:, None] - a
         t = np.clip(np.sum(off * along, axis=-1) / squares, -_ON, 1 + _ON)
         beside = np.linalg.norm(off - t[..., None] * along, axis=-1)
         nearest = np.where(allowed, beside, np.inf).min(axis=1)

@@ -11,9 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tanteo.features import label_kind
-from tanteo.measurements import ContactPoints, is_round
-from tanteo.sensors import CENTRES
+from tanteo.measurements import ContactPoints
 from tanteo.special import log_sum
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
@@ -67,7 +65,8 @@ def groups_of(points: ContactPoints) -> IntArray:
     keys = list(zip(points.labels, points.kinds, strict=True))
     for key in keys:
         counts[key] = counts.get(key, 0) + 1
-    several = [key for key, count in counts.items() if key[0] and count > 1 and key[1] not in CENTRES]
+    surface = {key for key, factor in zip(keys, points.factors, strict=True) if factor.on_surface}
+    several = [key for key, count in counts.items() if key[0] and count > 1 and key in surface]
     number = {key: k for k, key in enumerate(several)}
     return np.array([number.get(key, -1) for key in keys], dtype=np.int32)
 
@@ -88,8 +87,8 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
     log_odds = np.zeros(groups.max(initial=-1) + 1)
     for g in range(len(log_odds)):
         own = points.take(np.flatnonzero(groups == g))
-        free = 3 - label_kind(own.kinds[0]).faces
-        if is_round(own.kinds[0]):  # a wall may bend in any way
+        free = 3 - own.factors[0].codimension
+        if own.factors[0].round_face:  # a wall may bend in any way
             continue
         if len(own) <= free:  # two points tell the direction of an edge, or that they meet, and nothing of a face
             continue
@@ -114,7 +113,7 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
     """
     middle = points.points.mean(axis=0)
     axes = np.linalg.svd((points.points - middle).T @ (points.points - middle))[2]
-    free = 3 - label_kind(points.kinds[0]).faces  # directions along what they share come first
+    free = 3 - points.factors[0].codimension  # directions along what they share come first
     across, along = axes[free:], axes[:free]
     off = (points.points - middle) @ across.T
     if free == 2:

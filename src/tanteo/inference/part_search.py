@@ -156,9 +156,9 @@ class PartSearch:
     def _of_factors(self) -> None:
         """Maximize from poses that factors such as images suggest: once, and unblurred, for they are near."""
         objective = self.objective
-        if self.restarts or not objective.problem.factors:
+        if self.restarts or not objective.problem.pose_factors:
             return
-        suggested = [factor.proposals(objective.prepared.part) for factor in objective.problem.factors]
+        suggested = [factor.poses(objective.prepared.part) for factor in objective.problem.pose_factors]
         self.try_poses(np.concatenate(suggested), certain=True)
 
     def sample(self, count: int) -> None:

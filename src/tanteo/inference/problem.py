@@ -14,10 +14,9 @@ from tanteo.inference.labels import Elsewhere, elsewhere, groups_of
 from tanteo.inference.outliers import outlier_rates
 from tanteo.inference.prepared import PreparedPart
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays, PoseFactor, directions_met, is_round
+from tanteo.measurements import ContactPoints, FreeRays, PoseFactor
 from tanteo.parts import Part
-from tanteo.sensors import APEX, BALL, CENTRE
-from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.typing import Covariances, FloatArray, Indices, IntArray, Transforms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +44,7 @@ class Problem:
         priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
         mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
         odds: log odds of each part by what was measured of the whole object, by its name; none were measured without.
-        factors: measurements of the pose that are no points or rays, such as images.
+        pose_factors: measurements of the pose that are no points or rays, such as images and functions of a user.
         around: points that may be of what stands around.
         groups: number of the label of each point ``(n,)``; -1 where it has none.
         elsewhere: what labels say of surfaces that are not the part's.
@@ -56,10 +55,11 @@ class Problem:
     priors: Priors
     mixtures: dict[int, PoseMixture] = field(default_factory=dict)
     odds: Mapping[str, float] = field(default_factory=dict)
-    factors: tuple[PoseFactor, ...] = ()
+    pose_factors: tuple[PoseFactor, ...] = ()
     around: Around = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
     elsewhere: Elsewhere = field(init=False, repr=False)
+    _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
         groups = groups_of(self.points)
@@ -74,8 +74,8 @@ class Problem:
 
     @property
     def shared_errors(self) -> int:
-        """Number of shared errors: of the points first, then of each factor."""
-        return int(self.points.shared_jacobian.shape[2]) + sum(factor.states for factor in self.factors)
+        """Number of shared errors: of the points first, then of each pose factor."""
+        return int(self.points.shared_jacobian.shape[2]) + sum(factor.states for factor in self.pose_factors)
 
     @property
     def states(self) -> int:
@@ -84,8 +84,8 @@ class Problem:
 
     @property
     def log_factors_unknown(self) -> float:
-        """Log density of all factors if the object is unknown."""
-        return float(sum(factor.log_unknown for factor in self.factors))
+        """Log density of all pose factors if the object is unknown."""
+        return float(sum(factor.log_unknown for factor in self.pose_factors))
 
     @property
     def log_not_on_part(self) -> FloatArray:
@@ -112,17 +112,23 @@ class Problem:
         anywhere = -3 * np.log(2 * self.priors.radius) - np.log(8 * np.pi**2)
         pose = self.priors.pose
         placed = id(prepared) in self.mixtures or (pose is not None and pose.T_world_part is not None)
-        if placed or any(factor.is_pose_prior for factor in self.factors):
+        if placed or any(factor.is_pose_prior for factor in self.pose_factors):
             anywhere = 0.0  # the mixture, or the factor, is a density already
         if pose is None:
             return float(anywhere)
         return float(anywhere + log_density_within(unplaced(pose), self.priors.radius))
 
+    @property
+    def factors(self) -> list[tuple[_core.FactorList, Indices]]:
+        """The measurements for the core; compiled once, for all parts."""
+        if not self._factors and len(self.points):
+            self._factors.extend(self.points.compiled(outlier_log_density(self.points, self.priors)))
+        return self._factors
+
     def compiled(self, prepared: PreparedPart) -> _core.Problem:
         """The question about one part, for the core."""
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
-        extra = np.full(len(t), t.tolerance**2)
         rays = rays.join(self.around.paths) if len(self.around.paths) else rays
         table = self.priors.pose.table if self.priors.pose is not None else None
         lines = np.column_stack(
@@ -131,17 +137,14 @@ class Problem:
         means, roots, log_weights = self._normals(prepared)
         more = ((0, 0), (0, 0), (0, self.shared_errors - t.shared_jacobian.shape[2]))
         core = _core.make_problem(
-            _c(t.points), _c(t.covs - extra[:, None, None] * np.eye(3)), extra, _c(t.radii), _c(t.directions),
-            _c(t.sides), _c(t.normals), _c(t.normal_sds), _c(t.reach), _c(outlier_log_density(t, self.priors)),
-            _c(self.around.over_outlier),
-            np.array([number_of(kind) for kind in t.kinds], dtype=np.int32), _c(t.circles), self.groups,
-            _c(self.elsewhere.log_odds), _c(np.pad(t.shared_jacobian, more)), float(self.scale_sd), _c(rates),
-            _c(weights), self.priors.outlier_rate, _c(lines), _c(np.pad(rays.shared_jacobian, more)),
-            _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
+            self.factors, _c(self.around.over_outlier), self.groups, _c(self.elsewhere.log_odds),
+            _c(np.pad(t.shared_jacobian, more)),
+            np.zeros((0, 3, 0)), float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
+            _c(np.pad(rays.shared_jacobian, more)), _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
             np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
         )  # fmt: skip
         first = t.shared_jacobian.shape[2]
-        for factor in self.factors:
+        for factor in self.pose_factors:
             core.add(factor.term(prepared.part, first))
             first += factor.states
         return core
@@ -162,18 +165,9 @@ class Problem:
         return means.reshape(-1, 4, 4), roots.reshape(-1, 6, 6), np.repeat(log, len(turns))
 
 
-_CENTRES = {CENTRE: 3, BALL: 5, APEX: 6}
-"""Numbers in the core (``Kind``) of kinds of points that are not on the surface."""
-
-
 def unplaced(pose: PosePrior) -> PosePrior:
     """What is known of the pose but for its normal density."""
     return replace(pose, T_world_part=None, covariance=None)
-
-
-def number_of(kind: str) -> int:
-    """Of a kind of point, for the core."""
-    return _CENTRES.get(kind, 4 if is_round(kind) else directions_met(kind) - 1)
 
 
 def _c(values: FloatArray) -> FloatArray:

@@ -21,6 +21,7 @@ from tanteo.inference.result import as_hypothesis, worst_reading
 from tanteo.inference.search import LeftOut
 from tanteo.inference.too_little import too_little
 from tanteo.inference.verdict import Outcome, verdict_of
+from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.measurements import ContactPoints, FreeRays, PoseFactor
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
@@ -32,10 +33,10 @@ def identify_points(
     parts: Sequence[Part] | Sequence[PreparedPart],
     *,
     shared: Sequence[SharedError] = (),
-    significance: float = 0.01,
-    top: int = 5,
+    significance: float = SIGNIFICANCE,
+    top: int = TOP,
     priors: Priors | None = None,
-    factors: tuple[PoseFactor, ...] = (),
+    factors: Sequence[PoseFactor] = (),
     seed: int = 0,
 ) -> Answer:
     """Which part the measurements are of, and its pose, labelled or not.
@@ -48,7 +49,7 @@ def identify_points(
         significance: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         priors: what is assumed beforehand.
-        factors: other measurements of the pose, such as images.
+        factors: further measurements of the pose, such as images and functions of your own.
         seed: of the search and the samples.
 
     Raises:
@@ -57,10 +58,10 @@ def identify_points(
     parts = check_question(parts, significance, top, seed, priors)
     clock = Clock()
     candidates = Candidates(parts)
-    problem = Problem(points, rays, sized(priors, float(candidates.radii.max())), factors=factors)
+    problem = Problem(points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors))
     clock.lap("prepare")
     if message := too_little(problem):
-        return Answer("insufficient", message, (), 1.0, clock.laps(), seed)
+        return Answer("insufficient", message, (), 1.0, clock.laps(), seed, significance=significance)
     odds = candidates.log_odds(problem.priors.whole)
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
     found, hypotheses = _located(posterior, problem.priors.pose, top)
@@ -80,7 +81,7 @@ def identify_points(
     clock.lap("compare")
     outcome = Outcome(candidates, chosen, posterior, found, hypotheses, check, worst)
     status, message = verdict_of(outcome, significance, shared)
-    return Answer(status, message, hypotheses, posterior.unknown, clock.laps(), seed)
+    return Answer(status, message, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
 
 
 def _searched(
@@ -130,9 +131,9 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Narrowed, seed: in
 def _proposed(problem: Problem, candidates: Candidates, chosen: Narrowed, row: int) -> Transforms | None:
     """Poses of a part to begin with: by what was sensed, and where an image shows the outline of the object."""
     whole, found = problem.priors.whole, chosen.hints.get(row)
-    if whole is None or whole.outline is None:
-        return found
-    seen = whole.outline.poses(candidates.parts, row)
-    if not len(seen):
-        return found
-    return seen if found is None else np.concatenate([found, seen])
+    proposed = [factor.poses(candidates.prepared(row).part) for factor in problem.pose_factors]
+    if whole is not None and whole.outline is not None:
+        proposed.append(whole.outline.poses(candidates.parts, row))
+    known = [] if found is None else [found]
+    known += [Ts for Ts in proposed if len(Ts)]
+    return np.concatenate(known) if known else None

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.factors import AxisCentre
 from tanteo.inference.problem import Problem
 from tanteo.measurements import ContactPoints
-from tanteo.sensors import CENTRE
 from tanteo.typing import FloatArray
 
 _LEAST = 3
@@ -18,7 +18,7 @@ _BARELY = 2.0
 
 def too_little(problem: Problem) -> str:
     """What to do if nothing tells the points from those of a line, or from one point; empty if there is enough."""
-    if problem.factors and len(problem.points):  # an image fixes the pose, too
+    if problem.pose_factors and len(problem.points):  # an image fixes the pose, too
         return ""
     points, named = problem.points.take(problem.around.others), problem.priors.pose is not None
     if not len(points) and len(problem.points):
@@ -26,7 +26,7 @@ def too_little(problem: Problem) -> str:
         return f"All {len(problem.points)} readings are on the {of}: sense the part, on several sides."
     if not len(points):
         return f"No reading met anything: sense {_LEAST} places or more, better eight, on several sides."
-    line = ", slid along its axis" if CENTRE in points.kinds else ""
+    line = ", slid along its axis" if any(isinstance(f, AxisCentre) for f in points.factors) else ""
     if len(points) == 1 and points.centres.any():
         return (
             f"One centre fits every hole, boss or sphere of its size, and leaves free how the part is tilted, turned "

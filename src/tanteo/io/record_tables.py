@@ -13,6 +13,7 @@ from tanteo.answers import Priors
 from tanteo.io.document import made, table, value
 from tanteo.io.part_files import PartFile
 from tanteo.io.schema import Place, Table, as_plain
+from tanteo.limits import SIGNIFICANCE
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.session import Action, Observation, Sensing
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
@@ -106,6 +107,7 @@ class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
         refused: the questions that could not be answered.
         questions: the largest number of a question until then.
         answer: the answer then, a document ``tanteo.recognition/1``.
+        significance: significance level of the tests of an answer; left out where it is the usual one.
     """
 
     schema: str
@@ -122,6 +124,7 @@ class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
     refused: tuple[Action, ...]
     questions: int
     answer: Annotated[dict[str, Any], Meta(description="a table")]
+    significance: float = SIGNIFICANCE
 
     @property
     def source(self) -> str:

@@ -19,6 +19,7 @@ from tanteo.io.record_tables import HERE, ObservationTable, PosePriors, SensingT
 from tanteo.io.result_json import recognition_document
 from tanteo.io.schema import Place, as_plain, show
 from tanteo.io.session_mcap import SUFFIX, is_mcap, record_text, write_mcap
+from tanteo.limits import SIGNIFICANCE
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.session import Observation, Sensing, Session
@@ -71,8 +72,12 @@ def session_document(session: Session) -> dict[str, Any]:
         refused=tuple(session.refused),
         questions=int(session.questions),
         answer=recognition_document(session.answer()),
+        significance=session.significance,
     )
-    return dict(as_plain(record))
+    document = dict(as_plain(record))
+    if session.significance == SIGNIFICANCE:
+        del document["significance"]
+    return document
 
 
 def load_record(path: str | Path) -> SessionRecord:
@@ -144,7 +149,14 @@ def resumed(
     targets = prepare_all("parts", parts)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
     sensing = Sensing(**record.sensing.values())
-    session = Session(start, record.probe, sensing, _policy(record), record.stop, record.seed, able, whole)
+    session = made(
+        Session,
+        {
+            "start": start, "probe": record.probe, "sensing": sensing, "policy": _policy(record), "stop": record.stop,
+            "seed": record.seed, "able": able, "whole": whole, "significance": record.significance,
+        },
+        record.source,
+    )  # fmt: skip
 
     def observations() -> Iterator[Observation]:
         for k, one in enumerate(record.observations):

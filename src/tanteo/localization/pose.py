@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.frames import check_covariances, check_transforms
-from tanteo.limits import LEAST_SD, check_length
+from tanteo.limits import LEAST_SD, SIGNIFICANCE, check_length
 from tanteo.localization.observability import describe_motion, unobserved_directions
 from tanteo.localization.pairing import Pairing, build_blocks, model_length, model_middle
 from tanteo.localization.scaling import motion_scale
@@ -192,6 +192,6 @@ def _report(
 def _message(unobserved: tuple[str, ...], p_value: float) -> str:
     if unobserved:
         return f"The pairings leave {' and '.join(unobserved)} free: sense a feature that resists it."
-    if p_value < 0.01:
+    if p_value < SIGNIFICANCE:
         return f"The pairings contradict each other (p = {p_value:.2g}): check the one with the largest distance."
     return "All six directions are observed and the pairings agree."

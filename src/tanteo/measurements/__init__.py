@@ -1,22 +1,21 @@
-"""What was sensed, as the likelihood reads it: one file a kind, arrays in the world frame, metres and radians."""
+"""What was sensed, as the likelihood reads it: factors with labels and shared errors, and free-space rays."""
 
-from tanteo.measurements.features import TO_POINTS, FeaturePoints, ToPoints, as_labelled_points
-from tanteo.measurements.points import ContactPoints, as_contact_points, directions_met, is_round
+from tanteo.measurements.features import as_labelled_points
+from tanteo.measurements.points import ContactPoints, as_contact_points, surface_points
 from tanteo.measurements.pose_factor import PoseFactor
+from tanteo.measurements.python_factor import PoseFunction, PythonFactor
 from tanteo.measurements.rays import FreeRays, as_free_rays
 from tanteo.measurements.stable_poses import OnTable
 
 __all__ = [
-    "TO_POINTS",
     "ContactPoints",
-    "FeaturePoints",
     "FreeRays",
     "OnTable",
     "PoseFactor",
-    "ToPoints",
+    "PoseFunction",
+    "PythonFactor",
     "as_contact_points",
     "as_free_rays",
     "as_labelled_points",
-    "directions_met",
-    "is_round",
+    "surface_points",
 ]

@@ -1,156 +1,133 @@
-"""Contact points and beam hits as arrays: what the likelihood reads of sensed points, world frame, metres."""
+"""All measurements of one question: factors with their names, labels and shared errors; world frame, metres."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from tanteo.errors import InputError
-from tanteo.features import label_kind
-from tanteo.sensors import APEX, CENTRES, WALLS, PointMeasurements
-from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
+from tanteo import _core
+from tanteo.factors import Factor, Row, SensedDirection, compile_factors, factor_class
+from tanteo.sensors import PointMeasurements
+from tanteo.typing import BoolArray, Covariances, FloatArray, Indices, IntArray, Vectors
 
 _BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
 """Readings are of one beam if they are no farther beside each other [m], and by the cosine of their directions."""
 
 _BLUNT = 0.3
-"""A beam's spread across is taken as no less than this share of that along."""
-
-
-_OF_CIRCLES = (*WALLS, "cone", "sphere")
-"""Kinds of contact points on a wall that is not flat, as labels name it."""
-
-MADE = 1e-4
-"""To how much a radius tells what hole or boss it is [m]: they are made no more exactly, or modelled as threads."""
-
-MADE_ANGLE = 0.01
-"""To how much the half angle of a cone tells which it is [rad]."""
-
-
-def directions_met(kind: str) -> int:
-    """In how many directions a point of that kind is held by what it was sensed on."""
-    return CENTRES.get(kind, 1 if kind in _OF_CIRCLES else label_kind(kind).faces)
-
-
-def is_round(kind: str) -> bool:
-    """Whether points of that kind are on a wall that is not flat, or of one label share one."""
-    return kind in _OF_CIRCLES
+"""Least standard deviation of a beam across it, as a share of that along it (decision 54)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactPoints:
-    """``n`` sensed points in the world [m].
+    """``n`` measurements, each a factor; the arrays below follow from the factors.
 
     Attributes:
         ids: names of the readings.
-        points: surface points, or centres of the tip's ball where ``radii`` is positive ``(n, 3)``.
-        covs: independent covariances, part tolerance included ``(n, 3, 3)``.
-        radii: distance of the point from the surface; of an apex, how far along its axis it is from there ``(n,)``.
-        directions: into the material ``(n, 3)``; zero where unknown.
-        normals: sensed outward normals ``(n, 3)``; zero where not sensed.
-        normal_sds: sd of each tilt of the normal ``(n,)`` [rad].
-        reach: length of the straight path along ``direction`` that was free up to the point ``(n,)`` [m]; 0 if unknown.
-        shared_jacobian: whitened shared errors, true point = point + gain z, ``(n, 3, D)``.
-        sd: largest standard deviation of each point ``(n,)`` [m].
-        tolerance: sd of the made surface that ``covs`` contains [m]; within a face it is one draw, not many.
-        places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
-        labels: names of what the points were sensed on ``(n,)``, '' for none: points of one label share one face.
-        kinds: of what was sensed: ``point`` or ``plane`` for faces, ``circle`` and ``cylinder`` for walls of holes and
-            bosses, ``edge``, ``vertex``; ``centre`` for points on the axis of a hole or boss, whose normal, if any, is
-            the axis with either sign; ``sphere_centre``; ``apex`` of a cone, whose normal is the axis into it.
-        circles: of centres, the radius [m], half angle [rad] of an apex, or 0; its standard deviation; and 1 for a
-            hole, -1 for a boss, 0 where nobody knows ``(n, 3)``; zero elsewhere, or if not given.
-        sides: about outward, where only the side of the material is known ``(n, 3)``; zero elsewhere, or if not given.
-        directed: whether the direction of approach is known ``(n,)``; follows from ``directions``.
-        oriented: whether the normal was sensed ``(n,)``; follows from ``normals``.
-        variance: of every point in every direction, where it is one for all [m2]; NaN otherwise, and for no point;
-            follows from ``covs``.
+        factors: the measurements.
+        shared_jacobian: true place = place + jacobian z, with whitened shared errors z ``(n, 3, D)`` [m].
+        tolerance: standard deviation of the made surface that the covariances contain [m]; one draw per face.
+        places: number of the place of each, the same for readings of one beam ``(n,)``; None where each has its own.
+        labels: names of what they were sensed on, ``''`` for none: measurements of one label share one element.
+        kinds: kinds of reading, for the factor classes.
+        points: sensed places in the world, centres of the ball where ``radii`` is positive ``(n, 3)`` [m].
+        covs: independent covariances, part tolerance included ``(n, 3, 3)`` [m^2].
+        sd: largest standard deviation of each ``(n,)`` [m].
+        radii: radius of the tip's ball ``(n,)`` [m].
+        directions: direction of approach, zero where unknown ``(n, 3)``; ``directed`` tells which are known.
+        sides: rough outward direction, zero where unknown ``(n, 3)``.
+        normals: sensed normals and axes, zero where not sensed ``(n, 3)``; ``oriented`` tells which were.
+        normal_sds: standard deviation of each of their tilts, pi where not sensed ``(n,)`` [rad].
+        reach: length of the free path before each ``(n,)`` [m]; 0 if unknown.
+        variance: of every place in every direction, where it is one for all [m^2]; NaN otherwise.
     """
 
     ids: tuple[str, ...]
-    points: Vectors
-    covs: Covariances
-    radii: FloatArray
-    directions: Vectors
-    normals: Vectors
-    normal_sds: FloatArray
-    reach: FloatArray
+    factors: tuple[Factor, ...]
     shared_jacobian: FloatArray
-    sd: FloatArray
     tolerance: float = 0.0
     places: IntArray | None = None
     labels: tuple[str, ...] = ()
     kinds: tuple[str, ...] = ()
-    sides: Vectors = field(default_factory=lambda: np.zeros((0, 3)))
-    circles: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    points: Vectors = field(init=False, repr=False)
+    covs: Covariances = field(init=False, repr=False)
+    sd: FloatArray = field(init=False, repr=False)
+    radii: FloatArray = field(init=False, repr=False)
+    directions: Vectors = field(init=False, repr=False)
+    sides: Vectors = field(init=False, repr=False)
+    normals: Vectors = field(init=False, repr=False)
+    normal_sds: FloatArray = field(init=False, repr=False)
+    reach: FloatArray = field(init=False, repr=False)
     directed: BoolArray = field(init=False, repr=False)
     oriented: BoolArray = field(init=False, repr=False)
     variance: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        v = float(self.covs[0, 0, 0]) if len(self.covs) else 0.0
-        alike = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v))
-        for name, none in (("labels", ""), ("kinds", "point")):
-            object.__setattr__(self, name, getattr(self, name) or (none,) * len(self.ids))
-        for name in ("sides", "circles"):
-            if len(getattr(self, name)) != len(self.ids):
-                object.__setattr__(self, name, np.zeros((len(self.ids), 3)))
-        object.__setattr__(self, "directed", np.any(self.directions != 0, axis=1))
-        object.__setattr__(self, "oriented", np.any(self.normals != 0, axis=1))
-        object.__setattr__(self, "variance", v if alike and len(self.covs) else float("nan"))
+        n, all_of = len(self.ids), self.factors
+        if not self.labels:
+            object.__setattr__(self, "labels", ("",) * n)
+        if not self.kinds:
+            object.__setattr__(self, "kinds", ("point",) * n)
+        zero = np.zeros(3)
+        arrays: dict[str, Any] = {
+            "points": np.array([f.at for f in all_of], dtype=np.float64).reshape(n, 3),
+            "covs": np.array([f.cov for f in all_of], dtype=np.float64).reshape(n, 3, 3),
+            "radii": np.array([f.ball_radius for f in all_of], dtype=np.float64),
+            "directions": _stacked([f.approach for f in all_of], zero),
+            "sides": _stacked([f.outward for f in all_of], zero),
+            "normals": _stacked([None if f.normal is None else f.normal.direction for f in all_of], zero),
+            "normal_sds": np.array([np.pi if f.normal is None else f.normal.sd for f in all_of], dtype=np.float64),
+            "reach": np.array([f.free_path for f in all_of], dtype=np.float64),
+            "directed": np.array([f.approach is not None for f in all_of], dtype=np.bool_),
+            "oriented": np.array([f.normal is not None for f in all_of], dtype=np.bool_),
+        }
+        arrays["sd"] = np.sqrt(np.linalg.eigvalsh(np.asarray(arrays["covs"], dtype=np.float64))[:, -1])
+        for name, array in arrays.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        v = float(self.covs[0, 0, 0]) if n else np.nan
+        same = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v)) if n else False
+        object.__setattr__(self, "variance", v if same else float("nan"))
 
     @classmethod
     def none(cls) -> ContactPoints:
         """Return a set of no points."""
-        no, vectors = np.zeros(0), np.zeros((0, 3))
-        matrices, jacobian = np.zeros((0, 3, 3)), np.zeros((0, 3, 0))
-        return cls((), vectors, matrices, no, vectors, vectors, no, no, jacobian, no)
+        return cls((), (), np.zeros((0, 3, 0)))
 
     def __len__(self) -> int:
         return len(self.ids)
 
     @property
     def centres(self) -> BoolArray:
-        """Which are centres of circles or spheres, or apexes ``(n,)``: beside the surface, not on it."""
-        return np.array([kind in CENTRES for kind in self.kinds], dtype=np.bool_)
+        """Which are centres of round features, beside the surface and not on it ``(n,)``."""
+        return np.array([not factor.on_surface for factor in self.factors], dtype=np.bool_)
+
+    @property
+    def landmarks(self) -> Vectors:
+        """Places of the part that the measurements tell: the apex for a point of a cone's axis ``(n, 3)`` [m]."""
+        return np.array([factor.landmark for factor in self.factors], dtype=np.float64).reshape(len(self), 3)
 
     @property
     def held(self) -> int:
-        """In how many directions all of them hold the part, a centre in two or three, others in one at least."""
-        return len(self) + sum(CENTRES[kind] - 1 for kind in self.kinds if kind in CENTRES)
+        """Number of directions in which all of them hold the part, one at least for each point of the surface."""
+        return len(self) + sum(f.codimension - 1 for f in self.factors if not f.on_surface)
 
     @property
     def inward(self) -> Vectors:
-        """Into the material, as far as directions or sides say ``(n, 3)``; zero where nothing does."""
+        """Into the material, as far as directions or sides are known ``(n, 3)``; zero where neither is."""
         return np.where(self.directed[:, None], self.directions, -self.sides)
 
-    def take(self, rows: IntArray) -> ContactPoints:
-        """Some of the readings."""
-        arrays = {
-            name: getattr(self, name)[rows]
-            for name in (
-                "points",
-                "covs",
-                "radii",
-                "directions",
-                "sides",
-                "normals",
-                "normal_sds",
-                "reach",
-                "shared_jacobian",
-                "sd",
-                "circles",
-            )
-        }
+    def take(self, rows: Sequence[int] | IntArray) -> ContactPoints:
+        """Return some of the measurements."""
         places = None if self.places is None else self.places[rows]
-        names = {name: tuple(getattr(self, name)[i] for i in rows) for name in ("ids", "labels", "kinds")}
-        fields: dict[str, Any] = {**names, **arrays}
-        return replace(self, places=places, **fields)
+        ids, labels, kinds = (tuple(values[i] for i in rows) for values in (self.ids, self.labels, self.kinds))
+        factors = tuple(self.factors[i] for i in rows)
+        return ContactPoints(ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds)
 
-    def placed(self) -> ContactPoints:
-        """The same, readings that were made along one beam being of one place."""
+    def with_places(self) -> ContactPoints:
+        """Return the same measurements, those that were made along one beam being of one place."""
         places, d = np.arange(len(self)), self.directions
         later, earlier = np.nonzero(np.tril(d @ d.T > _ALONG, -1))
         away, d = self.points[earlier] - self.points[later], d[later]
@@ -158,58 +135,115 @@ class ContactPoints:
         later, earlier = later[beside < _BESIDE], earlier[beside < _BESIDE]
         for row, k in zip(*np.unique(later, return_index=True), strict=True):
             places[row] = places[earlier[k]]
-        return replace(self, places=places)
+        return ContactPoints(
+            self.ids, self.factors, self.shared_jacobian, self.tolerance, places, self.labels, self.kinds
+        )
+
+    def compiled(self, log_outlier: FloatArray) -> list[tuple[_core.FactorList, Indices]]:
+        """Return the factors for the core, with the log density of each as an outlier ``(n,)``."""
+        return compile_factors(self.factors, self.tolerance, log_outlier)
+
+
+def _stacked(vectors: Sequence[Vectors | None], none: Vectors) -> Vectors:
+    return np.array([none if v is None else v for v in vectors], dtype=np.float64).reshape(-1, 3)
+
+
+def surface_points(
+    points: Vectors,
+    sds: FloatArray | float,
+    *,
+    covs: Covariances | None = None,
+    radii: FloatArray | float = 0.0,
+    directions: Vectors | None = None,
+    normals: Vectors | None = None,
+    normal_sds: FloatArray | float = np.pi,
+    reach: FloatArray | float = 0.0,
+    outward: Vectors | None = None,
+    shared_jacobian: FloatArray | None = None,
+    tolerance: float = 0.0,
+    labels: Sequence[str] = (),
+    kind: str = "point",
+) -> ContactPoints:
+    """Return points of the surface from arrays.
+
+    Args:
+        points: places in the world, centres of the ball where ``radii`` is positive ``(n, 3)`` [m].
+        sds: standard deviation in every direction ``(n,)`` [m], or one for all; the tolerance included.
+        covs: covariances instead of ``sds`` ``(n, 3, 3)`` [m^2].
+        radii: radius of the tip's ball ``(n,)`` [m], or one for all.
+        directions: directions of approach ``(n, 3)``.
+        normals: sensed outward normals ``(n, 3)``.
+        normal_sds: standard deviation of each of their tilts ``(n,)`` [rad], or one for all.
+        reach: length of the free path before each ``(n,)`` [m], or one for all.
+        outward: rough outward directions, where only the side of the material is known ``(n, 3)``.
+        shared_jacobian: how places follow whitened shared errors ``(n, 3, D)`` [m].
+        tolerance: standard deviation of the made surface that the covariances contain [m].
+        labels: name of what each was sensed on, ``''`` for none ``(n,)``.
+        kind: kind of reading of all of them.
+
+    Example:
+        >>> from tanteo.measurements import surface_points
+        >>> len(surface_points(np.zeros((4, 3)), 1e-4))
+        4
+    """
+    n = len(points)
+    if covs is None:
+        covs = np.broadcast_to(sds, (n,))[:, None, None] ** 2 * np.eye(3)
+    cls: Any = factor_class(kind)
+    radii, normal_sds, reach = (np.broadcast_to(a, (n,)) for a in (radii, normal_sds, reach))
+    factors = tuple(
+        cls(
+            at=points[k], cov=covs[k], ball_radius=float(radii[k]),
+            approach=None if directions is None else directions[k],
+            normal=None if normals is None else SensedDirection(normals[k], float(normal_sds[k])),
+            outward=None if outward is None else outward[k], free_path=float(reach[k]),
+        )
+        for k in range(n)
+    )  # fmt: skip
+    jacobian = np.zeros((n, 3, 0)) if shared_jacobian is None else shared_jacobian
+    ids, kinds = tuple(map(str, range(1, n + 1))), (kind,) * n
+    return ContactPoints(ids, factors, jacobian, tolerance, labels=tuple(labels), kinds=kinds)
 
 
 def as_contact_points(
     measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None
 ) -> ContactPoints:
-    """Measurements as contact points; beams are a little blunt (decision 54).
+    """Return measurements as factors; beams are a little blunt (decision 54).
 
     Args:
         measured: points in the world.
-        tolerance: sd of the made surface against its CAD [m].
-        reach: known free-space ray before each point ``(n,)`` [m]: the range of a beam.
+        tolerance: standard deviation of the made surface against its CAD [m].
+        reach: known length of the free path before each point ``(n,)`` [m]: the range of a beam.
 
     Raises:
         InputError: a ball's contact with an edge or corner, which may be anywhere on it.
     """
     points, independent, radii = measured.centres()
-    for label, kind, radius in zip(measured.features, measured.kinds, radii, strict=True):
-        if kind not in CENTRES and directions_met(kind) > 1 and radius > 0:
-            raise InputError(
-                f"{kind} {label!r}: expected surface points, got centres of a ball of {1e3 * radius:g} mm, whose "
-                f"contact on an edge is unknown. Sense the two faces beside it, or give points of the {kind} itself."
-            )
-    directions = np.nan_to_num(measured.directions)
-    centres = np.array([kind in CENTRES for kind in measured.kinds], dtype=np.bool_)
-    directions[centres] = 0.0  # how a device came to a centre says nothing of it
-    reach = np.zeros(len(measured)) if reach is None else np.where(centres, 0.0, np.nan_to_num(reach))
+    on_surface = np.array([factor_class(kind).on_surface for kind in measured.kinds], dtype=np.bool_)
+    # how a device came to a centre tells nothing of it
+    directions = np.where(on_surface[:, None], np.nan_to_num(measured.directions), 0.0)
     covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
-    sd = np.sqrt(np.linalg.eigvalsh(covs)[:, -1])
-    made = np.where([kind == APEX for kind in measured.kinds], MADE_ANGLE, np.hypot(sd, MADE))
+    reach = np.zeros(len(measured)) if reach is None else np.where(on_surface, np.nan_to_num(reach), 0.0)
+    normal_sds = np.nan_to_num(measured.normal_sds, nan=np.pi)
+    factors = list[Factor]()
+    for k, kind in enumerate(measured.kinds):
+        sensed = not np.isnan(measured.normals[k, 0])
+        row = Row(
+            measured.features[k], kind, points[k], covs[k], float(radii[k]),
+            directions[k] if directions[k].any() else None,
+            SensedDirection(measured.normals[k], float(normal_sds[k])) if sensed else None,
+            float(reach[k]), float(measured.circles[k, 0]) or None, int(measured.circles[k, 1]),
+        )  # fmt: skip
+        factors.append(factor_class(kind).from_row(row))
     return ContactPoints(
-        measured.ids,
-        points,
-        covs,
-        radii,
-        directions,
-        np.nan_to_num(measured.normals),
-        np.nan_to_num(measured.normal_sds, nan=np.pi),
-        reach,
-        measured.whitened()[0],
-        sd,
-        tolerance,
-        labels=measured.features,
-        kinds=measured.kinds,
-        circles=np.column_stack([measured.circles[:, 0], made * (measured.circles[:, 0] > 0), measured.circles[:, 1]]),
+        measured.ids, tuple(factors), measured.whitened()[0], tolerance, labels=measured.features, kinds=measured.kinds
     )
 
 
 def _blunt(covs: Covariances, directions: Vectors) -> Covariances:
-    """Covariances of which no beam is better known across than a share of its spread along.
+    """Return covariances of which no beam is better known across than a share of its spread along.
 
-    Where a thin beam slides off an edge the posterior has a cliff, at which maximizations stop and off which draws
+    Where a thin beam slides off an edge the posterior has a cliff, at which maximizations stop and off which samples
     fall. Readings without direction are left as they are.
     """
     along = np.einsum("ni,nij,nj->n", directions, covs, directions)

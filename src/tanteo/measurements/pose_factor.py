@@ -12,7 +12,7 @@ from tanteo.typing import Transforms
 
 
 class PoseFactor(ABC):
-    """A factor of the posterior that depends on the part, its pose and shared errors; the core evaluates it."""
+    """A factor of the posterior over the part, its pose and shared errors, evaluated by the compiled core."""
 
     @property
     def states(self) -> int:
@@ -29,8 +29,8 @@ class PoseFactor(ABC):
         """Whether the factor is itself the prior density of the pose, over shifts [m] and turns [rad]."""
         return False
 
-    def proposals(self, part: Part) -> Transforms:
-        """Return poses ``T_world_part`` of a part that the measurement suggests ``(k, 4, 4)``; none by default."""
+    def poses(self, part: Part) -> Transforms:
+        """Return poses of a part from which the search starts ``(K, 4, 4)``; none of most factors."""
         return np.zeros((0, 4, 4))
 
     @abstractmethod

@@ -60,7 +60,15 @@ def identify_labelled_as_published(
     seconds += time.perf_counter() - start
     if not sensed.features:
         reasons = _in_short(sensed.notes) or "There is no reading that met anything."
-        return Answer("insufficient", f"No feature could be made of the readings. {reasons}", (), 1.0, {}, seed)
+        return Answer(
+            "insufficient",
+            f"No feature could be made of the readings. {reasons}",
+            (),
+            1.0,
+            {},
+            seed,
+            significance=significance,
+        )
     answer = identify_as_published(sensed.features, parts, significance=significance, top=top)
     return _with_notes(with_elapsed(answer, measure=seconds), sensed)
 

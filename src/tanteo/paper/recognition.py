@@ -25,6 +25,7 @@ from tanteo.answers import (
 from tanteo.errors import InputError
 from tanteo.features import Feature, Sides, collect_shared, shared_root
 from tanteo.lie import SE3
+from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.localization import Block, ModelFeature, Pairing, estimate_pose, first_pose, gauss_newton, relation_between
 from tanteo.paper.assignments import Candidates, assignments, candidates_of
 from tanteo.parts import Part
@@ -57,7 +58,7 @@ class _Accepted:
 
 
 def identify_as_published(
-    features: Sequence[Sides], parts: Sequence[Part], *, significance: float = 0.01, top: int = 5
+    features: Sequence[Sides], parts: Sequence[Part], *, significance: float = SIGNIFICANCE, top: int = TOP
 ) -> Answer:
     """Which of the parts pass the constraints and tests of 1991, all poses of all of them with equal weight.
 
@@ -90,7 +91,7 @@ def identify_as_published(
     unknown = 0.0 if accepted else 1.0
     shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
     status, message = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
-    return Answer(status, message, hypotheses, unknown, clock.laps())
+    return Answer(status, message, hypotheses, unknown, clock.laps(), significance=significance)
 
 
 def _poses(

@@ -95,7 +95,9 @@ def answer_front(
     answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]], shapes: Shapes
 ) -> Front:
     """The front of an answer, with further facts of the run, and the features that labels make."""
-    lists = [fact_list([*facts(c.hypothesis, c.part, sensed), *more]) for c in candidates] or [fact_list(more)]
+    lists = [fact_list([*facts(c.hypothesis, c.part, sensed, answer.significance), *more]) for c in candidates] or [
+        fact_list(more)
+    ]
     return Front(
         headline(answer),
         f"{SIGNS[answer.status]} {answer.status}",

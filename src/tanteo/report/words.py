@@ -43,8 +43,8 @@ def headline(answer: Answer) -> str:
     return f"Not decided: it may be {', '.join(likely[:-1])} or {likely[-1]}."
 
 
-def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str, str]]:
-    """The few figures that go beside the picture: name and value."""
+def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed, significance: float) -> list[tuple[str, str]]:
+    """Return the few figures beside the picture, as name and value; tests judge at the answer's ``significance``."""
     n, wrong = len(sensed.measured), hypothesis.outliers
     used = len({reading for reading, _ in hypothesis.pairings} & set(sensed.measured.ids))
     x, y, z = (fixed(v * MM, 2) for v in hypothesis.T_world_part[:3, 3])
@@ -64,7 +64,7 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed) -> list[tuple[str,
         rows.append(("Symmetry", f"{hypothesis.symmetry_order} equivalent poses, shown as one"))
     elif hypothesis.symmetry_axis is not None:
         rows.append(("Symmetry", "turns about its axis are equivalent"))
-    return [*rows, ("Do they agree", _agreement(hypothesis))]
+    return [*rows, ("Do they agree", _agreement(hypothesis, significance))]
 
 
 def _fitting(used: int, met: int, free: int) -> str:
@@ -83,10 +83,10 @@ def _wrong(hypothesis: Hypothesis) -> str:
     return ", ".join(names[:_MOST_NAMES]) + (f" and {rest} more" if rest > 0 else "")
 
 
-def _agreement(hypothesis: Hypothesis) -> str:
+def _agreement(hypothesis: Hypothesis, significance: float) -> str:
     if hypothesis.dof == 0:
         return "nothing left over to check"
-    verdict = "yes, within their noise" if hypothesis.p_value >= 0.01 else "no, they contradict each other"
+    verdict = "no, they contradict each other" if hypothesis.p_value < significance else "yes, within their noise"
     return f"{verdict} (p = {hypothesis.p_value:.2g})"
 
 

@@ -43,9 +43,6 @@ def moved(ids: Sequence[str], aside: BoolArray) -> str:
     return f"{which} do not fit, {others} do: did the part or the sensor move?"
 
 
-ALPHA = 0.01
-"""An answer whose joint test has a smaller p-value is not accepted, if nothing else is said."""
-
 NOTHING = "No part explains the readings: check them, the prior pose and the parts."
 """What is said where no part is left."""
 
@@ -66,9 +63,9 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
     if touches is None or not len(touches):
         status: Status = "unknown" if state.unknown > _HALF else "insufficient"
         message = "No reading has met a part yet." if status == "insufficient" else _NOWHERE
-        return Answer(status, message, (), 1.0 - float(state.weights.sum()), {}, seed)
+        return Answer(status, message, (), 1.0 - float(state.weights.sum()), {}, seed, significance=significance)
     if not state.modes:
-        return Answer("unknown", NOTHING, (), state.unknown, {}, seed)
+        return Answer("unknown", NOTHING, (), state.unknown, {}, seed, significance=significance)
     found = [goodness_of_fit(mode) for mode in state.modes[:top]]
     hypotheses = tuple(
         as_hypothesis(touches, one, PosePrior(start.Ts[row], start.covariances[row]))
@@ -88,17 +85,18 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
         message = _in_some_pose(hypotheses[0], state, stop, shares)
     message += face_elsewhere(touches, found[0], state.unknown, start.priors)
     message += _ANEW if status == "unknown" and prior_p < significance else ""
-    return Answer(status, message + moved_words(state), hypotheses, state.unknown, {}, seed)
+    message += moved_words(state)
+    return Answer(status, message, hypotheses, state.unknown, {}, seed, significance=significance)
 
 
-def contradiction(state: SensingState, stop: Stop, *, reached: bool) -> str:
+def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> str:
     """Why the answer is not accepted, in words, where that is known; empty if nothing contradicts it.
 
     Before the goal is reached, a part that is known but not where it was said to be does: more readings of it do not
     make the prior pose right. Then, whatever the joint test says.
     """
     known = reached or (state.of_parts().max(initial=0.0) > CONFIDENCE and p_of_start(state) < SUSPECT)
-    answer = answered(state, stop, 0, 1, ALPHA) if known else None
+    answer = answered(state, stop, 0, 1, significance) if known else None
     return answer.message if answer is not None and answer.status == "unknown" else ""
 
 

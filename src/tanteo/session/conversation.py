@@ -25,11 +25,11 @@ from tanteo.active import (
 )
 from tanteo.answers import Answer, PosePrior
 from tanteo.errors import check_kind
-from tanteo.limits import check_count
+from tanteo.limits import SIGNIFICANCE, TOP, check_count, check_significance
 from tanteo.sensors import Readings, check_readings_kind, concatenate, say_stuck
 from tanteo.session.action import Action
 from tanteo.session.ahead import limits, shared_of
-from tanteo.session.answer import ALPHA, NOTHING, answered, step_of
+from tanteo.session.answer import NOTHING, answered, step_of
 from tanteo.session.questions import action_of, answers, is_same, new_readings, unlike, whole_action
 from tanteo.session.values import Done, Observation, Sensing, Step
 from tanteo.session.worth import OUT_OF_REACH, enough, once_more, worth_acquiring, worth_making
@@ -52,6 +52,7 @@ class Session:
         seed: of everything that draws: the same seed and readings give the same questions and answers.
         able: which candidates can be made ``(C,)``, where the probe does not say it all: a hand has a body.
         whole: features that can be acquired whole, where something can do that: a hand over the rim of a bore.
+        significance: significance level of the tests of an answer.
 
     Example:
         >>> import numpy as np
@@ -71,6 +72,7 @@ class Session:
     seed: int = 0
     able: Callable[[SensingState, Candidates], BoolArray] | None = None
     whole: Callable[[SensingState], Offers] | None = None
+    significance: float = SIGNIFICANCE
     _state: SensingState = field(init=False)
     _readings: list[Readings] = field(init=False, default_factory=list)
     _joined: Readings | None = field(init=False, default=None)
@@ -84,6 +86,7 @@ class Session:
         check_kind("probe", self.probe, Probe, "tanteo.active.probe_of(name) makes one.")
         check_kind("sensing", self.sensing, Sensing, "Say Sensing(sensor=name), or Sensing(sd=0.3e-3).")
         check_count("seed", self.seed, 0)
+        check_significance(self.significance)
         if self.stop.feature is not None:
             check_feature(self.stop.feature, [target.part for target in self.start.targets])
         self._state = begin(self.start)
@@ -147,7 +150,7 @@ class Session:
         be on the way. Other readings that are told meanwhile may show that enough is known; else they do not change the
         question. ``put(None)`` drops it, and the next one is chosen by all that is known.
         """
-        if end := enough(self.stop, self._state, self.count):
+        if end := enough(self.stop, self._state, self.count, self.significance):
             return self._said(replace(end, why=f"{end.why} {self._doubt()}".rstrip()))
         if self._asked is not None:
             return self._asked
@@ -277,14 +280,15 @@ class Session:
             self._asked = None
         return step
 
-    def answer(self, top: int = 5, significance: float = ALPHA) -> Answer:
+    def answer(self, top: int = TOP, significance: float | None = None) -> Answer:
         """The answer as of now, with status and message, as :func:`tanteo.identify` gives it.
 
         Args:
             top: hypotheses to report.
-            significance: an answer whose joint test has a smaller p-value is not accepted.
+            significance: significance level of the joint test; that of the session if not given.
         """
-        answer = answered(self._state, self.stop, self.seed, top, significance)
+        level = self.significance if significance is None else significance
+        answer = answered(self._state, self.stop, self.seed, top, level)
         return replace(answer, message=f"{answer.message} {self._doubt()}".rstrip())
 
     def _doubt(self) -> str:

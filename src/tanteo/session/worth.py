@@ -76,10 +76,10 @@ OUT_OF_REACH = (
 """What is said where no candidate can be made."""
 
 
-def enough(stop: Stop, state: SensingState, count: int) -> Done | None:
+def enough(stop: Stop, state: SensingState, count: int, significance: float) -> Done | None:
     """The end: the goal is reached, the readings contradict what they are of, or there are no more; else None."""
     why = stop.reached(state)
-    if against := contradiction(state, stop, reached=bool(why)):
+    if against := contradiction(state, stop, significance, reached=bool(why)):
         return Done(False, against)
     if why:
         return Done(True, f"Enough: {why}.{moved_words(state)}")

@@ -33,6 +33,7 @@ def moments(session: Session) -> list[Snapshot]:
         session: as it was read from its record; it is told again, and stays as it is.
     """
     again = Session(session.start, session.probe, session.sensing, session.policy, session.stop, session.seed)
+    again.significance = session.significance
     told = session.observations
     following = [*(one.action for one in told), session.asked]
     now = [Snapshot.of(again)]

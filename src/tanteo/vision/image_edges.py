@@ -132,7 +132,7 @@ class ImageEdges(PoseFactor):
         """Compile the factor for one part."""
         return _core.image_edges(prepare_vision(part).seen, self.image, self.weights.rules(), REACH, first)
 
-    def proposals(self, part: Part) -> Transforms:
+    def poses(self, part: Part) -> Transforms:
         """Return the poses of a part that the image suggests ``(k, 4, 4)``."""
         return self.proposed.get(part.name, np.zeros((0, 4, 4)))
 

@@ -60,7 +60,7 @@ def searched(
     """
     priors = sized(Priors(), max(0.5 * model.part.diagonal for model, _ in proposals))
     factors = (image,) if lying is None else (image, lying)
-    problem = Problem(ContactPoints.none(), FreeRays.none(), priors, factors=factors)
+    problem = Problem(ContactPoints.none(), FreeRays.none(), priors, pose_factors=tuple(factors))
     T_world_camera = standing(image.camera)
     proposed = [(prepare(model.part), np.ascontiguousarray(T_world_camera @ Ts)) for model, Ts in proposals]
     return problem, search_about(problem, proposed, np.random.default_rng(_SEED))

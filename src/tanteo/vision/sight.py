@@ -12,6 +12,7 @@ import numpy as np
 from tanteo.answers import Answer
 from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.limits import TOP
 from tanteo.measurements import OnTable
 from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.typing import BoolArray, FloatArray, Transforms
@@ -139,7 +140,7 @@ def see_table(
     T_world_table: Transforms | None = None,
     table: TableErrors | None = None,
     weights: Weights | None = None,
-    top: int = 5,
+    top: int = TOP,
     ignore: BoolArray | None = None,
 ) -> Sight:
     """Recognize what lies on a table.

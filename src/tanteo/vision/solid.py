@@ -16,6 +16,7 @@ import numpy as np
 from tanteo.answers import Answer, box_corners
 from tanteo.errors import InputError
 from tanteo.lie import SE3
+from tanteo.limits import TOP
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
@@ -48,7 +49,7 @@ def see_anywhere(
     parts: Sequence[Part] | Sequence[VisionModel],
     *,
     weights: Weights | None = None,
-    top: int = 5,
+    top: int = TOP,
 ) -> Sight:
     """Find a part that may lie or be held in any pose: one object, no table.
 
@@ -180,7 +181,7 @@ def coarse_scores(frame: Wireframe, camera: Camera, edges: EdgeMap, Ts: Transfor
     return np.concatenate(out) if out else np.zeros(0)
 
 
-def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[VisionModel], *, top: int = 5) -> Sight:
+def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[VisionModel], *, top: int = TOP) -> Sight:
     """Which parts an image shows, where they are, and what a touch should settle.
 
     Args:

@@ -83,8 +83,8 @@ def view_factors(
 
 def _log_share(images: tuple[ImageEdges, ...], parts: Sequence[Part], priors: Priors) -> float:
     """Return the log of the share of the prior that all images leave of the pose of the best part; 0 without poses."""
-    problem = Problem(ContactPoints.none(), FreeRays.none(), priors, factors=images)
-    proposed = [(prepare(part), images[0].proposals(part)) for part in parts]
+    problem = Problem(ContactPoints.none(), FreeRays.none(), priors, pose_factors=images)
+    proposed = [(prepare(part), images[0].poses(part)) for part in parts]
     searches = search_about(problem, proposed, np.random.default_rng(_SEED))
     best = max(searches, key=lambda search: search.log_evidence)
     if not len(best.peaks):

@@ -139,7 +139,6 @@ nb::tuple term_slopes(const PoseTerm& term, Doubles Ts, Doubles shared, Doubles 
 }  // namespace
 
 void offer_pose_terms(nb::module_& m) {
-    nb::class_<PoseTerm>(m, "PoseTerm");
     nb::class_<EdgeImage>(m, "EdgeImage").def_prop_ro("states", &EdgeImage::states);
     nb::class_<EdgePart>(m, "EdgePart");
     nb::class_<ImageEdges, PoseTerm>(m, "ImageEdges");

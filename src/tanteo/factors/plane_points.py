@@ -1,4 +1,4 @@
-"""Points that say of a plane what is known of it."""
+"""Points of a plane that together carry its covariance."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ import numpy as np
 from tanteo.typing import Covariances, FloatArray, IntArray
 
 _SLIGHT, _CLOSE = 1e-6, 0.05
-"""Points that say less than this share of what the one that says most does are left out; so closely, in proportion, the
-points have to say what the plane does."""
+"""Points with less than the first share of the largest weight are dropped; the second is the largest relative misfit of
+the information of the points to that of the plane."""
 
 
-def as_good(levers: FloatArray, P: Covariances) -> tuple[IntArray, FloatArray]:
-    """Rows of points, and variances of their heights, that give a plane of covariance ``P``; none where none do.
+def equivalent_points(levers: FloatArray, P: Covariances) -> tuple[IntArray, FloatArray]:
+    """Return rows of points, and variances of their heights, that give a plane of covariance ``P``; none where none do.
 
-    A plane's height at a point is ``lever . (z, wx, wy)``, so that points say the sum of ``lever lever' / variance``.
+    A plane's height at a point is ``lever . (z, wx, wy)``, so the points' information is the sum of
+    ``lever lever' / variance``, which non-negative least squares fits to the inverse of ``P``.
     """
     from scipy.optimize import nnls  # slow to import
 
@@ -25,7 +26,7 @@ def as_good(levers: FloatArray, P: Covariances) -> tuple[IntArray, FloatArray]:
     A = levers * units / np.abs(levers * units).max()
     try:
         weights, miss = nnls((A[:, a] * A[:, b]).T, wanted[a, b])
-    except RuntimeError:  # it does not settle, which is as if there were none
+    except RuntimeError:  # no convergence is treated as no solution
         return np.zeros(0, dtype=np.int64), np.zeros(0)
     rows = np.flatnonzero(weights > _SLIGHT * weights.max())
     if miss > _CLOSE * np.linalg.norm(wanted) or np.linalg.matrix_rank(A[rows]) < 3:
@@ -33,10 +34,10 @@ def as_good(levers: FloatArray, P: Covariances) -> tuple[IntArray, FloatArray]:
     return rows, np.abs(levers * units).max() ** 2 / weights[rows]
 
 
-def scatter(A: FloatArray) -> FloatArray:
-    """By how many standard deviations points are off the plane that they give, as such points are on average.
+def typical_residuals(A: FloatArray) -> FloatArray:
+    """Return typical residuals of points from the plane that they determine, in standard deviations.
 
-    Points are never exactly in a plane: from none that is off, the joint test would think the noise smaller.
+    Sensed points are never exactly in a plane: without residuals the joint test would estimate too small a noise.
     """
     free = np.linalg.svd(A)[0][:, 3:]
     off = free @ free.T @ np.where(np.arange(len(A)) % 2, -1.0, 1.0) if free.size else np.zeros(len(A))

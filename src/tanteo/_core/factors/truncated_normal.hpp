@@ -1,14 +1,11 @@
-// How much of a normal density in a plane lies inside an outline, and how that changes with its mean.
+// The mass of a normal density in a plane that falls inside an outline, and how that changes with its mean.
 #pragma once
-#include "normal.hpp"
-#include "shape.hpp"
+#include "../normal.hpp"
+#include "../shape.hpp"
 
 namespace tanteo {
 
-constexpr double REACH = 6;       // standard deviations beyond which nothing is seen
-constexpr double SEEN = 5;        // standard deviations beyond which an outline does not matter
-constexpr double NOTHING = 1e-9;  // of the rate of outliers: a density that does not matter
-
+constexpr double OUTLINE_REACH = 5;  // standard deviations beyond which an outline does not matter
 
 struct Whitening {  // of the noise in a plane: W (x - mean) has unit covariance
     double a, b, c;  // lower triangle
@@ -22,19 +19,19 @@ inline Whitening whitening_of(double xx, double xy, double yy) {
     return {1 / l, -m / (l * k), 1 / k, std::sqrt(0.5 * (xx + yy) + std::hypot(0.5 * (xx - yy), xy)), false};
 }
 
-struct Share {  // its gradient and minus its second derivative by the whitened mean
+struct TruncatedMass {  // its gradient and minus its second derivative by the whitened mean
     double value = 0, gx = 0, gy = 0, xx = 0, xy = 0, yy = 0;
 };
 
 // The winding number about the mean (x, y), less what lies beyond each edge and within the angle that it takes up: for
 // an edge at the distance h, with its ends at t1 and t2 along its line, T(h, t2 / h) - T(h, t1 / h) (Owen 1956). The
 // gradient is the integral of the density along the outline, by its inward normal.
-inline Share share_of(const Shape& shape, const Flat& flat, double x, double y, const Whitening& W, bool with_slope) {
-    Share share;
-    const double reach = SEEN * W.widest;
+inline TruncatedMass mass_inside(const Shape& shape, const Flat& flat, double x, double y, const Whitening& W, bool with_slope) {
+    TruncatedMass mass;
+    const double reach = OUTLINE_REACH * W.widest;
     const bool near_x = x >= flat.lo[0] - reach && x <= flat.hi[0] + reach;
     const bool near_y = y >= flat.lo[1] - reach && y <= flat.hi[1] + reach;
-    if (!near_x || !near_y) return share;  // nan is not near either
+    if (!near_x || !near_y) return mass;  // nan is not near either
     double beyond = 0;
     int winding = 0;
     const int* starts = shape.bin_start.data() + flat.first_bin;
@@ -63,32 +60,32 @@ inline Share share_of(const Shape& shape, const Flat& flat, double x, double y, 
                 dy /= stretch;
             }
             const double h = ax * dy - ay * dx;
-            if (std::fabs(h) > SEEN) continue;
+            if (std::fabs(h) > OUTLINE_REACH) continue;
             const double t1 = ax * dx + ay * dy, t2 = t1 + e.length * stretch;
-            if (t1 > SEEN || t2 < -SEEN) continue;
+            if (t1 > OUTLINE_REACH || t2 < -OUTLINE_REACH) continue;
             const double ah = std::fabs(h);
-            const bool whole = t1 < -SEEN && t2 > SEEN;
+            const bool whole = t1 < -OUTLINE_REACH && t2 > OUTLINE_REACH;
             const double wedges = whole ? normal_below(-ah) : wedge(ah, t1, t2);
             beyond += inside ? wedges : -wedges;
             if (!with_slope) continue;
             const double m = normal_density(h) * (whole ? 1 : normal_below(t2) - normal_below(t1));
-            share.gx -= dy * m;  // the inside is to the left: (-dy, dx)
-            share.gy += dx * m;
-            share.xx += dy * dy * h * m;
-            share.xy -= dx * dy * h * m;
-            share.yy += dx * dx * h * m;
+            mass.gx -= dy * m;  // the inside is to the left: (-dy, dx)
+            mass.gy += dx * m;
+            mass.xx += dy * dy * h * m;
+            mass.xy -= dx * dy * h * m;
+            mass.yy += dx * dx * h * m;
             if (whole) continue;
             const double ends = normal_density(h) * (normal_density(t2) - normal_density(t1));
-            share.xx -= dx * dy * ends;
-            share.xy += 0.5 * (dx * dx - dy * dy) * ends;
-            share.yy += dx * dy * ends;
+            mass.xx -= dx * dy * ends;
+            mass.xy += 0.5 * (dx * dx - dy * dy) * ends;
+            mass.yy += dx * dy * ends;
         }
-    share.value = std::clamp(winding - beyond, 0.0, 1.0);
-    return share;
+    mass.value = std::clamp(winding - beyond, 0.0, 1.0);
+    return mass;
 }
 
-// Of a share: the gradient of its log, and minus its second derivative, in the frame of the flat.
-inline void log_share(Share& s) {
+// Replaces the derivatives of a mass by those of its log: gradient and minus the second derivative.
+inline void as_log(TruncatedMass& s) {
     const double inverse = 1 / s.value;
     s.gx *= inverse;
     s.gy *= inverse;

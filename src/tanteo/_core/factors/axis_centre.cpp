@@ -1,0 +1,20 @@
+// The centre of a circle: normal about the axis of a hole or boss, even along it at any height, with the circle's axis (of
+// either sign) and radius where they were sensed.
+// round_centre.hpp has the formula.
+#include "round_centre.hpp"
+
+namespace tanteo {
+
+class AxisCentre final : public RoundCentre {
+  public:
+    static constexpr int LANDMARK = 3;
+    int codimension() const override { return 2; }
+
+  private:
+    int landmark() const override { return LANDMARK; }
+    bool is_line() const override { return true; }
+};
+
+static const RegisteredKind registered("axis_centre", made_round_centres<AxisCentre>, AxisCentre::LANDMARK);
+
+}  // namespace tanteo

@@ -1,0 +1,21 @@
+// The apex of a cone, or a point of its axis at a known offset from it: normal about it, with the axis into the cone and the
+// half angle where they were sensed.
+// round_centre.hpp has the formula.
+#include "round_centre.hpp"
+
+namespace tanteo {
+
+class ConeApex final : public RoundCentre {
+  public:
+    static constexpr int LANDMARK = 6;
+    int codimension() const override { return 3; }
+
+  private:
+    int landmark() const override { return LANDMARK; }
+    bool axis_is_signed() const override { return true; }
+    bool size_is_angle() const override { return true; }
+};
+
+static const RegisteredKind registered("cone_apex", made_round_centres<ConeApex>, ConeApex::LANDMARK);
+
+}  // namespace tanteo

@@ -1,0 +1,49 @@
+// Sensed centres of round features: of circles on the axis of a hole or boss, of spheres, apexes of cones. With the axis
+// and the size where they are known. The part has them as landmarks (Shape::axes).
+#pragma once
+#include "factor.hpp"
+#include "registry.hpp"
+
+namespace tanteo {
+
+// p(x, m, s | pose) = sum_i w_i f_i(x) tilt(m; d_i) N(s - s_i; 0, sd_s^2), over the landmarks i of its kind, with w_i the
+// share of the landmark among its kind and s_i the range of sizes that it has.
+class RoundCentre : public Factor {
+  public:
+    double size = 0, size_sd = 1;    // radius [m] or half angle [rad]; 0 where unknown
+    double other = 0, other_sd = 1;  // a second size, such as the radius of a torus's tube; 0 where unknown
+    int side = 0;                  // 1: of a hole, -1: of a boss, 0: unknown
+    double offset = 0;             // how far along the axis from the landmark the point is [m]
+
+    void evaluate(const Placement& at, Components& out) const final;
+    Sites sites(const Shape& shape) const final;
+    double rough_cost(const Shape& shape, const Pose& pose, double blur, double tilt) const final;
+    NearestElement nearest(const Shape& shape, const Pose& pose, const Vec3& p, bool coarse) const final;
+    NearestPlace beside(const Shape& shape, const Pose& pose, const Vec3& p) const final;
+
+    void fill(const Columns& columns, size_t row);
+
+  protected:
+    virtual int landmark() const = 0;                      // code of its landmarks
+    virtual bool is_line() const { return false; }         // whether they are lines, on which it may be anywhere
+    virtual bool axis_is_signed() const { return false; }  // whether the axis has a first end
+    virtual bool size_is_angle() const { return false; }
+
+  private:
+    bool may_be(const RoundAxis& axis, double sds, double blur) const;
+    Vec3 start(const RoundAxis& axis) const { return axis.a + offset * axis.direction; }
+    int nearest_landmark(const Shape& shape, const Vec3& p, Vec3& off) const;
+};
+
+template <class Kind>
+Factors made_round_centres(const Columns& columns) {
+    Factors out;
+    for (size_t k = 0; k < columns.rows(); ++k) {
+        auto factor = std::make_unique<Kind>();
+        factor->fill(columns, k);
+        out.push_back(std::move(factor));
+    }
+    return out;
+}
+
+}  // namespace tanteo

@@ -1,0 +1,19 @@
+// The centre of a sphere: normal about the centre of a ball or socket, with its radius where it was sensed.
+// round_centre.hpp has the formula.
+#include "round_centre.hpp"
+
+namespace tanteo {
+
+class SphereCentre final : public RoundCentre {
+  public:
+    static constexpr int LANDMARK = 5;
+    int codimension() const override { return 3; }
+
+  private:
+    int landmark() const override { return LANDMARK; }
+    bool axis_is_signed() const override { return true; }  // a sphere has none; one that is given is compared as it is
+};
+
+static const RegisteredKind registered("sphere_centre", made_round_centres<SphereCentre>, SphereCentre::LANDMARK);
+
+}  // namespace tanteo

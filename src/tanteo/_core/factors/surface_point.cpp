@@ -1,0 +1,323 @@
+#include "surface_point.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "registry.hpp"
+#include "truncated_normal.hpp"
+
+namespace tanteo {
+
+namespace {
+
+// What chose these numbers: benchmarks/against.py, rows bare, beams, balls; decisions 16, 53, 54.
+constexpr double ROUGH_REACH = 4;    // standard deviations of blurred noise beyond which a density is zero
+constexpr double GRAZING = 0.02;     // least cosine of incidence: a beam along a face does not measure it
+constexpr double FROM_BEHIND = 1e-6; // density of a beam that reached a face from behind
+constexpr double CLEARLY = 0.1;      // cosine from which a face looks away from a side that is roughly known
+constexpr double LEAST_MASS = 1e-3;  // least mass of the noise on a face that keeps a ball off another face
+constexpr double SMALL = 0.5;        // size of a facet cluster in standard deviations up to which it is one density
+constexpr double LARGE = 8;          // beyond it clusters are not tried: they would have to add next to nothing
+constexpr double BENT = 0.05;        // by how much their mean normal may be shorter than 1 where directions matter
+constexpr double BALL = 0.5, ROUGH_BALL = 2;  // radii in standard deviations from which a ball may touch edges
+constexpr double PARALLEL = 1e-3;    // least sine between two surfaces of which one keeps a ball off the other
+
+struct TangentPlane {  // that touches the surface near a point
+    Vec3 normal;
+    double distance;
+    bool round;
+    Profile::At at;
+};
+
+// The plane of a flat, or the one that touches the round surface behind it, at the place of the flat next to p.
+TangentPlane tangent_plane(const Shape& shape, const Flat& flat, const Vec3& p, bool with_bends) {
+    TangentPlane plane;
+    plane.normal = flat.normal;
+    plane.distance = dot(flat.normal, p) - flat.offset;
+    plane.round = false;
+    if (flat.profile < 0) return plane;
+    const Profile& profile = shape.profiles[flat.profile];
+    const Vec3 off = p - flat.origin;
+    const double x = dot(off, flat.u), y = dot(off, flat.v);
+    const double dx = std::clamp(x, flat.lo[0], flat.hi[0]) - x, dy = std::clamp(y, flat.lo[1], flat.hi[1]) - y;
+    const Vec3 shift = dx * flat.u + dy * flat.v;
+    const Profile::At at = profile.at(p + shift, with_bends);
+    if (!(dot(at.normal, flat.normal) >= profile.alike)) return plane;
+    plane.normal = at.normal;
+    plane.distance = at.distance - dot(at.normal, shift);
+    plane.round = true;
+    plane.at = at;
+    return plane;
+}
+
+// Gradient and curvature of the log of the truncated mass by the point, whose place in the plane moves by du and dv.
+inline void follow_mass(TruncatedMass& mass, const Whitening& W, const Vec3& du, const Vec3& dv, Component& c) {
+    c.slope = {};
+    c.stiff = {};
+    if (!(mass.value < 1 - 1e-9)) return;
+    c.spread = -(mass.xx + mass.yy) / mass.value;
+    as_log(mass);
+    const Vec3 x = W.a * du, y = W.b * du + W.c * dv;
+    c.slope = mass.gx * x + mass.gy * y;
+    add_outer(c.stiff, mass.xx, x, x);
+    add_outer(c.stiff, mass.xy, x, y);
+    add_outer(c.stiff, mass.xy, y, x);
+    add_outer(c.stiff, mass.yy, y, y);
+}
+
+// Mass of the noise about a place on the side to which a direction points; its slope is added.
+double mass_beyond(const Vec3& side, const Vec3& place, double per_sd, Vec3& slope) {
+    const double h = dot(place, side) * per_sd, mass = normal_below(h);
+    slope += (per_sd * normal_density(h) / std::max(mass, 1e-300)) * side;
+    return mass;
+}
+
+}  // namespace
+
+struct SurfacePoint::Ball {  // a touch with a ball, in the part
+    const Placement& at;
+    Vec3 along;
+    double per_sd, normal_variance;
+};
+
+struct SurfacePoint::Tip {  // a convex vertex that a ball may touch, with one of its edges
+    int vertex, face;
+    Vec3 at, away;
+};
+
+// Density over the surface's measure of a sensor that came along d to a surface of normal n.
+inline double SurfacePoint::incidence_density(const Vec3& n, const Vec3& d, double per_area) const {
+    if (directed) {
+        const double cosine = -dot(n, d);
+        return cosine > 0 ? std::max(cosine, GRAZING) : FROM_BEHIND;
+    }
+    return sided && dot(n, d) > CLEARLY ? FROM_BEHIND * per_area : per_area;
+}
+
+void SurfacePoint::evaluate(const Placement& at, Components& out) const {
+    const size_t first = out.size();
+    evaluate_faces(at, out);
+    if (out.size() > first && is_blocked(at)) out.all.resize(first);
+}
+
+void SurfacePoint::evaluate_faces(const Placement& at, Components& out) const {
+    const Shape& shape = at.shape;
+    const Vec3& p = at.p;
+    const Mat3& C = at.C;
+    const size_t first = out.size();
+    const double widest = std::sqrt(isotropic ? C(0, 0) : C(0, 0) + C(1, 1) + C(2, 2));
+    const Vec3 d = sided ? transposed_times(at.R, inward) : Vec3{};
+    const double per_area = 1 / shape.area;
+    const bool ball = radius > (at.blur > 0 ? ROUGH_BALL : BALL) * widest;
+    const bool kept_off = ball && at.blur == 0;  // by other faces: blurred noise does not discriminate them
+    out.contacts.clear();
+    out.near_faces.clear();
+    const double normal_variance = direction_sd * direction_sd + at.blur_turn * at.blur_turn;
+    const double reach = at.blur > 0 ? ROUGH_REACH : REACH;
+    const double least = kept_off || oriented ? 0 : isotropic ? widest : at.blur;
+    const auto done = [&](const Place& place) {
+        return place.size < LARGE * least && add_facet_cluster(at, d, reach, least, first, place, out);
+    };
+    shape.flats_near(p, reach * widest + radius, done, [&](int which) {
+        if (done(shape.places[which])) return;
+        const Flat& flat = shape.flats[which];
+        const TangentPlane plane = tangent_plane(shape, flat, p, oriented);
+        const Vec3& n = plane.normal;
+        Vec3 Cn = C(0, 0) * n;
+        double variance = C(0, 0);
+        if (!isotropic) {
+            Cn = C * n;
+            variance = dot(n, Cn);
+        }
+        const double per_sd = 1 / std::sqrt(variance);
+        const double r = (plane.distance - radius) * per_sd;
+        const bool inside = kept_off && r < 0 && plane.distance > -radius;  // of a face: it may not touch another
+        if (std::fabs(r) > reach && !inside) return;
+        double weight = incidence_density(n, d, per_area);
+        weight *= per_sd * fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - log_outlier);
+        Component c;
+        if (oriented) {
+            const Vec3 axes[2] = {flat.u, flat.v};
+            const double flat_bend[2] = {0, 0};
+            weight *= plane.round ? tilt_density(plane.at.e, plane.at.bend, n, C, at.m, normal_variance, c)
+                                  : tilt_density(axes, flat_bend, n, C, at.m, normal_variance, c);
+        }
+        if (!(weight >= at.negligible) && !inside) return;
+        double ku = 0, kv = 0;  // how the place in the plane follows the distance
+        Whitening W{per_sd, 0, per_sd, widest, true};
+        if (!isotropic || plane.round) {
+            const double Cu = dot(flat.u, Cn), Cv = dot(flat.v, Cn);
+            ku = Cu / variance;
+            kv = Cv / variance;
+            W = whitening_of(dot(flat.u, C * flat.u) - ku * Cu, dot(flat.u, C * flat.v) - ku * Cv,
+                             dot(flat.v, C * flat.v) - kv * Cv);
+        }
+        const Vec3 off = p - flat.origin;
+        const double gap = plane.distance - radius;
+        TruncatedMass mass =
+            mass_inside(shape, flat, dot(off, flat.u) - ku * gap, dot(off, flat.v) - kv * gap, W, at.with_slope);
+        c.weight = weight * mass.value;
+        BallContact contact;
+        if (kept_off) {
+            const double u = 0.5 * (flat.lo[0] + flat.hi[0]), v = 0.5 * (flat.lo[1] + flat.hi[1]);
+            const Vec3 middle = flat.origin + u * flat.u + v * flat.v;
+            contact = {which, flat.face, plane.round, n, middle, gap, mass.value};
+            if (mass.value > LEAST_MASS) out.near_faces.push_back(contact);
+        }
+        if (!(c.weight >= at.negligible) || std::fabs(r) > reach) return;
+        c.distance = gap;
+        c.per_sd = per_sd;
+        c.normal = n;
+        c.element = flat.face;
+        if (at.with_slope) follow_mass(mass, W, flat.u - ku * n, flat.v - kv * n, c);
+        if (kept_off) out.contacts.push_back(contact);
+        out.all.push_back(c);
+    });
+    if (!ball) return;
+    const double per_sd = 1 / (isotropic ? widest : widest / std::sqrt(3.0));
+    evaluate_convex_edges({at, d, per_sd, normal_variance}, out);
+    if (kept_off) keep_outside(at, first, out);
+}
+
+// Flats that are small beside the noise as one normal density: with their own spread it has the same first moments, so
+// that it is off by the fourth power of their size. False where that is too much, or where their normals differ too much.
+bool SurfacePoint::add_facet_cluster(const Placement& at, const Vec3& d, double reach, double sd, size_t first,
+                                     const Place& place, Components& out) const {
+    const double length = norm(place.normal), bent = 1 - length, size = place.size / sd;
+    const bool turns = radius > 0 || sided;  // it matters where they look
+    if (place.face < 0 || (turns ? bent > BENT : !(length > 0))) return false;
+    const Vec3 n = (1 / length) * place.normal;
+    const double turn = std::sqrt(2 * std::max(bent, 0.0));  // of the normals, roughly [rad]
+    if (turns && (radius * turn > place.size || (sided && std::fabs(dot(n, d)) < 2 * turn))) return false;
+    Mat3 S = at.C;
+    for (int i = 0; i < 9; ++i) S.m[i] += place.spread.m[i];
+    const Vec3 off = at.p - place.middle - radius * n, Sn = S * n;
+    double L[9];
+    std::memcpy(L, S.m, sizeof L);
+    if (!cholesky(L, 3)) return false;
+    double pull[3] = {off.x, off.y, off.z};
+    solve_cholesky(L, 3, pull);
+    const double q = dot(off, load(pull));
+    if (q > reach * reach) return true;
+    Component c;
+    c.weight = incidence_density(place.normal, d, 1 / at.shape.area) * place.area / (L[0] * L[4] * L[8]) *
+               fast_exp(-0.5 * q - 3 * HALF_LOG_TWO_PI - log_outlier);
+    if (size > SMALL) {
+        double so_far = 0;
+        for (size_t k = first; k < out.size(); ++k) so_far += out.all[k].weight;
+        const double times = size * size / (SMALL * SMALL);
+        if (c.weight * times * times > so_far) return false;
+    }
+    if (!(c.weight >= at.negligible)) return true;
+    c.per_sd = 1 / std::sqrt(dot(n, Sn));
+    c.distance = dot(n, off);
+    c.normal = n;
+    c.element = place.face;
+    const double r = c.distance * c.per_sd;
+    c.slope = (r * c.per_sd) * n - load(pull);  // what is not along the normal
+    c.spread = q - r * r - 2;
+    for (int k = 0; k < 3; ++k) {
+        double column[3] = {0, 0, 0};
+        column[k] = 1;
+        solve_cholesky(L, 3, column);
+        for (int i = 0; i < 3; ++i) c.stiff(i, k) = column[i];
+    }
+    add_outer(c.stiff, -c.per_sd * c.per_sd, n, n);
+    out.all.push_back(c);
+    return true;
+}
+
+// A ball that touches one element must not be inside of another face in front of it: the mass of the noise along the
+// first that leaves it outside, and where it is near the other face at all.
+void SurfacePoint::keep_outside(const Placement& at, size_t first, Components& out) const {
+    const double apart = 1e-9 * at.shape.diagonal;
+    for (size_t k = first; k < out.size(); ++k) {
+        Component& c = out.all[k];
+        const BallContact& own = out.contacts[k - first];
+        for (const BallContact& other : out.near_faces) {
+            if (other.flat == own.flat || (own.round && other.round && own.face == other.face)) continue;
+            if (dot(other.normal, own.on_it - other.on_it) <= apart) continue;
+            if (own.flat >= 0 && dot(own.normal, other.on_it - own.on_it) <= apart) continue;
+            const double cosine = dot(other.normal, own.normal), sine = std::sqrt(std::max(1 - cosine * cosine, 0.0));
+            if (sine < PARALLEL) continue;
+            const double per = c.per_sd / sine, u = (other.gap - cosine * own.gap) * per;
+            const double outside = 1 - other.mass * normal_below(-u);
+            if (outside > 1 - 1e-9) continue;
+            const double pull = other.mass * normal_density(u) / std::max(outside, 1e-300);
+            const Vec3 by_p = per * (other.normal - cosine * own.normal);
+            c.weight *= outside;
+            c.slope += pull * by_p;
+            add_outer(c.stiff, std::max(pull * (pull + u), 0.0), by_p, by_p);
+        }
+    }
+}
+
+// A ball that touches an edge or a vertex: its centre is one radius away along n, which turns along across[i] by
+// bend[i]; mass and slope are of the noise that falls where nothing else is nearer.
+void SurfacePoint::add_sharp(const Ball& ball, const BallContact& contact, const Vec3 across[2], const double bend[2],
+                             const Vec3& slope, Components& out) const {
+    const Placement& at = ball.at;
+    const double r = contact.gap * ball.per_sd;
+    Component c;
+    c.weight = contact.mass * incidence_density(contact.normal, ball.along, 1 / at.shape.area) * ball.per_sd *
+               fast_exp(-0.5 * r * r - HALF_LOG_TWO_PI - log_outlier);
+    if (oriented) c.weight *= tilt_density(across, bend, contact.normal, at.C, at.m, ball.normal_variance, c);
+    if (!(c.weight >= at.negligible)) return;
+    c.distance = contact.gap;
+    c.per_sd = ball.per_sd;
+    c.normal = contact.normal;
+    c.element = contact.face;
+    c.slope = slope;
+    c.stiff = {};
+    out.all.push_back(c);
+    out.contacts.push_back(contact);
+}
+
+// A ball that touches a convex edge: its centre is on a cylinder about the edge, between the two faces.
+void SurfacePoint::evaluate_convex_edges(const Ball& ball, Components& out) const {
+    const double per_sd = ball.per_sd;
+    const Shape& shape = ball.at.shape;
+    std::vector<Tip> tips;
+    shape.convex_edges_near(ball.at.p, REACH / per_sd + radius, [&](int which) {
+        const ConvexEdge& e = shape.convex_edges[which];
+        if (e.tip[0] >= 0) tips.push_back({e.tip[0], e.face, e.a, e.direction});
+        if (e.tip[1] >= 0) tips.push_back({e.tip[1], e.face, e.a + e.length * e.direction, -e.direction});
+        const Vec3 off = ball.at.p - e.a;
+        const double t = dot(off, e.direction);
+        const Vec3 away = off - t * e.direction;
+        const double far = norm(away);
+        if (std::fabs(far - radius) * per_sd > REACH || far < 1e-12) return;
+        if (dot(away, e.normal[0]) < 0 && dot(away, e.normal[1]) < 0) return;
+        const double near = normal_density(t * per_sd), end = normal_density((t - e.length) * per_sd);
+        const double along = normal_below(t * per_sd) - normal_below((t - e.length) * per_sd);
+        double mass = along;
+        Vec3 slope = ((near - end) * per_sd / std::max(along, 1e-300)) * e.direction;
+        for (const Vec3& inward_of : e.inward) mass *= mass_beyond(-inward_of, away, per_sd, slope);
+        const Vec3 n = (1 / far) * away, across[2] = {e.direction, cross(n, e.direction)};
+        const double bend[2] = {0, 1 / far};
+        add_sharp(ball, {-1, e.face, false, n, e.a, far - radius, mass}, across, bend, slope, out);
+    });
+    evaluate_convex_vertices(ball, tips, out);
+}
+
+// A ball that touches a convex vertex: its centre is on a sphere about it, on the outer side of all its edges.
+void SurfacePoint::evaluate_convex_vertices(const Ball& ball, std::vector<Tip>& tips, Components& out) const {
+    const double per_sd = ball.per_sd;
+    std::sort(tips.begin(), tips.end(), [](const Tip& a, const Tip& b) { return a.vertex < b.vertex; });
+    for (size_t k = 0; k < tips.size();) {
+        const Tip& tip = tips[k];
+        const Vec3 away = ball.at.p - tip.at;
+        const double far = norm(away);
+        double mass = 1;
+        Vec3 slope;
+        for (; k < tips.size() && tips[k].vertex == tip.vertex; ++k) mass *= mass_beyond(-tips[k].away, away, per_sd, slope);
+        if (std::fabs(far - radius) * per_sd > REACH || far < 1e-12) continue;
+        const Vec3 n = (1 / far) * away, u = any_across(n), across[2] = {u, cross(n, u)};
+        const double bend[2] = {1 / far, 1 / far};
+        add_sharp(ball, {-1, tip.face, false, n, tip.at, far - radius, mass}, across, bend, slope, out);
+    }
+}
+
+static const RegisteredKind registered("surface_point", made_on_surface<SurfacePoint>);
+
+}  // namespace tanteo

@@ -1,0 +1,63 @@
+"""The centre of a circle on the axis of a hole or boss, or a sensed circle or cylinder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from tanteo.factors.factor import FeaturePart, Landmark, register_factor
+from tanteo.factors.line_points import line_points
+from tanteo.factors.round_centre import MADE, RoundCentre, centre_of, size_of
+from tanteo.features import CIRCLE, CYLINDER, Feature
+from tanteo.parts import Part, round_features
+from tanteo.typing import FloatArray
+
+_LONGER, _BEYOND, _ON = 1.01, 0.1, 0.5
+"""Centres may lie beyond a hole where the part is longer than the hole by the first factor, with the second as their
+share; walls and the whole length go on by the third, in their own lengths (decision 70)."""
+
+
+@register_factor("centre")
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class AxisCentre(RoundCentre):
+    """The centre of a circle: on the axis of a hole or boss at any height; the axis has either sign."""
+
+    core: ClassVar[str] = "axis_centre"
+    codimension: ClassVar[int] = 2
+    is_line: ClassVar[bool] = True
+    feature_kinds: ClassVar[tuple[str, ...]] = (CIRCLE.name, CYLINDER.name)
+
+    @classmethod
+    def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
+        """Return the centre of a circle with its axis, or two points of a cylinder's axis, one with its radius."""
+        feature = view[0]
+        if feature.kind is CIRCLE:
+            return centre_of(cls, feature, jacobian, MADE)
+        T = np.array(feature.T_world_feature)
+        T[:3, :3] = np.roll(T[:3, :3], -(feature.kind.axis or 0), axis=1)  # the axis first
+        (first, second), cov, jacobians = line_points(feature, T, jacobian)
+        size, side = size_of(feature, MADE)
+        factors = cls(at=first, cov=cov, sensed_size=size, material_side=side), cls(at=second, cov=cov)
+        return list(zip(factors, jacobians, strict=True))
+
+    @classmethod
+    def landmarks(cls, part: Part) -> list[Landmark]:
+        """Return the axes of holes and bosses, each as probable as any other.
+
+        Each has its wall, and with a smaller share all heights of the part: some devices move a centre along its
+        axis to a plane of their own. Both go on for a while, as centres that were moved to the rim are no less likely.
+        """
+        rounds, out = round_features(part), list[Landmark]()
+        for number, one in enumerate(rounds):
+            along = (part.vertices - one.ends[0]) @ one.axis
+            reach = one.ends[0] + np.array([[along.min()], [along.max()]]) * one.axis
+            longer = float(np.ptp(along)) > _LONGER * one.length
+            sizes = float(one.radii.min()), float(one.radii.max())
+            for ends, share in ((one.ends, 1 - _BEYOND * longer), (reach, _BEYOND * longer)):
+                if share > 0:
+                    beyond = _ON * (ends[1] - ends[0])
+                    ends = ends + np.stack([-beyond, beyond])
+                    out.append(Landmark(ends, sizes, share / len(rounds), one.hole, number, one.name, is_line=True))
+        return out

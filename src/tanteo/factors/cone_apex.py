@@ -1,0 +1,50 @@
+"""The apex of a cone, or a point of its axis at a known offset; the axis points into the cone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from tanteo.factors.factor import FeaturePart, Landmark, register_factor
+from tanteo.factors.round_centre import MADE_ANGLE, RoundCentre, centre_of, point_landmarks, size_of
+from tanteo.features import CONE, Feature
+from tanteo.lie import SE3
+from tanteo.parts import Part
+from tanteo.typing import FloatArray
+
+
+@register_factor("apex")
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ConeApex(RoundCentre):
+    """The apex of a cone, or a point of its axis at a known offset; the axis points into the cone."""
+
+    core: ClassVar[str] = "cone_apex"
+    codimension: ClassVar[int] = 3
+    size_is_angle: ClassVar[bool] = True
+    feature_kinds: ClassVar[tuple[str, ...]] = (CONE.name,)
+
+    @classmethod
+    def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
+        """Return a point of the axis, where errors of place and direction are independent, and its offset."""
+        feature = view[0]
+        tilts = feature.P[3:, 3:]
+        s = max(
+            float((feature.P[1, 3] - feature.P[0, 4]) / np.trace(tilts)), 0.0
+        )  # there the place is x + s wy, y - s wx
+        J = np.eye(5)
+        J[0, 4], J[1, 3] = s, -s
+        at = feature.T_world_feature @ SE3.from_parts(np.eye(3), np.array([0, 0, s]))
+        there = replace(feature, T_world_feature=at, P=J @ feature.P @ J.T, size=None)
+        ((factor, own),) = centre_of(cls, there, J @ jacobian, MADE_ANGLE)
+        size, side = size_of(feature, MADE_ANGLE)
+        apex = cls(
+            at=factor.at, cov=factor.cov, normal=factor.normal, sensed_size=size, material_side=side, axis_offset=s
+        )
+        return [(apex, own)]
+
+    @classmethod
+    def landmarks(cls, part: Part) -> list[Landmark]:
+        """Return the apexes of cones, each as probable as any other."""
+        return point_landmarks(part, "cone")

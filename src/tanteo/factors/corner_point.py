@@ -1,0 +1,27 @@
+"""A point that was sensed on a corner of the part, or a sensed vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from tanteo.factors.factor import FeaturePart, register_factor
+from tanteo.factors.on_surface import OnSurface
+from tanteo.features import VERTEX, Feature
+from tanteo.typing import FloatArray
+
+
+@register_factor("vertex")
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class CornerPoint(OnSurface):
+    """A corner: normal about it, every corner as probable as any other."""
+
+    core: ClassVar[str] = "corner_point"
+    codimension: ClassVar[int] = 3
+    feature_kinds: ClassVar[tuple[str, ...]] = (VERTEX.name,)
+
+    @classmethod
+    def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
+        """Return the vertex itself."""
+        T, R = view[0].T_world_feature, view[0].T_world_feature[:3, :3]
+        return [(cls(at=T[:3, 3], cov=R @ view[0].P @ R.T), R @ jacobian)]

@@ -1,0 +1,28 @@
+"""A point that was sensed on a straight edge of the part, or a sensed edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from tanteo.factors.factor import FeaturePart, register_factor
+from tanteo.factors.line_points import line_points
+from tanteo.factors.on_surface import OnSurface
+from tanteo.features import EDGE, Feature
+from tanteo.typing import FloatArray
+
+
+@register_factor("edge")
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class EdgePoint(OnSurface):
+    """A point of a straight edge: normal about the edge, even along it."""
+
+    core: ClassVar[str] = "edge_point"
+    codimension: ClassVar[int] = 2
+    feature_kinds: ClassVar[tuple[str, ...]] = (EDGE.name,)
+
+    @classmethod
+    def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
+        """Return two points of the edge, about the place where it is known best."""
+        points, cov, jacobians = line_points(view[0], view[0].T_world_feature, jacobian)
+        return [(cls(at=point, cov=cov), own) for point, own in zip(points, jacobians, strict=True)]

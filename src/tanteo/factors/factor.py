@@ -1,0 +1,291 @@
+"""The base of all measurement factors, and their registry.
+
+A factor is one measurement of one kind, with the fields that this kind has and no others. Its likelihood is compiled:
+``_core/factors/`` has one source per kind, registered under :attr:`Factor.core`. Whatever depends on the kind is an
+attribute or method of its class; no other code compares kinds.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeAlias, TypeVar
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.errors import InputError
+from tanteo.features import Feature
+from tanteo.parts import Part
+from tanteo.typing import Covariances, FloatArray, Indices, Vectors
+
+_Class = TypeVar("_Class", bound="type[Factor]")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensedDirection:
+    """A sensed outward normal, or the sensed axis of a round feature.
+
+    Attributes:
+        direction: unit vector in the world ``(3,)``.
+        sd: standard deviation of each of its two tilts [rad].
+    """
+
+    direction: Vectors
+    sd: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensedSize:
+    """A sensed radius, or the half angle of a cone.
+
+    Attributes:
+        value: radius [m] or half angle [rad].
+        sd: its standard deviation, the tolerance of manufacture included.
+    """
+
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Factor(ABC):
+    """One measurement.
+
+    Attributes:
+        at: sensed place in the world ``(3,)`` [m].
+        cov: its independent covariance, the part's tolerance included ``(3, 3)`` [m^2].
+        normal: sensed normal of the surface, or axis of a round feature; None where none was sensed.
+        core: name of the kind in the compiled core.
+        codimension: number of directions in which an element of the part holds the measurement.
+        on_surface: whether the sensed place is on the part's surface.
+        round_face: whether a label of this kind names a face that is not flat.
+        feature_kinds: names of the kinds of sensed features that become factors of this class.
+    """
+
+    core: ClassVar[str]
+    codimension: ClassVar[int]
+    on_surface: ClassVar[bool] = True
+    round_face: ClassVar[bool] = False
+    feature_kinds: ClassVar[tuple[str, ...]] = ()
+    at: Vectors
+    cov: Covariances
+    normal: SensedDirection | None = None
+
+    @property
+    def ball_radius(self) -> float:
+        """Radius of the ball whose centre is the sensed place [m]; 0 where the place is a point of the part."""
+        return 0.0
+
+    @property
+    def approach(self) -> Vectors | None:
+        """Unit direction of the beam or of the tip's motion, into the material ``(3,)``; None if unknown."""
+        return None
+
+    @property
+    def outward(self) -> Vectors | None:
+        """Rough outward direction, where only the side of the material is known ``(3,)``; None if unknown."""
+        return None
+
+    @property
+    def free_path(self) -> float:
+        """Length of the straight path before the place on which nothing was met [m]; 0 if unknown."""
+        return 0.0
+
+    @property
+    def landmark(self) -> Vectors:
+        """The place of the part that the measurement tells: a cone's apex for a point of its axis ``(3,)`` [m]."""
+        return self.at
+
+    @property
+    def sensed_size(self) -> SensedSize | None:
+        """Sensed radius or half angle; None if unknown."""
+        return None
+
+    @property
+    def material_side(self) -> int:
+        """1 for a hole, -1 for a boss, 0 where unknown or without meaning."""
+        return 0
+
+    def log_outlier(self, radius: float) -> float:
+        """Return the log density of the measurement if it is an outlier, or of an unknown object.
+
+        Args:
+            radius: of the ball of the workspace, in which it is anywhere [m].
+        """
+        log = -np.log(4 / 3 * np.pi * radius**3)
+        return float(log if self.normal is None else log - np.log(4 * np.pi))
+
+    @abstractmethod
+    def columns(self) -> dict[str, Any]:
+        """Return what the core needs beside place, covariance and direction, by the names of its columns."""
+
+    @classmethod
+    def from_feature(cls, view: tuple[Feature, ...], name: str, jacobian: FloatArray) -> FeaturePart:
+        """Return factors that tell of the part what a sensed feature does.
+
+        Args:
+            view: the feature; twice, once for each side, where its outward side is unknown.
+            name: for messages.
+            jacobian: how its perturbations follow the whitened shared errors ``(size, D)``.
+
+        Raises:
+            InputError: the feature does not tell enough.
+        """
+        raise NotImplementedError(f"{cls.__name__}.feature_kinds is not empty, but from_feature is missing")
+
+    @classmethod
+    def landmarks(cls, part: Part) -> list[Landmark]:
+        """Return the places of a part where measurements of this kind may be; none of its surface."""
+        return []
+
+    @classmethod
+    @abstractmethod
+    def from_row(cls, row: Row) -> Factor:
+        """Make a factor of one row of measurements.
+
+        Raises:
+            InputError: the row cannot be of this kind.
+        """
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """One row of point measurements, as :func:`tanteo.sensors.measure` makes them; what was not sensed is None.
+
+    Attributes:
+        label: name of the feature that it was taken on, ``''`` for none.
+        kind: kind of reading.
+        at: place in the world ``(3,)`` [m], the centre of the ball of a tip.
+        cov: independent covariance with the part's tolerance ``(3, 3)`` [m^2].
+        ball_radius: of the tip [m].
+        approach: direction of the beam or of the tip's motion ``(3,)``.
+        normal: sensed normal or axis.
+        free_path: length of the free path before the place [m].
+        size: sensed radius [m] or half angle [rad].
+        material_side: 1 for a hole, -1 for a boss, 0 where unknown.
+    """
+
+    label: str
+    kind: str
+    at: Vectors
+    cov: Covariances
+    ball_radius: float = 0.0
+    approach: Vectors | None = None
+    normal: SensedDirection | None = None
+    free_path: float = 0.0
+    size: float | None = None
+    material_side: int = 0
+
+
+FeaturePart: TypeAlias = list[tuple[Factor, FloatArray]]
+"""Factors that tell of the part what one sensed feature does, each with the Jacobian of its place by the whitened
+shared errors ``(3, D)``."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Landmark:
+    """A place of a part where a sensed centre may be: the axis of a hole or boss, the centre of a sphere.
+
+    Attributes:
+        ends: of an axis; of a point the point itself and another one along its axis ``(2, 3)`` [m].
+        sizes: least and largest size that it has, [m] or [rad].
+        share: its share among all of its kind.
+        hole: whether it is of a hole, otherwise of a boss.
+        number: number among its kind, from 0; the same for several landmarks of one feature.
+        name: of the feature, for people.
+        is_line: whether it is an axis.
+        others: least and largest value of a second size.
+    """
+
+    ends: Vectors
+    sizes: tuple[float, float]
+    share: float
+    hole: bool
+    number: int
+    name: str
+    is_line: bool = False
+    others: tuple[float, float] = (0.0, 0.0)
+
+
+KINDS: dict[str, type[Factor]] = {}
+"""Classes of factors by the kind of a reading (the column ``kind``)."""
+
+
+def register_factor(*kinds: str) -> Callable[[_Class], _Class]:
+    """Register a class of factors under the kinds of readings that it stands for."""
+
+    def register(cls: _Class) -> _Class:
+        for kind in kinds:
+            if KINDS.setdefault(kind, cls).__qualname__ != cls.__qualname__:
+                raise InputError(
+                    f"kind: expected a name of its own, got {kind!r}, which is taken. Choose another name."
+                )
+        return cls
+
+    return register
+
+
+def factor_class(kind: str) -> type[Factor]:
+    """Return the class of factors for a kind of reading."""
+    return KINDS[kind]
+
+
+def compile_factors(
+    factors: Sequence[Factor], tolerance: float, log_outlier: FloatArray
+) -> list[tuple[_core.FactorList, Indices]]:
+    """Compile factors for the core: one block per kind, with the rows in which its factors stand.
+
+    Args:
+        factors: ``n`` factors.
+        tolerance: standard deviation of the made surface that the covariances contain [m].
+        log_outlier: log density of each as an outlier ``(n,)``.
+    """
+    rows_of = dict[str, list[int]]()
+    for row, factor in enumerate(factors):
+        rows_of.setdefault(factor.core, []).append(row)
+    blocks = []
+    for core, rows in rows_of.items():
+        own = [factors[row] for row in rows]
+        all_columns = [factor.columns() for factor in own]
+        columns = {
+            name: np.array([values[name] for values in all_columns], dtype=np.float64) for name in all_columns[0]
+        }
+        columns |= {
+            "points": np.array([f.at for f in own]),
+            "covs": np.array([f.cov for f in own]) - tolerance**2 * np.eye(3),
+            "extra": np.full(len(own), tolerance**2),
+            "log_outlier": np.ascontiguousarray(log_outlier[rows]),
+            "normals": np.array([NO_DIRECTION if f.normal is None else f.normal.direction for f in own]),
+            "normal_sds": np.array([np.pi if f.normal is None else f.normal.sd for f in own]),
+        }
+        blocks.append((_core.make_factors(core, columns), np.array(rows, dtype=np.int32)))
+    return blocks
+
+
+def landmark_rows(part: Part) -> FloatArray:
+    """Return the landmarks of a part for the core ``(K, 15)``.
+
+    A row has the two ends of an axis (of a point: the point and another one along its axis), least and largest size,
+    share, side of the material, number, code of the kind, 1 for a line, least and largest second size.
+    """
+    codes, rows = _core.landmark_codes(), []
+    for cls, number, one in numbered_landmarks(part):
+        side = 1.0 if one.hole else -1.0
+        rows.append([*one.ends.ravel(), *one.sizes, one.share, side, number, codes[cls.core], one.is_line, *one.others])
+    return np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(-1, 15))
+
+
+def numbered_landmarks(part: Part) -> list[tuple[type[Factor], int, Landmark]]:
+    """Return the landmarks of a part of all kinds, each with its class and its number among all of them."""
+    out, first = list[tuple[type[Factor], int, Landmark]](), 0
+    for cls in dict.fromkeys(KINDS.values()):
+        own = cls.landmarks(part)
+        out += [(cls, first + one.number, one) for one in own]
+        first += max((one.number + 1 for one in own), default=0)
+    return out
+
+
+NO_DIRECTION = np.zeros(3)
+"""What the core takes for a direction that was not sensed."""

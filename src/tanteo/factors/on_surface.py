@@ -1,0 +1,63 @@
+"""Points that were sensed on the surface of the part: on a face, an edge or a corner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.factors.factor import NO_DIRECTION, Factor, Row
+from tanteo.typing import Vectors
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OnSurface(Factor):
+    """A point of the surface, or the centre of a ball that touches it.
+
+    Attributes:
+        ball_radius: of the tip, 0 for a point of the surface itself [m].
+        approach: unit direction of the beam or of the tip's motion, into the material ``(3,)``; None if unknown.
+        outward: rough outward direction, where only the side of the material is known ``(3,)``; None if unknown.
+        free_path: length of the straight path before the point on which nothing was met [m]; 0 if unknown.
+    """
+
+    ball_radius: float = 0.0
+    approach: Vectors | None = None
+    outward: Vectors | None = None
+    free_path: float = 0.0
+
+    def log_outlier(self, radius: float) -> float:
+        """Return the log density of an outlier: anywhere in the workspace; of a beam anywhere along it."""
+        if self.approach is None:
+            return super(OnSurface, self).log_outlier(radius)
+        return float(-np.log(2 * radius) - (0.0 if self.normal is None else np.log(4 * np.pi)))
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns of the core."""
+        return {
+            "radii": self.ball_radius,
+            "directions": NO_DIRECTION if self.approach is None else self.approach,
+            "sides": NO_DIRECTION if self.outward is None else self.outward,
+            "free_reach": self.free_path,
+            "round_face": self.round_face,
+        }
+
+    @classmethod
+    def from_row(cls, row: Row) -> Self:
+        """Make a factor of one row of measurements.
+
+        Raises:
+            InputError: a ball's contact with an edge or corner, which may be anywhere on it.
+        """
+        if cls.codimension > 1 and row.ball_radius > 0:
+            raise InputError(
+                f"{row.kind} {row.label!r}: expected surface points, got centres of a ball of "
+                f"{1e3 * row.ball_radius:g} mm, whose contact on an edge is unknown. Sense the two faces beside it, or "
+                f"give points of the {row.kind} itself."
+            )
+        return cls(
+            at=row.at, cov=row.cov, normal=row.normal, ball_radius=row.ball_radius, approach=row.approach,
+            free_path=row.free_path,
+        )  # fmt: skip

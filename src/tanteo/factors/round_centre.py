@@ -1,0 +1,131 @@
+"""Centres of round features: of circles on the axis of a hole or boss, of spheres, and apexes of cones.
+
+The part has them as landmarks, rows of :func:`tanteo.factors.landmarks`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from tanteo.factors.factor import Factor, FeaturePart, Landmark, Row, SensedDirection, SensedSize
+from tanteo.features import Feature
+from tanteo.parts import Part, centred_faces
+from tanteo.typing import FloatArray, Vectors
+
+MADE = 1e-4
+"""Standard deviation of a made radius against its CAD [m]: threads are modelled as plain holes (decision 70)."""
+
+MADE_ANGLE = 0.01
+"""Standard deviation of a made half angle of a cone against its CAD [rad] (decision 70)."""
+
+_DECADES = 2.0
+"""Decades of sizes that round features of an unknown object have."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RoundCentre(Factor):
+    """A point that is the centre of a round feature, or on its axis; ``normal`` is the sensed axis.
+
+    Attributes:
+        sensed_size: sensed radius or half angle; None if unknown.
+        second_size: a second sensed size, such as the radius of a torus's tube; None if unknown.
+        material_side: 1 for a hole, -1 for a boss, 0 if unknown.
+        axis_offset: how far along the axis the sensed place is from the landmark [m].
+        is_line: whether the feature is an axis, on which a centre may be at any height.
+        size_is_angle: whether the size is an angle.
+    """
+
+    on_surface: ClassVar[bool] = False
+    is_line: ClassVar[bool] = False
+    size_is_angle: ClassVar[bool] = False
+    sensed_size: SensedSize | None = None
+    second_size: SensedSize | None = None
+    material_side: int = 0
+    axis_offset: float = 0.0
+
+    @property
+    def landmark(self) -> Vectors:
+        """The place of the part that the measurement tells ``(3,)`` [m]."""
+        if self.normal is None or not self.axis_offset:
+            return self.at
+        return np.asarray(self.at - self.axis_offset * self.normal.direction)
+
+    def log_outlier(self, radius: float) -> float:
+        """Return the log density of an outlier: anywhere, and of any size, even in its logarithm."""
+        log = super(RoundCentre, self).log_outlier(radius)
+        for size in (self.sensed_size, self.second_size):
+            if size is not None:
+                log -= np.log(_DECADES * np.log(10) * size.value)
+        return float(log)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns of the core."""
+        size, other = self.sensed_size, self.second_size
+        return {
+            "sizes": 0.0 if size is None else size.value,
+            "size_sds": 0.0 if size is None else size.sd,
+            "others": 0.0 if other is None else other.value,
+            "other_sds": 0.0 if other is None else other.sd,
+            "material_sides": self.material_side,
+            "offsets": self.axis_offset,
+        }
+
+    @classmethod
+    def from_row(cls, row: Row) -> Self:
+        """Make a factor of one row of measurements; how the device came to a centre says nothing of it."""
+        size = None
+        if row.size is not None:
+            sd = float(np.sqrt(np.linalg.eigvalsh(row.cov)[-1]))
+            size = SensedSize(row.size, MADE_ANGLE if cls.size_is_angle else float(np.hypot(sd, MADE)))
+        return cls(at=row.at, cov=row.cov, normal=row.normal, sensed_size=size, material_side=row.material_side)
+
+
+def second_size_of(feature: Feature, made: float) -> SensedSize | None:
+    """Return the second sensed size of a round feature, as wide as it is made."""
+    size = feature.second_size
+    return None if size is None else SensedSize(size.value, float(np.hypot(np.sqrt(size.variance), made)))
+
+
+def size_of(feature: Feature, made: float) -> tuple[SensedSize | None, int]:
+    """Return the sensed size of a round feature, as wide as it is made, and the side of its material."""
+    size = feature.size
+    if size is None:
+        return None, 0
+    side = 0 if size.convex is None else (-1 if size.convex else 1)
+    return SensedSize(size.value, float(np.hypot(np.sqrt(size.variance), made))), side
+
+
+def centre_of(cls: type[RoundCentre], feature: Feature, jacobian: FloatArray, made: float) -> FeaturePart:
+    """Return the centre of a feature whose first rows are its place, with its axis if it has one.
+
+    Args:
+        cls: class of the factor.
+        feature: a sensed circle, cone, sphere or torus.
+        jacobian: how its perturbations follow the shared errors ``(size, D)``.
+        made: standard deviation of the made size.
+    """
+    T, P = feature.T_world_feature, feature.P
+    R, axis = T[:3, :3], None
+    if feature.kind.axis is not None:
+        axis = SensedDirection(R[:, feature.kind.axis], float(np.sqrt(np.linalg.eigvalsh(P[3:, 3:])[-1])))
+    size, side = size_of(feature, made)
+    factor = cls(
+        at=T[:3, 3], cov=R @ P[:3, :3] @ R.T, normal=axis, sensed_size=size, material_side=side,
+        second_size=second_size_of(feature, made),
+    )  # fmt: skip
+    return [(factor, R @ jacobian[:3])]
+
+
+def point_landmarks(part: Part, surface: str) -> list[Landmark]:
+    """Return the centres of the faces of a part on one kind of surface, each as probable as any other."""
+    faces = [one for one in centred_faces(part) if one.surface == surface]
+    return [
+        Landmark(
+            np.stack([one.centre, one.centre + one.axis]), (one.size, one.size), 1 / len(faces), one.hole, number,
+            part.faces[one.face].name,
+        )
+        for number, one in enumerate(faces)
+    ]  # fmt: skip
