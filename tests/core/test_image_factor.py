@@ -18,7 +18,7 @@ from tanteo.parts import read_part
 from tanteo.vision import find_regions
 from tanteo.vision.candidates import own_edges
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import REACH, ImageEdges, Sums, Weights, chance_hits
+from tanteo.vision.image_edges import LOCATED, REACH, ImageEdges, Sums, Weights, chance_hits
 from tanteo.vision.regions import bare_table
 from tanteo.vision.wireframe import see_edges
 from vision_scenes import PARTS, bracket, seen_alone
@@ -75,7 +75,7 @@ def by_edges(groups, values, spans):
     )
 
 
-@pytest.mark.parametrize("located", [1.0, 2.0])
+@pytest.mark.parametrize("located", [1.0, LOCATED])
 def test_the_density_is_that_of_plain_numpy(scene, located):
     model, camera, edges, region, factor, T = scene
     frame, points = model.frame, edges.points

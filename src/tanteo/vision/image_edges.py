@@ -35,7 +35,7 @@ _RIM_SHOWS, _CREASE_SHOWS = 0.85, 0.65
 _DISPLACED, _DISPLACED_SD = 0.3, 0.8
 """Share of edges that shadows, occluders and roundings displace, and by how much [px] (decision 23)."""
 
-_LOCATED = 1.4
+LOCATED = 1.4
 """Weight of where an edge is, over that it is there (``python benchmarks/vision_poses.py 12`` and
 ``pytest tests/vision/test_posterior.py`` chose it, decision 86)."""
 
@@ -75,7 +75,7 @@ class Weights:
     base: float = 1.065
     spilled: float = -0.624
 
-    def rules(self, located: float = _LOCATED) -> FloatArray:
+    def rules(self, located: float = LOCATED) -> FloatArray:
         """Return all constants of the formula, in the order of ``EdgeRules`` ``(14,)``.
 
         Args:
