@@ -5,16 +5,25 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.answers import STATED, Answer, Finding, Priors, check_question, with_elapsed
-from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, scale_of
+from tanteo.answers import STATED, Answer, Finding, Priors, check_question, sized, with_elapsed
+from tanteo.errors import InputError
+from tanteo.inference import Candidates, about_conventions, about_frames, about_readings, identify_points, scale_of
 from tanteo.limits import SIGNIFICANCE, TOP, check_length
 from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
+from tanteo.typing import FloatArray
+
+if TYPE_CHECKING:
+    from tanteo.vision import View
+
+MOST_VIEWED = 64
+"""Number of parts up to which images are compared with each of them, as :func:`tanteo.vision.see_table` does."""
 
 _DOUBT_PRIOR = "The prior of the pose beforehand counts, too: check it, or leave it out and compare."
 
@@ -34,6 +43,7 @@ def identify(
     top: int = TOP,
     as_published: bool = False,
     priors: Priors | None = None,
+    views: Sequence[View] = (),
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
@@ -58,6 +68,8 @@ def identify(
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: what is assumed beforehand: outliers, workspace, a prior pose, a box, a table.
+        views: images of the object on a table, from cameras that stand in the world of the readings. They enter the
+            one posterior beside the readings; at most 64 parts can be compared with them.
         factors: further measurements of the pose, such as a :class:`tanteo.PythonFactor` of your own.
         seed: of the search.
         conventions: where no part explains the readings, whether usual mistakes (units, directions, quaternions,
@@ -94,9 +106,10 @@ def identify(
     points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
     rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
+    all_factors = (*factors, *_factors(views, measured.points, parts, priors))
     answer = identify_points(
         points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
-        factors=factors, seed=seed,
+        factors=all_factors, seed=seed,
     )  # fmt: skip
     if unstated is not None and answer.best is not None:
         answer = _told_sd(answer, unstated)
@@ -112,12 +125,37 @@ def identify(
     def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
         return identify(
             readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
-            rig=rig, significance=significance, top=1, priors=priors, factors=factors, seed=seed, conventions=False,
+            rig=rig, significance=significance, top=1, priors=priors, views=views,
+            factors=factors, seed=seed, conventions=False,
         )  # fmt: skip
 
     meant = about_conventions(answer, readings, parts, ask, placed=placed) if conventions else None
     meant = meant or frames  # what fits says more than what looks odd
     return replace(answer, findings=found if meant is None else (*found, meant))
+
+
+def _factors(
+    views: Sequence[View], points: FloatArray, parts: Sequence[Part], priors: Priors
+) -> tuple[PoseFactor, ...]:
+    """Return views of the object as factors.
+
+    Raises:
+        InputError: more parts than images are compared with, or a view that does not show the readings.
+    """
+    if not views:
+        return ()
+    from tanteo.vision import view_factors
+
+    if len(parts) > MOST_VIEWED:
+        raise InputError(
+            f"views: expected at most {MOST_VIEWED} parts to compare images with, got {len(parts):,}. Narrow them by "
+            "the outline (outline_of_readings), or give fewer."
+        )
+    some = [getattr(part, "part", part) for part in parts]
+    radius = float(Candidates(some).radii.max())
+    table = priors.pose.table if priors.pose is not None else None
+    frame = np.eye(4) if table is None else table.frame
+    return view_factors(views, points, some, sized(priors, radius), T_world_table=frame)
 
 
 def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part]) -> str:
@@ -178,6 +216,7 @@ def locate(
     top: int = TOP,
     as_published: bool = False,
     priors: Priors | None = None,
+    views: Sequence[View] = (),
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
@@ -198,6 +237,7 @@ def locate(
         top: number of poses to report.
         as_published: by the paper's constraints and tests.
         priors: what is assumed beforehand.
+        views: images of the object beside the readings.
         factors: further measurements of the pose.
         seed: of the search.
         conventions: whether usual mistakes are tried where it does not fit.
@@ -214,5 +254,5 @@ def locate(
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
         bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
-        factors=factors, seed=seed, conventions=conventions,
+        views=views, factors=factors, seed=seed, conventions=conventions,
     )  # fmt: skip

@@ -39,25 +39,29 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
     factors = options.factors()
-    from tanteo.cli.image import outline_of, read_taken
+    from tanteo.cli.image import outline_of, read_views
 
-    taken = read_taken(options.image, options.camera, options.marks)
-    sources = {"the readings": readings, "--rig": options.rig, "--image": options.image, "--camera": options.camera}
-    inputs = [*sources.items(), *(("--factor", text.partition("=")[2]) for text in options.factor or ())]
-    files.check_different(("--report", options.report), inputs=inputs, parts=parts)
+    views = read_views(options.image, options.camera, options.marks)
+    sources = [("the readings", readings), ("--rig", options.rig)]
+    sources += [("--image", image) for image in options.image or ()]
+    sources += [("--camera", camera) for camera in options.camera or ()]
+    sources += [("--factor", text.partition("=")[2]) for text in options.factor or ()]
+    files.check_different(("--report", options.report), inputs=sources, parts=parts)
     given = read_given(readings, parts, options, file)
-    from tanteo.recognition import identify
+    from tanteo.recognition import MOST_VIEWED, identify
 
     table = known.table if known is not None else None
-    outline = None if taken is None else outline_of(taken, given.measured.points, given.parts, table)
+    outlines = [outline_of(view, given.measured.points, given.parts, table) for view in views]
+    many = len(given.parts) > MOST_VIEWED  # of so many parts the outline narrows, and counts instead of the edges
+    outline = outlines[0] if outlines and many else None
     loaded = time.perf_counter() - start
     with misuse():
         priors = options.priors(known, outline)
     ask = partial(
         identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,
-        top=options.top, as_published=options.as_published, priors=priors, factors=factors, seed=options.seed,
-        conventions=False,
+        top=options.top, as_published=options.as_published, priors=priors, factors=factors,
+        views=() if many else views, seed=options.seed, conventions=False,
     )  # fmt: skip
     with misuse(always=False):
         result = ask(given.readings, given.parts)

@@ -40,9 +40,9 @@ class Options:
     density: args.Density = None
     size: args.Size = None
     factor: args.Factors = None
-    image: args.ImagePath = None
-    camera: args.CameraPath = None
-    marks: args.MarksPath = None
+    image: args.ImagePaths = None
+    camera: args.CameraPaths = None
+    marks: args.MarksPaths = None
     significance: args.Significance = SIGNIFICANCE
     top: args.Top = TOP
     as_published: args.AsPublished = False

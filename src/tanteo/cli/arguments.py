@@ -143,16 +143,21 @@ Factors = Annotated[
     ),
 ]
 
-ImagePath = Annotated[
-    str | None,
-    _prior("--image", "FILE", "Image of the object on a table: its outline narrows the parts. Needs --camera."),
+ImagePaths = Annotated[
+    list[str] | None,
+    _prior("--image", "FILE", "Image of the object on a table, beside the readings; may be repeated. Needs --camera."),
 ]
-CameraPath = Annotated[
-    str | None,
-    _prior("--camera", "FILE", "Calibration file of the camera; it states where the camera stands, or --marks do."),
+CameraPaths = Annotated[
+    list[str] | None,
+    _prior(
+        "--camera",
+        "FILE",
+        "Calibration file of the camera, one for all images or one each; it states where the camera stands, or "
+        "--marks do.",
+    ),
 ]
-MarksPath = Annotated[
-    str | None,
+MarksPaths = Annotated[
+    list[str] | None,
     _prior("--marks", "FILE", "Known points of the table and where the image has them, to place the camera (CSV)."),
 ]
 

@@ -112,6 +112,7 @@ class PartSearch:
         of = np.repeat(np.array(groups, dtype=np.int64), [len(Ts) for Ts in poses])
         self.peaks = objective.merged(self.peaks, objective.look(np.concatenate(poses), of, effort.maximize), _MOST)
         self._of_centres()
+        self._of_factors()
         self._of_planes(effort.maximize)
         self.sample(effort.maximize)
         hard = bool(effort.hard) and (len(objective.scales.blurs) > 1 or self.doubtful())
@@ -151,6 +152,14 @@ class PartSearch:
         Ts = from_centres(objective.problem.points, objective.core, objective.prepared)
         found = objective.maximize(Ts, groups=np.full(len(Ts), _CERTAIN, dtype=np.int64), fine=True)
         self.peaks = objective.merged(self.peaks, found, _MOST)
+
+    def _of_factors(self) -> None:
+        """Maximize from poses that factors such as images suggest: once, and unblurred, for they are near."""
+        objective = self.objective
+        if self.restarts or not objective.problem.pose_factors:
+            return
+        suggested = [factor.poses(objective.prepared.part) for factor in objective.problem.pose_factors]
+        self.try_poses(np.concatenate(suggested), certain=True)
 
     def sample(self, count: int) -> None:
         """Maximize from samples of the pose prior, each a group of its own; and follow the ridge it lies on."""

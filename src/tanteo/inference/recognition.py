@@ -49,7 +49,7 @@ def identify_points(
         significance: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         priors: what is assumed beforehand.
-        factors: further measurements of the pose, such as functions of your own.
+        factors: further measurements of the pose, such as images and functions of your own.
         seed: of the search and the samples.
 
     Raises:

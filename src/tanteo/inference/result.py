@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers import Hypothesis, Misfit, PosePrior, hypothesis_at, prior_rows, spins
-from tanteo.inference.covariances import common_tolerance, covariances
+from tanteo.inference.covariances import common_tolerance, mode_covariances
 from tanteo.inference.details import details_at
 from tanteo.inference.fit_at_mode import GoodnessOfFit, face_names
 from tanteo.inference.modes import Mode
@@ -31,7 +31,7 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
     """
     mode, part, belongs = one.mode, one.mode.prepared.part, one.belongs
     free, distances = one.free, one.at.distances[0]
-    covariance, given = covariances(one)
+    covariance, given = mode_covariances(one)
     common, common_given = common_tolerance(points, one)
     misfit = _joint_misfit(one, pose)
     names = face_names(one)

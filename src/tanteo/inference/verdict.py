@@ -128,7 +128,8 @@ def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Narrowed, post
 def _close_together(best: GoodnessOfFit) -> bool:
     """Whether the points are of a small patch, which many a part has twice, and nothing else says where it is."""
     problem = best.mode.objective.problem
-    placed = problem.priors.pose is not None and problem.priors.pose.T_world_part is not None
+    known = problem.priors.pose is not None and problem.priors.pose.T_world_part is not None
+    placed = known or bool(problem.pose_factors)
     points = problem.points.take(problem.around.others)
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
     return not placed and 2 * float(np.quantile(off, 0.75)) < _PATCH * best.mode.prepared.part.diagonal

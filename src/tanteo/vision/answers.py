@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.answers import Answer, Hypothesis, Misfit, Status, hypothesis_at, verdict
-from tanteo.inference import Mode, goodness_of_fit
+from tanteo.inference import Mode, goodness_of_fit, mode_covariances
 from tanteo.lie import SE3
 from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, Transforms, Vectors
@@ -57,14 +57,15 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
     sums = sums_at(image, mode.prepared, mode.T_peak[None], mode.z[None])
     dof = max(round(float(sums.freedom[0])) - (3 if lying else 6), 1)
     chi2 = float(sums.chi2[0])
+    fit = goodness_of_fit(mode)
     T_camera_part = SE3.inverse(standing(image.camera)) @ mode.T_world_part
     distance = float(SE3.apply(T_camera_part, part.centroid)[2])
     off = float(np.sqrt(sums.squares[0] / max(float(sums.met[0]), 1.0)))
     return hypothesis_at(
         part,
         mode.T_world_part,
-        mode.covariance * max(1.0, chi2 / dof),
-        free=goodness_of_fit(mode).free,
+        mode_covariances(fit)[0] * max(1.0, chi2 / dof),
+        free=fit.free,
         probability=mode.probability,
         misfit=Misfit(0.0, chi2, dof),
         rms=off * distance / float(image.camera.focal.mean()),
