@@ -17,6 +17,7 @@ from tanteo.vision.camera import Camera
 from tanteo.vision.fit import EdgeMatches
 from tanteo.vision.posterior import ImageMode, ImagePosterior
 from tanteo.vision.settle import Settled
+from tanteo.words import message_of
 
 _LIKE = (
     "whose outlines are as like to it: take an image from nearer or steeper above, or sense it "
@@ -67,7 +68,8 @@ def _rms(met: EdgeMatches, camera: Camera, T_camera_part: Transforms, part: Part
 
 def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, str]:
     """Status and sentence. Edges of real parts are not those of models: a poor fit widens, and is said."""
-    status, message = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    status, findings = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    message = message_of(findings)
     if status == "unknown" and posterior.left_out > 0.5 * posterior.unknown:
         best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
         return "ambiguous", f"{best} one of {posterior.count:,} parts that were not looked for, {_LIKE}"
