@@ -1,10 +1,10 @@
-"""Fit what images of tables are weighed with on rendered scenes: ``python benchmarks/vision_fit.py [scenes] [errors]``.
+"""Fit what images of tables are weighed with on rendered scenes: ``python benchmarks/vision_fit.py [scenes]``.
 
 The parts are random workpieces and random machined parts (``tests/machined_parts.py``), some with a mirror image or a
 near twin; none of them is measured anywhere. Two catalogues of twenty are strangers to each other; in each scene all
 parts of one are asked about. Printed are the weights that make the truth most probable, and how well a fit to
-the first half of the scenes does on the second. With ``errors`` instead: the errors of edge points under which the true
-poses are most probable. ``--keep FILE`` and ``--processes N`` are for long ones (``campaign.py``).
+the first half of the scenes does on the second. ``--keep FILE`` and ``--processes N`` are for long ones
+(``campaign.py``).
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ import sys
 import tempfile
 from dataclasses import fields, replace
 from functools import cache
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logsumexp
-from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from campaign import options, run_cases
 
 from machined_parts import mixed_parts
+from tanteo.answers import Priors
 from tanteo.lie import SE3
+from tanteo.measurements import OnTable
 from tanteo.vision import TableErrors, find_edges, find_regions, map_edges, prepare_vision, silhouette
-from tanteo.vision.candidates import candidates_in
-from tanteo.vision.choices import EdgeErrors
-from tanteo.vision.evidence import STRETCH, Weights, log_weight
-from tanteo.vision.posterior import UNKNOWN, ImageMode, distinct_poses, settle_lying
+from tanteo.vision.candidates import candidates_in, own_edges
+from tanteo.vision.image_edges import STRETCH, Weights
+from tanteo.vision.posterior import searched, sums_at
+from tanteo.vision.sight import area_of, image_of_region
 from vision_scenes import random_shot, told_table
 
 CATALOGUES, SEED, FIRST = (7001, 7002), 7100, 21
@@ -46,14 +46,11 @@ STRANGERS = 0.25
 BEFOREHAND = np.array([1.0, 1.0, 1.0, 3.0, 1.0])
 """Standard deviations of the weights about zero beforehand: what no scene shows has no weight without end."""
 
+UNKNOWN = Priors().unknown
+"""Probability beforehand that the part of a scene is not asked about."""
+
 NEAR = 0.05
 """A pose is right if no point of the part is farther off than this share of the part."""
-
-ERRORS = tuple(product((0.01, 0.02), (0.12, 0.25), (0.15, 0.3), (0.0, 0.15, 0.3, 0.5)))
-"""Errors of edge points that are tried: the first fields of ``EdgeErrors``."""
-
-WORST = 60.0
-"""Densities farther below the median than this count as this: gross failures do not decide [nats]."""
 
 
 @cache
@@ -91,49 +88,39 @@ def looked_at(shot, model):
 
 
 def weighed(k):
-    """Evidence of the candidates of one scene, which of them are right, and the stretches of edge; None unseen."""
+    """Sums of the maxima of one scene, which of them are right, and the stretches of edge; None unseen."""
     models, shot, stranger, T_world_table = scene(k)
     truth, edges, region = looked_at(shot, stranger or shot.model)
     if region is None:
         return None
-    table = SE3.inverse(shot.camera.T_world_camera) @ T_world_table
-    found, stretches = candidates_in(models, shot.camera, table, edges, region, TableErrors(), Weights())
+    camera, errors = shot.camera, TableErrors()
+    T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
+    seen = image_of_region(camera, edges, region, Weights())
+    found = candidates_in(models, seen, T_camera_table, region, errors)
+    lying = OnTable(T_world_table, errors.height, errors.tilt, area_of(region, camera, T_camera_table))
+    _, searches = searched(seen, [(c.model, c.T_camera_part) for c in found], lying)
     rows, right = [], []
-    for c in found:
-        e = c.evidence
-        for k in distinct_poses(c.model.part, c.T_camera_part, log_weight(e, Weights())):
-            rows.append([e.hits[k], e.misses[k], e.spilled[k] / STRETCH**2, c.priors[k]])
-            right.append(c.model is shot.model and near(c.model, c.T_camera_part[k], truth))
+    for c, search in zip(found, searches, strict=True):
+        peaks = search.peaks
+        if not len(peaks):
+            continue
+        sums = sums_at(seen, search.objective.prepared, peaks.Ts, peaks.zs)
+        rest = peaks.evidence - sums.log + search.log_evidence - logsumexp(peaks.evidence)
+        columns = sums.hits, sums.misses, sums.spilled / STRETCH**2, rest
+        rows += np.stack(columns, axis=1).tolist()
+        T_camera_world = SE3.inverse(camera.T_world_camera)
+        right += [c.model is shot.model and near(c.model, T_camera_world @ T, truth) for T in peaks.Ts]
+    stretches = float(own_edges(region, edges).sum()) / STRETCH
     known = stranger is None
     return {"rows": rows, "right": right, "stretches": stretches, "stranger": not known, "parts": len(models)}
 
 
-def pose_scores(k):
-    """Log density of the true pose and its squared error for each of :data:`ERRORS`; None without a pose to know."""
-    _, shot, stranger, T_world_table = scene(k)
-    if stranger is not None or shot.model.part.symmetry.continuous:
-        return None
-    truth, edges, region = looked_at(shot, shot.model)
-    if region is None:
-        return None
-    mode = ImageMode(shot.model, shot.rest, truth, 0.0, 1.0)
-    T_camera_table = SE3.inverse(shot.camera.T_world_camera) @ T_world_table
-    out = []
-    for values in ERRORS:
-        seen, errors = (shot.camera, edges, region, T_camera_table), EdgeErrors(*values)
-        settled = settle_lying(mode, *seen, TableErrors(), Weights(), errors=errors)
-        e = SE3.log(SE3.inverse(settled.T_camera_part) @ truth)
-        sign, log = np.linalg.slogdet(settled.information)
-        square = e @ settled.information @ e
-        out.append((0.5 * (log - square) if sign > 0 else -np.inf, square))
-    return out
-
-
 def log_posterior(scene, theta):
-    """Log probabilities of the candidates and of none."""
-    rows = scene["rows"]
-    log = rows[:, :2] @ theta[:2] + theta[4] * rows[:, 2] + rows[:, 3] + np.log((1 - UNKNOWN) / scene["parts"])
-    none = np.log(UNKNOWN) + theta[2] * scene["stretches"] + theta[3]
+    """Log probabilities of the maxima and of none, whose pose is as sharp as that of the best maximum."""
+    rows, hits, misses, unknown, base, spilled = scene["rows"], *theta
+    log = rows[:, :3] @ np.array([hits, misses, spilled]) + rows[:, 3]
+    none = np.log(UNKNOWN) + unknown * scene["stretches"] + base + rows[np.argmax(log), 3]
+    log = log + np.log((1 - UNKNOWN) / scene["parts"])
     total = logsumexp(np.r_[log, none])
     return log - total, none - total
 
@@ -182,23 +169,10 @@ def fit_weights(cases, keep, processes):
         print(f"second half, {name}: best answer claimed {np.mean(claims):.3f}, right {np.mean(right):.3f}")
 
 
-def fit_errors(cases, keep, processes):
-    """Print the errors of edge points under which true poses are most probable, and the coverage of those in use."""
-    scores, squares = np.moveaxis([row for row in run_cases(pose_scores, cases, keep, processes) if row], -1, 0)
-    mean = np.maximum(scores, np.median(scores) - WORST).mean(axis=0)
-    order = np.argsort(-mean)[:5]
-    print("; ".join(f"{EdgeErrors(*ERRORS[k])}: {mean[k]:.2f}" for k in order), f"log density of {len(scores)} poses")
-    own = squares[:, [EdgeErrors(*values) for values in ERRORS].index(EdgeErrors())]
-    shares = ", ".join(f"{np.mean(own < chi2.ppf(p, 6)):.3f} in the {p:.1%} region" for p in (0.95, 0.999))
-    print(f"{EdgeErrors()}: {shares}, NEES / dof {own.mean() / 6:.2f}, farthest {own.max():.0f}")
-
-
 def main():
     arguments, keep, processes = options(sys.argv[1:])
-    errors = "errors" in arguments
-    numbers = [int(a) for a in arguments if a != "errors"]
-    cases = [(k,) for k in range(FIRST, FIRST + (numbers[0] if numbers else 150))]
-    (fit_errors if errors else fit_weights)(cases, keep, processes)
+    count = int(arguments[0]) if arguments else 150
+    fit_weights([(k,) for k in range(FIRST, FIRST + count)], keep, processes)
 
 
 if __name__ == "__main__":

@@ -17,10 +17,12 @@ from common import Table
 from scipy.stats import chi2
 
 from tanteo.lie import SE3
+from tanteo.measurements import OnTable
 from tanteo.vision import USUAL_EDGE_SD, TableErrors, find_edges, find_regions, map_edges, project, silhouette
 from tanteo.vision.answers import hypothesis
-from tanteo.vision.evidence import Weights
-from tanteo.vision.posterior import ImageMode, settle_lying
+from tanteo.vision.image_edges import Weights
+from tanteo.vision.posterior import infer
+from tanteo.vision.sight import area_of, image_of_region
 from vision import models_of, pose_errors
 from vision_scenes import in_camera, random_shot, told_table
 
@@ -66,12 +68,12 @@ def pose(image, hidden, noise, wrong, said):
         camera = told_camera(camera, wrong, np.random.default_rng([SEED, image, 2]))
     table = told_table(shot, model.part, np.random.default_rng([SEED, image, 1]))
     T_camera_table = SE3.inverse(camera.T_world_camera) @ table
-    mode = ImageMode(model, shot.rest, in_camera(shot), 0.0, 1.0)
-    there = silhouette(model.frame.surface, camera, mode.T_camera_part)
+    truth, errors = in_camera(shot), TableErrors()
+    there = silhouette(model.frame.surface, camera, truth)
     region = max(find_regions(shot.image, points), key=lambda region: (region.mask & there).sum())
-    settled = settle_lying(mode, camera, map_edges(points), region, T_camera_table, TableErrors(), Weights())
-    mode = replace(mode, T_camera_part=settled.T_camera_part)
-    answer = hypothesis(mode, camera.T_world_camera, camera, settled, lying=True)
+    seen = image_of_region(camera, map_edges(points), region, Weights())
+    lying = OnTable(table, errors.height, errors.tilt, area_of(region, camera, T_camera_table))
+    answer = hypothesis(infer(seen, [(model, truth[None])], 1, lying=lying).modes[0], seen, lying=True)
     return None if answer.unobserved else pose_errors(model, answer, shot.T_world_part)
 
 

@@ -14,8 +14,8 @@ import structure
 ROOT = Path(__file__).parents[1]
 
 MOST = {
-    "iterative pose fits": 22,
-    "iterative pose fits in C++": 10,
+    "iterative pose fits": 15,
+    "iterative pose fits in C++": 3,
     "tuned numbers in inference": 275,
     "tuned numbers in vision": 225,
     "tuned numbers in posterior": 60,

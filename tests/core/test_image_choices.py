@@ -73,52 +73,6 @@ def test_a_drawing_that_cannot_be_slid_is_refused():
     assert [len(a) for a in slide(s, Ts, t, 4, places=np.zeros((0, 2)))] == [0, 0, 0]
 
 
-def samples(seed, n=80):
-    """Groups, which are asked at two poses, where they are, across what, how wide, how far off."""
-    rng = np.random.default_rng(seed)
-    angle = rng.choice([0.0, 0.2, 1.2], (2, n)) + rng.normal(0, 0.05, (2, n))
-    normals = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return (
-        rng.integers(0, 4, n), rng.uniform(size=(2, n)) < 0.8, rng.uniform(0, 40, (2, n, 2)), normals,
-        rng.uniform(2, 8, (2, n)), rng.uniform(0, 2, (2, n)),
-    )  # fmt: skip
-
-
-def test_of_samples_that_met_one_place_the_nearest_explain_it():
-    groups, hits, places, normals, widths, off = samples(1)
-    got = _core.foremost_edges(groups, hits, places, normals, widths, off, 0.9)
-    way = places[:, :, None] - places[:, None]
-    beaten = np.sum(way**2, axis=-1) < np.maximum(widths[:, :, None], widths[:, None]) ** 2
-    beaten &= np.abs(normals @ np.swapaxes(normals, 1, 2)) > 0.9
-    beaten &= (groups[:, None] != groups) & (off[:, :, None] > off[:, None]) & hits[:, None]
-    np.testing.assert_array_equal(got, hits & ~beaten.any(axis=-1))
-    assert 10 < got.sum() < hits.sum() - 10
-
-
-def test_samples_are_crowded_by_other_edges():
-    groups, asked, places, normals, widths, _ = samples(2)
-    got = _core.crowded_edges(groups, asked, places, normals, widths, 1.5, 0.95)
-    way = places[:, :, None] - places[:, None]
-    across = np.sum(way * normals[:, None], axis=-1)
-    beyond = np.sqrt(np.maximum(np.sum(way**2, axis=-1) - across**2, 0)) - 0.5 * widths[:, None]
-    near = np.hypot(across, np.maximum(beyond, 0)) < 1.5
-    near &= (groups[:, None] != groups) | (np.abs(normals @ np.swapaxes(normals, 1, 2)) < 0.95)
-    near &= asked[:, None] & ~np.eye(80, dtype=bool)
-    np.testing.assert_array_equal(got, asked & near.any(axis=-1))
-    assert 10 < got.sum() < asked.sum() - 10
-
-
-def test_samples_that_do_not_belong_together_are_refused():
-    groups, asked, places, normals, widths, _ = right = samples(3)
-    for k in range(6):
-        short = [a[:, :-1].copy() if j == k and k else a[:-1] if j == k else a for j, a in enumerate(right)]
-        with pytest.raises(ValueError, match="expected"):
-            _core.foremost_edges(*short, 0.9)
-    with pytest.raises(ValueError, match="expected"):
-        _core.crowded_edges(groups, asked[0], places, normals, widths, 1.5, 0.95)
-    assert _core.foremost_edges(groups[:0], *(a[:, :0].copy() for a in right[1:]), 0.9).shape == (2, 0)
-
-
 def test_the_nearest_pixels_are_found_within_reach():
     rng = np.random.default_rng(4)
     pixels, places = rng.uniform(0, 100, (300, 2)), rng.uniform(-5, 105, (200, 2))
@@ -141,29 +95,3 @@ def test_of_sets_of_points_those_far_from_all_before_are_kept():
     assert len(_core.far_apart(points[:0], order[:0], 0.5)) == 0
     with pytest.raises(ValueError, match="order"):
         _core.far_apart(points[:5], order, 0.5)
-
-
-def test_choices_of_edges_weigh_what_their_integrals_do():
-    rng = np.random.default_rng(6)
-    n, G, m = 8, 5, 9
-    sizes = 10.0 ** rng.uniform(-3, 3, n)
-    root = rng.normal(size=(G, 2, n, 3)) * sizes[:, None]
-    A, g, log = root @ np.swapaxes(root, -1, -2), rng.normal(size=(G, 2, n)) * sizes, rng.normal(size=(G, 2))
-    A0, g0, others = np.diag(0.1 * sizes**2), rng.normal(size=n) * sizes, rng.uniform(size=(m, G)) < 0.5
-    logs, means, covariances = _core.weigh_choices(A0, g0, A, g, log, others)
-    for k in range(m):
-        pick = np.arange(G), others[k].astype(int)
-        information, gradient = A0 + A[pick].sum(axis=0), g0 + g[pick].sum(axis=0)
-        D = np.diag(1 / sizes)
-        covariance = D @ np.linalg.inv(D @ information @ D) @ D
-        np.testing.assert_allclose(
-            covariances[k] / np.outer(1 / sizes, 1 / sizes), covariance * np.outer(sizes, sizes), rtol=1e-8
-        )
-        np.testing.assert_allclose(means[k] * sizes, covariance @ gradient * sizes, rtol=1e-8)
-        volume = np.linalg.slogdet(D @ information @ D)[1] + 2 * np.log(sizes).sum()
-        expected = log[pick].sum() - 0.5 * volume + 0.5 * gradient @ covariance @ gradient
-        np.testing.assert_allclose(logs[k], expected, rtol=1e-9)
-    with pytest.raises(ValueError, match="others"):
-        _core.weigh_choices(A0, g0, A, g, log, others[:, 1:].copy())
-    flat = _core.weigh_choices(np.zeros((n, n)), g0, 0 * A, g, log, others)[0]
-    assert (flat == -np.inf).all()

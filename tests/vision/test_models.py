@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from random_parts import random_part, write_off
+from silhouettes import spilled
 from tanteo.catalogue import known_rests, read_parts, rests
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import Camera, prepare_vision
 from tanteo.vision.models import lay
-from tanteo.vision.regions import silhouette, spilled
+from tanteo.vision.regions import silhouette
 from tanteo.vision.wireframe import see_edges, wireframe
 
 CAMERA = Camera(np.array([[620.0, 0, 320.0], [0, 620.0, 240.0], [0, 0, 1]]), (640, 480))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from silhouettes import bare_share, spilled
 from tanteo.lie import SE3
 from tanteo.vision import find_regions, project
 from tanteo.vision.candidates import _distinct
 from tanteo.vision.propose import SPILL, SPILLED, STEP, YAWS, propose, slides, small_distances
-from tanteo.vision.regions import MARGIN, bare_share, bare_table, silhouette, spilled
+from tanteo.vision.regions import MARGIN, bare_table, silhouette
 from vision_scenes import bracket, seen_alone
 
 

@@ -1,8 +1,7 @@
-// The door for what is chosen among: places of a drawing, samples of edges, poses, edges that are another's.
+// The door for what is chosen among: places of a drawing, poses.
 #include <nanobind/stl/tuple.h>
 
 #include "bvh.hpp"
-#include "image_choice.hpp"
 #include "image_door.hpp"
 #include "image_slide.hpp"
 
@@ -50,63 +49,6 @@ nb::tuple slide_edges(const EdgeFrame& frame, Doubles camera, Doubles yaws, Doub
                           array_of(std::move(cost), {n}));
 }
 
-// Samples of a batch, pose by pose, of which some are asked.
-class Samples {
-  public:
-    Samples(Ints groups, Flags asked, Doubles places, Doubles normals, Doubles widths)
-        : groups(groups), asked(asked), places(places), normals(normals), widths(widths) {
-        const size_t N = groups.size(), all = asked.size();
-        if (asked.ndim() != 2 || asked.shape(1) != N) refuse("asked", "expected poses x samples");
-        expect(widths, "widths", {asked.shape(0), N});
-        if (places.size() != 2 * all) refuse("places", "expected two numbers for each sample at each pose");
-        if (normals.size() != 2 * all) refuse("normals", "expected two numbers for each sample at each pose");
-    }
-    // choose(samples of a pose) says which of them are chosen; offsets may be null
-    template <class Choose>
-    OutFlags each(const double* offsets, Choose&& choose) const {
-        const size_t N = groups.size(), B = asked.shape(0);
-        std::vector<char> out(B * N);
-        {
-            nb::gil_scoped_release release;
-            for (size_t b = 0; b < B; ++b) {
-                std::vector<EdgePlace> some;
-                std::vector<size_t> rows;
-                for (size_t n = 0; n < N; ++n) {
-                    const size_t row = b * N + n;
-                    if (!asked.data()[row]) continue;
-                    const double *p = places.data() + 2 * row, *across = normals.data() + 2 * row;
-                    some.push_back({p[0], p[1], across[0], across[1], widths.data()[row],
-                                    offsets ? offsets[row] : 0.0, groups.data()[n]});
-                    rows.push_back(row);
-                }
-                const std::vector<char> chosen = choose(some);
-                for (size_t k = 0; k < rows.size(); ++k) out[rows[k]] = chosen[k];
-            }
-        }
-        return flags_of(out, {B, N});
-    }
-
-  private:
-    Ints groups;
-    Flags asked;
-    Doubles places, normals, widths;
-};
-
-// Which samples explain the edge that they met (see foremost).
-OutFlags foremost_edges(Ints groups, Flags hits, Doubles places, Doubles normals, Doubles widths, Doubles offsets,
-                        double alike) {
-    const Samples samples(groups, hits, places, normals, widths);
-    expect(offsets, "offsets", {hits.shape(0), groups.size()});
-    return samples.each(offsets.data(), [&](const std::vector<EdgePlace>& met) { return foremost(met, alike); });
-}
-
-// Which of those that are asked have another edge of the part beside them (see crowded).
-OutFlags crowded_edges(Ints groups, Flags asked, Doubles places, Doubles normals, Doubles widths, double gap,
-                       double alike) {
-    const Samples samples(groups, asked, places, normals, widths);
-    return samples.each(nullptr, [&](const std::vector<EdgePlace>& all) { return crowded(all, gap, alike); });
-}
-
 // Those of B sets of points, in an order, of which some point is farther than a limit from that of every one kept.
 OutInts far_apart(Doubles points, Ints order, double limit) {
     const size_t B = points.ndim() ? points.shape(0) : 0, N = points.ndim() > 1 ? points.shape(1) : 0;
@@ -152,39 +94,12 @@ OutInts nearest_pixels(Doubles pixels, Doubles places, double reach) {
     return array_of(std::move(out), {n});
 }
 
-// Log weights, means and covariances of choices (m x G) of edges that are another's (see ChoiceWeigher).
-nb::tuple weigh_choices(Doubles information, Doubles gradient, Doubles edge_information, Doubles edge_gradients,
-                        Doubles edge_logs, Flags others) {
-    const size_t n = expect(gradient, "gradient", {ANY}), G = expect(edge_logs, "edge_logs", {ANY, 2});
-    expect(information, "information", {n, n});
-    expect(edge_information, "edge_information", {G, 2, n, n});
-    expect(edge_gradients, "edge_gradients", {G, 2, n});
-    if (others.ndim() != 2 || others.shape(1) != G) refuse("others", "expected choices x edges");
-    const size_t m = others.shape(0);
-    std::vector<double> logs(m), means(m * n), covariances(m * n * n);
-    {
-        nb::gil_scoped_release release;
-        ChoiceWeigher weigher({n, G, information.data(), gradient.data(), edge_information.data(),
-                               edge_gradients.data(), edge_logs.data()});
-        for (size_t k = 0; k < m; ++k)
-            logs[k] = weigher.weigh(others.data() + k * G, &means[k * n], &covariances[k * n * n]);
-    }
-    return nb::make_tuple(array_of(std::move(logs), {m}), array_of(std::move(means), {m, n}),
-                          array_of(std::move(covariances), {m, n, n}));
-}
-
 }  // namespace
 
 void offer_image_choices(nb::module_& m) {
     m.def("slide_edges", &slide_edges, "frame"_a, "camera"_a, "yaws"_a, "centre"_a, "inner"_a, "distances"_a, "bare"_a,
           "places"_a, "cell"_a, "margin"_a, "samples"_a, "most"_a, "penalty"_a, "apart"_a, "keep"_a);
-    m.def("foremost_edges", &foremost_edges, "groups"_a, "hits"_a, "places"_a, "normals"_a, "widths"_a, "offsets"_a,
-          "alike"_a);
-    m.def("crowded_edges", &crowded_edges, "groups"_a, "asked"_a, "places"_a, "normals"_a, "widths"_a, "gap"_a,
-          "alike"_a);
     m.def("nearest_pixels", &nearest_pixels, "pixels"_a, "places"_a, "reach"_a);
-    m.def("weigh_choices", &weigh_choices, "information"_a, "gradient"_a, "edge_information"_a, "edge_gradients"_a,
-          "edge_logs"_a, "others"_a);
     m.def("far_apart", &far_apart, "points"_a, "order"_a, "limit"_a);
 }
 

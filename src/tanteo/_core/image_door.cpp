@@ -1,6 +1,6 @@
 // The door for edges of a part at poses of the camera: which are seen, what they meet, where they meet it best.
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
-#include <nanobind/stl/unique_ptr.h>
 
 #include <memory>
 
@@ -13,7 +13,7 @@ namespace {
 
 using namespace nb::literals;
 
-std::unique_ptr<EdgeFrame> make_edge_frame(Doubles points, Doubles tangents, Doubles normals, Doubles lengths,
+std::shared_ptr<EdgeFrame> make_edge_frame(Doubles points, Doubles tangents, Doubles normals, Doubles lengths,
                                            Flags sharp, Doubles corners, double diagonal, Doubles middle,
                                            double slack) {
     const std::vector<Vec3> at = vectors(points, "points");
@@ -29,7 +29,7 @@ std::unique_ptr<EdgeFrame> make_edge_frame(Doubles points, Doubles tangents, Dou
         for (size_t j = 0; j < 2; ++j) sides.push_back(load(normals.data() + 6 * k + 3 * j));
     }
     for (size_t k = 0; k < corners.size(); k += 3) surface.push_back(load(corners.data() + k));
-    return std::make_unique<EdgeFrame>(std::move(samples), sides,
+    return std::make_shared<EdgeFrame>(std::move(samples), sides,
                                        std::vector<char>(sharp.data(), sharp.data() + sharp.size()), surface, diagonal,
                                        vector(middle, "middle"), slack);
 }

@@ -48,8 +48,7 @@ bool EdgeFrame::hides(const Vec3& eye, const Vec3& target, int& by) const {
     return by >= 0;
 }
 
-void EdgeFrame::see(const Pose& pose, bool hidden, char* shown, char* rims) const {
-    const Vec3 eye = into_part(pose, {});
+void EdgeFrame::see(const Vec3& eye, bool hidden, char* shown, char* rims) const {
     int by = -1;
     for (size_t k = 0; k < size(); ++k) {
         const Side &one = sides[2 * k], &other = sides[2 * k + 1];

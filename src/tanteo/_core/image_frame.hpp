@@ -17,7 +17,9 @@ class EdgeFrame {
     size_t size() const { return samples.size(); }
     // Which samples make edges in an image taken at a pose, and at which of them the part ends; hidden: whether what
     // the part itself hides is left out.
-    void see(const Pose& pose, bool hidden, char* shown, char* rims) const;
+    void see(const Pose& pose, bool hidden, char* shown, char* rims) const { see(into_part(pose, {}), hidden, shown, rims); }
+    // The same from where the eye is in the part's frame.
+    void see(const Vec3& eye, bool hidden, char* shown, char* rims) const;
 
     std::vector<EdgeSample> samples;
     double diagonal;

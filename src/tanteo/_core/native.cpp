@@ -30,6 +30,7 @@ using namespace nb::literals;
 namespace tanteo {
 void offer_images(nb::module_& m);  // image_door.cpp
 void offer_python_terms(nb::module_& m);  // factors/python_term.cpp
+void offer_pose_terms(nb::module_& m);  // factors/pose_terms_door.cpp
 void offer_beams(nb::module_& m);   // beam_door.cpp
 void offer_coarse(nb::module_& m);  // coarse_door.cpp
 void offer_outlines(nb::module_& m);  // outlines_door.cpp
@@ -206,7 +207,7 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
     for (size_t k = 0; k < means.size(); ++k) {
         PosePrior prior;
         prior.mean = means[k];
-        std::copy_n(prior_roots.data() + 36 * k, 36, prior.root);
+        std::copy_n(prior_roots.data() + 36 * k, 36, prior.root.m);
         prior.log_weight = prior_log_weights.data()[k];
         problem->priors.push_back(prior);
     }
@@ -554,6 +555,8 @@ NB_MODULE(native, m) {
             return array_of(std::vector<double>{s.centre.x, s.centre.y, s.centre.z}, {3});
         }, nb::rv_policy::automatic);
     nb::class_<PoseTerm>(m, "PoseTerm");
+    offer_images(m);
+    offer_pose_terms(m);
     offer_python_terms(m);
     nb::class_<Problem>(m, "Problem")
         .def_prop_ro("size", &Problem::size)
@@ -587,7 +590,6 @@ NB_MODULE(native, m) {
     m.def("closest_points", &closest_points, "shape"_a, "points"_a);
     m.def("group_information", &group_information, "weights"_a, "means"_a, "variances"_a, "groups"_a);
     m.def("first_hits", &first_hits, "shape"_a, "origins"_a, "directions"_a);
-    offer_images(m);
     offer_beams(m);
     offer_coarse(m);
     offer_outlines(m);

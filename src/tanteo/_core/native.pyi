@@ -312,6 +312,52 @@ def refine_edges(
     bias: float,
     correlation: float,
 ) -> FloatArray: ...
+
+class EdgeImage:
+    @property
+    def states(self) -> int: ...
+
+class EdgePart: ...
+class ImageEdges(PoseTerm): ...
+class StablePoses(PoseTerm): ...
+
+def make_edge_image(
+    camera: FloatArray,
+    T_world_camera: FloatArray,
+    camera_root: FloatArray,
+    shift_sd: float,
+    nearest: AnyInts,
+    pixels: FloatArray,
+    sds: FloatArray,
+    widths: FloatArray,
+    chance: NDArray[np.float32],
+    bare: Flags,
+) -> EdgeImage: ...
+def make_edge_part(
+    frame: EdgeFrame,
+    groups: AnyInts,
+    bends: FloatArray,
+    cover: FloatArray,
+    cover_normals: FloatArray,
+    cover_area: float,
+) -> EdgePart: ...
+def image_edges(part: EdgePart, image: EdgeImage, rules: FloatArray, reach: float, first: int) -> ImageEdges: ...
+def image_sums(term: ImageEdges, poses: FloatArray, shared: FloatArray) -> FloatArray: ...
+def stable_poses(
+    ups: FloatArray,
+    heights: FloatArray,
+    log_weights: FloatArray,
+    centroid: FloatArray,
+    freedom: int,
+    axis: FloatArray,
+    T_world_table: FloatArray,
+    height_sd: float,
+    tilt_sd: float,
+    area: float,
+) -> StablePoses: ...
+def term_slopes(
+    term: PoseTerm, poses: FloatArray, shared: FloatArray, centre: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]: ...
 def slide_edges(
     frame: EdgeFrame,
     camera: FloatArray,
@@ -329,31 +375,5 @@ def slide_edges(
     apart: float,
     keep: int,
 ) -> tuple[Indices, Indices, FloatArray]: ...
-def foremost_edges(
-    groups: AnyInts,
-    hits: Flags,
-    places: FloatArray,
-    normals: FloatArray,
-    widths: FloatArray,
-    offsets: FloatArray,
-    alike: float,
-) -> Flags: ...
-def crowded_edges(
-    groups: AnyInts,
-    asked: Flags,
-    places: FloatArray,
-    normals: FloatArray,
-    widths: FloatArray,
-    gap: float,
-    alike: float,
-) -> Flags: ...
 def nearest_pixels(pixels: FloatArray, places: FloatArray, reach: float) -> Indices: ...
-def weigh_choices(
-    information: FloatArray,
-    gradient: FloatArray,
-    edge_information: FloatArray,
-    edge_gradients: FloatArray,
-    edge_logs: FloatArray,
-    others: Flags,
-) -> tuple[FloatArray, FloatArray, FloatArray]: ...
 def far_apart(points: FloatArray, order: AnyInts, limit: float) -> Indices: ...

@@ -58,12 +58,15 @@ def rests(part: Part, least: float = 0.01) -> tuple[Rest, ...]:
 
 
 def known_rests(part: Part) -> tuple[Rest, ...]:
-    """The same; what was found before is beside the part, in the cache or its catalogue."""
-    rows = _stored(part)
-    if rows is None:
-        rows = _computed(part)
-        cache.store_derived(part, RESTS, rows.tobytes())
-    return _of_rows(part, rows)
+    """The same; what was found before stays with the part, and is beside it in the cache or its catalogue."""
+    if "rest_poses" not in part.derived:
+        rows = _stored(part)
+        if rows is None:
+            rows = _computed(part)
+            cache.store_derived(part, RESTS, rows.tobytes())
+        part.derived["rest_poses"] = _of_rows(part, rows)
+    found: tuple[Rest, ...] = part.derived["rest_poses"]
+    return found
 
 
 def rest_rows(part: Part) -> np.ndarray:

@@ -33,14 +33,16 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
     start = time.perf_counter()
     if options.as_published:
-        _check_published(known, options.image)
+        _check_published(known, options)
     words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
+    factors = options.factors()
     from tanteo.cli.image import outline_of, read_taken
 
     taken = read_taken(options.image, options.camera, options.marks)
     sources = {"the readings": readings, "--rig": options.rig, "--image": options.image, "--camera": options.camera}
-    files.check_different(("--report", options.report), inputs=list(sources.items()), parts=parts)
+    inputs = [*sources.items(), *(("--factor", text.partition("=")[2]) for text in options.factor or ())]
+    files.check_different(("--report", options.report), inputs=inputs, parts=parts)
     given = read_given(readings, parts, options, file)
     from tanteo.recognition import identify
 
@@ -52,7 +54,8 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     ask = partial(
         identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,
-        top=options.top, as_published=options.as_published, priors=priors, seed=options.seed, conventions=False,
+        top=options.top, as_published=options.as_published, priors=priors, factors=factors, seed=options.seed,
+        conventions=False,
     )  # fmt: skip
     with misuse(always=False):
         result = ask(given.readings, given.parts)
@@ -72,14 +75,17 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     leave(decided=result.status == "recognized")
 
 
-def _check_published(known: answers.PosePrior | None, image: str | None) -> None:
+def _check_published(known: answers.PosePrior | None, options: Options) -> None:
     """Refuse what the paper has no place for."""
     if known is not None:
         raise MisuseError(
             "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
         )
-    if image is not None:
-        raise MisuseError("--as-published: expected readings alone, which is what the paper compares. Drop --image.")
+    for name in ("image", "factor"):
+        if getattr(options, name):
+            raise MisuseError(
+                f"--as-published: expected readings alone, which is what the paper compares. Drop --{name}."
+            )
 
 
 def _say_latency(path: str, answer: answers.Answer, given: Given, options: Options, file: FileOptions) -> None:

@@ -134,6 +134,15 @@ Size = Annotated[
     Words(lambda text: io.parse_size(text, "--size")),
 ]
 
+Factors = Annotated[
+    list[str] | None,
+    _prior(
+        "--factor",
+        "NAME=FILE",
+        "A further measurement of the pose, read by the plug-in of that name; may be repeated.",
+    ),
+]
+
 ImagePath = Annotated[
     str | None,
     _prior("--image", "FILE", "Image of the object on a table: its outline narrows the parts. Needs --camera."),

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from tanteo.inference.limits import what_limits
     from tanteo.inference.modes import Mode
     from tanteo.inference.otherwise import Ask, about_conventions
-    from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer
+    from tanteo.inference.part_search import PartSearch
+    from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer, search_about, weigh
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
     from tanteo.inference.prior_check import p_of_prior
     from tanteo.inference.problem import PoseMixture, Problem
@@ -38,6 +39,7 @@ __all__ = [
     "Ask",
     "GoodnessOfFit",
     "Mode",
+    "PartSearch",
     "PoseMixture",
     "Posterior",
     "PreparedPart",
@@ -66,8 +68,10 @@ __all__ = [
     "prepare",
     "prepare_all",
     "scale_of",
+    "search_about",
     "settle",
     "update_posterior",
+    "weigh",
     "what_limits",
     "worst_reading",
 ]
@@ -83,8 +87,9 @@ __getattr__, __dir__ = lazy(
         "free_space": "gone_through",
         "otherwise": "Ask about_conventions",
         "modes": "Mode",
-        "posterior": "NEGLIGIBLE Posterior infer",
+        "posterior": "NEGLIGIBLE Posterior infer search_about weigh",
         "prepared": "PreparedPart prepare prepare_all",
+        "part_search": "PartSearch",
         "prior_check": "p_of_prior",
         "around": "outlier_log_density",
         "problem": "PoseMixture Problem",

@@ -15,7 +15,7 @@ from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.sampler import Sampler
 from tanteo.inference.sampling import sample
-from tanteo.inference.search import LeftOut, PartSearch, alike, missing, race
+from tanteo.inference.search import LeftOut, PartSearch, alike, missing, race, start_search
 from tanteo.inference.symmetry import log_orbit
 from tanteo.inference.unknown import log_anywhere, log_unknown
 from tanteo.special import log_sum
@@ -84,6 +84,24 @@ def infer(
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
 
 
+def search_about(
+    problem: Problem, proposals: Sequence[tuple[PreparedPart, Transforms]], rng: np.random.Generator
+) -> list[PartSearch]:
+    """Return the maxima of parts to which proposed poses lead, without any further search.
+
+    Args:
+        problem: the question.
+        proposals: parts with poses ``(S, 4, 4)`` from which maximizations start.
+        rng: generator of all draws.
+    """
+    searches = []
+    for (prepared, Ts), own in zip(proposals, alike(rng, len(proposals)), strict=True):
+        search = start_search(problem, prepared, own)
+        search.try_poses(Ts, certain=True)
+        searches.append(search)
+    return searches
+
+
 def weigh(
     problem: Problem,
     searches: Sequence[PartSearch],
@@ -122,7 +140,9 @@ def weigh(
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
-    log_none = float(log_sum([log_unknown(anywhere, given_unknown, problem.priors), log_left_out]))
+    # near variants of parts are told apart by points only (decision 86)
+    own = log_unknown(anywhere, given_unknown, problem.priors) if len(problem.points) else anywhere
+    log_none = float(log_sum([own, log_left_out]))
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
     most = max((mode.log_mass for mode in modes), default=0.0)
     modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins, which end nearly alike, keep their order

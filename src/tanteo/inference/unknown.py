@@ -85,6 +85,8 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
         centroid: of the parts, in their frames ``(3,)`` [m].
     """
     points, priors, labels = problem.points, problem.priors, problem.elsewhere
+    if not len(points):
+        return problem.log_factors_unknown
     where = whereabouts(points.points[problem.around.others], priors.radius)
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)

@@ -5,10 +5,12 @@ from tanteo.measurements.points import ContactPoints, as_contact_points, surface
 from tanteo.measurements.pose_factor import PoseFactor
 from tanteo.measurements.python_factor import PoseFunction, PythonFactor
 from tanteo.measurements.rays import FreeRays, as_free_rays
+from tanteo.measurements.stable_poses import OnTable
 
 __all__ = [
     "ContactPoints",
     "FreeRays",
+    "OnTable",
     "PoseFactor",
     "PoseFunction",
     "PythonFactor",

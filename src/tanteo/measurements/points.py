@@ -91,6 +91,11 @@ class ContactPoints:
         same = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v)) if n else False
         object.__setattr__(self, "variance", v if same else float("nan"))
 
+    @classmethod
+    def none(cls) -> ContactPoints:
+        """Return a set of no points."""
+        return cls((), (), np.zeros((0, 3, 0)))
+
     def __len__(self) -> int:
         return len(self.ids)
 

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import Answer, Hypothesis, Misfit, Status, hypothesis_at, part_scale, spins, verdict, without_spins
+from tanteo.answers import Answer, Hypothesis, Misfit, Status, hypothesis_at, verdict
+from tanteo.inference import Mode, goodness_of_fit
 from tanteo.lie import SE3
-from tanteo.localization import covariance_with_free, weak_motions
-from tanteo.parts import Part
 from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, Transforms, Vectors
-from tanteo.vision.camera import Camera
-from tanteo.vision.fit import EdgeMatches
-from tanteo.vision.posterior import ImageMode, ImagePosterior
-from tanteo.vision.settle import Settled
+from tanteo.vision.image_edges import ImageEdges, standing
+from tanteo.vision.models import VisionModel
+from tanteo.vision.posterior import ImagePosterior, sums_at
 from tanteo.words import message_of
 
 _LIKE = (
@@ -31,39 +29,47 @@ _MISFIT = 1e-6
 """Below this probability a fit is said to be bad."""
 
 
-def hypothesis(
-    mode: ImageMode, T_world_camera: Transforms, camera: Camera, settled: Settled, *, lying: bool = False
-) -> Hypothesis:
-    """The answer that a mode is: pose and covariance in the world, what stays free, how well its edges fit.
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageMode:
+    """A part at a pose.
 
-    Where the table has a say in it, the part is lying: three equations more.
+    Attributes:
+        model: the part.
+        T_camera_part: pose ``(4, 4)``.
+        probability: posterior.
     """
-    part = mode.model.part
-    A = without_spins(part, settled.information)
-    dof = max(round(settled.equations) - (3 if lying else 6), 1)
-    weak = weak_motions(A, part_scale(part), fixed=spins(part))
-    T = T_world_camera @ mode.T_camera_part
-    covariance = covariance_with_free(A, weak, part_scale(part)) * max(1.0, settled.chi2 / dof)
-    if camera.covariance is not None:
-        Ad = SE3.adjoint_inverse(mode.T_camera_part)
-        covariance = covariance + Ad @ camera.covariance @ Ad.T
+
+    model: VisionModel
+    T_camera_part: Transforms
+    probability: float
+
+
+def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothesis:
+    """Return the answer of a mode: pose and covariance in the world, what is free, how well its edges fit.
+
+    A part that lies on a table has three more equations.
+
+    Args:
+        mode: mode of the engine's posterior.
+        image: the edges of the image.
+        lying: whether the part lies on a table.
+    """
+    part = mode.prepared.part
+    sums = sums_at(image, mode.prepared, mode.T_peak[None], mode.z[None])
+    dof = max(round(float(sums.freedom[0])) - (3 if lying else 6), 1)
+    chi2 = float(sums.chi2[0])
+    T_camera_part = SE3.inverse(standing(image.camera)) @ mode.T_world_part
+    distance = float(SE3.apply(T_camera_part, part.centroid)[2])
+    off = float(np.sqrt(sums.squares[0] / max(float(sums.met[0]), 1.0)))
     return hypothesis_at(
         part,
-        T,
-        covariance,
-        free=weak,
+        mode.T_world_part,
+        mode.covariance * max(1.0, chi2 / dof),
+        free=goodness_of_fit(mode).free,
         probability=mode.probability,
-        misfit=Misfit(0.0, settled.chi2, dof),
-        rms=_rms(settled.met, camera, mode.T_camera_part, part),
+        misfit=Misfit(0.0, chi2, dof),
+        rms=off * distance / float(image.camera.focal.mean()),
     )
-
-
-def _rms(met: EdgeMatches, camera: Camera, T_camera_part: Transforms, part: Part) -> float:
-    """Root mean square of the offsets, as a length at the part's distance [m]."""
-    if not met.hits.any():
-        return 0.0
-    distance = float(SE3.apply(T_camera_part, part.centroid)[2])
-    return float(np.sqrt(np.mean(met.offsets[met.hits] ** 2))) * distance / float(camera.focal.mean())
 
 
 def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, str]:

@@ -14,8 +14,7 @@ import numpy as np
 from tanteo.errors import DegenerateError
 from tanteo.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.camera import Camera, without_distortion
-from tanteo.vision.choices import EdgeErrors
-from tanteo.vision.edges import CORRELATION, EdgePoints
+from tanteo.vision.edges import BY_DRIFT, CORRELATION, EdgePoints
 from tanteo.vision.ellipse_fit import FEWEST, Ellipse, fit_ellipse, offsets_from
 from tanteo.vision.fit import BIAS
 
@@ -198,5 +197,5 @@ def _fitted(pixels: FloatArray, points: EdgePoints, own: IntArray) -> Ellipse:
     if len(own) < FEWEST:
         raise DegenerateError("ellipse: expected an arc with more points. Show more of the rim.")
     blur = float(np.median(points.widths[own]))
-    sds = np.hypot(points.sds[own], EdgeErrors().pulled * points.drifts[own])
+    sds = np.hypot(points.sds[own], BY_DRIFT * points.drifts[own])
     return fit_ellipse(pixels[own], sds, share=_SPACING / CORRELATION, blur=blur, common=BIAS)

@@ -13,9 +13,9 @@ import numpy as np
 from tanteo import _core
 from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
-from tanteo.vision.camera import Camera, project_linearized
+from tanteo.vision.camera import Camera
 from tanteo.vision.edges import CORRELATION, EdgeMap
-from tanteo.vision.wireframe import Seen, Wireframe, in_camera, see_edges
+from tanteo.vision.wireframe import Seen, Wireframe, see_edges
 
 BIAS = 0.1
 """Standard deviation of what moves a whole edge: shading, blur, wear [px]."""
@@ -25,9 +25,6 @@ REACHES = (12.0, 9.0, 7.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.2, 1.0)
 
 BESIDE, WAYS = 1.5, 8
 """How far beside a pose others are started [px], and in how many directions of the table."""
-
-PULLED_IN = 0.5
-"""By more than this no blurred rim is put right: there the formula no longer holds [px]."""
 
 _ASKED = (0, 3, 6)
 """Rounds in which the part is asked again what of it is hidden."""
@@ -74,31 +71,10 @@ def meet(
     )  # fmt: skip
     n = numbers.reshape(*batch, N, 13)
     point = points.reshape(*batch, N).astype(np.int64)
-    offsets = n[..., 5] - _pulled_in(frame, camera, edges, T_camera_part, n[..., 2:4], point)
     return EdgeMatches(
-        seen, inside.reshape(*batch, N), n[..., :2], n[..., 2:4], n[..., 4], point >= 0, offsets,
+        seen, inside.reshape(*batch, N), n[..., :2], n[..., 2:4], n[..., 4], point >= 0, n[..., 5],
         n[..., 6], point, n[..., 7:],
     )  # fmt: skip
-
-
-def _pulled_in(
-    frame: Wireframe, camera: Camera, edges: EdgeMap, T: Transforms, normals: FloatArray, points: IntArray
-) -> FloatArray:
-    """By how much blur moves the edge points of rims along the normals, towards the middle ``(*batch, N)`` [px].
-
-    It is half the square of the blur by the curvature in the image (Bouma and others 2005).
-    """
-    out = np.zeros(points.shape)
-    own = np.flatnonzero(np.any(frame.bends != 0, axis=1))
-    if not len(own) or not len(edges.points):
-        return out
-    _, D = project_linearized(camera, in_camera(T, frame.points[own]))
-    along, bend = (D @ (v[own] @ np.swapaxes(T[..., :3, :3], -1, -2))[..., None] for v in (frame.tangents, frame.bends))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        curvature = np.sum(bend[..., 0] * normals[..., own, :], axis=-1) / np.sum(along[..., 0] ** 2, axis=-1)
-    shift = 0.5 * edges.points.widths[points[..., own]] ** 2 * curvature
-    out[..., own] = np.where(points[..., own] >= 0, np.clip(np.nan_to_num(shift), -PULLED_IN, PULLED_IN), 0.0)
-    return out
 
 
 def refine(

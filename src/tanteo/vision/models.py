@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo import _core
 from tanteo.catalogue import Rest, known_rests
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part
@@ -27,6 +28,10 @@ COARSE = 80
 """About how many samples of edges the first search uses."""
 
 
+COVER = 400
+"""Places of the surface by which the image factor measures how much of the silhouette lies on bare table: a part of
+100 px has one for 25 px^2, a sixth of a square stretch."""
+
 INNER = 48
 """How many points of the surface are asked whether they lie on bare table."""
 
@@ -42,6 +47,8 @@ class VisionModel:
         inner: points all over its surface ``(INNER, 3)``, which are within its silhouette, part frame [m].
         rests: its stable poses on a table.
         area: from straight above, of the middle one of them [m^2].
+        seen: the part as the image factor sees it.
+        seen_coarsely: the same with few samples of its edges.
     """
 
     part: Part
@@ -50,23 +57,38 @@ class VisionModel:
     inner: Vectors
     rests: tuple[Rest, ...]
     area: float
+    seen: _core.EdgePart
+    seen_coarsely: _core.EdgePart
 
 
 def prepare_vision(part: Part) -> VisionModel:
     """Make a part ready; what was made is kept with the part, for further images."""
     if "vision" not in part.derived:
-        frame, ways = wireframe(part), known_rests(part)
+        frame, coarse, ways = wireframe(part), wireframe(part, COARSE), known_rests(part)
         area = float(np.median([area_from_above(frame.surface, rest.T_table_part) for rest in ways]))
-        part.derived["vision"] = VisionModel(part, frame, wireframe(part, COARSE), spread(part), ways, area)
+        inner, _ = spread(part)
+        part.derived["vision"] = VisionModel(
+            part, frame, coarse, inner, ways, area, _seen(frame, part), _seen(coarse, part)
+        )
     model: VisionModel = part.derived["vision"]
     return model
 
 
-def spread(part: Part, count: int = INNER) -> Vectors:
-    """Points of a part's surface that are about as dense everywhere (Kronecker's sequence; Roberts 2018)."""
+def _seen(frame: Wireframe, part: Part) -> _core.EdgePart:
+    """Compile the edges of a part, and places of its surface, for the image factor."""
+    cover, normals = spread(part, COVER)
+    return _core.make_edge_part(
+        frame.compiled, frame.groups.astype(np.int32), frame.bends, cover, normals, part.area / COVER
+    )
+
+
+def spread(part: Part, count: int = INNER) -> tuple[Vectors, Vectors]:
+    """Return evenly dense places of a surface, with their normals (Kronecker's sequence; Roberts 2018)."""
     a, b, c = np.moveaxis(part.vertices[part.triangles], 1, 0)
     upto = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
     k = np.searchsorted(upto, (np.arange(count) + 0.5) / count * upto[-1])
     u, v = ((0.5 + share * np.arange(count)) % 1.0 for share in (0.7548776662, 0.5698402910))
     folded = np.where(u + v > 1, [1 - u, 1 - v], [u, v])[..., None]
-    return np.asarray(a[k] + folded[0] * (b[k] - a[k]) + folded[1] * (c[k] - a[k]))
+    normals = np.cross(b - a, c - a)[k]
+    places = a[k] + folded[0] * (b[k] - a[k]) + folded[1] * (c[k] - a[k])
+    return places, normals / np.linalg.norm(normals, axis=1, keepdims=True)

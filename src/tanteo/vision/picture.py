@@ -8,8 +8,8 @@ from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.camera import Camera, opencv, project
 from tanteo.vision.edges import check_image, map_edges
-from tanteo.vision.evidence import REACH
 from tanteo.vision.fit import meet
+from tanteo.vision.image_edges import REACH
 from tanteo.vision.sight import Sight, Sighting
 
 MET, MISSED, OUTLINE = (86, 200, 255), (255, 140, 0), (125, 18, 217)

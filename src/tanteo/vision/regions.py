@@ -14,10 +14,9 @@ from tanteo import _core
 from tanteo.frames import freeze
 from tanteo.lie import SE3
 from tanteo.shapes import Surface
-from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
+from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.camera import Camera, opencv, project
-from tanteo.vision.edges import CORRELATION, EdgePoints, cell_of, check_image, image_noise
-from tanteo.vision.wireframe import in_camera
+from tanteo.vision.edges import CORRELATION, EdgePoints, check_image, image_noise
 
 _COARSE = 4
 _ROUNDS = 12
@@ -184,18 +183,6 @@ def area_from_above(surface: Surface, T_table_part: Transforms) -> float:
     return float(max(map(cv2.contourArea, found)) * step**2)
 
 
-def spilled(surface: Surface, camera: Camera, Ts_camera_part: Transforms, mask: BoolArray) -> FloatArray:
-    """How much of a part's silhouette lies where the image shows bare table ``(B,)`` [px of area]."""
-    bare = bare_table(mask)
-    return np.array([float(np.count_nonzero(silhouette(surface, camera, T) & bare)) for T in Ts_camera_part])
-
-
 def bare_table(mask: BoolArray) -> BoolArray:
     """Where bare table is seen, some pixels off what is not ``mask``, rows x columns."""
     return np.asarray(opencv().dilate(mask.astype(np.uint8), np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), np.uint8)) == 0)
-
-
-def bare_share(points: Vectors, camera: Camera, Ts_camera_part: Transforms, bare: BoolArray) -> FloatArray:
-    """Which share of a part's points ``(n, 3)`` lies where ``bare`` table is seen ``(B,)``."""
-    row, column, inside = cell_of(bare.shape, project(camera, in_camera(Ts_camera_part, points)))
-    return np.asarray((bare[row, column] & inside).mean(axis=-1))

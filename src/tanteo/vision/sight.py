@@ -13,22 +13,26 @@ from tanteo.answers import Answer
 from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import TOP
+from tanteo.measurements import OnTable
 from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.typing import BoolArray, FloatArray, Transforms
-from tanteo.vision.answers import Question, ask, hypothesis, judged, too_many
+from tanteo.vision.answers import ImageMode, Question, ask, hypothesis, judged, too_many
 from tanteo.vision.camera import Camera, on_plane
-from tanteo.vision.candidates import candidates_in
+from tanteo.vision.candidates import candidates_in, own_edges
 from tanteo.vision.descriptors import Descriptors, describe
 from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
 from tanteo.vision.ellipses import Ellipses, find_ellipses
-from tanteo.vision.evidence import Weights
 from tanteo.vision.fit import BIAS
+from tanteo.vision.image_edges import STRETCH, ImageEdges, Weights, chance_hits, standing
 from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import check_size, narrowed, seen_outline
-from tanteo.vision.posterior import POSSIBLE, ImageMode, ImagePosterior, infer, settle_lying
-from tanteo.vision.regions import Region, find_regions
+from tanteo.vision.posterior import ImagePosterior, infer
+from tanteo.vision.regions import Region, bare_table, find_regions
 from tanteo.vision.rims import name_ellipses
 from tanteo.vision.table import TableErrors, seen_table
+
+_POSSIBLE = 0.01
+"""Answers less probable than this raise no question."""
 
 _FARTHEST = 200.0
 """A camera that stands more diagonals of the largest part above the table is told in a wrong unit."""
@@ -166,7 +170,7 @@ def see_table(
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
     check_place(camera, T_camera_table, parts)
-    table, weights = seen_table(table or TableErrors(), camera, T_world_table), weights or Weights()
+    table, weights = table or TableErrors(), weights or Weights()
     points = find_edges(image)
     edges = map_edges(points)
     objects = []
@@ -179,9 +183,19 @@ def see_table(
             objects.append(Sighting(too_many(len(parts)), (), None, region, drawn))
             continue
         models = [prepared(parts[int(row)]) for row in chosen.rows]
-        found, stretches = candidates_in(models, camera, T_camera_table, edges, region, table, weights, chosen.rests)
-        posterior = infer(found, stretches, weights, models, chosen)
-        seen = _sighting(posterior, camera, edges, region, T_world_table, table, weights, top)
+        image_edges = image_of_region(camera, edges, region, weights)
+        errors = seen_table(table, camera, T_world_table)
+        found = candidates_in(models, image_edges, T_camera_table, region, errors, chosen.rests)
+        own = {id(c.model): c.T_camera_part for c in found}
+        posterior = infer(
+            image_edges,
+            [(model, own.get(id(model), np.zeros((0, 4, 4)))) for model in models],
+            len(parts),
+            lying=OnTable(T_world_table, table.height, table.tilt, area_of(region, camera, T_camera_table)),
+            log_left_out=chosen.log_left_out,
+            left_out=chosen.left_out,
+        )
+        seen = _sighting(posterior, image_edges, region, T_world_table, top)
         names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.alike))
         objects.append(replace(seen, outline=drawn, alike=names))
     ellipses = find_ellipses(camera, points)
@@ -210,29 +224,42 @@ def outline_on_table(camera: Camera, region: Region, T_camera_table: Transforms)
     return describe(points, (beside - points) / scale[:, None], region.sds * scale, BIAS * float(scale.mean()))
 
 
+def image_of_region(camera: Camera, edges: EdgeMap, region: Region, weights: Weights) -> ImageEdges:
+    """Return the edges of an image as a measurement of the object in a region."""
+    used = own_edges(region, edges)
+    log_unknown = weights.unknown * float(used.sum()) / STRETCH + weights.base
+    chance = np.array([chance_hits(edges.points, used)])
+    return ImageEdges(camera, edges, chance, bare_table(region.mask), weights, log_unknown)
+
+
+def area_of(region: Region, camera: Camera, T_camera_table: Transforms) -> float:
+    """Return the area of a region on the table [m^2], by the size of a pixel in its middle."""
+    corners = region.centre + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    a, b, c = on_plane(camera, corners, T_camera_table)[:, :2]
+    pixel = abs(float((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0]))
+    return float(region.mask.sum()) * (pixel if np.isfinite(pixel) else 1.0)
+
+
+def image_modes(posterior: ImagePosterior, camera: Camera, top: int) -> tuple[ImageMode, ...]:
+    """Return the best modes as parts in the frame of the camera."""
+    T_camera_world = SE3.inverse(standing(camera))
+    return tuple(
+        ImageMode(prepare_vision(mode.prepared.part), T_camera_world @ mode.T_world_part, mode.probability)
+        for mode in posterior.modes[:top]
+    )
+
+
 def _sighting(
-    posterior: ImagePosterior,
-    camera: Camera,
-    edges: EdgeMap,
-    region: Region,
-    T_world_table: Transforms,
-    table: TableErrors,
-    weights: Weights,
-    top: int,
+    posterior: ImagePosterior, image: ImageEdges, region: Region, T_world_table: Transforms, top: int
 ) -> Sighting:
-    assert camera.T_world_camera is not None
-    T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
-    modes, hypotheses = [], []
-    for mode in posterior.modes[:top]:
-        settled = settle_lying(mode, camera, edges, region, T_camera_table, table, weights)
-        modes.append(replace(mode, T_camera_part=settled.T_camera_part))
-        hypotheses.append(hypothesis(modes[-1], camera.T_world_camera, camera, settled, lying=True))
+    modes = image_modes(posterior, image.camera, top)
+    hypotheses = tuple(hypothesis(mode, image, lying=True) for mode in posterior.modes[:top])
     status, message = judged(hypotheses, posterior)
-    question = _question(modes, T_world_table, camera.T_world_camera)
+    question = _question(modes, T_world_table, standing(image.camera))
     if status == "ambiguous" and question is not None:
         message = f"The image leaves {_both(question)}: {question.words}."
-    answer = Answer(status, message, tuple(hypotheses), posterior.unknown)
-    return Sighting(answer, tuple(modes), question, region)
+    answer = Answer(status, message, hypotheses, posterior.unknown)
+    return Sighting(answer, modes, question, region)
 
 
 def _both(question: Question) -> str:
@@ -246,7 +273,7 @@ def _question(modes: Sequence[ImageMode], T_world_table: Transforms, T_world_cam
     answers = [
         (mode.model.part.name, mode.model.frame.surface, T_table_camera @ mode.T_camera_part)
         for mode in modes
-        if mode.probability > POSSIBLE
+        if mode.probability > _POSSIBLE
     ]
     for other in answers[1:]:
         question = ask(answers[0], other, T_world_table)

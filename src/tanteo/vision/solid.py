@@ -18,31 +18,26 @@ from tanteo.errors import InputError
 from tanteo.lie import SE3
 from tanteo.limits import TOP
 from tanteo.parts import Part
-from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.camera import Camera, project
+from tanteo.vision.candidates import FAINT
 from tanteo.vision.edges import EdgeMap, cell_of, channel_of, find_edges, map_edges
 from tanteo.vision.ellipse_fit import Ellipse
 from tanteo.vision.ellipses import find_ellipses
-from tanteo.vision.evidence import REACH, Weights, chance_hits, chance_map, log_weight, weigh
-from tanteo.vision.fit import REACHES, meet, refine
+from tanteo.vision.fit import REACHES, refine
+from tanteo.vision.image_edges import ImageEdges, Weights, chance_map, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.outlines import MOST
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
-from tanteo.vision.posterior import UNKNOWN, ImageMode, ImagePosterior, distinct_poses
+from tanteo.vision.posterior import infer
 from tanteo.vision.rims import poses_from_ellipses
 from tanteo.vision.segments import find_corners, find_segments
-from tanteo.vision.settle import settle
-from tanteo.vision.sight import Sight, Sighting, check_sight, prepared, see_table, with_rims
+from tanteo.vision.sight import Sight, Sighting, check_sight, image_modes, prepared, see_table, with_rims
 from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
 
 TRIED, KEPT = 240, 48
 """Poses of each part that are refined a little, and of these to the end."""
-
-_LOST = 0.5
-"""A settled pose that has less than this share of the refined one's log weight has lost edges: those that neighbours
-pull count in that weight, and not in the settled pose."""
 
 _QUICK = (12.0, 9.0, 6.0, 4.0)
 _LAST = (2.5, 1.5, 1.0, 1.0)
@@ -81,41 +76,19 @@ def see_anywhere(
     models = [prepared(one) for one in parts]
     points = find_edges(image)
     edges = map_edges(points)
-    T_world_camera = np.eye(4) if camera.T_world_camera is None else camera.T_world_camera
     ellipses = find_ellipses(camera, points)
-    posterior = search(image, camera, edges, ellipses.found, models, weights or Weights())
-    modes, hypotheses = [], []
-    for mode in posterior.modes[:top]:
-        T = refine(mode.model.frame, camera, edges, mode.T_camera_part[None], reaches=_LAST)[0]
-        settled = settle(mode.model, camera, edges, T)
-        told = _better(mode.model, camera, edges, T, settled.T_camera_part, weights or Weights())
-        modes.append(replace(mode, T_camera_part=told))
-        hypotheses.append(hypothesis(modes[-1], T_world_camera, camera, settled))
+    seen = ImageEdges(camera, edges, chance_map(edges), weights=weights or Weights())
+    proposals, tried = propose_anywhere(image, seen, ellipses.found, models)
+    # the best of many tries is better than chance by about the logarithm of their number
+    seen = replace(seen, log_unknown=float(np.log(tried)))
+    posterior = infer(seen, proposals, len(models))
+    hypotheses = tuple(hypothesis(mode, seen) for mode in posterior.modes[:top])
     status, message = judged(hypotheses, posterior)
-    answer = Answer(status, message, tuple(hypotheses), posterior.unknown)
-    found = Sighting(answer, tuple(modes), None, None)
-    objects = (with_rims(found, camera, ellipses),) if modes else ()
+    answer = Answer(status, message, hypotheses, posterior.unknown)
+    found = Sighting(answer, image_modes(posterior, camera, top), None, None)
+    objects = (with_rims(found, camera, ellipses),) if found.modes else ()
     frame = "camera" if camera.T_world_camera is None else "world"
-    return Sight(objects, points, T_world_camera, frame, ellipses)
-
-
-def _better(
-    model: VisionModel,
-    camera: Camera,
-    edges: EdgeMap,
-    refined: Transforms,
-    settled: Transforms,
-    weights: Weights,
-) -> Transforms:
-    """The settled pose of a part with rims, which blur moves in the refined one, unless it lost edges.
-
-    Where no table holds the part, it may wander off to other edges: of 44 real images of a cube it did in three.
-    """
-    if not np.any(model.frame.bends):
-        return refined
-    met = meet(model.frame, camera, edges, np.stack([refined, settled]), REACH)
-    log = log_weight(weigh(model.frame, met, chance_hits(edges.points, np.ones(len(edges.points), np.bool_))), weights)
-    return settled if log[1] > _LOST * log[0] else refined
+    return Sight(objects, points, standing(camera), frame, ellipses)
 
 
 def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
@@ -125,43 +98,38 @@ def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
     return T_camera_part[np.all(depths > 0, axis=1)]
 
 
-def search(
-    image: FloatArray,
-    camera: Camera,
-    edges: EdgeMap,
-    ellipses: tuple[Ellipse, ...],
-    models: Sequence[VisionModel],
-    weights: Weights,
-) -> ImagePosterior:
-    """Posterior over parts and poses, from the corners and ellipses of the image."""
+def propose_anywhere(
+    image: FloatArray, seen: ImageEdges, ellipses: tuple[Ellipse, ...], models: Sequence[VisionModel]
+) -> tuple[list[tuple[VisionModel, Transforms]], int]:
+    """Return poses of each part from the corners and ellipses of the image, and the number of poses that were tried.
+
+    Args:
+        image: rows x columns, grey levels.
+        seen: its edges.
+        ellipses: ellipses of it.
+        models: parts.
+    """
+    camera, edges = seen.camera, seen.edges
     segments = find_segments(image, camera, edges)
     paths = image_paths(segments, find_corners(segments))
-    chance = chance_map(edges)
-    modes: list[ImageMode] = []
-    tried = 1
+    out, logs, tried = [], [], 1
     for model in models:
         by_corners = poses_from_paths(camera, paths, model_paths(model.part))
         by_rims = poses_from_ellipses(camera, ellipses, model.part)
-        first = _ahead(model.part, np.concatenate([by_corners, by_rims]))
-        tried += len(first)
-        if not len(first):
-            continue
-        score = coarse_scores(model.coarse, camera, edges, first)
-        T = _ahead(model.part, refine(model.coarse, camera, edges, first[np.argsort(-score)[:TRIED]], reaches=_QUICK))
-        score = coarse_scores(model.frame, camera, edges, T)
-        T = _ahead(model.part, refine(model.frame, camera, edges, T[np.argsort(-score)[:KEPT]], reaches=REACHES[2:]))
-        if not len(T):
-            continue
-        met = meet(model.frame, camera, edges, T, REACH)
-        evidence = weigh(model.frame, met, chance.at(met.normals, met.pixels))
-        log = log_weight(evidence, weights) + np.log((1 - UNKNOWN) / len(models))
-        modes += [ImageMode(model, -1, T[k], float(log[k])) for k in distinct_poses(model.part, T, log)]
-    # the best of many tries is better than chance by about the logarithm of their number
-    none = np.log(UNKNOWN) + np.log(tried)
-    modes.sort(key=lambda mode: -mode.log)
-    total = float(log_sum([none, *(mode.log for mode in modes)]))
-    scored = tuple(replace(mode, probability=float(np.exp(mode.log - total))) for mode in modes)
-    return ImagePosterior(scored, float(np.exp(none - total)))
+        T = _ahead(model.part, np.concatenate([by_corners, by_rims]))
+        tried += len(T)
+        if len(T):
+            score = coarse_scores(model.coarse, camera, edges, T)
+            T = refine(model.coarse, camera, edges, T[np.argsort(-score)[:TRIED]], reaches=_QUICK)
+            T = _ahead(model.part, T)
+            score = coarse_scores(model.frame, camera, edges, T)
+            T = refine(model.frame, camera, edges, T[np.argsort(-score)[:KEPT]], reaches=REACHES[2:])
+            T = _ahead(model.part, T)
+        out.append((model, T))
+        logs.append(seen.sums(model, T).log)
+    best = max((float(log.max()) for log in logs if len(log)), default=0.0)
+    kept = [np.flatnonzero((log > best - FAINT) | (log == log.max(initial=-np.inf))) for log in logs]
+    return [(model, T[rows]) for (model, T), rows in zip(out, kept, strict=True)], tried
 
 
 def follow(

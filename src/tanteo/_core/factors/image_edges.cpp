@@ -1,0 +1,184 @@
+#include "image_edges.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "../normal.hpp"
+
+namespace tanteo {
+
+namespace {
+
+// What is seen is found for eyes on a grid of this share of their distance (0.1 degrees), so that the poses of one
+// maximum share a few views.
+constexpr double EYE_STEP = 2e-3;
+constexpr size_t MOST_VIEWS = 4096;
+
+constexpr int MOST_COLUMNS = 14;
+
+struct MetSample {
+    EdgeMet at;
+    size_t sample;
+    int edge;
+    double seen, offset;
+};
+
+double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd * sd)) / (std::sqrt(2 * PI) * sd); }
+
+}  // namespace
+
+ImageEdges::ImageEdges(std::shared_ptr<const EdgePart> part_, std::shared_ptr<const EdgeImage> image_,
+                       const EdgeRules& rules_, double reach_, int first_)
+    : part(std::move(part_)),
+      image(std::move(image_)),
+      rules(rules_),
+      reach(reach_),
+      first(first_),
+      points{image->nearest.data(), static_cast<int64_t>(image->sds.size()), image->rows, image->columns,
+             image->pixels.data(), image->sds.data(), Channels(image->channels)} {}
+
+double ImageEdges::add(const State& state, const Slope* slope) const { return evaluate(state, slope).log; }
+
+// The view from the corner of the grid that is nearest to the eye: it does not depend on what was asked before.
+std::shared_ptr<const ImageEdges::View> ImageEdges::view_from(const Vec3& eye) const {
+    const int power = static_cast<int>(std::floor(std::log2(std::max(EYE_STEP * norm(eye), 1e-9))));
+    const double step = std::ldexp(1.0, power);
+    const std::array<int64_t, 4> key{power, std::llround(eye.x / step), std::llround(eye.y / step),
+                                     std::llround(eye.z / step)};
+    {
+        const std::lock_guard<std::mutex> lock(mutex);
+        const auto known = views.find(key);
+        if (known != views.end()) return known->second;
+    }
+    auto view = std::make_shared<View>();
+    view->shown.resize(part->frame->size());
+    view->rims.resize(part->frame->size());
+    part->frame->see(step * Vec3{double(key[1]), double(key[2]), double(key[3])}, true, view->shown.data(),
+                     view->rims.data());
+    const std::lock_guard<std::mutex> lock(mutex);
+    if (views.size() >= MOST_VIEWS) views.clear();
+    return views.emplace(key, std::move(view)).first->second;
+}
+
+// Area of the silhouette on bare table: of surface dA with the normal n at p, the camera sees fx fy |n p| / z^3 dA.
+// Of surfaces behind each other all are counted.
+double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
+    if (image->bare.empty()) return 0;
+    double area = 0;
+    for (size_t k = 0; k < part->cover.size(); ++k) {
+        const Vec3 p = pose.R * part->cover[k] + pose.t;
+        const double facing = -dot(pose.R * part->cover_normals[k], p);
+        if (!(p.z > 0) || !(facing > 0)) continue;
+        const Pixel at = project(lens, p);
+        const bool inside = at.x > -0.5 && at.y > -0.5 && at.x < image->columns - 0.5 && at.y < image->rows - 0.5;
+        if (!inside) continue;
+        const int64_t row = static_cast<int64_t>(at.y + 0.5), column = static_cast<int64_t>(at.x + 0.5);
+        if (image->bare[row * image->columns + column])
+            area += lens.fx * lens.fy * facing / (p.z * p.z * p.z) * part->cover_area;
+    }
+    return area;
+}
+
+ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) const {
+    const EdgeFrame& frame = *part->frame;
+    const double* z = state.z.data() + first;
+    const int of_camera = image->camera_states(), states = image->states();
+    Pose camera = image->T_world_camera;
+    if (of_camera) {
+        double xi[6] = {0};
+        for (int i = 0; i < 6; ++i)
+            for (int k = 0; k < 6; ++k) xi[i] += image->camera_root[6 * i + k] * z[k];
+        camera = moved(camera, load(xi), load(xi + 3), {});
+    }
+    Lens lens = image->lens;
+    if (states > of_camera) {
+        lens.cx += image->shift_sd * z[of_camera];
+        lens.cy += image->shift_sd * z[of_camera + 1];
+    }
+    const Pose pose{transposed(camera.R) * state.pose.R, into_part(camera, state.pose.t)};  // of the part in the camera
+    const std::shared_ptr<const View> view = view_from(into_part(pose, {}));
+
+    std::vector<MetSample> met;
+    std::vector<EdgePlace> places;
+    std::vector<double> missed(part->edges), missed_log(part->edges);
+    for (size_t k = 0; k < frame.size(); ++k) {
+        if (!view->shown[k]) continue;
+        const EdgeMet m = meet_edge(lens, points, frame.samples[k], pose, true, frame.diagonal, reach);
+        if (!m.inside) continue;
+        const double seen = view->rims[k] ? rules.rim_seen : rules.crease_seen;
+        const int edge = part->groups[k];
+        if (m.point < 0) {
+            missed[edge] += m.span;
+            missed_log[edge] += m.span * std::log1p(-seen);
+            continue;
+        }
+        // blur moves edge points of a bend inside by half its square over the radius (Bouma and others 2005)
+        const double scale = m.span / frame.samples[k].length, width = image->widths[m.point];
+        const double curvature = dot(load(m.slope), part->bends[k]) / std::max(scale * scale, 1e-300);
+        const double pulled = 0.5 * width * width * curvature;
+        const double offset = m.offset - std::min(std::max(pulled, -rules.most_pulled), rules.most_pulled);
+        met.push_back({m, k, edge, seen, offset});
+        places.push_back({m.x + offset * m.nx, m.y + offset * m.ny, m.nx, m.ny, std::max(m.span, rules.beside),
+                          std::fabs(offset), edge});
+    }
+    const std::vector<char> own = foremost(places, rules.along);
+    std::vector<double> length(part->edges);
+    for (size_t k = 0; k < met.size(); ++k)
+        if (own[k]) length[met[k].edge] += met[k].at.span;
+
+    Sums sums;
+    int columns[MOST_COLUMNS];
+    for (int c = 0; c < 6 + states; ++c) columns[c] = c < 6 ? c : first + c;
+    for (size_t k = 0; k < met.size(); ++k) {
+        if (!own[k]) continue;
+        const MetSample& one = met[k];
+        const EdgeMet& m = one.at;
+        size_t cell = 0;
+        if (image->chance.size() > 1)
+            cell = (points.channels.of(m.nx, m.ny) * image->rows + static_cast<int64_t>(m.y + 0.5)) * image->columns +
+                   static_cast<int64_t>(m.x + 0.5);
+        const double d = one.offset, scale = one.seen * 2 * rules.reach / image->chance[cell];
+        const double near = (1 - rules.displaced) * scale * normal_density(d, m.sd);
+        const double far = rules.displaced * scale * normal_density(d, rules.displaced_sd);
+        const double all = near + far + 1 - one.seen;
+        const double at_peak = (1 - rules.displaced) * scale * normal_density(0, m.sd) +
+                               rules.displaced * scale * normal_density(0, rules.displaced_sd) + 1 - one.seen;
+        const double weight = m.span / rules.stretch / (1 + length[one.edge] / rules.whole);
+        sums.hits += weight * ((1 - rules.located) * std::log(at_peak) + rules.located * std::log(all));
+        const double draws = rules.located * rules.hits * weight * near / all, precision = 1 / (m.sd * m.sd);
+        sums.chi2 += draws * d * d * precision;
+        sums.draws += draws;
+        sums.squares += d * d;
+        sums.met += 1;
+        if (!slope) continue;
+        const double displaced = rules.located * rules.hits * weight * far / all;
+        const double information = draws * precision + displaced / (rules.displaced_sd * rules.displaced_sd);
+        // the offset shrinks by m.slope along motions of the part about its origin; about c they are (v + c x w, w)
+        double row[MOST_COLUMNS];
+        const Vec3 by = load(m.slope), turn = load(m.slope + 3) + cross(by, slope->centre);
+        store(-by, row);
+        store(-turn, row + 3);
+        if (of_camera) {  // with the camera, a point of its frame moves by -v - w x p
+            const Vec3 by_point = pose.R * by, by_turn = cross(pose.R * frame.samples[one.sample].at + pose.t, by_point);
+            for (int c = 0; c < 6; ++c) {
+                row[6 + c] = 0;
+                for (int i = 0; i < 3; ++i)
+                    row[6 + c] += by_point[i] * image->camera_root[6 * i + c] +
+                                  by_turn[i] * image->camera_root[6 * (3 + i) + c];
+            }
+        }
+        if (states > of_camera) {
+            row[6 + of_camera] = -image->shift_sd * m.nx;
+            row[7 + of_camera] = -image->shift_sd * m.ny;
+        }
+        slope->add(-information * d, information, row, columns, 6 + states);
+    }
+    for (int e = 0; e < part->edges; ++e)
+        if (missed[e] > 0) sums.misses += missed_log[e] / rules.stretch / (1 + missed[e] / rules.whole);
+    sums.spilled = spilled_area(pose, lens);
+    sums.log = rules.hits * sums.hits + rules.misses * sums.misses +
+               rules.spilled * sums.spilled / (rules.stretch * rules.stretch);
+    return sums;
+}
+
+}  // namespace tanteo

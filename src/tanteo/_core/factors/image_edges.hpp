@@ -1,0 +1,107 @@
+// The edges of one image as a measurement of the pose of a part.
+//
+// Let e be the edges of the part that the camera sees at the pose. A sample i of edge e stands for s_i pixels of it. It
+// is met if an edge point of the image of the same direction lies within `reach`, at the offset d_i across the edge, and
+// missed if not. Of edges that meet the same place of the image the nearest explains it; the others count as neither.
+// Relative to an image in which edges come by chance, the log density is
+//
+//   log L = h sum_e 1 / (1 + H_e / w) sum_{i met} s_i / l {r_i(0) + k [r_i(d_i) - r_i(0)]}
+//         + m sum_e 1 / (1 + M_e / w) sum_{i missed} s_i / l log(1 - q_i)  +  b B / l^2,
+//
+//   r_i(d) = log [q_i p_i(d) / c_i + 1 - q_i],   p_i(d) = (1 - a) N(d; 0, sigma_i^2) + a N(d; 0, sigma_a^2).
+//
+// q_i is the probability that an edge shows (a rim of the part, a crease inside of it), c_i = chance_i / (2 reach) the
+// density of an edge by chance, and a the share of edges that shadows, occluders and roundings displace. sigma_i is
+// the error of the edge point: noise, its neighbours, and the share of the lens's error that is an edge's own. H_e and
+// M_e are the lengths of edge e that are met and missed, l is the length of one observation, and w the length from which
+// more of one edge adds little: an edge is met or missed as a whole. k is the weight of where an edge is, over that
+// it is there. B is the area [px^2] of the part's silhouette that lies where the image shows bare table. h, m and b
+// are fitted to rendered scenes (benchmarks/vision_fit.py; decisions 23, 38 and 86).
+//
+// Shared errors: the camera's pose, T_world_camera exp(S z) with S S' its covariance, and a shift of all edges in the image.
+#pragma once
+#include <map>
+#include <memory>
+#include <mutex>
+#include <array>
+#include <vector>
+
+#include "../image_frame.hpp"
+#include "../pose_term.hpp"
+
+namespace tanteo {
+
+// The image: where its edge points are, how often one is met by chance, where bare table is seen, and the camera.
+struct EdgeImage {
+    Lens lens;
+    Pose T_world_camera;
+    std::vector<double> camera_root;  // 36, row-major: S; empty where the camera's pose is exact
+    double shift_sd = 0;              // of all edges together along each axis [px]; 0: no state
+    int64_t rows = 0, columns = 0, channels = 0;
+    std::vector<int32_t> nearest;     // channels x rows x columns: the nearest edge point of a direction; -1 for none
+    std::vector<double> pixels, sds, widths;  // of the edge points: n x 2, n, blur n [px]
+    std::vector<float> chance;        // channels x rows x columns, or one value for all
+    std::vector<char> bare;           // rows x columns; empty where bare table is not known
+
+    int camera_states() const { return camera_root.empty() ? 0 : 6; }
+    int states() const { return camera_states() + (shift_sd > 0 ? 2 : 0); }
+};
+
+struct EdgeRules {
+    double stretch, whole;                // l, w [px]
+    double rim_seen, crease_seen;         // q
+    double reach;                         // [px], of the chance density
+    double displaced, displaced_sd;       // a, sigma_a [px]
+    double located;                       // k
+    double hits, misses, spilled;         // h, m, b
+    double beside, along;                 // samples meet one place within this [px] and this cosine of their normals
+    double most_pulled;                   // the displacement of a blurred rim is corrected up to this [px]
+};
+
+// The part as the camera may see it.
+struct EdgePart {
+    std::shared_ptr<const EdgeFrame> frame;
+    std::vector<int> groups;       // edge or rim of the part that each sample belongs to, from 0
+    std::vector<Vec3> bends;       // from a sample to the middle of its rim, over the square of the radius [1/m]; or zero
+    std::vector<Vec3> cover, cover_normals;  // places all over the surface
+    double cover_area = 0;         // of the surface that each stands for [m^2]
+    int edges = 0;
+};
+
+class ImageEdges : public PoseTerm {
+  public:
+    // `first`: where the shared errors of the image begin in z; `reach`: how far an edge point may be [px].
+    ImageEdges(std::shared_ptr<const EdgePart> part, std::shared_ptr<const EdgeImage> image, const EdgeRules& rules,
+               double reach, int first);
+
+    double add(const State& state, const Slope* slope) const override;
+    int columns() const override { return first + image->states(); }
+
+    // The sums behind the density at a state.
+    struct Sums {
+        double log = 0;
+        double hits = 0, misses = 0, spilled = 0;  // before h, m and b; spilled in [px^2]
+        double chi2 = 0, draws = 0;  // of the offsets of edges that are not displaced, and how many independent ones
+        double squares = 0, met = 0;  // of all offsets [px^2], and how many there are
+    };
+    Sums sums(const State& state) const { return evaluate(state, nullptr); }
+
+  private:
+    struct View {
+        std::vector<char> shown, rims;
+    };
+    Sums evaluate(const State& state, const Slope* slope) const;
+    std::shared_ptr<const View> view_from(const Vec3& eye) const;
+    double spilled_area(const Pose& pose, const Lens& lens) const;
+
+    std::shared_ptr<const EdgePart> part;
+    std::shared_ptr<const EdgeImage> image;
+    EdgeRules rules;
+    double reach;
+    int first;
+    EdgePoints points;
+    mutable std::mutex mutex;
+    mutable std::map<std::array<int64_t, 4>, std::shared_ptr<const View>> views;
+};
+
+}  // namespace tanteo

@@ -1,0 +1,198 @@
+"""The edges of an image as a factor of the posterior: what the compiled core needs to know of image and part.
+
+The formula is in ``_core/factors/image_edges.hpp``. The camera's pose and a shift of the whole image by the lens are
+shared errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.measurements import PoseFactor
+from tanteo.parts import Part
+from tanteo.typing import BoolArray, FloatArray, Transforms
+from tanteo.vision.camera import Camera, opencv
+from tanteo.vision.edges import BY_DRIFT, CHANNELS, FLOOR, EdgeMap, EdgePoints
+from tanteo.vision.models import VisionModel, prepare_vision
+
+REACH = 2.5
+"""Largest distance of an edge point from the sample of a part's edge that meets it [px]
+(``python benchmarks/vision_fit.py`` fits the weights with it)."""
+
+STRETCH = 12.0
+"""Length of edge that is one observation [px] (decision 23)."""
+
+_WHOLE = 60.0
+"""Length from which more of the same edge adds little [px]; from 30 to 120 px the fit is as good (decision 38)."""
+
+_RIM_SHOWS, _CREASE_SHOWS = 0.85, 0.65
+"""Probability that an edge shows in the image: where the part ends, and between two faces (decision 23)."""
+
+_DISPLACED, _DISPLACED_SD = 0.3, 0.8
+"""Share of edges that shadows, occluders and roundings displace, and by how much [px] (decision 23)."""
+
+_LOCATED = 2.0
+"""Weight of where an edge is, over that it is there (``python benchmarks/vision_poses.py`` chose it, decision 86)."""
+
+_OF_LENS = np.sqrt(0.5)
+"""Share of a lens's error, as a deviation, that shifts all edges alike; the same share is each edge's own
+(decision 43)."""
+
+_EXACT = 1e-4
+"""A lens whose error is smaller adds no state [px]."""
+
+_BESIDE, _ALONG = 4.0, 0.9
+"""Samples meet the same place of the image within this distance, or what they stand for, and within this cosine of
+their directions [px] (decision 38)."""
+
+_MOST_PULLED = 0.5
+"""The displacement of a blurred rim is corrected up to this: beyond, the formula does not hold [px] (decision 73)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """Weights of the sums of an image, fitted on rendered scenes of random parts (``benchmarks/vision_fit.py``).
+
+    Edges are not independent of each other, and shadows and occluders make edges of their own. The fit measures what
+    that does to the sums.
+
+    Attributes:
+        hits: weight of edges of the part that meet edges of the image.
+        misses: weight of those that do not.
+        unknown: log density of an unknown object for each stretch of the image's edges.
+        base: log density of an unknown object without edges.
+        spilled: weight of each square of a stretch that the silhouette covers where bare table is seen.
+    """
+
+    hits: float = 0.409
+    misses: float = 0.103
+    unknown: float = 0.151
+    base: float = 1.065
+    spilled: float = -0.624
+
+    def rules(self, located: float = _LOCATED) -> FloatArray:
+        """Return all constants of the formula, in the order of ``EdgeRules`` ``(14,)``.
+
+        Args:
+            located: weight of where an edge is, over that it is there.
+        """
+        return np.array([
+            STRETCH, _WHOLE, _RIM_SHOWS, _CREASE_SHOWS, REACH, _DISPLACED, _DISPLACED_SD, located,
+            self.hits, self.misses, self.spilled, _BESIDE, _ALONG, _MOST_PULLED,
+        ])  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageEdges(PoseFactor):
+    """The edges of one image, of the object in one region of it.
+
+    Attributes:
+        camera: camera that took the image; without a place the world is its own frame.
+        edges: edge points of the image.
+        chance: probability that a random place has an edge of one direction within :data:`REACH`, one for the region
+            ``(1,)`` or of each direction and pixel ``(CHANNELS, rows, columns)``.
+        bare: pixels that show bare table ``(rows, columns)``; None where there is no table.
+        weights: weights of the sums.
+        log_unknown: log density of the image if the object is unknown.
+    """
+
+    camera: Camera
+    edges: EdgeMap
+    chance: FloatArray
+    bare: BoolArray | None = None
+    weights: Weights = field(default_factory=Weights)
+    log_unknown: float = 0.0
+    image: _core.EdgeImage = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        points, camera = self.edges.points, self.camera
+        root = np.zeros((0, 6)) if camera.covariance is None else _root(camera.covariance)
+        shift = float(_OF_LENS * camera.edge_sd)
+        own = np.sqrt(points.sds**2 + FLOOR**2 + (BY_DRIFT * points.drifts) ** 2 + shift**2)
+        image = _core.make_edge_image(
+            camera.numbers, np.ascontiguousarray(standing(camera)), root, shift if shift > _EXACT else 0.0,
+            self.edges.nearest, points.pixels, own, points.widths, np.ascontiguousarray(self.chance, dtype=np.float32),
+            np.zeros((0, 0), dtype=np.bool_) if self.bare is None else np.ascontiguousarray(self.bare),
+        )  # fmt: skip
+        object.__setattr__(self, "image", image)
+
+    @property
+    def states(self) -> int:
+        """Number of shared errors: the camera's pose where it has a covariance, and the shift by the lens."""
+        return self.image.states
+
+    def term(self, part: Part, first: int) -> _core.ImageEdges:
+        """Compile the factor for one part."""
+        return _core.image_edges(prepare_vision(part).seen, self.image, self.weights.rules(), REACH, first)
+
+    def sums(self, model: VisionModel, T_camera_part: Transforms, *, coarse: bool = False) -> Sums:
+        """Evaluate poses of a part that are not maxima yet: where an edge is counts as much as that it is there.
+
+        Args:
+            model: the part.
+            T_camera_part: poses ``(B, 4, 4)``.
+            coarse: with few samples of its edges, and edge points at twice the distance.
+        """
+        seen, reach = (model.seen_coarsely, 2 * REACH) if coarse else (model.seen, REACH)
+        term = _core.image_edges(seen, self.image, self.weights.rules(1.0), reach, 0)
+        Ts = np.ascontiguousarray(standing(self.camera) @ T_camera_part)
+        return Sums(*_core.image_sums(term, Ts, np.zeros((len(Ts), self.states))).T)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sums:
+    """The sums behind the log density of an image at poses, each ``(B,)``.
+
+    Attributes:
+        log: log density.
+        hits: sum over edges of the part that meet edges of the image.
+        misses: sum over those that do not.
+        spilled: area of the silhouette on bare table [px^2].
+        chi2: chi-square of the offsets of edges that are not displaced.
+        freedom: number of independent offsets in it.
+        squares: sum of the squares of all offsets [px^2].
+        met: number of samples that meet an edge point.
+    """
+
+    log: FloatArray
+    hits: FloatArray
+    misses: FloatArray
+    spilled: FloatArray
+    chi2: FloatArray
+    freedom: FloatArray
+    squares: FloatArray
+    met: FloatArray
+
+
+def standing(camera: Camera) -> Transforms:
+    """Return the pose of a camera in the world, which is its own frame where its place is not known."""
+    return np.eye(4) if camera.T_world_camera is None else camera.T_world_camera
+
+
+def _root(covariance: FloatArray) -> FloatArray:
+    """Return S with S S' = covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.ascontiguousarray(vectors * np.sqrt(values.clip(0.0)))
+
+
+def chance_hits(points: EdgePoints, used: BoolArray) -> float:
+    """Return the probability that a random place among these edges has one of the same direction within reach.
+
+    Edges of one direction (an eighth of them, if all are as common) cover ``2 REACH`` px for each pixel of length.
+    """
+    if used.sum() < 2:
+        return 0.02
+    low, high = points.pixels[used].min(axis=0), points.pixels[used].max(axis=0)
+    area = float(np.prod(high - low + 10.0))
+    density = float(used.sum()) / area * 2 * REACH * 0.25
+    return float(np.clip(density, 0.02, 0.4))
+
+
+def chance_map(edges: EdgeMap, window: int = 81) -> FloatArray:
+    """Measure, in windows of the image, how common edges of each direction are ``(CHANNELS, rows, columns)``."""
+    near = (edges.distances < REACH).astype(np.float32)
+    shares = np.stack([opencv().blur(near[k], (window, window)) for k in range(CHANNELS)])
+    return np.clip(shares, 0.02, 0.6)

@@ -1,0 +1,240 @@
+"""Edges of an image and stable poses as terms of the log density: plain NumPy, differences, integrals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from silhouettes import spilled
+from tanteo import _core
+from tanteo.answers import Priors
+from tanteo.catalogue import known_rests
+from tanteo.inference import Problem, prepare
+from tanteo.lie import SE3
+from tanteo.measurements import ContactPoints, FreeRays, OnTable
+from tanteo.parts import read_part
+from tanteo.vision import find_regions
+from tanteo.vision.candidates import own_edges
+from tanteo.vision.fit import meet
+from tanteo.vision.image_edges import REACH, ImageEdges, Sums, Weights, chance_hits
+from tanteo.vision.regions import bare_table
+from tanteo.vision.wireframe import see_edges
+from vision_scenes import PARTS, bracket, seen_alone
+
+WEIGHTS = Weights()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A bracket on a table: model, camera with errors, edges, region, factor, and the pose in the camera."""
+    model = bracket()
+    camera, image, edges, T = seen_alone(model, 0.6)
+    region = find_regions(image, edges.points)[0]
+    camera = replace(camera, covariance=np.diag(np.r_[np.full(3, 1e-4), np.full(3, 2e-4)] ** 2))
+    chance = np.array([chance_hits(edges.points, own_edges(region, edges))])
+    return model, camera, edges, region, ImageEdges(camera, edges, chance, bare_table(region.mask)), T
+
+
+def summed(factor, model, Ts):
+    """The sums of the factor's own term at poses in the camera, without shared errors."""
+    world = np.ascontiguousarray(factor.camera.T_world_camera @ Ts)
+    return Sums(*_core.image_sums(factor.term(model.part, 0), world, np.zeros((len(Ts), factor.states))).T)
+
+
+def near(T, rng, count):
+    """Poses around one, from a tenth of a millimetre to some millimetres off."""
+    sizes = rng.choice([0.1, 0.5, 1.0, 3.0], size=(count, 1))
+    return T @ SE3.exp(rng.normal(size=(count, 6)) * np.r_[np.full(3, 1e-3), np.full(3, 0.01)] * sizes)
+
+
+def foremost(groups, met):
+    """Samples that met an edge point which no other edge of the part, running the same way, met nearer."""
+    out = met.hits.copy()
+    places = met.pixels + met.offsets[:, None] * met.normals
+    for i in np.flatnonzero(met.hits):
+        for j in np.flatnonzero(met.hits & (groups != groups[i]) & (np.abs(met.offsets) < np.abs(met.offsets[i]))):
+            width = max(met.spans[i], met.spans[j], 4.0)
+            if np.linalg.norm(places[i] - places[j]) < width and abs(met.normals[i] @ met.normals[j]) > 0.9:
+                out[i] = False
+    return out
+
+
+def from_grid(T):
+    """The pose with the eye on the nearest corner of the grid from which the core sees what is hidden."""
+    eye = SE3.inverse(T)[:3, 3]
+    step = 2.0 ** np.floor(np.log2(2e-3 * np.linalg.norm(eye)))
+    return SE3.from_parts(T[:3, :3], -T[:3, :3] @ (np.rint(eye / step) * step))
+
+
+def by_edges(groups, values, spans):
+    """Sum over edges, of which a length L counts as L / (1 + L / 60)."""
+    return sum(
+        values[(groups == g) & (spans > 0)].sum() / (1 + spans[groups == g].sum() / 60.0) for g in np.unique(groups)
+    )
+
+
+@pytest.mark.parametrize("located", [1.0, 2.0])
+def test_the_density_is_that_of_plain_numpy(scene, located):
+    model, camera, edges, region, factor, T = scene
+    frame, points = model.frame, edges.points
+    assert not frame.bends.any()
+    c = factor.chance[0] / (2 * REACH)
+    shift = np.sqrt(0.5) * camera.edge_sd
+    sds = np.sqrt(points.sds**2 + 0.01**2 + (0.25 * points.drifts) ** 2 + shift**2)
+
+    def normal(d, sd):
+        return np.exp(-0.5 * (d / sd) ** 2) / np.sqrt(2 * np.pi) / sd
+
+    def ratio(d, sd, q):
+        return np.log(q * (0.7 * normal(d, sd) + 0.3 * normal(d, 0.8)) / c + 1 - q)
+
+    Ts = near(T, np.random.default_rng(1), 12)
+    sums = factor.sums(model, Ts) if located == 1 else summed(factor, model, Ts)
+    expected = []
+    for pose in Ts:
+        met = meet(frame, camera, edges, pose, REACH, see_edges(frame, from_grid(pose)))
+        q = np.where(met.seen.rims, 0.85, 0.65)
+        sd = np.where(met.hits, sds[met.points], 1.0)
+        hit = located * ratio(met.offsets, sd, q) + (1 - located) * ratio(0.0, sd, q)
+        own, missed = foremost(frame.groups, met), met.inside & ~met.hits
+        expected.append((
+            by_edges(frame.groups, met.spans / 12 * hit, np.where(own, met.spans, 0.0)),
+            by_edges(frame.groups, met.spans / 12 * np.log1p(-q), np.where(missed, met.spans, 0.0)),
+        ))  # fmt: skip
+    hits, misses = np.array(expected).T
+    np.testing.assert_allclose(sums.hits, hits, rtol=1e-5)  # chances are single precision
+    np.testing.assert_allclose(sums.misses, misses, rtol=1e-9)
+    area = spilled(frame.surface, camera, Ts, region.mask)
+    np.testing.assert_allclose(sums.spilled, area, atol=144)  # by places of the surface: within a square stretch
+    log = WEIGHTS.hits * sums.hits + WEIGHTS.misses * sums.misses + WEIGHTS.spilled * sums.spilled / 144
+    np.testing.assert_allclose(sums.log, log, rtol=1e-12)
+
+
+def test_its_slope_is_that_of_differences(scene):
+    """Within the noise of edge points: the slope leaves out that lengths and directions of edges follow the pose."""
+    model, camera, _, _, factor, T = scene
+    term, c = factor.term(model.part, 2), model.part.centroid
+    off = np.array([2e-4, -1e-4, 3e-4, 1e-3, 0.0, -1e-3])
+    Ts = np.ascontiguousarray((camera.T_world_camera @ T @ SE3.exp(off))[None])
+    z = np.zeros((1, 11))  # two shared errors before those of the image, one behind
+    log, gradient, information = _core.term_slopes(term, Ts, z, c)
+    assert log[0] == pytest.approx(summed(factor, model, SE3.inverse(camera.T_world_camera) @ Ts).log[0], abs=1e-9)
+    about, steps = SE3.from_parts(np.eye(3), c), np.r_[np.full(3, 2e-5), np.full(3, 2e-4), np.full(11, 0.05)]
+    differences = []
+    for k, h in enumerate(steps):
+        moves = h * np.eye(17)[k]
+        ends = [
+            _core.term_slopes(
+                term,
+                np.ascontiguousarray(Ts @ about @ SE3.exp(s * moves[:6]) @ SE3.inverse(about)),
+                z + s * moves[6:],
+                c,
+            )[0][0]
+            for s in (1, -1)
+        ]
+        differences.append((ends[0] - ends[1]) / (2 * h))
+    sd = np.sqrt(np.diag(information[0]))
+    np.testing.assert_array_equal(gradient[0, [6, 7, 16]], 0.0)
+    np.testing.assert_allclose(gradient[0][sd > 0] / sd[sd > 0], np.array(differences)[sd > 0] / sd[sd > 0], atol=1.0)
+    assert np.linalg.norm(gradient[0][sd > 0] / sd[sd > 0]) > 5
+    np.testing.assert_array_equal(information[0], information[0].T)
+    assert np.linalg.eigvalsh(information[0]).min() > -1e-6 * np.abs(information[0]).max()
+
+
+def test_a_motion_of_the_camera_is_one_of_the_part(scene):
+    """The camera moved by its errors sees the same as with the part moved back."""
+    model, camera, edges, _, factor, T = scene
+    term = factor.term(model.part, 0)
+    z = np.random.default_rng(3).normal(size=6)
+    world = np.ascontiguousarray((camera.T_world_camera @ T)[None])
+    here = _core.image_sums(term, world, np.r_[np.zeros(6), 0, 0][None])[0, 0]
+    values, vectors = np.linalg.eigh(camera.covariance)
+    xi = (vectors * np.sqrt(values)) @ z
+    moved = camera.T_world_camera @ SE3.exp(xi) @ SE3.inverse(camera.T_world_camera)
+    there = _core.image_sums(term, np.ascontiguousarray(moved @ world), np.r_[z, 0, 0][None])[0, 0]
+    assert there == pytest.approx(here, abs=0.3)
+    assert edges is factor.edges
+
+
+def test_terms_are_added_to_the_log_density(scene):
+    model, camera, _, _, factor, T = scene
+    lying = OnTable(np.eye(4), 2e-4, 2e-3, 1e-2)
+    prepared, poses = prepare(model.part), np.ascontiguousarray((camera.T_world_camera @ T)[None])
+    problem = Problem(ContactPoints.none(), FreeRays.none(), Priors(radius=0.1), factors=(factor, lying))
+    assert problem.states == 8
+    z = np.full((1, 8), 0.1)
+    core = problem.compiled(prepared)
+    log, _, information = _core.slopes(prepared.shape, core, poses, z)
+    terms = [one.term(model.part, 0) for one in problem.factors]
+    own = [_core.term_slopes(term, poses, z, prepared.shape.centre) for term in terms]
+    assert log[0] == pytest.approx(sum(a[0][0] for a in own) - 0.5 * 8 * 0.01)
+    prior = np.diag(np.r_[np.zeros(6), np.ones(8)])
+    np.testing.assert_allclose(information[0], own[0][2][0] + own[1][2][0] + prior, rtol=1e-9)
+    assert _core.log_densities(prepared.shape, core, poses, z)[0] == pytest.approx(log[0])
+
+
+@pytest.mark.parametrize("name", ["bracket_left", "block", "hex_spacer", "flange"])
+def test_stable_poses_have_their_probabilities(name):
+    """The density of the pose integrates to one over place, height, tilt and yaw, symmetric poses included."""
+    part = read_part(PARTS / f"{name}.step")
+    lying = OnTable(np.eye(4), 3e-3, 0.08, 4e-2)
+    term, rng, N = lying.term(part, 0), np.random.default_rng(5), 400_000
+    q = rng.normal(size=(N, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    w, x, y, z = q.T
+    R = np.stack([
+        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    ], axis=-1).reshape(-1, 3, 3)  # fmt: skip
+    high = 1.2 * part.diagonal
+    t = np.stack([np.zeros(N), np.zeros(N), rng.uniform(0, high, N)], axis=-1) - R @ part.centroid
+    logs, _, _ = _core.term_slopes(term, np.ascontiguousarray(SE3.from_parts(R, t)), np.zeros((N, 0)), part.centroid)
+    values = np.exp(logs) * 4e-2 * high * 8 * np.pi**2
+    mean, sd = values.mean(), values.std() / np.sqrt(N)
+    print(mean, sd)
+    assert sd < 0.1
+    assert abs(mean - 1) < 4 * sd + 0.01
+
+
+def test_the_slope_of_stable_poses_is_that_of_differences():
+    part = read_part(PARTS / "bracket_left.step")
+    T = OnTable(np.eye(4), 1e-3, 0.02, 1.0)
+    rest = known_rests(part)[0].T_table_part
+    pose = rest @ SE3.exp(np.array([1e-3, 5e-4, 2e-3, 0.01, -0.02, 0.015]))
+    c, about = part.centroid, SE3.from_parts(np.eye(3), part.centroid)
+    _, gradient, information = _core.term_slopes(T.term(part, 0), pose[None], np.zeros((1, 0)), c)
+    found = []
+    for k in range(6):
+        step = 1e-6 * np.eye(6)[k]
+        ends = [
+            _core.term_slopes(
+                T.term(part, 0), np.ascontiguousarray(pose @ about @ SE3.exp(s * step) @ SE3.inverse(about))[None],
+                np.zeros((1, 0)), c,
+            )[0][0]
+            for s in (1, -1)
+        ]  # fmt: skip
+        found.append((ends[0] - ends[1]) / 2e-6)
+    np.testing.assert_allclose(gradient[0], found, rtol=2e-2, atol=1e-2 * np.sqrt(np.diag(information[0]).max()))
+
+
+def test_what_cannot_be_meant_is_refused(scene):
+    model, camera, edges, _, factor, _ = scene
+    points = edges.points
+    right = [
+        camera.numbers, camera.T_world_camera, np.eye(6), 0.1, edges.nearest, points.pixels, points.sds, points.widths,
+        np.array([0.1], dtype=np.float32), np.zeros((0, 0), dtype=bool),
+    ]  # fmt: skip
+    assert _core.make_edge_image(*right).states == 8
+    wrong = {
+        0: np.zeros(3), 1: np.eye(3), 2: np.eye(5), 3: -1.0, 4: edges.nearest[0], 5: points.pixels[:, :1],
+        6: 0 * points.sds, 7: points.widths[1:], 8: np.zeros(1, dtype=np.float32), 9: np.zeros((3, 3), dtype=bool),
+    }  # fmt: skip
+    for k, value in wrong.items():
+        with pytest.raises(ValueError, match="expected"):
+            _core.make_edge_image(*[value if j == k else one for j, one in enumerate(right)])
+    with pytest.raises(ValueError, match="expected"):
+        _core.image_edges(model.seen, factor.image, np.ones(3), 2.5, 0)
+    with pytest.raises(ValueError, match="shared errors"):
+        _core.image_sums(factor.term(model.part, 1), np.eye(4)[None], np.zeros((1, 8)))
