@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.answers import STATED, Answer, Finding, Priors, check_question, sized, with_elapsed
+from tanteo.answers import STATED, Answer, Priors, check_question, sized, with_elapsed
 from tanteo.errors import InputError
 from tanteo.inference import Candidates, about_conventions, about_frames, about_readings, identify_points, scale_of
 from tanteo.limits import SIGNIFICANCE, TOP, check_length
@@ -18,14 +18,22 @@ from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
 from tanteo.typing import FloatArray
+from tanteo.words import message_of
+from tanteo.words.findings import (
+    CheckPrior,
+    EstimatedNoise,
+    NoNoiseStated,
+    PriorContradicted,
+    Scatter,
+    ThinnedReadings,
+    WholeMismatch,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from tanteo.vision import View
 
 MOST_VIEWED = 64
 """Number of parts up to which images are compared with each of them, as :func:`tanteo.vision.see_table` does."""
-
-_DOUBT_PRIOR = "The prior of the pose beforehand counts, too: check it, or leave it out and compare."
 
 
 def identify(
@@ -112,14 +120,15 @@ def identify(
         factors=all_factors, seed=seed,
     )  # fmt: skip
     if unstated is not None and answer.best is not None:
-        answer = _told_sd(answer, unstated)
-    found = about_readings(answer, readings, measured, rays, parts)
+        answer = _with_estimated_noise(answer, unstated)
+    if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
+        answer = answer.adding(CheckPrior())
+    answer = answer.adding(*about_readings(answer, readings, measured, rays, parts))
     if len(readings) < given:
-        used = f"{len(readings):,} of the {given:,} readings were used, spread evenly over all of them."
-        found = (*found, Finding("many", used))
-    whole = _of_whole(answer, priors, parts)
-    found = (*found, Finding("whole", whole)) if whole else found
-    answer = with_elapsed(_said(answer, *(one.message for one in found), placed=placed), measure=elapsed)
+        answer = answer.adding(ThinnedReadings(len(readings), given))
+    if (whole := _of_whole(answer, priors, parts)) is not None:
+        answer = answer.adding(whole)
+    answer = with_elapsed(answer, measure=elapsed)
     frames = about_frames(answer, scale_of(measured.points, parts), measured)
 
     def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
@@ -131,7 +140,7 @@ def identify(
 
     meant = about_conventions(answer, readings, parts, ask, placed=placed) if conventions else None
     meant = meant or frames  # what fits says more than what looks odd
-    return replace(answer, findings=found if meant is None else (*found, meant))
+    return answer if meant is None else answer.adding(meant)
 
 
 def _factors(
@@ -158,24 +167,23 @@ def _factors(
     return view_factors(views, points, some, sized(priors, radius), T_world_table=frame)
 
 
-def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part]) -> str:
-    """Whether mass or size of the whole object contradict the part that the readings say."""
+def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part]) -> WholeMismatch | None:
+    """Return how mass or size of the whole object contradict the part of the answer; None if they do not."""
     if priors.whole is None or not answer.hypotheses or answer.status == "unknown":
-        return ""
+        return None
     named = part_named(parts, answer.hypotheses[0].part)
     part = getattr(named, "part", named)
-    return priors.whole.doubt(part.name, part.volume, part.box[1] - part.box[0])
+    return priors.whole.mismatch(part.name, part.volume, part.box[1] - part.box[0])
 
 
-def _told_sd(answer: Answer, sd: float) -> Answer:
-    """The answer with what the readings tell of their standard deviation, of which nobody said any."""
+def _with_estimated_noise(answer: Answer, sd: float) -> Answer:
+    """Return the answer with the estimate of a standard deviation that nobody stated, instead of its scatter."""
     best = answer.hypotheses[0]
     if answer.status == "unknown" or best.dof <= 0:
-        return replace(answer, message=f"{answer.message} No standard deviation was stated: say --sd.")
-    told, low, high = (1e3 * sd * factor for factor in best.noise_scale)
-    head, _, _ = answer.message.partition(" The readings scatter ")
-    says = f"No standard deviation was stated; the readings tell {told:.2g} mm (95 %: {low:.2g} to {high:.2g} mm)."
-    return replace(answer, message=f"{head} {says}")
+        return answer.adding(NoNoiseStated())
+    estimate = EstimatedNoise(*(sd * factor for factor in best.noise_scale))
+    findings = (*(one for one in answer.findings if not isinstance(one, Scatter)), estimate)
+    return replace(answer, findings=findings, message=message_of(findings))
 
 
 def _with_noise_factor(
@@ -193,12 +201,6 @@ def _with_noise_factor(
         return replace(priors, noise_factor=STATED["unstated"])
     typed = sd is not None or bool(np.isfinite(readings.sds).any()) or sensor is None
     return replace(priors, noise_factor=STATED["typed" if typed else "preset"])
-
-
-def _said(answer: Answer, *notes: str, placed: bool) -> Answer:
-    """The answer with what its message should add."""
-    doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed and "beforehand" not in answer.message else ""
-    return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *notes])))
 
 
 def locate(

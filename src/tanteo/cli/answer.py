@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from tanteo.sensors import PointMeasurements, Readings, Rig
 
 _HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILINE)
-_CONVENTIONS = ("units", "directions", "normals", "mirror", "hand", "offset")
-"""Findings that ask what the numbers of the readings mean."""
 
 
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
@@ -222,7 +220,7 @@ def _questioned(answer: answers.Answer, given: Given, ask: inference.Ask, *, pla
         question = frames  # of units it knows which were stated, and where
     if question is None:
         return answer
-    others = tuple(one for one in answer.findings if one.kind not in _CONVENTIONS)
+    others = tuple(one for one in answer.findings if one.role != "question")
     complain("warning", question.message)
     return replace(answer, findings=(*others, question))
 

@@ -66,7 +66,7 @@ def identify_points(
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
     found, hypotheses = _located(posterior, problem.priors.pose, top)
     clock.lap("locate")
-    worst = worst_reading(points, found[0]) if found else ""
+    worst = worst_reading(points, found[0]) if found else None
     alone = replace(posterior.problem, priors=without_pose(points, problem.priors))
     check = check_prior(
         posterior,
@@ -80,8 +80,8 @@ def identify_points(
         hypotheses = tuple(replace(h, probability=h.probability * share) for h in hypotheses)
     clock.lap("compare")
     outcome = Outcome(candidates, chosen, posterior, found, hypotheses, check, worst)
-    status, message = verdict_of(outcome, significance, shared)
-    return Answer(status, message, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
+    status, findings = verdict_of(outcome, significance, shared)
+    return Answer.of(status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
 
 
 def _searched(

@@ -16,6 +16,7 @@ from tanteo.lie import SE3
 from tanteo.localization import SharedGiven
 from tanteo.measurements import ContactPoints
 from tanteo.typing import Transforms
+from tanteo.words.findings import WorstReading
 
 _REMARKABLE = 2.0
 """A measurement that is off by fewer standard deviations is not what contradicts a pose."""
@@ -88,10 +89,10 @@ def _shared_given(mode: Mode) -> SharedGiven | None:
     return given.about(SE3.log(SE3.inverse(mode.T_peak) @ mode.T_world_part))
 
 
-def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> str:
-    """The point, or sensed normal, that agrees least among those on the part; empty if none is far off."""
+def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | None:
+    """Return the point, or sensed normal, that agrees least among those on the part; None if none is far off."""
     off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
     if off[tilted, i] < _REMARKABLE:
-        return ""
-    return f"{'the normal of ' if tilted else ''}reading {points.ids[i]}, {off[tilted, i]:.1f} sd off"
+        return None
+    return WorstReading(points.ids[i], float(off[tilted, i]), bool(tilted))

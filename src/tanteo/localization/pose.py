@@ -168,7 +168,7 @@ def _report(
     information = solution.information[best]
     covariance = covariance_with_free(pose_information(information), N, scale)
     dof = int(solution.equations[best]) + of_prior - (6 - len(N))
-    unobserved = tuple(describe_motion(xi, T, scale) for xi in N)
+    unobserved = tuple(str(describe_motion(xi, T, scale)) for xi in N)
     p_value = chi2_survival(chi2, dof) if dof > 0 else 1.0
     insufficient = bool(unobserved)
     return PoseEstimate(

@@ -90,8 +90,8 @@ def identify_as_published(
     clock.lap("locate")
     unknown = 0.0 if accepted else 1.0
     shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
-    status, message = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
-    return Answer(status, message, hypotheses, unknown, clock.laps(), significance=significance)
+    status, findings = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
+    return Answer.of(status, findings, hypotheses, unknown, clock.laps(), significance=significance)
 
 
 def _poses(

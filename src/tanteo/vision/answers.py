@@ -15,6 +15,7 @@ from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.image_edges import ImageEdges, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.posterior import ImagePosterior, sums_at
+from tanteo.words import message_of
 
 _LIKE = (
     "whose outlines are as like to it: take an image from nearer or steeper above, or sense it "
@@ -74,7 +75,8 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
 
 def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, str]:
     """Status and sentence. Edges of real parts are not those of models: a poor fit widens, and is said."""
-    status, message = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    status, findings = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    message = message_of(findings)
     if status == "unknown" and posterior.left_out > 0.5 * posterior.unknown:
         best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
         return "ambiguous", f"{best} one of {posterior.count:,} parts that were not looked for, {_LIKE}"
