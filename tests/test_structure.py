@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 
 MOST = {
     "iterative pose fits": 15,
-    "iterative pose fits in C++": 3,
+    "iterative pose fits in C++": 4,
     "tuned numbers in inference": 275,
     "tuned numbers in vision": 225,
     "tuned numbers in posterior": 60,
