@@ -140,7 +140,7 @@ def weigh(
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
-    # near variants of parts are told apart by points only (decision 86)
+    # near variants of parts are told apart by points only (decision 87)
     own = log_unknown(anywhere, given_unknown, problem.priors) if len(problem.points) else anywhere
     log_none = float(log_sum([own, log_left_out]))
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))

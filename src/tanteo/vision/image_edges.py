@@ -37,7 +37,7 @@ _DISPLACED, _DISPLACED_SD = 0.3, 0.8
 
 LOCATED = 1.4
 """Weight of where an edge is, over that it is there (``python benchmarks/vision_poses.py 12`` and
-``pytest tests/vision/test_posterior.py`` chose it, decision 86)."""
+``pytest tests/vision/test_posterior.py`` chose it, decision 87)."""
 
 _OF_LENS = np.sqrt(0.5)
 """Share of a lens's error, as a deviation, that shifts all edges alike; the same share is each edge's own
