@@ -299,7 +299,7 @@ def identified(out):
     return document["status"], best["part"], np.array(best["covariance"]["matrix"])
 
 
-def test_the_command_line_uses_a_reader_a_format_and_a_factor_from_outside(acme, touched):
+def test_the_command_line_uses_plug_ins(acme, touched):
     folder, _ = touched
     words = ["identify", folder / "touches.arm", "--parts", folder / "wedge.tri", folder / "block.tri", "--sd", "0.1mm"]
     plain = command(acme, *words, "--radius", "0mm", "--json")
@@ -330,7 +330,7 @@ def test_the_interface_uses_them_too(acme, touched):
     assert error @ np.linalg.solve(answer.covariance, error) < 25
 
 
-def test_parts_that_are_remembered_are_read_anew_when_the_reader_changes(acme, touched, tmp_path, monkeypatch):
+def test_cached_parts_are_read_again_when_the_reader_changes(acme, touched, tmp_path, monkeypatch):
     monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
     folder, _ = touched
     first = tanteo.read_parts(folder / "wedge.tri")["wedge"]
@@ -354,7 +354,7 @@ def test_a_damaged_file_of_a_plug_in_is_one_sentence(acme, tmp_path):
         tanteo.read_part(tmp_path / "nan.tri")
 
 
-def test_a_format_of_ones_own_is_recognised_and_asks_for_what_it_lacks(acme, tmp_path):
+def test_a_format_of_ones_own_is_recognised(acme, tmp_path):
     path = tmp_path / "arm.txt"
     path.write_text("CALIPER ARM 2\nT 1 2 3\nwarm\nT 4 5 6\n")
     with pytest.raises(InputError, match=r"expected --radius with a log of the caliper arm.*--radius 1\.5mm"):

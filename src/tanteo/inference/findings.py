@@ -21,7 +21,7 @@ from tanteo.measurements import FreeRays
 from tanteo.parts import Part, part_named
 from tanteo.sensors import PointMeasurements, Readings, find_repeated, find_stuck
 from tanteo.typing import Covariances, FloatArray, Vectors
-from tanteo.words import Finding
+from tanteo.words import Finding, size_advice
 from tanteo.words.findings import (
     DirectionsQuestion,
     FreeSpaceCrossed,
@@ -31,7 +31,6 @@ from tanteo.words.findings import (
     TooNarrow,
     UnitsQuestion,
 )  # fmt: skip
-from tanteo.words.sentences import size_advice
 
 _FEW = 3
 """Fewer readings than this say nothing about the size of what was sensed, or about directions."""

@@ -10,6 +10,7 @@ import numpy as np
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings
 from tanteo.typing import Rotations, Transforms
+from tanteo.words import HANDED
 from tanteo.words.findings import (
     Convention,
     DirectionsConvention,
@@ -18,7 +19,6 @@ from tanteo.words.findings import (
     NormalsConvention,
     UnitsConvention,
 )  # fmt: skip
-from tanteo.words.sentences import HANDED
 
 _MIRROR = np.array([1.0, 1.0, -1.0])
 """One mirror stands for all: whichever axes are exchanged or reversed, the rest is a turn, which is searched."""

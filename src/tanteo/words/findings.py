@@ -144,7 +144,7 @@ class FreeMotions(Finding):
 
     Attributes:
         part: name of the part.
-        motions: the free motions, in words.
+        motions: the unobserved directions, in words.
         face: what to sense to observe the first one; empty if nothing is known.
     """
 
