@@ -21,6 +21,7 @@ from campaign import options, run_cases
 from common import Table
 
 import tanteo
+from altered import altered
 from bare_scenes import Sensing, box_centred_pose, inside, nees, off, scene, surface_points
 from tanteo.answers import PosePrior, Priors
 from tanteo.answers import Table as Plane
@@ -74,7 +75,7 @@ def _begun(name, s, seed, k, factor=1.0, readings=READINGS):
     own, rng = catalogue()[PARTS.index(name)], np.random.default_rng((seed, PARTS.index(name), s, k))
     T, sensing = box_centred_pose(rng), replace(SENSORS[s], sd=factor * SD)
     points = scene(own, T, sensing, readings, rng)[0]
-    return own, T, replace(points, covs=points.covs / factor**2, sd=points.sd / factor), rng
+    return own, T, altered(points, covs=points.covs / factor**2), rng
 
 
 def noisy(factor, name, s, seed, k):
