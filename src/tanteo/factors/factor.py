@@ -142,7 +142,7 @@ class Factor(ABC):
 
     @classmethod
     @abstractmethod
-    def from_row(cls, row: Row) -> Factor:
+    def from_row(cls, row: MeasuredRow) -> Factor:
         """Make a factor of one row of measurements.
 
         Raises:
@@ -151,7 +151,7 @@ class Factor(ABC):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Row:
+class MeasuredRow:
     """One row of point measurements, as :func:`tanteo.sensors.measure` makes them; what was not sensed is None.
 
     Attributes:

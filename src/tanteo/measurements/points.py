@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors import Factor, Row, SensedDirection, compile_factors, factor_class
+from tanteo.factors import Factor, MeasuredRow, SensedDirection, compile_factors, factor_class
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import BoolArray, Covariances, FloatArray, Indices, IntArray, Vectors
 
@@ -228,7 +228,7 @@ def as_contact_points(
     factors = list[Factor]()
     for k, kind in enumerate(measured.kinds):
         sensed = not np.isnan(measured.normals[k, 0])
-        row = Row(
+        row = MeasuredRow(
             measured.features[k], kind, points[k], covs[k], float(radii[k]),
             directions[k] if directions[k].any() else None,
             SensedDirection(measured.normals[k], float(normal_sds[k])) if sensed else None,
