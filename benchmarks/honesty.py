@@ -110,7 +110,7 @@ def outlier(name, s, seed, k, rate=RATE):
     way = points.directions[row] * rng.choice([-1, 1]) if SENSORS[s].directed else way / np.linalg.norm(way)
     places = points.points.copy()
     places[row] += 5e-3 * way
-    points, priors = replace(points, points=places), Priors(outlier_rate=rate)
+    points, priors = altered(points, points=places), Priors(outlier_rate=rate)
     return judged(identify_points(points, FreeRays.none(), catalogue(), priors=priors), own, T)
 
 
@@ -119,7 +119,7 @@ def several(name, s, seed, k, rate=RATE):
     own, T, points, rng = _begun(name, s, seed, k, readings=30)
     places = points.points.copy()
     places[rng.choice(30, 3, replace=False)] += rng.normal(scale=0.02, size=(3, 3))
-    points, priors = replace(points, points=places), Priors(outlier_rate=rate)
+    points, priors = altered(points, points=places), Priors(outlier_rate=rate)
     return judged(identify_points(points, FreeRays.none(), catalogue(), priors=priors), own, T)
 
 
@@ -134,7 +134,7 @@ def table(name, s, seed, k):
     places[READINGS:] = np.c_[T[:2, 3] + 0.15 * rng.uniform(-1, 1, size=(n, 2)), lowest + SD * rng.normal(size=n)]
     if SENSORS[s].directed:
         directions[READINGS:] = 0, 0, -1
-    more = replace(more, points=places, directions=directions, ids=tuple(map(str, range(len(more)))))
+    more = altered(more, points=places, directions=directions, ids=tuple(map(str, range(len(more)))))
     at = PosePrior(table=Plane(np.array([0.0, 0.0, lowest]), np.array([0.0, 0.0, 1.0]), 5e-4))
     return judged(identify_points(more, FreeRays.none(), [own], priors=Priors(pose=at)), own, T)
 
