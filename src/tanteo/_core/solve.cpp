@@ -14,6 +14,7 @@ constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more of them tell no 
 constexpr int FIRST_STEPS = 6;        // until maxima are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double COARSE = 1;          // cells of the grid: at a larger scale the triangle next to a cell will do
+constexpr int MARGINAL_STEPS = 4;     // from the values at the maximum, near which most poses are
 constexpr double ROUGHLY = 0.1;       // a gain that ends a maximum that is not the last
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
@@ -249,36 +250,53 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
     return maxima;
 }
 
-// Newton's method with a line search. The determinant is that of the last factor, of a state near
-// the maximum. With `maximize` and the determinant at the maximum itself, covariances of a few golden scenes change.
-double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
-    const int K = problem.size(), D = K - 6;
-    if (!D) return likelihood.at(state, false);
-    std::vector<double> L(static_cast<size_t>(D) * D), step(D);
-    double log = likelihood.at(state, true), log_det = 0;
-    for (int k = 0; k < 4; ++k) {
-        for (int i = 0; i < D; ++i) {
-            step[i] = likelihood.gradient[6 + i];
-            for (int l = 0; l <= i; ++l) L[i * D + l] = likelihood.information[(6 + i) * K + 6 + l];
-        }
-        if (!newton_step(L, step)) break;
-        log_det = 0;
-        for (int i = 0; i < D; ++i) log_det += 2 * std::log(L[i * D + i]);
-        double size = 0;
-        for (int i = 0; i < D; ++i) size += step[i] * likelihood.gradient[6 + i];
-        if (size < 1e-2) break;  // twice what is left to gain
-        State next = state;
-        double gain = -1, there = log, share = 1;
-        for (int tries = 0; tries < 4 && gain < 0; ++tries, share *= 0.3) {
-            for (int i = 0; i < D; ++i) next.z[i] = state.z[i] + share * step[i];
-            there = likelihood.at(next, true);
-            gain = there - log;
-        }
-        if (gain < 0) break;
-        state = next;
-        log = there;
+namespace {
+
+// The log density over shared errors and noise scale at a pose, as a problem of `maximize`.
+struct SharedErrors {
+    using State = tanteo::State;
+    struct Linear {
+        double value = 0;
+        std::vector<double> gradient, information;
+    };
+
+    Likelihood& likelihood;
+
+    void linearize(const State& state, Linear& out) {
+        out.value = likelihood.at(state, true);
+        const int D = static_cast<int>(state.z.size()), K = 6 + D;
+        out.gradient.assign(likelihood.gradient.begin() + 6, likelihood.gradient.end());
+        out.information.resize(static_cast<size_t>(D) * D);
+        for (int i = 0; i < D; ++i)
+            for (int l = 0; l <= i; ++l) out.information[i * D + l] = likelihood.information[(6 + i) * K + 6 + l];
     }
-    return log - 0.5 * log_det;
+    void slope(const Linear&, double*) const {}
+    double damped(int, double diagonal, double damping) const { return damping * diagonal; }
+    bool ends(const Linear&, const double*, double predicted) const { return predicted < 1e-2; }
+    State retract(const State& state, const double* step) const {
+        State next = state;
+        for (double& z : next.z) z += *step++;
+        return next;
+    }
+    double gain(const State&, const Linear& at, const State&, const Linear& there) const { return there.value - at.value; }
+    bool accepts(const Linear&, double gain, double) const { return gain >= 0; }
+    bool converged(double, double) const { return false; }
+    void accepted(const State&, const Linear&) const {}
+};
+
+}  // namespace
+
+double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
+    const int D = problem.size() - 6;
+    if (!D) return likelihood.at(state, false);
+    SharedErrors errors{likelihood};
+    SharedErrors::Linear at;
+    errors.linearize(state, at);
+    maximize(errors, state, at, {0, 0.1, 0, 10, 2, 1e3}, MARGINAL_STEPS);
+    if (!cholesky(at.information.data(), D)) return at.value;
+    double log_det = 0;
+    for (int i = 0; i < D; ++i) log_det += 2 * std::log(at.information[i * D + i]);
+    return at.value - 0.5 * log_det;
 }
 
 }  // namespace tanteo
