@@ -130,10 +130,9 @@ def _moves(node: ast.AST) -> bool:
     return False
 
 
-CPP_SOLVE = re.compile(r"\b(?:solve_cholesky|newton_step|solve_symmetric|ldlt)\s*\(|/=\s*A\[i\]\[i\]")
+CPP_SOLVE = re.compile(r"\b(?:solve_cholesky|solve_symmetric|ldlt)\s*\(|/=\s*A\[i\]\[i\]")
 CPP_MOVE = re.compile(
-    r"\b(?:moved|stepped|rotation|retract|pose_of|after)\s*\(|\byaw\s*=|\.z\[i\]\s*="
-    r"|\btask\.moved|\bproblem\.take\(|\bturned\("
+    r"\b(?:moved|stepped|rotation|retract|pose_of|after)\s*\(|\byaw\s*=|\.z\[i\]\s*=|\btask\.moved|\bturned\("
 )
 
 

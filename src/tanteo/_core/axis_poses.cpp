@@ -1,7 +1,6 @@
 // Poses of a part from seeds: few sensed centres and planes on axes and faces that stand to each other as they do.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "axis_fit.hpp"
 
@@ -44,10 +43,10 @@ class Search {
     // A pose that planes proposed: what it is near to says how well it is known.
     void start(const Pose& pose) {
         Spread known;
-        PoseEquations at;
-        for (const SensedPlane& plane : scene.planes) comparison.pull_plane(at, plane, pose, known);
-        if (!cholesky(at.information.data(), 6)) return;
-        known.set(at.information);
+        Pull pull;
+        for (const SensedPlane& plane : scene.planes) comparison.pull_plane(pull, plane, pose, known);
+        if (!cholesky(pull.A, 6)) return;
+        known.set(pull.A);
         keep(pose, known);
     }
 
@@ -286,54 +285,40 @@ class Search {
             all = false;
             return;
         }
-        SeedFit fit{*this};
-        PoseEquations at = equations(pose);
-        maximize(fit, pose, at, {0, 0.1, 0, 16, 16, std::numeric_limits<double>::infinity()}, STEPS);
-        if (at.cost > NEARLY * limit || !cholesky(at.information.data(), 6)) return;
+        Pull pull = pulled(pose);
+        double damping = 0;  // where two heights are nearly one, a step leads far beyond
+        for (int step = 0; step < STEPS; ++step) {
+            Pull own = pull;
+            own.damp(damping);
+            if ((step >= LATE && pull.cost > HOPELESS * limit) || !cholesky(own.A, 6)) return;
+            solve_cholesky(own.A, 6, own.b);
+            const Vec3 v = load(own.b), w = load(own.b + 3);
+            if (squared(v) + squared(w) < SHORT * SHORT) break;
+            const Pose next = moved(pose, v, w, Vec3{});
+            const Pull there = pulled(next);
+            damping = there.cost <= pull.cost ? 0.1 * damping : std::max(16 * damping, 16.0);
+            if (there.cost > pull.cost) continue;
+            pose = next;
+            pull = there;
+        }
+        if (pull.cost > NEARLY * limit || !cholesky(pull.A, 6)) return;
         Spread known;
-        known.set(at.information);
+        known.set(pull.A);
         keep(pose, known);
     }
 
-    // The log likelihood of a seed as a problem of `maximize`. The damping is that of Levenberg: where two heights are
-    // nearly one, a step leads far beyond, and the diagonal does not say so.
-    struct SeedFit {
-        using State = Pose;
-        using Linear = PoseEquations;
-
-        const Search& search;
-        int steps = 0;
-
-        void linearize(const Pose& pose, PoseEquations& out) const { out = search.equations(pose); }
-        void slope(const PoseEquations&, double*) const {}
-        double damped(int i, double, double damping) const {
-            return damping * weak_prior(i, PoseEquations::STEP, PoseEquations::TURN);
-        }
-        bool ends(const PoseEquations& at, const double* by, double) {
-            return (steps++ >= LATE && at.cost > HOPELESS * search.limit) ||
-                   squared(load(by)) + squared(load(by + 3)) < SHORT * SHORT;
-        }
-        Pose retract(const Pose& pose, const double* by) const { return moved(pose, load(by), load(by + 3), Vec3{}); }
-        double gain(const Pose&, const PoseEquations& at, const Pose&, const PoseEquations& there) const {
-            return at.cost - there.cost;
-        }
-        bool accepts(const PoseEquations&, double gain, double) const { return gain >= 0; }
-        bool converged(double, double) const { return false; }
-        void accepted(const Pose&, const PoseEquations&) const {}
-    };
-
-    PoseEquations equations(const Pose& pose) const {
-        PoseEquations at;
-        for (int k = 0; k < count; ++k) add_item(at, k, pose);
-        return at;
+    Pull pulled(const Pose& pose) const {
+        Pull pull;
+        for (int k = 0; k < count; ++k) pull_item(pull, k, pose);
+        return pull;
     }
 
-    void add_item(PoseEquations& at, int k, const Pose& pose) const {
-        if (is_centre(k)) return AxisComparison::pull_centre(at, centre(k), axes[of[k].which], pose);
+    void pull_item(Pull& pull, int k, const Pose& pose) const {
+        if (is_centre(k)) return AxisComparison::pull_centre(pull, centre(k), axes[of[k].which], pose);
         const SensedPlane& p = plane(k);
         const Vec3 n = normal(k), q = into_part(pose, p.at);
-        at.place(n, q, dot(q - faces.planes[of[k].which].centre, n), 1 / (p.sd * p.sd + 1e-14));
-        at.direction(transposed_times(pose.R, p.normal), n, 1 / (p.tilt * p.tilt + AXIS_TURNED * AXIS_TURNED));
+        pull.place(n, q, dot(q - faces.planes[of[k].which].centre, n), 1 / (p.sd * p.sd + 1e-14));
+        pull.direction(transposed_times(pose.R, p.normal), n, 1 / (p.tilt * p.tilt + AXIS_TURNED * AXIS_TURNED));
     }
 
     void keep(const Pose& pose, const Spread& known) {

@@ -3,7 +3,6 @@
 
 #include "coarse.hpp"
 #include "coarse_into.hpp"
-#include "maximize.hpp"
 
 namespace tanteo {
 
@@ -145,22 +144,21 @@ class Steps {
         return all;
     }
 
-    // Normal equations of a pose, with a field that errs by so much.
-    NormalEquations<6> equations(const CoarseView& view, double sd) const {
+    // A step of Gauss and Newton.
+    void step(CoarseView& view, double sd) const {
         Sums sums;
         nats(view, sd, &sums);
-        NormalEquations<6> at;
-        for (int i = 0, next = 0; i < 6; ++i) {
-            for (int l = 0; l < LANES; ++l) at.gradient[i] += sums.b[i][l];
-            for (int k = 0; k <= i; ++k, ++next)
-                for (int l = 0; l < LANES; ++l) at.information(i, k) += sums.A[next][l];
+        double A[36] = {}, b[6] = {};
+        for (int i = 0, at = 0; i < 6; ++i) {
+            for (int l = 0; l < LANES; ++l) b[i] += sums.b[i][l];
+            for (int k = 0; k <= i; ++k, ++at)
+                for (int l = 0; l < LANES; ++l) A[6 * i + k] += sums.A[at][l];
+            A[7 * i] += i < 3 ? 1 / (reach * reach) : 1 / (TURN * TURN);
         }
-        at.add_weak_prior(reach, TURN);
-        return at;
-    }
-    void move(CoarseView& view, const Matrix<6, 1>& step) const {
-        const Mat3 R = rotation(load(step.m + 3));
-        view = {R * view.into, R * (view.at - part.centre) + part.centre + part.field.step * load(step.m)};
+        if (!cholesky(A, 6)) return;
+        solve_cholesky(A, 6, b);
+        const Mat3 R = rotation({b[3], b[4], b[5]});
+        view = {R * view.into, R * (view.at - part.centre) + part.centre + part.field.step * Vec3{b[0], b[1], b[2]}};
     }
 
   private:
@@ -171,33 +169,20 @@ class Steps {
     double reach;
 };
 
-// A view as a problem of `gauss_newton`: the error of the field shrinks from round to round.
-struct CoarseFit {
-    using State = CoarseView;
-
-    const Steps& steps;
-    double begin;
-    int first;  // round
-
-    double sd_of(int round) const { return ERROR + (begin - ERROR) * (ROUNDS - 1 - round) / (ROUNDS - 1); }
-    NormalEquations<6> linearize(const CoarseView& view, int k) const { return steps.equations(view, sd_of(first + k)); }
-    void take(CoarseView& view, const Matrix<6, 1>& step, const Matrix<6, 6>&) const { steps.move(view, step); }
-};
-
 }  // namespace
 
 std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints& points, CoarseRanked found,
                                      const CoarseEffort& effort) {
     const Steps steps(part, points, effort.most);
     const double begin = std::max(0.5 * part.spacing / part.field.step, ERROR);
-    const CoarseFit coarse{steps, begin, 0}, fine{steps, begin, 1};
+    const auto sd_of = [&](int round) { return ERROR + (begin - ERROR) * (ROUNDS - 1 - round) / (ROUNDS - 1); };
     for (auto& [cost, view] : found) {
-        gauss_newton(coarse, view, 1);
-        cost = steps.nats(view, coarse.sd_of(1), nullptr);
+        steps.step(view, sd_of(0));
+        cost = steps.nats(view, sd_of(1), nullptr);
     }
     only(found, std::max(effort.stepped / 4, effort.keep));
     for (auto& [cost, view] : found) {
-        gauss_newton(fine, view, ROUNDS - 1);
+        for (int round = 1; round < ROUNDS; ++round) steps.step(view, sd_of(round));
         cost = steps.nats(view, ERROR, nullptr);
     }
     only(found, effort.keep);

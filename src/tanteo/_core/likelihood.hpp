@@ -65,7 +65,7 @@ class Likelihood {
     double add_priors(const State& state, bool with_slope);
     double add_pose_prior(const Pose& pose, bool with_slope);
     double add_table(const Pose& pose, bool with_slope);
-    void add_residuals(double share, const Matrix<6, 1>& Jr, const Matrix<6, 6>& JJ);
+    void add_residuals(double share, const double* r, const double* rows, int count);
 };
 
 }  // namespace tanteo

@@ -207,7 +207,7 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
     for (size_t k = 0; k < means.size(); ++k) {
         PosePrior prior;
         prior.mean = means[k];
-        std::copy_n(prior_roots.data() + 36 * k, 36, prior.root.m);
+        std::copy_n(prior_roots.data() + 36 * k, 36, prior.root);
         prior.log_weight = prior_log_weights.data()[k];
         problem->priors.push_back(prior);
     }

@@ -8,8 +8,14 @@ namespace tanteo {
 namespace {
 
 constexpr int STEPS = 4;        // of Gauss and Newton
-constexpr double FAR = 1e3;     // weak prior on a shift [m] and on a turn [rad]: it only keeps the equations solvable
 constexpr double ROUND = 2e-4;  // how far a cylinder may be off its mesh, about [m]
+
+void add(double* A, double* b, const double* J, double r, double weight) {
+    for (int i = 0; i < 6; ++i) {
+        b[i] -= weight * J[i] * r;
+        for (int k = 0; k <= i; ++k) A[6 * i + k] += weight * J[i] * J[k];
+    }
+}
 
 }  // namespace
 
@@ -55,9 +61,9 @@ PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, double
     return best;
 }
 
-NormalEquations<6> PlaneFit::equations(const Pose& pose, double turned, const Vec3& about) const {
-    NormalEquations<6> at;
-    at.add_weak_prior(FAR, FAR);
+bool PlaneFit::stepped(Pose& pose, double turned, const Vec3& about) const {
+    double A[36] = {}, b[6] = {};
+    for (int i = 0; i < 6; ++i) A[7 * i] = 1e-6;
     for (size_t k = 0; k < sensed.size(); ++k) {
         const SensedPlane& plane = sensed[k];
         const PlaneMatch to = match_plane(faces, plane, most[k], pose, turned, about);
@@ -65,15 +71,17 @@ NormalEquations<6> PlaneFit::equations(const Pose& pose, double turned, const Ve
         const Vec3 p = into_part(pose, plane.at), &n = to.normal;
         const Vec3 own = transposed_times(pose.R, plane.normal), turn = cross(p, n);
         const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
-        at.add(J, to.height, 1 / (plane.sd * plane.sd + 1e-14));
-        add_tilt(to, dot(own, n) < 0 ? -own : own, p, 1 / (plane.tilt * plane.tilt + MADE * MADE), at);
+        add(A, b, J, to.height, 1 / (plane.sd * plane.sd + 1e-14));
+        add_tilt(to, dot(own, n) < 0 ? -own : own, p, 1 / (plane.tilt * plane.tilt + MADE * MADE), A, b);
     }
-    return at;
+    if (!cholesky(A, 6)) return false;
+    solve_cholesky(A, 6, b);
+    pose = moved(pose, {b[0], b[1], b[2]}, {b[3], b[4], b[5]}, Vec3{});
+    return true;
 }
 
 // The own normal turns by -w x n in the part; that of a wall turns, too, as the place on it moves around its axis.
-void PlaneFit::add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight,
-                        NormalEquations<6>& equations) const {
+void PlaneFit::add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const {
     const Vec3 first = to.bend != 0 ? to.axis : any_across(to.normal), second = cross(to.normal, first);
     for (int k = 0; k < 2; ++k) {
         const Vec3& e = k ? second : first;
@@ -81,32 +89,12 @@ void PlaneFit::add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, d
         const Vec3 turn = cross(own, e), moved = cross(at, e);
         const double K[6] = {bend * e.x,           bend * e.y,           bend * e.z,
                              bend * moved.x - turn.x, bend * moved.y - turn.y, bend * moved.z - turn.z};
-        equations.add(K, dot(own, e), weight);
+        add(A, b, K, dot(own, e), weight);
     }
 }
 
-namespace {
-
-// The pose as a problem of `gauss_newton`: planes are matched anew at every step, within what is left of the attitude's error.
-struct PlaneMatching {
-    using State = Pose;
-
-    const PlaneFit& fit;
-    double turned;
-    const Vec3& about;
-
-    NormalEquations<6> linearize(const Pose& pose, int) const { return fit.equations(pose, turned, about); }
-    void take(Pose& pose, const Matrix<6, 1>& step, const Matrix<6, 6>&) {
-        pose = moved(pose, load(step.m), load(step.m + 3), Vec3{});
-        turned *= 0.25;
-    }
-};
-
-}  // namespace
-
 PlanePose PlaneFit::refined(Pose pose, double turned, const Vec3& about) const {
-    PlaneMatching matching{*this, turned, about};
-    gauss_newton(matching, pose, STEPS);
+    for (int step = 0; step < STEPS && stepped(pose, turned, about); ++step) turned *= 0.25;
     double sum = 0;
     for (size_t k = 0; k < sensed.size(); ++k) sum += match_plane(faces, sensed[k], most[k], pose, 0, about).cost;
     return {pose, sum};

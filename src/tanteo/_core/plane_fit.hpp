@@ -2,7 +2,6 @@
 #pragma once
 #include <vector>
 
-#include "maximize.hpp"
 #include "planes.hpp"
 
 namespace tanteo {
@@ -29,16 +28,14 @@ class PlaneFit {
 
     // Moves a pose, whose attitude is known so well about a point [rad], to where the planes are on their faces.
     PlanePose refined(Pose pose, double turned, const Vec3& about) const;
-    // The normal equations of the planes that match faces at such a pose.
-    NormalEquations<6> equations(const Pose& pose, double turned, const Vec3& about) const;
 
   private:
     const ModelFaces& faces;
     const std::vector<SensedPlane>& sensed;
     const std::vector<double>& most;
 
-    void add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight,
-                  NormalEquations<6>& equations) const;
+    bool stepped(Pose& pose, double turned, const Vec3& about) const;
+    void add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const;
 };
 
 // A point with its normal on the wall of a cylinder: nats, if they are less than most; the normal of the wall there, and how

@@ -1,4 +1,6 @@
 // What does not depend on where single points were met: free-space rays, shared errors, the pose, a table.
+#include <cstring>
+
 #include "likelihood.hpp"
 
 namespace tanteo {
@@ -11,37 +13,49 @@ constexpr double SCALE_NORM = 0.36908399149;  // log of its integral over z, ove
 constexpr double LEAST_TOLD = 0.74;     // one over its variance
 
 // log of a rigid motion: xi with exp(xi) = (R, t), and how it follows a small motion from the right.
-void log_motion(const Mat3& R, const Vec3& t, Matrix<6, 1>& xi, Matrix<6, 6>& J) {
+void log_motion(const Mat3& R, const Vec3& t, double xi[6], double J[36]) {
     const Vec3 w = rotation_vector(R);
     const double t2 = squared(w), angle = std::sqrt(t2);
     // V^-1 = I - W / 2 + c W^2
     const double c = angle < 1e-3 ? 1.0 / 12 + t2 / 720
                                   : (1 - 0.5 * angle * std::cos(0.5 * angle) / std::max(std::sin(0.5 * angle), 1e-300)) / t2;
     const Vec3 wt = cross(w, t), v = t - 0.5 * wt + c * cross(w, wt);
-    store(v, xi.m);
-    store(w, xi.m + 3);
-    const Mat3 W = hat(w);
-    Matrix<6, 6> ad;
-    ad.set(0, 0, W);
-    ad.set(0, 3, hat(v));
-    ad.set(3, 3, W);
-    // J = sum_k B_k / k! ad^k, with the numbers of Bernoulli: but for k = 1, the odd ones are zero
-    const double even[4] = {1.0 / 12, -1.0 / 720, 1.0 / 30240, -1.0 / 1209600};
-    const Matrix<6, 6> ad2 = ad * ad;
-    Matrix<6, 6> power = ad2;
-    J = identity_of<6>();
-    J += 0.5 * ad;
-    for (int k = 0; k < 4; ++k) {
-        J += even[k] * power;
-        if (k < 3) power = power * ad2;
+    store(v, xi);
+    store(w, xi + 3);
+    double ad[36] = {0}, power[36], next[36];
+    const double hat_w[9] = {0, -w.z, w.y, w.z, 0, -w.x, -w.y, w.x, 0};
+    const double hat_v[9] = {0, -v.z, v.y, v.z, 0, -v.x, -v.y, v.x, 0};
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) {
+            ad[6 * i + j] = ad[6 * (3 + i) + 3 + j] = hat_w[3 * i + j];
+            ad[6 * i + 3 + j] = hat_v[3 * i + j];
+        }
+    const double series[9] = {1, 0.5, 1.0 / 12, 0, -1.0 / 720, 0, 1.0 / 30240, 0, -1.0 / 1209600};  // Bernoulli
+    for (int i = 0; i < 36; ++i) power[i] = J[i] = i % 7 == 0 ? 1 : 0;
+    for (int k = 1; k < 9; ++k) {
+        for (int i = 0; i < 6; ++i)
+            for (int j = 0; j < 6; ++j) {
+                next[6 * i + j] = 0;
+                for (int l = 0; l < 6; ++l) next[6 * i + j] += power[6 * i + l] * ad[6 * l + j];
+            }
+        std::memcpy(power, next, sizeof power);
+        for (int i = 0; i < 36; ++i) J[i] += series[k] * power[i];
     }
 }
 
-// How a small motion about the origin follows one about the centre c: (v, w) there is (v + c x w, w).
-Matrix<6, 6> about_centre(const Vec3& c) {
-    Matrix<6, 6> out = identity_of<6>();
-    out.set(0, 3, hat(c));
-    return out;
+// How root * xi follows a small motion at the centre c: (v, w) there is (v + c x w, w) about the origin.
+void root_by_motion(const PosePrior& prior, const double* J, const Vec3& c, double* rows) {
+    const double hat[9] = {0, -c.z, c.y, c.z, 0, -c.x, -c.y, c.x, 0};
+    for (int i = 0; i < 6; ++i) {
+        double LJ[6] = {0}, *row = rows + 6 * i;
+        for (int a = 0; a < 6; ++a)
+            for (int b = 0; b < 6; ++b) LJ[b] += prior.root[6 * i + a] * J[6 * a + b];
+        for (int b = 0; b < 3; ++b) {
+            row[b] = LJ[b];
+            row[3 + b] = LJ[3 + b];
+            for (int a = 0; a < 3; ++a) row[3 + b] += LJ[a] * hat[3 * a + b];
+        }
+    }
 }
 
 }  // namespace
@@ -99,40 +113,39 @@ double Likelihood::add_priors(const State& state, bool with_slope) {
     return log;
 }
 
-// Residuals that count by a share: their J' r and J' J by v and w of the part at its centre.
-void Likelihood::add_residuals(double share, const Matrix<6, 1>& Jr, const Matrix<6, 6>& JJ) {
+// Residuals r that count by a share, and how they follow small motions of the part: rows by v and w at the centre.
+void Likelihood::add_residuals(double share, const double* r, const double* rows, int count) {
     const int K = problem.size();
-    for (int a = 0; a < 6; ++a) {
-        gradient[a] -= share * Jr[a];
-        for (int b = 0; b <= a; ++b) information[a * K + b] += share * JJ(a, b);
-    }
+    for (int i = 0; i < count; ++i)
+        for (int a = 0; a < 6; ++a) {
+            gradient[a] -= share * r[i] * rows[6 * i + a];
+            for (int b = 0; b <= a; ++b) information[a * K + b] += share * rows[6 * i + a] * rows[6 * i + b];
+        }
 }
 
 // log sum_k exp(w_k - |L_k log(T_k^-1 T)|^2 / 2)
 double Likelihood::add_pose_prior(const Pose& pose, bool with_slope) {
-    struct Component {
-        Matrix<6, 1> r;
-        Matrix<6, 6> J;
-        double log;
-    };
-    const Matrix<6, 6> to_centre = about_centre(shape.centre);
-    std::vector<Component> all(problem.priors.size());
+    const size_t count = problem.priors.size();
+    std::vector<double> logs(count), r(6 * count), rows(with_slope ? 36 * count : 0);
     double top = -1e300, sum = 0;
-    for (size_t k = 0; k < all.size(); ++k) {
+    for (size_t k = 0; k < count; ++k) {
         const PosePrior& prior = problem.priors[k];
-        Matrix<6, 1> xi;
-        Matrix<6, 6> J;
+        double xi[6], J[36];
         log_motion(transposed(prior.mean.R) * pose.R, transposed_times(prior.mean.R, pose.t - prior.mean.t), xi, J);
-        all[k].r = prior.root * xi;
-        if (with_slope) all[k].J = prior.root * J * to_centre;
-        all[k].log = prior.log_weight - 0.5 * squared(all[k].r);
-        top = std::max(top, all[k].log);
+        double q = 0;
+        for (int i = 0; i < 6; ++i) {
+            double& ri = r[6 * k + i];
+            for (int a = 0; a < 6; ++a) ri += prior.root[6 * i + a] * xi[a];
+            q += ri * ri;
+        }
+        logs[k] = prior.log_weight - 0.5 * q;
+        top = std::max(top, logs[k]);
+        if (with_slope) root_by_motion(prior, J, shape.centre, &rows[36 * k]);
     }
-    for (const Component& one : all) sum += std::exp(one.log - top);
-    for (size_t k = 0; with_slope && k < all.size(); ++k) {
-        const double share = std::exp(all[k].log - top) / sum;
-        const Matrix<6, 6> Jt = transposed(all[k].J);
-        if (share > 1e-9) add_residuals(share, Jt * all[k].r, Jt * all[k].J);
+    for (const double l : logs) sum += std::exp(l - top);
+    for (size_t k = 0; with_slope && k < count; ++k) {
+        const double share = std::exp(logs[k] - top) / sum;
+        if (share > 1e-9) add_residuals(share, &r[6 * k], &rows[36 * k], 6);
     }
     return top + std::log(sum);
 }
@@ -151,10 +164,10 @@ double Likelihood::add_table(const Pose& pose, bool with_slope) {
     }
     const double r = (least + dot(pose.t - problem.table.point, problem.table.normal)) / problem.table.sd;
     if (with_slope) {
-        Matrix<6, 1> Jt;
-        store((1 / problem.table.sd) * n, Jt.m);
-        store((1 / problem.table.sd) * cross(lowest - shape.centre, n), Jt.m + 3);
-        add_residuals(1, r * Jt, Jt * transposed(Jt));
+        double row[6];
+        store((1 / problem.table.sd) * n, row);
+        store((1 / problem.table.sd) * cross(lowest - shape.centre, n), row + 3);
+        add_residuals(1, &r, row, 1);
     }
     return -0.5 * r * r;
 }

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "factors/factor.hpp"
-#include "matrix.hpp"
 #include "pose_term.hpp"
 
 namespace tanteo {
@@ -18,7 +17,7 @@ struct FreeRay {
 // One normal density of poses, in the tangent at its mean: log(T0^-1 T) has the information root' root.
 struct PosePrior {
     Pose mean;
-    Matrix<6, 6> root;  // residuals are root * xi
+    double root[36];  // row-major: residuals are root * xi
     double log_weight = 0;
 };
 

@@ -291,10 +291,9 @@ struct RoundLikelihood {
     void slope(const RoundLinear& at, double* g) const {
         for (int i = 0; i < at.M; ++i) g[i] = -at.gradient[i];
     }
-    double damped(int, double diagonal, double damping) const {
-        return diagonal > 0 ? (damping + ROUNDING) * diagonal : damping + ROUNDING;
+    double prior(int, double diagonal, double damping) const {
+        return diagonal > 0 ? ROUNDING * diagonal : damping + ROUNDING;
     }
-    bool ends(const RoundLinear&, const double*, double predicted) const { return predicted < 0; }
     RoundState retract(const RoundState& state, const double* step) const { return moved(task, state, step); }
     double gain(const RoundState&, const RoundLinear& at, const RoundState&, const RoundLinear& there) const {
         return 0.5 * (at.chi2 - there.chi2);
@@ -310,7 +309,7 @@ struct RoundLikelihood {
 
 bool settle_round(const RoundTask& task, RoundState& state, RoundLinear& at, int passes, double settled) {
     RoundLikelihood likelihood{task, settled};
-    return maximize(likelihood, state, at, {1e-4, 0.1, 0, 10, 1e-6, 1e8}, passes);
+    return maximize(likelihood, state, at, {1e-4, 0.1, 0, 10, 1e-6, 1e8}, passes, 0);
 }
 
 }  // namespace tanteo

@@ -14,7 +14,6 @@ constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more of them tell no 
 constexpr int FIRST_STEPS = 6;        // until maxima are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double COARSE = 1;          // cells of the grid: at a larger scale the triangle next to a cell will do
-constexpr int MARGINAL_STEPS = 4;     // from the values at the maximum, near which most poses are
 constexpr double ROUGHLY = 0.1;       // a gain that ends a maximum that is not the last
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
@@ -36,60 +35,55 @@ void shorten(double* step, int K, double turn, double shift) {
 
 namespace {
 
-// The distances of points to the nearest surface under a robust kernel that shrinks, as a problem of `gauss_newton`: Geman
-// and McClure's (1987), at one scale [m] after the other from `first` on.
-struct SurfaceDistances {
-    using State = Pose;
-
-    const Shape& shape;
-    const Problem& problem;
-    const std::vector<int>& rows;
-    const std::vector<double>& scales;
-    size_t first;
-    double cost = 0;  // before the last step: 4 for a point that is far off
-
-    NormalEquations<6> linearize(const Pose& pose, int k) {
-        const double scale = scales[first + k], per = 1 / scale;
-        NormalEquations<6> at;
-        cost = 0;
-        for (const int j : rows) {
-            const Factor& factor = *problem.factors[j];
-            const Vec3 p = into_part(pose, factor.at);
-            const NearestElement near = factor.nearest(shape, pose, p, scale > COARSE * shape.grid_step);
-            if (!near.possible || near.contradicted) {
-                cost += 4;
-                continue;
-            }
-            const Vec3& g = near.direction;
-            const double r = near.distance * per;
-            const Vec3 y = p - shape.centre, turn = cross(g, y);
-            // the point moves by -v + y x w
-            const double J[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
-            const double w = 1 / (1 + 0.25 * r * r);
-            cost += w * r * r;
-            at.add(J, r, w * w);
-            if (squared(near.normal) > 0) add_normal(at, near.normal, transposed_times(pose.R, factor.direction),
-                                                     std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)));
+// One robust step of a pose to the nearest surface at a scale; the cost before it. Without move: the cost alone.
+double settle_step(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale, bool move,
+                   Pose& pose) {
+    const double per = 1 / scale;
+    double A[36] = {0}, b[6] = {0}, total = 0;
+    for (const int j : rows) {
+        const Factor& factor = *problem.factors[j];
+        const Vec3 p = into_part(pose, factor.at);
+        const NearestElement near = factor.nearest(shape, pose, p, scale > COARSE * shape.grid_step);
+        if (!near.possible || near.contradicted) {
+            total += 4;
+            continue;
         }
-        at.add_weak_prior(0.1 * shape.diagonal, 2, 1e-3);
-        return at;
-    }
-    void add_normal(NormalEquations<6>& at, const Vec3& n, const Vec3& m, double sd) {
-        const double info = 1 / (sd * sd), q = 2 * (1 - dot(m, n)) * info;
-        const Vec3 tilt = cross(m, n);
+        const Vec3& g = near.direction;
+        const double r = near.distance * per;
+        const Vec3 y = p - shape.centre, turn = cross(g, y);
+        // the point moves by -v + y x w
+        double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
+        double w = 1 / (1 + 0.25 * r * r);
+        total += w * r * r;
+        w *= w;
+        for (int i = 0; i < 6; ++i) {
+            b[i] -= w * row[i] * r;
+            for (int l = 0; l <= i; ++l) A[6 * i + l] += w * row[i] * row[l];
+        }
+        const Vec3& n = near.normal;
+        if (!(squared(n) > 0)) continue;
+        const Vec3 m = transposed_times(pose.R, factor.direction), tilt = cross(m, n);
+        const double sd = std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)), info = 1 / (sd * sd);
+        const double q = 2 * (1 - dot(m, n)) * info;
         double v = 1 / (1 + q / 8);
-        cost += v * q;
+        total += v * q;
         v *= v * info;
         for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
-            at.gradient[3 + i] -= v * tilt[i];
-            for (int l = 0; l <= i; ++l) at.information(3 + i, 3 + l) += v * ((i == l) - n[i] * n[l]);
+            b[3 + i] -= v * tilt[i];
+            for (int l = 0; l <= i; ++l) A[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
         }
     }
-    void take(Pose& pose, Matrix<6, 1>& step, const Matrix<6, 6>&) const {
-        shorten(step.data(), 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
-        pose = moved(pose, load(step.m), load(step.m + 3), shape.centre);
+    if (!move) return total;
+    for (int i = 0; i < 6; ++i) {
+        const double soft = i < 3 ? 10 / shape.diagonal : 0.5;
+        A[7 * i] += 1e-3 * A[7 * i] + soft * soft;
     }
-};
+    if (!cholesky(A, 6)) return total;
+    solve_cholesky(A, 6, b);
+    shorten(b, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
+    pose = moved(pose, load(b), load(b + 3), shape.centre);
+    return total;
+}
 
 }  // namespace
 
@@ -97,23 +91,27 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
                             const std::vector<double>& scales, const std::vector<Pose>& starts) {
     std::vector<Settled> all;
     for (size_t k = 0; k < starts.size(); ++k) all.push_back({starts[k], 0, static_cast<int>(k)});
-    // three steps, and those that are far behind are given up
-    for (size_t first = 0; first <= scales.size(); first += 3) {
-        const int steps = static_cast<int>(std::min<size_t>(3, scales.size() - first));
+    for (size_t k = 0; k <= scales.size(); ++k) {
+        const bool last = k == scales.size();
         for_all(all.size(), [&] {
             return [&](size_t i) {
-                SurfaceDistances distances{shape, problem, rows, scales, first};
-                gauss_newton(distances, all[i].pose, steps);
-                if (steps < 3) distances.linearize(all[i].pose, steps - 1);  // the cost where it ends
-                all[i].cost = distances.cost;
+                all[i].cost = settle_step(shape, problem, rows, scales[last ? k - 1 : k], !last, all[i].pose);
             };
         });
         double best = 1e300;
         for (const Settled& one : all) best = std::min(best, one.cost);
+        if (k % 3 != 2 && !last) continue;
         all.erase(std::remove_if(all.begin(), all.end(), [&](const Settled& one) { return one.cost > best + HOPELESS; }),
                   all.end());
     }
     return all;
+}
+
+// The information of a weak prior on state i: a shift of a quarter of the diagonal and a turn of half a radian. It limits
+// steps along motions of the pose that no measurement constrains.
+static double weak_prior(int i, const Shape& shape) {
+    const double root = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
+    return root * root;
 }
 
 // How many of the other states the points tell, of those that the noise scale scales: the integral over them is in
@@ -125,7 +123,7 @@ static double told_by_points(const Likelihood& likelihood, const std::vector<dou
     std::vector<double> L(static_cast<size_t>(P) * P), column(P);
     for (int i = 0; i < P; ++i) {
         for (int j = 0; j <= i; ++j) L[i * P + j] = information[i * K + j];
-        L[i * P + i] += weak_prior(i, 0.25 * shape.diagonal, 0.5) + 1e-12 * L[i * P + i];
+        L[i * P + i] += weak_prior(i, shape) + 1e-12 * L[i * P + i];
     }
     if (!cholesky(L.data(), P)) return 0;
     double told = 0;
@@ -162,10 +160,7 @@ struct LogDensity {
         std::copy(at.gradient.begin(), at.gradient.end(), g);
         if (problem.scale_sd > 0) g[at.gradient.size() - 1] += told;
     }
-    double damped(int i, double diagonal, double damping) const {
-        return damping * diagonal + weak_prior(i, 0.25 * shape.diagonal, 0.5);
-    }
-    bool ends(const Linear&, const double*, double predicted) const { return predicted < enough; }
+    double prior(int i, double, double) const { return weak_prior(i, shape); }
     State retract(const State& state, double* step) const {
         shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
         return stepped(state, step, shape.centre);
@@ -193,7 +188,7 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
     LogDensity::Linear at;
     density.linearize(maximum.state, at);
     density.accepted(maximum.state, at);
-    maximize(density, maximum.state, at, {1e-3, 0.1, 1e-6, 20, 0, 5}, steps);
+    maximize(density, maximum.state, at, {1e-3, 0.1, 1e-6, 20, 0, 5}, steps, enough);
     maximum.log = at.value;
     std::swap(maximum.gradient, at.gradient);
     std::swap(maximum.information, at.information);
@@ -250,53 +245,35 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
     return maxima;
 }
 
-namespace {
-
-// The log density over shared errors and noise scale at a pose, as a problem of `maximize`.
-struct SharedErrors {
-    using State = tanteo::State;
-    struct Linear {
-        double value = 0;
-        std::vector<double> gradient, information;
-    };
-
-    Likelihood& likelihood;
-
-    void linearize(const State& state, Linear& out) {
-        out.value = likelihood.at(state, true);
-        const int D = static_cast<int>(state.z.size()), K = 6 + D;
-        out.gradient.assign(likelihood.gradient.begin() + 6, likelihood.gradient.end());
-        out.information.resize(static_cast<size_t>(D) * D);
-        for (int i = 0; i < D; ++i)
-            for (int l = 0; l <= i; ++l) out.information[i * D + l] = likelihood.information[(6 + i) * K + 6 + l];
-    }
-    void slope(const Linear&, double*) const {}
-    double damped(int, double diagonal, double damping) const { return damping * diagonal; }
-    bool ends(const Linear&, const double*, double predicted) const { return predicted < 1e-2; }
-    State retract(const State& state, const double* step) const {
-        State next = state;
-        for (double& z : next.z) z += *step++;
-        return next;
-    }
-    double gain(const State&, const Linear& at, const State&, const Linear& there) const { return there.value - at.value; }
-    bool accepts(const Linear&, double gain, double) const { return gain >= 0; }
-    bool converged(double, double) const { return false; }
-    void accepted(const State&, const Linear&) const {}
-};
-
-}  // namespace
-
 double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
-    const int D = problem.size() - 6;
+    const int K = problem.size(), D = K - 6;
     if (!D) return likelihood.at(state, false);
-    SharedErrors errors{likelihood};
-    SharedErrors::Linear at;
-    errors.linearize(state, at);
-    maximize(errors, state, at, {0, 0.1, 0, 10, 2, 1e3}, MARGINAL_STEPS);
-    if (!cholesky(at.information.data(), D)) return at.value;
-    double log_det = 0;
-    for (int i = 0; i < D; ++i) log_det += 2 * std::log(at.information[i * D + i]);
-    return at.value - 0.5 * log_det;
+    std::vector<double> L(static_cast<size_t>(D) * D), step(D);
+    double log = likelihood.at(state, true), log_det = 0;
+    for (int k = 0; k < 4; ++k) {
+        for (int i = 0; i < D; ++i) {
+            step[i] = likelihood.gradient[6 + i];
+            for (int l = 0; l <= i; ++l) L[i * D + l] = likelihood.information[(6 + i) * K + 6 + l];
+        }
+        if (!cholesky(L.data(), D)) break;
+        log_det = 0;
+        for (int i = 0; i < D; ++i) log_det += 2 * std::log(L[i * D + i]);
+        solve_cholesky(L.data(), D, step.data());
+        double size = 0;
+        for (int i = 0; i < D; ++i) size += step[i] * likelihood.gradient[6 + i];
+        if (size < 1e-2) break;  // twice what is left to gain
+        State next = state;
+        double gain = -1, there = log, share = 1;
+        for (int tries = 0; tries < 4 && gain < 0; ++tries, share *= 0.3) {
+            for (int i = 0; i < D; ++i) next.z[i] = state.z[i] + share * step[i];
+            there = likelihood.at(next, true);
+            gain = there - log;
+        }
+        if (gain < 0) break;
+        state = next;
+        log = there;
+    }
+    return log - 0.5 * log_det;
 }
 
 }  // namespace tanteo

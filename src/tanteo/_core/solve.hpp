@@ -25,7 +25,7 @@ struct Maximum {
     int from = 0;  // which of the starts
 };
 
-// Levenberg-Marquardt steps with that much blur, until one gains less than enough.
+// Levenberg-Marquardt steps with that much blur, until one shared_jacobian less than enough.
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
             Maximum& maximum);
 
