@@ -21,6 +21,7 @@ from campaign import options, run_cases
 from common import Table
 
 import tanteo
+from altered import altered
 from bare_scenes import Sensing, box_centred_pose, inside, nees, off, scene, surface_points
 from tanteo.answers import PosePrior, Priors
 from tanteo.answers import Table as Plane
@@ -74,7 +75,7 @@ def _begun(name, s, seed, k, factor=1.0, readings=READINGS):
     own, rng = catalogue()[PARTS.index(name)], np.random.default_rng((seed, PARTS.index(name), s, k))
     T, sensing = box_centred_pose(rng), replace(SENSORS[s], sd=factor * SD)
     points = scene(own, T, sensing, readings, rng)[0]
-    return own, T, replace(points, covs=points.covs / factor**2, sd=points.sd / factor), rng
+    return own, T, altered(points, covs=points.covs / factor**2), rng
 
 
 def noisy(factor, name, s, seed, k):
@@ -109,7 +110,7 @@ def outlier(name, s, seed, k, rate=RATE):
     way = points.directions[row] * rng.choice([-1, 1]) if SENSORS[s].directed else way / np.linalg.norm(way)
     places = points.points.copy()
     places[row] += 5e-3 * way
-    points, priors = replace(points, points=places), Priors(outlier_rate=rate)
+    points, priors = altered(points, points=places), Priors(outlier_rate=rate)
     return judged(identify_points(points, FreeRays.none(), catalogue(), priors=priors), own, T)
 
 
@@ -118,7 +119,7 @@ def several(name, s, seed, k, rate=RATE):
     own, T, points, rng = _begun(name, s, seed, k, readings=30)
     places = points.points.copy()
     places[rng.choice(30, 3, replace=False)] += rng.normal(scale=0.02, size=(3, 3))
-    points, priors = replace(points, points=places), Priors(outlier_rate=rate)
+    points, priors = altered(points, points=places), Priors(outlier_rate=rate)
     return judged(identify_points(points, FreeRays.none(), catalogue(), priors=priors), own, T)
 
 
@@ -133,7 +134,7 @@ def table(name, s, seed, k):
     places[READINGS:] = np.c_[T[:2, 3] + 0.15 * rng.uniform(-1, 1, size=(n, 2)), lowest + SD * rng.normal(size=n)]
     if SENSORS[s].directed:
         directions[READINGS:] = 0, 0, -1
-    more = replace(more, points=places, directions=directions, ids=tuple(map(str, range(len(more)))))
+    more = altered(more, points=places, directions=directions, ids=tuple(map(str, range(len(more)))))
     at = PosePrior(table=Plane(np.array([0.0, 0.0, lowest]), np.array([0.0, 0.0, 1.0]), 5e-4))
     return judged(identify_points(more, FreeRays.none(), [own], priors=Priors(pose=at)), own, T)
 

@@ -15,11 +15,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from tanteo.inference.race import start_search
-
 from bare_scenes import SENSORS, box_centred_pose, nees, scene
 from tanteo.answers import Priors
 from tanteo.inference import Problem, infer, prepare
+from tanteo.inference.part_search import start_search
 from tanteo.measurements import FreeRays
 from tanteo.parts import read_part
 

@@ -14,7 +14,7 @@ from tanteo.errors import InputError
 from tanteo.inference import Posterior, Problem
 from tanteo.inference.details import details_at
 from tanteo.inference.near_variants import log_density_of_near_variant
-from tanteo.inference.race import start_search
+from tanteo.inference.part_search import start_search
 from tanteo.lie import SE3
 from tanteo.measurements import FreeRays
 from tanteo.sensors import NoiseLaw, Readings

@@ -3,25 +3,37 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import tanteo
 from bare_scenes import box_centred_pose, inside, nees, surface_points
-from tanteo import Action, Session, around, read_part
+from tanteo import Action, Session, around, plugins, read_part
 from tanteo.active import POLICIES, UTILITIES, DecisionContext, Probe, begin, policy_named, propose, register_utility
 from tanteo.constraints import CONSTRAINT_KINDS, PAIR_RELATIONS, relate_all
-from tanteo.errors import InputError
+from tanteo.errors import InputError, PartError, PluginError
 from tanteo.features import KINDS, PLANE, Feature, SharedError, SharedTerm
 from tanteo.fitting import FITS, fit_labelled
+from tanteo.hand import Workspace
 from tanteo.inference import identify_points
-from tanteo.io import read_readings
+from tanteo.io import read_factor, read_readings
+from tanteo.io.factor_file import FACTORS
 from tanteo.lie import SE3
 from tanteo.localization import RELATIONS, ModelFeature, Pairing, estimate_pose
 from tanteo.logs import FORMATS, register_format
+from tanteo.machines import MACHINES, MachineLimits, RefusedError, SafeMachine, World, opened, parse_machine
 from tanteo.measurements import FreeRays
+from tanteo.parts import CAD_READERS
+from tanteo.plugins import PluginWarning
+from tanteo.programs import PROGRAMS, write_program
 from tanteo.sensors import NoiseLaw, Readings, measure
 from tanteo.session import Sensing
 from tanteo.shapes import Surface
@@ -30,7 +42,7 @@ ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```python\n# (\w+)\.py\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
-REGISTRIES = (KINDS, FITS, RELATIONS, CONSTRAINT_KINDS, PAIR_RELATIONS, UTILITIES, POLICIES, FORMATS)
+REGISTRIES = (KINDS, FITS, RELATIONS, CONSTRAINT_KINDS, PAIR_RELATIONS, UTILITIES, POLICIES)
 
 
 @pytest.fixture
@@ -175,7 +187,174 @@ def test_a_utility_of_ones_own_chooses(added, part):
     assert session.count == 2
 
 
-def test_a_format_of_ones_own_is_recognised_and_read(added, tmp_path):
+# Found by entry point: a folder with modules and the metadata of a distribution, as pip would leave it.
+
+POINTS = {
+    "tanteo.cad_readers": {"tri": "trifile:READER"},
+    "tanteo.log_formats": {"caliper": "caliper:FORMAT"},
+    "tanteo.factors": {"level": "level:read"},
+    "tanteo.programs": {"pendant": "pendant:LANGUAGE"},
+    "tanteo.machines": {"millbox": "millbox:MACHINE"},
+}
+ALL = (CAD_READERS, FORMATS, FACTORS, PROGRAMS, MACHINES)
+
+
+def distribution(folder, modules, points, name="acme-probing"):
+    """Write a distribution into a folder of its own, and return that."""
+    folder = folder / name
+    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    info.mkdir(parents=True)
+    for module, text in modules.items():
+        (folder / f"{module}.py").write_text(text, encoding="utf-8")
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8")
+    lines = [
+        line for group, found in points.items() for line in (f"[{group}]", *(f"{k} = {v}" for k, v in found.items()))
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def page_blocks():
+    return dict(BLOCK.findall((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")))
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Put distributions on the path of this process; what was loaded of them is forgotten after the test."""
+    for registry in ALL:
+        monkeypatch.setattr(registry, "_loaded", {})
+    monkeypatch.setattr(plugins, "_WARNED", set())
+    before = set(sys.modules)
+
+    def put(modules, points, name="acme-probing"):
+        folder = distribution(tmp_path / "site", modules, points, name)
+        monkeypatch.syspath_prepend(str(folder))
+        return folder
+
+    yield put
+    for module in set(sys.modules) - before:
+        if str(tmp_path) in str(getattr(sys.modules[module], "__file__", "")):
+            del sys.modules[module]
+
+
+@pytest.fixture
+def acme(install):
+    """The distribution of the page's blocks, in this process."""
+    blocks = page_blocks()
+    return install({value.partition(":")[0]: blocks[value.partition(":")[0]] for value in targets()}, POINTS)
+
+
+def targets():
+    return [value for found in POINTS.values() for value in found.values()]
+
+
+def command(folder, *words, **more):
+    """Run the command line in a process of its own, with distributions on its path."""
+    paths = [str(folder)] if isinstance(folder, Path) else list(map(str, folder))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), **more}
+    code = "from tanteo.cli import main; main()"
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True, env=environment, timeout=120
+    )
+
+
+def wedge():
+    """A prism without symmetry [mm]."""
+    outline, height = [(0, 0), (60, 0), (45, 40), (0, 40)], 30
+    vertices = np.array([(x, y, z) for z in (0, height) for x, y in outline], float)
+    faces = [(0, 3, 2, 1), (4, 5, 6, 7), *((i, (i + 1) % 4, 4 + (i + 1) % 4, 4 + i) for i in range(4))]
+    return vertices, np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
+
+
+def write_tri(path, vertices, triangles):
+    path.write_text("\n".join(" ".join(f"{v:.9g}" for v in (vertices[t] / 25.4).ravel()) for t in triangles) + "\n")
+    return path
+
+
+def write_caliper(path, points):
+    """Points [m] as the arm writes them."""
+    rows = ["T " + " ".join(f"{v:.9g}" for v in p / 0.0254) for p in points]
+    path.write_text("\n".join(["CALIPER ARM 2", "warm", *rows]) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def touched(tmp_path_factory):
+    """Files of one scene: a wedge as .tri, 24 touches of the arm, a level on the part, and where the part is."""
+    folder, rng = tmp_path_factory.mktemp("touched"), np.random.default_rng(1991)
+    vertices, triangles = wedge()
+    write_tri(folder / "wedge.tri", vertices, triangles)
+    write_tri(folder / "block.tri", vertices * np.where(vertices[:, :1] == 45, [60 / 45, 1, 1], 1), triangles)
+    part = tanteo.part_from_mesh(vertices, triangles, unit="mm")
+    points, _ = surface_points(Surface(part.vertices, part.triangles), 24, rng)
+    T = SE3.exp(np.array([0.3, -0.1, 0.05, 0.2, -0.1, 0.4]))
+    write_caliper(folder / "touches.arm", SE3.apply(T, points) + 1e-4 * rng.normal(size=points.shape))
+    (folder / "level.txt").write_text(" ".join(f"{v:.9g}" for v in T[:3, 2]) + " 0.0002\n")
+    return folder, T
+
+
+def identified(out):
+    document = json.loads(out)
+    best = document["hypotheses"][0]
+    return document["status"], best["part"], np.array(best["covariance"]["matrix"])
+
+
+def test_the_command_line_uses_plug_ins(acme, touched):
+    folder, _ = touched
+    words = ["identify", folder / "touches.arm", "--parts", folder / "wedge.tri", folder / "block.tri", "--sd", "0.1mm"]
+    plain = command(acme, *words, "--radius", "0mm", "--json")
+    assert plain.returncode == 0, plain.stderr
+    assert identified(plain.stdout)[:2] == ("recognized", "wedge")
+    assert "1 remarks were left out." in plain.stderr
+    level = command(acme, *words, "--radius", "0mm", "--json", "--factor", f"level={folder / 'level.txt'}")
+    assert level.returncode == 0, level.stderr
+    assert identified(level.stdout)[:2] == ("recognized", "wedge")
+    for k in (3, 4):
+        assert identified(level.stdout)[2][k, k] < 0.5 * identified(plain.stdout)[2][k, k]
+    without = command([], *words, "--radius", "0mm")
+    assert without.returncode in (1, 2)
+    assert "expected one of .step, .stp" in without.stderr or "expected" in without.stderr
+
+
+def test_the_interface_uses_them_too(acme, touched):
+    folder, T = touched
+    parts = tanteo.read_parts([folder / "wedge.tri", folder / "block.tri"])
+    assert parts.failures == ()
+    assert [part.unit for part in parts] == ["in", "in"]
+    assert tanteo.read_part(folder / "wedge.tri").volume == pytest.approx(parts["wedge"].volume)
+    assert {part.name for part in tanteo.read_parts(folder)} == {"wedge", "block"}
+    readings = tanteo.read_readings(folder / "touches.arm", radius=0.0)
+    answer = tanteo.identify(readings, parts, sd=1e-4, factors=[read_factor("level", folder / "level.txt")])
+    assert (answer.status, answer.best.part) == ("recognized", "wedge")
+    error = SE3.log(SE3.inverse(answer.pose) @ T)
+    assert error @ np.linalg.solve(answer.covariance, error) < 25
+
+
+def test_cached_parts_are_read_again_when_the_reader_changes(acme, touched, tmp_path, monkeypatch):
+    monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
+    folder, _ = touched
+    first = tanteo.read_parts(folder / "wedge.tri")["wedge"]
+    entries = set((tmp_path / "cache").rglob("*.part"))
+    assert len(entries) == 1
+    tanteo.read_parts(folder / "wedge.tri")
+    assert set((tmp_path / "cache").rglob("*.part")) == entries
+    (acme / "trifile.py").write_text((acme / "trifile.py").read_text().replace('unit="in"', 'unit="cm"'))
+    second = tanteo.read_parts(folder / "wedge.tri", workers=1)["wedge"]
+    assert second.volume == pytest.approx(first.volume / 2.54**3)
+
+
+def test_a_damaged_file_of_a_plug_in_is_one_sentence(acme, tmp_path):
+    (tmp_path / "bad.tri").write_text("1 2 3 four\n")
+    write_tri(tmp_path / "good.tri", *wedge())
+    parts = tanteo.read_parts(tmp_path)
+    assert [part.name for part in parts] == ["good"]
+    assert parts.failures[0].reason == "bad.tri: expected nine numbers a line, got others. Export it again."
+    (tmp_path / "nan.tri").write_text("0 0 0 1 0 0 0 1 nan\n")
+    with pytest.raises(PartError, match="expected finite coordinates"):
+        tanteo.read_part(tmp_path / "nan.tri")
+
+
+def test_a_format_of_ones_own_is_recognised(acme, tmp_path):
     path = tmp_path / "arm.txt"
     path.write_text("CALIPER ARM 2\nT 1 2 3\nwarm\nT 4 5 6\n")
     with pytest.raises(InputError, match=r"expected --radius with a log of the caliper arm.*--radius 1\.5mm"):
@@ -183,5 +362,322 @@ def test_a_format_of_ones_own_is_recognised_and_read(added, tmp_path):
     readings = read_readings(path, radius=0.001)
     np.testing.assert_allclose(readings.points, np.array([[1, 2, 3], [4, 5, 6]]) * 0.0254)
     assert readings.notes == ("1 remarks were left out.",)
+    assert len(read_readings(path, radius=0.001, format="caliper")) == 2
     with pytest.raises(InputError, match="which is taken"):
-        register_format(FORMATS["grbl"])
+        register_format(FORMATS.builtin["grbl"])
+    with pytest.raises(InputError, match="which is taken"):
+        register_format(FORMATS.find("caliper"))
+
+
+def test_a_format_is_registered_in_one_process(added, tmp_path, monkeypatch):
+    monkeypatch.setattr(FORMATS, "registered", {})
+    path = tmp_path / "arm.txt"
+    path.write_text("CALIPER ARM 2\nT 1 2 3\n")
+    register_format(added["caliper"].FORMAT)
+    assert len(read_readings(path, radius=0.001)) == 1
+
+
+def test_a_plan_is_written_in_a_language_of_ones_own(acme, touched):
+    folder, _ = touched
+    words = ["plan", "--part", folder / "wedge.tri", "--tolerance", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1mm"]
+    words += ["--pose-prior", "0,0,0mm 0,0,0deg +- 1mm 1deg"]
+    found = command(acme, *words, "--program", "pendant")
+    assert found.returncode == 0, found.stderr
+    lines = found.stdout.splitlines()
+    assert lines[0].startswith("; wedge: ")
+    touches = [line for line in lines if line.startswith("TOUCH ")]
+    assert len(touches) >= 6
+    for line in touches:  # from above or from the side
+        start, stop = (np.array(part.split(), float) for part in line[6:].partition(" SPEED ")[0].split(" TO "))
+        assert stop[2] <= start[2] + 1e-6
+    assert "pendant" in command(acme, *words, "--program", "pendent").stderr
+
+
+def test_a_machine_of_ones_own_places_a_part(acme, touched, tmp_path):
+    folder, _ = touched
+    words = ["probe", "--machine", "fake:millbox", "--part", folder / "wedge.tri", "--tolerance", "0.3mm"]
+    found = command(acme, *words, "--record", tmp_path / "run.json", "--json")
+    assert found.returncode == 0, found.stderr
+    document = json.loads(found.stdout)
+    assert document["status"] == "recognized"
+    assert document["sensing"]["reached"]
+    assert parse_machine("millbox://192.168.0.7").ports == ()
+    assert parse_machine("millbox://192.168.0.7:99").ports == (99,)
+    with pytest.raises(InputError, match="expected an address"):
+        parse_machine("millbox:/dev/ttyUSB0")
+
+
+def test_a_machine_of_ones_own_is_held_by_the_limits(acme):
+    there = World(Surface(*wedge_in_metres()), np.eye(4), 1e-3)
+    with opened(parse_machine("fake:millbox"), there, np.array([0.02, 0.02, 0.1])) as driver:
+        safe = SafeMachine(driver, MachineLimits(Workspace(np.zeros(3), np.full(3, 0.2)), 1e-3))
+        with pytest.raises(RefusedError):
+            safe.move(SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([0.02, 0.02, 0.3])))
+        safe.move(SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([0.02, 0.02, 0.06])))
+        assert safe.sense(np.array([0.0, 0.0, -1.0]), 0.05).distance == pytest.approx(0.029, abs=1e-5)
+
+
+def wedge_in_metres():
+    vertices, triangles = wedge()
+    return 1e-3 * vertices, triangles
+
+
+def test_the_conformance_suite_runs_on_a_driver_of_ones_own(acme):
+    environment = {**os.environ, "PYTHONPATH": str(acme), "TANTEO_DRIVERS": "fake:millbox"}
+    suite = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-rA",
+        "-p",
+        "no:cacheprovider",
+        "tests/machines/test_conformance.py",
+    ]
+    found = subprocess.run(suite, cwd=ROOT, capture_output=True, text=True, env=environment, timeout=240)
+    assert found.returncode == 0, found.stdout[-2000:]
+    assert found.stdout.count("[fake:millbox]") > 12
+    assert "fake:direct" not in found.stdout
+
+
+# Plug-ins that do not work.
+
+BROKEN = "import nothing_of_this_name\n"
+
+
+def test_an_import_error_is_named_where_the_plug_in_is_used(install, tmp_path):
+    points = {group: {f"bad{k}": "broken_one:THING"} for k, group in enumerate(POINTS)}
+    install({"broken_one": BROKEN}, points, "broken-kit")
+    said = (
+        r"^broken-kit 1\.0, entry point 'bad{k} = broken_one:THING' of {group}: expected a plug-in that can be "
+        r"imported, got ModuleNotFoundError: No module named 'nothing_of_this_name'\. Repair or uninstall it\.$"
+    )
+    (tmp_path / "a.bad0").write_text("x")
+    calls = {
+        0: lambda: tanteo.read_part(tmp_path / "a.bad0"),
+        1: lambda: tanteo.read_readings(tmp_path / "a.bad0", format="bad1"),
+        2: lambda: read_factor("bad2", tmp_path / "a.bad0"),
+        3: lambda: write_program("bad3", None),
+        4: lambda: parse_machine("bad4://here"),
+    }
+    for k, group in enumerate(POINTS):
+        for _ in range(2):  # the second time, too
+            with pytest.raises(PluginError, match=said.format(k=k, group=re.escape(group))):
+                calls[k]()
+    assert tanteo.read_parts(tmp_path / "a.bad0").failures[0].reason.startswith("broken-kit 1.0, entry point")
+
+
+def test_the_rest_works_beside_a_broken_plug_in(install, tmp_path):
+    points = {group: {"zzz": "broken_two:THING"} for group in POINTS}
+    folder = install({"broken_two": BROKEN}, points, "broken-kit-2")
+    np.savetxt(tmp_path / "points.xyz", np.random.default_rng(0).random((9, 3)))
+    with pytest.warns(PluginWarning, match=r"broken-kit-2 1\.0, entry point 'zzz = broken_two:THING'") as warned:
+        assert len(tanteo.read_readings(tmp_path / "points.xyz", units="mm")) == 9
+    assert len(warned) == 1
+    assert parse_machine("grbl://h").kind == "grbl"
+    found = command(folder, "doctor")
+    assert found.returncode == 0, found.stderr
+    assert found.stdout.count("got ModuleNotFoundError: No module named 'nothing_of_this_name'") == 5
+    document = json.loads(command(folder, "doctor", "--json").stdout)
+    assert [plugin["name"] for plugin in document["plugins"]] == ["zzz"] * 5
+    (tmp_path / "wedge.off").write_text(off(*wedge()))
+    found = command(
+        folder, "identify", tmp_path / "points.xyz", "--units", "mm", "--sd", "1mm", "--parts", tmp_path / "wedge.off"
+    )
+    assert found.returncode in (0, 3)
+    assert found.stderr.count("warning: broken-kit-2 1.0, entry point") == 1
+    assert "Traceback" not in found.stderr
+
+
+def off(vertices, triangles):
+    rows = [f"OFF\n{len(vertices)} {len(triangles)} 0", *(" ".join(map(str, v)) for v in vertices.tolist())]
+    return "\n".join([*rows, *(f"3 {a} {b} {c}" for a, b, c in triangles.tolist())]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "got"),
+    [
+        ("THING = 5\n", "got one of type int"),
+        ("raise SystemExit('stop')\n", "got SystemExit: stop"),
+        ("", "got AttributeError: module 'wrong_{k}' has no attribute 'THING'"),
+        ("THING = 1/0\n", "got ZeroDivisionError: division by zero"),
+        ("def (\n", "got SyntaxError"),
+    ],
+)
+def test_what_is_no_entry_is_refused(install, text, got, request):
+    k = request.node.callspec.id.encode().hex()[:40]
+    points = {group: {"odd": f"wrong_{k}:THING"} for group in POINTS}
+    install({f"wrong_{k}": text}, points, "wrong-kit")
+    for registry in ALL:
+        with pytest.raises(PluginError, match=re.escape(got.format(k=k))) as raised:
+            registry.find("odd")
+        assert str(raised.value).startswith(f"wrong-kit 1.0, entry point 'odd = wrong_{k}:THING' of {registry.group}")
+
+
+def test_a_name_that_is_built_in_stays_built_in(install, tmp_path):
+    text = (
+        "from tanteo.logs import Log, LogFormat\nfrom tanteo.parts import CadReader\n"
+        "READER = CadReader('mine', None)\nFORMAT = LogFormat('asc', 'mine', lambda c: True, lambda c: Log())\n"
+    )
+    points = {"tanteo.cad_readers": {"off": "clash:READER"}, "tanteo.log_formats": {"asc": "clash:FORMAT"}}
+    folder = install({"clash": text}, points, "clash-kit")
+    (tmp_path / "wedge.off").write_text(off(*wedge()))
+    assert len(tanteo.read_part(tmp_path / "wedge.off", unit="mm").planes) == 6
+    np.savetxt(tmp_path / "points.xyz", np.random.default_rng(0).random((9, 3)))
+    with pytest.warns(PluginWarning, match="expected a new name, got that of a built-in one, which is used"):
+        assert len(tanteo.read_readings(tmp_path / "points.xyz", units="mm")) == 9
+    assert "clash" not in sys.modules
+    found = command(folder, "doctor")
+    assert found.stdout.count("got that of a built-in one, which is used. Rename the entry point.") == 2
+
+
+def test_two_plug_ins_of_one_name_are_named_both(install):
+    for name in ("first-kit", "second-kit"):
+        install({f"{name[:5]}_m": "READER = 1\n"}, {"tanteo.cad_readers": {"dup": f"{name[:5]}_m:READER"}}, name)
+    with pytest.raises(PluginError, match=r"expected one plug-in, got those of .*-kit 1\.0 and .*-kit 1\.0"):
+        CAD_READERS.find("dup")
+
+
+def test_a_format_is_named_as_its_entry_point(install):
+    text = (
+        "from tanteo.logs import Log, LogFormat\nFORMAT = LogFormat('other', 'x', lambda c: False, lambda c: Log())\n"
+    )
+    install({"othername": text}, {"tanteo.log_formats": {"this": "othername:FORMAT"}}, "name-kit")
+    with pytest.raises(PluginError, match="expected an entry of the same name, got 'other'"):
+        FORMATS.find("this")
+
+
+FAILING = """
+from pathlib import Path
+
+import numpy as np
+
+import tanteo
+from tanteo.logs import Log, LogFormat
+from tanteo.machines import MachineKind
+from tanteo.parts import CadMesh, CadReader
+from tanteo.programs import ProgramLanguage
+
+
+def fail(*args, **more):
+    raise KeyError("inner")
+
+
+READER = CadReader("x", fail)
+SHAPE = CadReader("x", lambda path: CadMesh(np.zeros((3, 2)), [[0, 1, 2]], "mm"))
+THING = CadReader("x", lambda path: 5)
+RECOGNISE = LogFormat("recognise", "x", fail, fail)
+READ = LogFormat("read", "x", lambda c: False, fail)
+NOLOG = LogFormat("nolog", "x", lambda c: False, lambda c: None)
+RAGGED = LogFormat("ragged", "x", lambda c: False, lambda c: Log(points=np.zeros((4, 2)), unit="mm"))
+LANGUAGE = ProgramLanguage(fail)
+NOTEXT = ProgramLanguage(lambda job: b"bytes")
+MACHINE = MachineKind((1,), False, False, fail, fail)
+NODRIVER = MachineKind((1,), False, False, lambda address: object())
+
+
+def factor(path):
+    return tanteo.PythonFactor(name="dense", log_density=fail)
+
+
+def nofactor(path):
+    return 5
+"""
+
+
+def test_what_fails_later_is_named_too(install, tmp_path):
+    points = {
+        "tanteo.cad_readers": {"keyed": "failing:READER", "shape": "failing:SHAPE", "thing": "failing:THING"},
+        "tanteo.log_formats": {k: f"failing:{k.upper()}" for k in ("recognise", "read", "nolog", "ragged")},
+        "tanteo.factors": {"fail": "failing:fail", "factor": "failing:factor", "nofactor": "failing:nofactor"},
+        "tanteo.programs": {"lang": "failing:LANGUAGE", "notext": "failing:NOTEXT"},
+        "tanteo.machines": {"machine": "failing:MACHINE", "nodriver": "failing:NODRIVER"},
+    }
+    folder = install({"failing": FAILING}, points, "failing-kit")
+    for suffix in ("keyed", "shape", "thing"):
+        (tmp_path / f"a.{suffix}").write_text("x")
+    inner = r"^failing-kit 1\.0, entry point .*got KeyError: 'inner'\. Repair or uninstall it\.$"
+    with pytest.raises(PluginError, match=inner):
+        tanteo.read_part(tmp_path / "a.keyed")
+    with pytest.raises(PartError, match=r"a\.shape: expected vertices \(V, 3\), got shape \(3, 2\)"):
+        tanteo.read_part(tmp_path / "a.shape")
+    with pytest.raises(PluginError, match=r"expected a CadMesh of a\.thing, got int"):
+        tanteo.read_part(tmp_path / "a.thing")
+    np.savetxt(tmp_path / "points.xyz", np.random.default_rng(0).random((9, 3)))
+    with pytest.warns(PluginWarning, match=r"expected contents to be recognised, got KeyError"):
+        assert len(tanteo.read_readings(tmp_path / "points.xyz", units="mm")) == 9
+    with pytest.raises(PluginError, match=inner):
+        tanteo.read_readings(tmp_path / "points.xyz", format="read")
+    with pytest.raises(PluginError, match=r"expected a Log of .*, got NoneType"):
+        tanteo.read_readings(tmp_path / "points.xyz", format="nolog")
+    with pytest.raises((PluginError, InputError)):
+        tanteo.read_readings(tmp_path / "points.xyz", format="ragged")
+    with pytest.raises(PluginError, match=inner):
+        read_factor("fail", tmp_path / "points.xyz")
+    with pytest.raises(PluginError, match=r"expected a PoseFactor of .*, got int"):
+        read_factor("nofactor", tmp_path / "points.xyz")
+    part = tanteo.part_from_mesh(*wedge(), unit="mm")
+    points = np.random.default_rng(3).uniform(0, 0.03, (12, 3)) * [1, 1, 0]
+    readings = tanteo.Readings.from_columns(points, sds=np.full(12, 1e-4))
+    with pytest.raises(PluginError, match=r"expected the factor 'dense' to be evaluated, got KeyError: 'inner'"):
+        tanteo.identify(readings, [part], factors=[read_factor("factor", tmp_path / "points.xyz")])
+    job = SimpleNamespace(touches=())
+    with pytest.raises(PluginError, match=inner):
+        write_program("lang", job)
+    with pytest.raises(PluginError, match="expected a program as text, got bytes"):
+        write_program("notext", job)
+    for text, said in (("machine://h", inner), ("nodriver://h", "expected a Machine with all its methods, got object")):
+        with pytest.raises(PluginError, match=said), opened(parse_machine(text)):
+            pass
+    there = World(Surface(*wedge_in_metres()), np.eye(4), 1e-3)
+    with pytest.raises(PluginError, match=inner), opened(parse_machine("fake:machine"), there, np.zeros(3)):
+        pass
+    with pytest.raises(InputError, match="expected a kind with a fake"):
+        parse_machine("fake:nodriver")
+    found = command(folder, "part", "show", tmp_path / "a.keyed")
+    assert found.returncode == 1
+    assert found.stderr.startswith("error: failing-kit 1.0, entry point 'keyed = failing:READER' of tanteo.cad_readers")
+    assert "Traceback" not in found.stderr
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("level", "as NAME=FILE"),
+        ("level=", "as NAME=FILE"),
+        ("level=nowhere.txt", "which is not there"),
+        ("levle={file}", "Did you mean 'level'?"),
+    ],
+)
+def test_factors_that_cannot_be_meant_are_refused(acme, touched, word, said):
+    folder, _ = touched
+    words = ["identify", folder / "touches.arm", "--parts", folder / "wedge.tri", "--sd", "0.1mm", "--radius", "0mm"]
+    found = command(acme, *words, "--factor", word.format(file=folder / "level.txt"))
+    assert found.returncode in (1, 2)
+    assert said in found.stderr
+    assert "Traceback" not in found.stderr
+
+
+def test_without_plug_ins_a_factor_says_what_is_missing(tmp_path):
+    (tmp_path / "level.txt").write_text("0 0 1 0.1")
+    with pytest.raises(InputError, match="expected a plug-in that reads factors to be installed, got 'level'"):
+        read_factor("level", tmp_path / "level.txt")
+
+
+def test_nothing_is_imported_before_it_is_used(acme, touched):
+    folder, _ = touched
+    code = (
+        "import sys, tanteo, tanteo.parts, tanteo.machines, tanteo.programs, tanteo.logs, tanteo.io\n"
+        "tanteo.machines.MACHINES, tanteo.parts.CAD_READERS.names()\n"
+        f"tanteo.read_parts({str(folder / 'wedge.tri')!r}, cache=False, workers=0)\n"
+        "print([m for m in ('trifile', 'caliper', 'level', 'pendant', 'millbox') if m in sys.modules])\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(acme)}
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    assert found.stdout.strip() == "['trifile']"
+    code = (
+        "import sys, tanteo.cli.app, tanteo.parts\ntanteo.parts.CAD_READERS.find('stl')\n"
+        "print('importlib.metadata' in sys.modules)"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    assert found.stdout.strip() == "False"

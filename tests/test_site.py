@@ -26,6 +26,7 @@ NOT_FOR_PROGRAMS = {
     "demo",
     "lazy",
     "limits",
+    "plugins",
     "remarks",
     "replaced",
     "special",

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tanteo.active import Probe, Stop, around, discriminate, plan, probe_of
     from tanteo.answers import Answer, Furniture, Hypothesis, PosePrior, Priors
     from tanteo.calibration import calibrate
-    from tanteo.catalogue import open_catalogue, read_parts
+    from tanteo.catalogue import open_catalogue, part_from_mesh, read_parts
     from tanteo.errors import InputError, TanteoError
     from tanteo.frames import UncertainFrame
     from tanteo.io import read_camera, read_image, read_prior, read_readings, read_rig
@@ -40,7 +40,7 @@ _HOMES = {
     "active": ("Probe", "Stop", "around", "discriminate", "plan", "probe_of"),
     "answers": ("Furniture", "Hypothesis", "PosePrior", "Priors", "Answer"),
     "calibration": ("calibrate",),
-    "catalogue": ("open_catalogue", "read_parts"),
+    "catalogue": ("open_catalogue", "part_from_mesh", "read_parts"),
     "errors": ("InputError", "TanteoError"),
     "frames": ("UncertainFrame",),
     "io": ("read_camera", "read_image", "read_prior", "read_readings", "read_rig"),
@@ -84,6 +84,7 @@ __all__ = [
     "localization",
     "locate",
     "open_catalogue",
+    "part_from_mesh",
     "plan",
     "probe_of",
     "read_camera",

@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata, util
+from importlib import import_module, metadata, util
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,6 +72,33 @@ class Extra:
     installed: bool
 
 
+REGISTRIES = (
+    "tanteo.parts:CAD_READERS",
+    "tanteo.logs:FORMATS",
+    "tanteo.io.factor_file:FACTORS",
+    "tanteo.programs:PROGRAMS",
+    "tanteo.machines:MACHINES",
+)
+"""Registries that plug-ins add to, as module and attribute."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPlugin:
+    """A plug-in of another distribution.
+
+    Attributes:
+        group: Group of its entry point.
+        name: Name of its entry point.
+        distribution: Name and version of the distribution.
+        problem: Why it is not used; empty if it works.
+    """
+
+    group: str
+    name: str
+    distribution: str
+    problem: str
+
+
 @dataclass(frozen=True, slots=True)
 class SelfTest:
     """A wedge with 24 simulated touches, to be recognised beside a block.
@@ -95,6 +122,7 @@ class Examination:
         python: Version of Python and of the system.
         versions: Distributions that tanteo needs, with their versions; empty where one is missing.
         extras: The optional ones.
+        plugins: Plug-ins of other distributions.
         cache: Folder in which parts are remembered, and whether it can be written.
         test: The self-test.
     """
@@ -102,6 +130,7 @@ class Examination:
     python: str
     versions: dict[str, str]
     extras: tuple[Extra, ...]
+    plugins: tuple[FoundPlugin, ...]
     cache: tuple[str, bool]
     test: SelfTest
 
@@ -115,7 +144,21 @@ def examine() -> Examination:
     """Look at everything; takes about a second."""
     extras = (Extra(name, gives, util.find_spec(module) is not None) for name, (module, gives) in EXTRAS.items())
     python = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
-    return Examination(python, {n: _version(n) for n in NEEDED}, tuple(extras), _cache(), run_self_test())
+    versions = {n: _version(n) for n in NEEDED}
+    return Examination(python, versions, tuple(extras), find_plugins(), _cache(), run_self_test())
+
+
+def find_plugins() -> tuple[FoundPlugin, ...]:
+    """Return all plug-ins of other distributions; this imports each."""
+    found = list[FoundPlugin]()
+    for place in REGISTRIES:
+        module, _, name = place.partition(":")
+        try:
+            registry = getattr(import_module(module), name)
+        except ImportError:  # something that is needed is missing, which the versions tell
+            continue
+        found += [FoundPlugin(p.group, p.name, p.distribution, registry.problem(p)) for p in registry.plugins()]
+    return tuple(found)
 
 
 def run_self_test() -> SelfTest:

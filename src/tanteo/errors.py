@@ -10,6 +10,7 @@ The tree::
     │   ├── PartError                      a CAD file that does not describe a usable part
     │   └── SideError                      readings of one plane that do not agree on which side of it is outside
     ├── DegenerateError                    the geometry leaves the answer undefined (parallel, collinear, too few)
+    ├── PluginError                        a plug-in of another distribution cannot be used
     └── MissingExtraError (an ImportError) an optional dependency is not installed
 
 Messages read ``<name>: expected <what>, got <what>. <what to do>.`` An unkind world (no part fits, two parts
@@ -66,6 +67,10 @@ class SideError(InputError):
 
 class DegenerateError(TanteoError):
     """The geometry leaves the answer undefined: parallel, collinear, coincident or too few."""
+
+
+class PluginError(TanteoError):
+    """A plug-in cannot be used; the message names its distribution, its entry point and the reason."""
 
 
 class MissingExtraError(TanteoError, ImportError):

@@ -5,18 +5,36 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.answers import STATED, Answer, Finding, Priors, check_question, with_elapsed
-from tanteo.inference import about_conventions, about_frames, about_readings, identify_points, scale_of
-from tanteo.limits import SIGNIFICANCE, TOP, check_length
+from tanteo.answers import STATED, Answer, Priors, check_question, sized, with_elapsed
+from tanteo.defaults import SIGNIFICANCE, TOP
+from tanteo.errors import InputError
+from tanteo.inference import Candidates, about_conventions, about_frames, about_readings, identify_points, scale_of
+from tanteo.limits import check_length
 from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
+from tanteo.typing import FloatArray
+from tanteo.words import message_of
+from tanteo.words.findings import (
+    CheckPrior,
+    EstimatedNoise,
+    NoNoiseStated,
+    PriorContradicted,
+    Scatter,
+    ThinnedReadings,
+    WholeMismatch,
+)  # fmt: skip
 
-_DOUBT_PRIOR = "The prior of the pose beforehand counts, too: check it, or leave it out and compare."
+if TYPE_CHECKING:
+    from tanteo.vision import View
+
+MOST_VIEWED = 64
+"""Number of parts up to which images are compared with each of them, as :func:`tanteo.vision.see_table` does."""
 
 
 def identify(
@@ -34,6 +52,7 @@ def identify(
     top: int = TOP,
     as_published: bool = False,
     priors: Priors | None = None,
+    views: Sequence[View] = (),
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
@@ -58,6 +77,8 @@ def identify(
         top: number of hypotheses to report.
         as_published: use the constraints and tests of the 1991 paper as printed, for comparison.
         priors: what is assumed beforehand: outliers, workspace, a prior pose, a box, a table.
+        views: images of the object on a table, from cameras that stand in the world of the readings. They enter the
+            one posterior beside the readings; at most 64 parts can be compared with them.
         factors: further measurements of the pose, such as a :class:`tanteo.PythonFactor` of your own.
         seed: of the search.
         conventions: where no part explains the readings, whether usual mistakes (units, directions, quaternions,
@@ -94,50 +115,76 @@ def identify(
     points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
     rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
+    all_factors = (*factors, *_factors(views, measured.points, parts, priors))
     answer = identify_points(
         points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
-        factors=factors, seed=seed,
+        factors=all_factors, seed=seed,
     )  # fmt: skip
     if unstated is not None and answer.best is not None:
-        answer = _told_sd(answer, unstated)
-    found = about_readings(answer, readings, measured, rays, parts)
+        answer = _with_estimated_noise(answer, unstated)
+    if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
+        answer = answer.adding(CheckPrior())
+    answer = answer.adding(*about_readings(answer, readings, measured, rays, parts))
     if len(readings) < given:
-        used = f"{len(readings):,} of the {given:,} readings were used, spread evenly over all of them."
-        found = (*found, Finding("many", used))
-    whole = _of_whole(answer, priors, parts)
-    found = (*found, Finding("whole", whole)) if whole else found
-    answer = with_elapsed(_said(answer, *(one.message for one in found), placed=placed), measure=elapsed)
+        answer = answer.adding(ThinnedReadings(len(readings), given))
+    if (whole := _of_whole(answer, priors, parts)) is not None:
+        answer = answer.adding(whole)
+    answer = with_elapsed(answer, measure=elapsed)
     frames = about_frames(answer, scale_of(measured.points, parts), measured)
 
     def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
         return identify(
             readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
-            rig=rig, significance=significance, top=1, priors=priors, factors=factors, seed=seed, conventions=False,
+            rig=rig, significance=significance, top=1, priors=priors, views=views,
+            factors=factors, seed=seed, conventions=False,
         )  # fmt: skip
 
     meant = about_conventions(answer, readings, parts, ask, placed=placed) if conventions else None
     meant = meant or frames  # what fits says more than what looks odd
-    return replace(answer, findings=found if meant is None else (*found, meant))
+    return answer if meant is None else answer.adding(meant)
 
 
-def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part]) -> str:
-    """Whether mass or size of the whole object contradict the part that the readings say."""
+def _factors(
+    views: Sequence[View], points: FloatArray, parts: Sequence[Part], priors: Priors
+) -> tuple[PoseFactor, ...]:
+    """Return views of the object as factors.
+
+    Raises:
+        InputError: more parts than images are compared with, or a view that does not show the readings.
+    """
+    if not views:
+        return ()
+    from tanteo.vision import view_factors
+
+    if len(parts) > MOST_VIEWED:
+        raise InputError(
+            f"views: expected at most {MOST_VIEWED} parts to compare images with, got {len(parts):,}. Narrow them by "
+            "the outline (outline_of_readings), or give fewer."
+        )
+    some = [getattr(part, "part", part) for part in parts]
+    radius = float(Candidates(some).radii.max())
+    table = priors.pose.table if priors.pose is not None else None
+    frame = np.eye(4) if table is None else table.frame
+    return view_factors(views, points, some, sized(priors, radius), T_world_table=frame)
+
+
+def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part]) -> WholeMismatch | None:
+    """Return how mass or size of the whole object contradict the part of the answer; None if they do not."""
     if priors.whole is None or not answer.hypotheses or answer.status == "unknown":
-        return ""
+        return None
     named = part_named(parts, answer.hypotheses[0].part)
     part = getattr(named, "part", named)
-    return priors.whole.doubt(part.name, part.volume, part.box[1] - part.box[0])
+    return priors.whole.mismatch(part.name, part.volume, part.box[1] - part.box[0])
 
 
-def _told_sd(answer: Answer, sd: float) -> Answer:
-    """The answer with what the readings tell of their standard deviation, of which nobody said any."""
+def _with_estimated_noise(answer: Answer, sd: float) -> Answer:
+    """Return the answer with the estimate of a standard deviation that nobody stated, instead of its scatter."""
     best = answer.hypotheses[0]
     if answer.status == "unknown" or best.dof <= 0:
-        return replace(answer, message=f"{answer.message} No standard deviation was stated: say --sd.")
-    told, low, high = (1e3 * sd * factor for factor in best.noise_scale)
-    head, _, _ = answer.message.partition(" The readings scatter ")
-    says = f"No standard deviation was stated; the readings tell {told:.2g} mm (95 %: {low:.2g} to {high:.2g} mm)."
-    return replace(answer, message=f"{head} {says}")
+        return answer.adding(NoNoiseStated())
+    estimate = EstimatedNoise(*(sd * factor for factor in best.noise_scale))
+    findings = (*(one for one in answer.findings if not isinstance(one, Scatter)), estimate)
+    return replace(answer, findings=findings, message=message_of(findings))
 
 
 def _with_noise_factor(
@@ -157,12 +204,6 @@ def _with_noise_factor(
     return replace(priors, noise_factor=STATED["typed" if typed else "preset"])
 
 
-def _said(answer: Answer, *notes: str, placed: bool) -> Answer:
-    """The answer with what its message should add."""
-    doubt = _DOUBT_PRIOR if answer.status == "unknown" and placed and "beforehand" not in answer.message else ""
-    return replace(answer, message=" ".join(filter(None, [answer.message, doubt, *notes])))
-
-
 def locate(
     readings: Readings,
     part: Part,
@@ -178,6 +219,7 @@ def locate(
     top: int = TOP,
     as_published: bool = False,
     priors: Priors | None = None,
+    views: Sequence[View] = (),
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
@@ -198,6 +240,7 @@ def locate(
         top: number of poses to report.
         as_published: by the paper's constraints and tests.
         priors: what is assumed beforehand.
+        views: images of the object beside the readings.
         factors: further measurements of the pose.
         seed: of the search.
         conventions: whether usual mistakes are tried where it does not fit.
@@ -214,5 +257,5 @@ def locate(
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
         bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
-        factors=factors, seed=seed, conventions=conventions,
+        views=views, factors=factors, seed=seed, conventions=conventions,
     )  # fmt: skip

@@ -54,6 +54,7 @@ def few(tmp_path):
 def shares(run, *args):
     """Probability of every part, and what was said."""
     done = run("identify", *args, "--sd", "0.1mm", "--json")
+    assert done.out, done.err
     out: dict[str, float] = {}
     for h in json.loads(done.out)["hypotheses"]:
         out[h["part"]] = out.get(h["part"], 0.0) + h["probability"]
@@ -68,6 +69,13 @@ def test_an_image_changes_the_odds_of_the_parts(run, readings, few):
     assert seen["housing"] > 2 * alone.get("housing", 0.0)
     assert "px of the image (of 3)" in says
     assert "Parts that fit its outline: 1 of 4" in says
+
+
+def test_several_images_take_one_camera_or_one_each(run, readings, few):
+    """The same image twice: as plumbing, not as evidence."""
+    both, says = shares(run, readings, "--parts", few, *SEEN, "--image", IMAGE)
+    assert max(both, key=both.get) == "housing"
+    assert says.count("px of the image (of 3)") == 2
 
 
 def test_readings_of_another_place_are_refused(run, few, tmp_path):
@@ -89,6 +97,10 @@ def test_readings_of_another_place_are_refused(run, few, tmp_path):
         (("--image", IMAGE, "--camera", CAMERA), "--camera: expected where the camera stands .* --marks FILE"),
         (("--camera", CAMERA, "--marks", MARKS), "--image: expected an image beside --camera"),
         ((*SEEN, "--as-published"), "--as-published: expected readings alone"),
+        (
+            (*SEEN, "--image", IMAGE, "--image", IMAGE, "--camera", CAMERA),
+            r"--camera: expected one for all images or one each \(3\), got 2",
+        ),
     ],
 )
 def test_half_of_an_image_is_refused(run, readings, few, options, words):

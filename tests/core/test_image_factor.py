@@ -18,7 +18,7 @@ from tanteo.parts import read_part
 from tanteo.vision import find_regions
 from tanteo.vision.candidates import own_edges
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import REACH, ImageEdges, Sums, Weights, chance_hits
+from tanteo.vision.image_edges import LOCATED, REACH, ImageEdges, Sums, Weights, chance_hits
 from tanteo.vision.regions import bare_table
 from tanteo.vision.wireframe import see_edges
 from vision_scenes import PARTS, bracket, seen_alone
@@ -75,7 +75,7 @@ def by_edges(groups, values, spans):
     )
 
 
-@pytest.mark.parametrize("located", [1.0, 2.0])
+@pytest.mark.parametrize("located", [1.0, LOCATED])
 def test_the_density_is_that_of_plain_numpy(scene, located):
     model, camera, edges, region, factor, T = scene
     frame, points = model.frame, edges.points
@@ -162,12 +162,12 @@ def test_terms_are_added_to_the_log_density(scene):
     model, camera, _, _, factor, T = scene
     lying = OnTable(np.eye(4), 2e-4, 2e-3, 1e-2)
     prepared, poses = prepare(model.part), np.ascontiguousarray((camera.T_world_camera @ T)[None])
-    problem = Problem(ContactPoints.none(), FreeRays.none(), Priors(radius=0.1), factors=(factor, lying))
+    problem = Problem(ContactPoints.none(), FreeRays.none(), Priors(radius=0.1), pose_factors=(factor, lying))
     assert problem.states == 8
     z = np.full((1, 8), 0.1)
     core = problem.compiled(prepared)
     log, _, information = _core.slopes(prepared.shape, core, poses, z)
-    terms = [one.term(model.part, 0) for one in problem.factors]
+    terms = [one.term(model.part, 0) for one in problem.pose_factors]
     own = [_core.term_slopes(term, poses, z, prepared.shape.centre) for term in terms]
     assert log[0] == pytest.approx(sum(a[0][0] for a in own) - 0.5 * 8 * 0.01)
     prior = np.diag(np.r_[np.zeros(6), np.ones(8)])

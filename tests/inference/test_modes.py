@@ -9,9 +9,10 @@ from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.answers import Priors
 from tanteo.inference import Problem, identify_points, prepare
 from tanteo.inference.modes import _beyond_normal, _covariance
-from tanteo.inference.proposals import Effort, spread_rows
+from tanteo.inference.part_search import common_random_numbers, start_search
 from tanteo.inference.sampler import Compared, Sampler
-from tanteo.inference.race import alike, start_search
+from tanteo.inference.scales import spread_rows
+from tanteo.inference.settings import Effort
 from tanteo.lie import SE3
 
 
@@ -93,7 +94,7 @@ def test_poses_at_which_nothing_is_touched_count_for_none(parts, shared, scale_s
 
 
 def test_parts_draw_the_same_numbers():
-    a, b = alike(np.random.default_rng(1), 2)
+    a, b = common_random_numbers(np.random.default_rng(1), 2)
     np.testing.assert_array_equal(a.normal(size=9), b.normal(size=9))
 
 
@@ -131,7 +132,7 @@ def test_later_rounds_start_from_other_points(parts):
     search = start_search(Problem(touches_of(p, 1e-4), no_paths(), Priors(radius=0.1)), target, rng)
     used = []
     for _ in range(3):
-        search.restart(Effort(4, 10, 3, 4))
+        search.restart(Effort(4, 10, 3, 4, 0, 10))
         used.append(set(search.objective.rows.tolist()))
         assert set(search.pairs.ravel().tolist()) <= used[-1]
     assert len(set.union(*used)) > 20

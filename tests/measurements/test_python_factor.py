@@ -117,7 +117,7 @@ def test_poses_that_a_factor_proposes_are_tried(block):
 
     factor, _ = gauge(T, np.array([0.01, 0.02, 0.0]), propose=propose)
     identify_points(scene(block, T, TOUCH, 8, rng)[0], FreeRays.none(), [block], factors=[factor])
-    assert asked == [block.part.name]
+    assert set(asked) == {block.part.name}
 
 
 @pytest.mark.parametrize(

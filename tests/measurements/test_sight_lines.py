@@ -14,8 +14,7 @@ from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.inference import Problem, identify_points, prepare
 from tanteo.lie import SE3, SO3
-from tanteo.measurements import FreeRays, surface_points
-from tanteo.measurements.sight_lines import SightLines
+from tanteo.measurements import FreeRays, SightLines, surface_points
 
 ROOT = Path(__file__).parents[2]
 ANGLE_SD = 2e-4

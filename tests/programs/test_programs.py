@@ -15,9 +15,10 @@ from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.io import pose_from_brand
 from tanteo.lie import SE3, SO3
-from tanteo.programs import AXES_3, PROGRAMS, job_of, write_program
+from tanteo.programs import PROGRAMS, job_of, write_program
 from tanteo.shapes import Surface, signed_distance
 
+AXES_3 = [name for name, language in PROGRAMS.builtin.items() if language.points_down]
 RADIUS, CLEARANCE = 1.5e-3, 10e-3
 T_EXPECTED = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.42, -0.13, 0.035]))
 C = np.diag([1e-3] * 3 + [5e-3] * 3) ** 2
@@ -41,7 +42,7 @@ def part(parts):
 @pytest.fixture(scope="module")
 def jobs(part):
     upright, behind = job_for(part, stylus=[0, 0, 1]), job_for(part, stylus_behind=True)
-    return {name: upright if name in AXES_3 else behind for name in PROGRAMS}
+    return {name: upright if name in AXES_3 else behind for name in PROGRAMS.builtin}
 
 
 def expected_gap(part, points):
@@ -197,7 +198,7 @@ def test_lines_are_short_enough(jobs):
     assert all(len(row) <= 31 for row in re.findall(r":  (!.*) ;", write_program("fanuc", jobs["fanuc"])))
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
+@pytest.mark.parametrize("name", PROGRAMS.builtin)
 def test_every_program_says_what_it_assumes(name, jobs):
     text = " ".join(re.sub(r"\n[ \d:;!#()]*", " ", write_program(name, jobs[name])).replace(" ; ", " ").split())
     for words in ("tanteo plan", "bracket_left", "radius 1.5 mm", "log:", "frame"):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tanteo.active import Stop
-from tanteo.report import Budget, Source, brief, combined, goal_words, photo_section
+from tanteo.report import Budget, Source, combined, goal_words, photo_section
+from tanteo.words import Motion
 
 LINEAR = Budget((Source("noise of the sensor", "B", 0.64, 8e-5, 6e-5), Source("tip", "B", 0.36, 6e-5, 8e-5)), 1e-4)
 
@@ -22,15 +23,21 @@ def test_the_sources_make_up_the_figure_of_the_answer(told):
 @pytest.mark.parametrize(
     ("motion", "words"),
     [
-        ("sliding along world x", "sliding along world x"),
-        ("sliding along the world direction (0.29, 0.90, 0.32)", "sliding along world y, 26° towards x and z"),
-        ("rotation about the world direction (0.07, 0.10, -0.99) through (1.0, 2.0, 3.0) mm",
-         "rotation about world z, 7° towards −x and −y"),
-        ("rotation about part z through (1.0, 2.0, 3.0) mm while sliding 2 mm a radian", "rotation about part z"),
+        (Motion(False, "world x", (1.0, 0.0, 0.0)), "sliding along world x"),
+        (Motion(False, "", (0.29, 0.90, 0.32)), "sliding along world y, 26° towards x and z"),
+        (Motion(True, "", (0.07, 0.10, -0.99), (1e-3, 2e-3, 3e-3)), "rotation about world z, 7° towards −x and −y"),
+        (Motion(True, "part z", (0.0, 0.0, 1.0), (1e-3, 2e-3, 3e-3), 2e-3), "rotation about part z"),
     ],
-)  # fmt: skip
+)
 def test_directions_are_words(motion, words):
-    assert brief(motion) == words
+    assert motion.brief == words
+
+
+def test_a_motion_has_every_number_in_words():
+    slide = Motion(False, "", (0.29, 0.90, 0.32))
+    assert str(slide) == "sliding along the world direction (0.29, 0.90, 0.32)"
+    turn = Motion(True, "part z", (0.0, 0.0, 1.0), (1e-3, 2e-3, 3e-3), 2e-3)
+    assert str(turn) == "rotation about part z through (1.0, 2.0, 3.0) mm while sliding 2.0 mm a radian"
 
 
 def test_a_goal_is_said_with_its_numbers():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tanteo.sensors import Readings, say_stuck
+from tanteo.sensors import Readings, find_stuck
 
 
 def ranges(values, *, sensors=None, places=None):
@@ -17,18 +17,18 @@ def ranges(values, *, sensors=None, places=None):
 def test_so_many_equal_ranges_are_no_chance(value, other, least):
     """Fewer where the device shows elsewhere that it tells ranges finely."""
     other = [other, other + 0.01]
-    assert say_stuck(ranges([*other, *[value] * (least - 1), *other])) == ""
-    words = say_stuck(ranges([*other, *[value] * least, *other]))
+    assert find_stuck(ranges([*other, *[value] * (least - 1), *other])) is None
+    words = find_stuck(ranges([*other, *[value] * least, *other])).message
     assert words.startswith(f"The {least} ranges 3 to {least + 2} of 'eye' are all {1e3 * value:g} mm")
 
 
 def test_repeats_with_other_sensors_between_are_no_run():
-    assert say_stuck(ranges([0.10342] * 9, places=np.zeros(9))) == ""
+    assert find_stuck(ranges([0.10342] * 9, places=np.zeros(9))) is None
     mixed = ranges([0.10342, 0.3] * 5, sensors=["left", "right"] * 5)
-    assert "1 to 9 of 'left'" in say_stuck(mixed)
-    assert say_stuck(ranges([0.10342, 0.3] * 5)) == ""
+    assert "1 to 9 of 'left'" in find_stuck(mixed).message
+    assert find_stuck(ranges([0.10342, 0.3] * 5)) is None
 
 
 def test_what_has_no_range_is_not_asked_about():
-    assert say_stuck(Readings.from_columns(np.zeros((9, 3)))) == ""
-    assert say_stuck(ranges([0.1] * 0)) == ""
+    assert find_stuck(Readings.from_columns(np.zeros((9, 3)))) is None
+    assert find_stuck(ranges([0.1] * 0)) is None

@@ -11,10 +11,11 @@ import numpy as np
 from tanteo.active.start import Start
 from tanteo.active.state import SensingState, begin
 from tanteo.active.stopping import largest_corner_sd
-from tanteo.answers import corner_moves, motion_words, observed_covariance, spins
+from tanteo.answers import corner_moves, motion_of, observed_covariance, spins
 from tanteo.inference import NEGLIGIBLE, face_names, goodness_of_fit, information_by_point
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.words import Motion
 
 _FORGOTTEN = np.exp(-NEGLIGIBLE)
 """What a part that is not listed any more may still have had."""
@@ -51,7 +52,7 @@ class Added:
         about_part: information about the part: of the probabilities after against those before [nats].
         about_pose: half the log of the determinants' ratio of the likeliest pose's covariances [nats]; NaN where the
             likeliest part is another one than before.
-        motion: in which direction the pose became better known, in words; empty where in none.
+        motion: motion of the part that became better known; None where none did.
         narrowed: standard deviation along it over that before; NaN without one.
         corner_sd_before: largest corner sd before them, of the same part, over all poses that it may have [m].
         corner_sd: after them [m].
@@ -63,7 +64,7 @@ class Added:
     probability: float
     about_part: float
     about_pose: float
-    motion: str
+    motion: Motion | None
     narrowed: float
     corner_sd_before: float
     corner_sd: float
@@ -76,13 +77,13 @@ class Direction:
     Principal in the sense of the corners of the part's box: the squares of ``moves`` sum to their mean square error.
 
     Attributes:
-        motion: in words.
+        motion: the motion.
         moves: how far one standard deviation along it moves the corners of the part's box, root mean square [m].
         shares: of the information along it, names of readings and their shares, largest first.
         prior: share of what was known beforehand; all shares sum to one.
     """
 
-    motion: str
+    motion: Motion
     moves: float
     shares: tuple[tuple[str, float], ...]
     prior: float
@@ -131,11 +132,11 @@ def _added(start: Start, before: Observation | None, after: Observation, met: di
     faces = tuple(met.get(name, "nothing") for name in after.ids)
     told = _about_part(start, before, after)
     if after.part < 0:
-        return Added(after.ids, faces, "", 0.0, told, np.nan, "", np.nan, np.nan, np.nan)
+        return Added(after.ids, faces, "", 0.0, told, np.nan, None, np.nan, np.nan, np.nan)
     part, old = start.targets[after.part].part, _covariance_before(start, before, after.part)
     P, sd = float(after.probabilities[after.part]), after.corner_sd
     if old is None:
-        return Added(after.ids, faces, part.name, P, told, np.nan, "", np.nan, np.nan, sd)
+        return Added(after.ids, faces, part.name, P, told, np.nan, None, np.nan, np.nan, sd)
     shrunk = 0.5 * float(np.linalg.slogdet(old)[1] - np.linalg.slogdet(after.covariance)[1])
     motion, narrowed = _narrowed(part, old, after)
     sd_before = _rough_corner_sd(start, after.part) if before is None else before.corner_sd
@@ -166,14 +167,14 @@ def _covariance_before(start: Start, before: Observation | None, part: int) -> C
     return np.asarray(start.covariances[rows[np.argmax(start.weights[rows])]])
 
 
-def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[str, float]:
-    """The motion whose spread shrank most, in words, and by which factor; of all that is linear in the pose."""
+def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[Motion | None, float]:
+    """The motion whose spread shrank most, and by which factor; of all that is linear in the pose."""
     d = np.sqrt(np.diag(old))
     L = d[:, None] * np.linalg.cholesky(old / np.outer(d, d))
     values, vectors = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, after.covariance).T))
     if values[0] > 1 - 1e-6:
-        return "", np.nan
-    return motion_words(part, L @ vectors[:, 0], after.T_world_part), float(np.sqrt(max(values[0], 0.0)))
+        return None, np.nan
+    return motion_of(part, L @ vectors[:, 0], after.T_world_part), float(np.sqrt(max(values[0], 0.0)))
 
 
 def _directions(state: SensingState) -> tuple[Direction, ...]:
@@ -194,6 +195,6 @@ def _directions(state: SensingState) -> tuple[Direction, ...]:
         total, each = float(xi @ mode.information[:6, :6] @ xi), (own @ xi) @ xi
         order = np.argsort(-each, kind="stable")
         shares = tuple((state.touches.ids[i], float(each[i] / total)) for i in order)
-        words = motion_words(part, xi, state.poses[0])
+        words = motion_of(part, xi, state.poses[0])
         out.append(Direction(words, float(np.sqrt(max(variance, 0.0))), shares, 1 - float(each.sum()) / total))
     return tuple(out)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
         box_corners,
         corner_moves,
         corner_sd,
-        motion_words,
+        motion_of,
         observed_covariance,
         part_scale,
         point_moves,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tanteo.answers.pose_prior import PosePrior, Table, in_box, log_density_within, prior_residuals, prior_rows
     from tanteo.answers.priors import STATED, Priors, sized
     from tanteo.answers.question import Clock, check_question, with_elapsed
-    from tanteo.answers.results import Answer, Finding, FindingKind, Hypothesis, Status
+    from tanteo.answers.results import Answer, Hypothesis, Status
     from tanteo.answers.seen_outline import OTHERWISE, SeenOutline
     from tanteo.answers.status import CONFIDENCE, doubt, verdict
     from tanteo.answers.whole_object import WholeObject
@@ -36,8 +36,6 @@ __all__ = [
     "STATED",
     "Answer",
     "Clock",
-    "Finding",
-    "FindingKind",
     "Furniture",
     "Hypothesis",
     "Misfit",
@@ -55,7 +53,7 @@ __all__ = [
     "hypothesis_at",
     "in_box",
     "log_density_within",
-    "motion_words",
+    "motion_of",
     "observed_covariance",
     "part_scale",
     "percent",
@@ -81,7 +79,7 @@ __getattr__, __dir__ = lazy(
         "seen_outline": "OTHERWISE SeenOutline",
         "status": "CONFIDENCE doubt verdict",
         "part_motions": (
-            "box_corners corner_moves corner_sd motion_words observed_covariance part_scale "
+            "box_corners corner_moves corner_sd motion_of observed_covariance part_scale "
             "point_moves spins without_spin without_spins"
         ),
         "question": "Clock check_question with_elapsed",
@@ -89,6 +87,6 @@ __getattr__, __dir__ = lazy(
         "priors": "STATED Priors sized",
         "whole_object": "WholeObject",
         "words": "percent",
-        "results": "Answer Finding FindingKind Hypothesis Status",
+        "results": "Answer Hypothesis Status",
     },
 )

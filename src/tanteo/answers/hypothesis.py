@@ -43,8 +43,8 @@ def hypothesis_at(
         covariance_relative: with shared errors known; None if nothing is shared.
         shared: these errors, whitened, given the pose; None likewise.
     """
-    words = tuple(describe_motion(xi, T_world_part, part_scale(part)) for xi in free)
-    unobserved, observed = excuse(part, free, words, covariance)
+    left, observed = excuse(part, free, covariance)
+    motions = tuple(describe_motion(xi, T_world_part, part_scale(part)) for xi in left)
     return Hypothesis(
         part=part.name,
         file=part.source,
@@ -52,7 +52,8 @@ def hypothesis_at(
         T_world_part=T_world_part,
         covariance=covariance,
         corner_sd=corner_sd(part, observed),
-        unobserved=unobserved,
+        unobserved=tuple(map(str, motions)),
+        free_motions=motions,
         symmetry_order=part.symmetry.order,
         symmetry_poses=T_world_part @ part.symmetry.Ts[1:],
         chi2=misfit.chi2,
@@ -73,6 +74,6 @@ def hypothesis_at(
 def _advice(part: Part, T_world_part: Transforms, free: Tangents) -> str:
     """What to sense for the first direction that is free and no symmetry."""
     for xi in free:
-        if excuse(part, xi[None], ("free",), np.eye(6))[0]:
+        if len(excuse(part, xi[None], np.eye(6))[0]):
             return where_to_sense(part, T_world_part, xi)
     return ""

@@ -8,6 +8,7 @@ from tanteo.lie import SE3, SO3
 from tanteo.localization import describe_motion, motion_scale
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms
+from tanteo.words import Motion
 
 _RESISTS = 0.3
 """A face resists a motion if the motion moves it along its normal by this share of the most it could."""
@@ -16,26 +17,23 @@ _MOSTLY = 0.9
 """Share of the corners' mean square motion from which a motion is called sliding, or turning."""
 
 
-def excuse(
-    part: Part, free: Tangents, words: tuple[str, ...], covariance: Covariances
-) -> tuple[tuple[str, ...], Covariances]:
-    """Free directions that the part's own symmetry does not excuse, and the covariance without the excused ones.
+def excuse(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
+    """Return the free directions that the part's symmetry does not excuse, and the covariance without the excused.
 
     Args:
         part: the part.
         free: motions that nothing resists, over :func:`part_scale` ``(k, 6)``.
-        words: the same in words.
         covariance: with the spread of a uniform draw along ``free``.
     """
     excused = spins(part)
     left, observed = [], np.array(covariance)
-    for xi, name in zip(free, words, strict=True):
+    for xi in free:
         if np.linalg.norm(xi - excused.T @ (excused @ xi)) > 1e-2:
-            left.append(name)
+            left.append(xi)
             continue
         scaled = part_scale(part) @ xi
         observed -= (2 * np.pi) ** 2 / 12 * np.outer(scaled, scaled)
-    return tuple(left), observed
+    return np.reshape(left, (-1, 6)), observed
 
 
 def part_scale(part: Part) -> FloatArray:
@@ -113,8 +111,8 @@ def point_moves(points: FloatArray) -> FloatArray:
     return J
 
 
-def motion_words(part: Part, motion: Tangents, T_world_part: Transforms) -> str:
-    """A motion in words, without what hardly moves the corners of the part's box; the same for its opposite.
+def motion_of(part: Part, motion: Tangents, T_world_part: Transforms) -> Motion:
+    """Return a motion without what hardly moves the corners of the part's box; the same for its opposite.
 
     Args:
         part: the part.

@@ -37,6 +37,12 @@ class Table:
         object.__setattr__(self, "point", np.array(self.point, dtype=np.float64))
         object.__setattr__(self, "normal", np.array(self.normal, dtype=np.float64) / length)
 
+    @property
+    def frame(self) -> Transforms:
+        """Frame of the table in the world, its plane z = 0 ``(4, 4)``."""
+        x = np.linalg.svd(self.normal[None])[2][1]
+        return SE3.from_parts(np.stack([x, np.cross(self.normal, x), self.normal], axis=1), self.point)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePrior:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from tanteo.limits import SIGNIFICANCE
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.localization import SharedGiven
 from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.words import Finding, Motion, message_of
 
 Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
-
-FindingKind = Literal[
-    "units", "spread", "directions", "normals", "mirror", "hand", "offset", "free_space", "repeated", "stuck",
-    "many", "whole",
-]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +44,7 @@ class Hypothesis:
             not an error, and not in ``unobserved``. None for other parts.
         advice: what to sense to observe the first free direction; empty if there is none.
         noise_scale: times the stated noise that the readings have: the likeliest, and from where to where with 95 %.
+        free_motions: the motions of ``unobserved`` as values.
         shared: errors that all readings share, whitened and in the order of the measurements, given the pose; None if
             nothing is shared.
 
@@ -78,22 +75,8 @@ class Hypothesis:
     symmetry_axis: FloatArray | None = None
     advice: str = ""
     noise_scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    free_motions: tuple[Motion, ...] = ()
     shared: SharedGiven | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """Something odd about the input, beside the answer.
-
-    Attributes:
-        kind: ``units``, ``spread``, ``directions``, ``normals``, ``mirror``, ``hand`` (its poses), ``offset`` (of all
-            readings), ``free_space``, ``repeated``, ``stuck``, ``many`` (not all were used), ``whole`` (mass or size of
-            something else).
-        message: what was found, and what may have been meant.
-    """
-
-    kind: FindingKind
-    message: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,12 +86,12 @@ class Answer:
     Attributes:
         status: ``recognized`` (one answer), ``ambiguous`` (several remain), ``unknown`` (none of the parts) or
             ``insufficient`` (the readings leave a direction free that no symmetry explains).
-        message: one sentence for a person, with what to do next when it is not recognized.
+        message: the findings in words, without questions, with what to do next when it is not recognized.
         hypotheses: best first.
         unknown_probability: posterior of the unknown object; sums to one with all hypotheses, reported or not.
         elapsed: seconds by stage.
         seed: of the search; the same seed gives the same answer.
-        findings: what is odd about the input: units, directions, repeats and so on.
+        findings: what the answer rests on: the verdict first, then its causes, then questions about the input.
         significance: significance level of the tests behind the status: a p-value below it rejects.
 
     Example:
@@ -126,6 +109,27 @@ class Answer:
     seed: int = 0
     findings: tuple[Finding, ...] = ()
     significance: float = SIGNIFICANCE
+
+    @classmethod
+    def of(
+        cls,
+        status: Status,
+        findings: tuple[Finding, ...],
+        hypotheses: tuple[Hypothesis, ...],
+        unknown_probability: float,
+        elapsed: Mapping[str, float] | None = None,
+        seed: int = 0,
+        *,
+        significance: float = SIGNIFICANCE,
+    ) -> Answer:
+        """Return an answer whose message is made of its findings."""
+        message = message_of(findings)
+        return cls(status, message, hypotheses, unknown_probability, elapsed or {}, seed, findings, significance)
+
+    def adding(self, *findings: Finding) -> Answer:
+        """Return the answer with further findings, which its message has at its end."""
+        message = f"{self.message} {message_of(findings)}".strip()
+        return replace(self, message=message, findings=(*self.findings, *findings))
 
     @property
     def best(self) -> Hypothesis | None:

@@ -1,4 +1,4 @@
-"""From hypotheses to a verdict: which status, and in which words."""
+"""From hypotheses to a verdict: the status and the findings behind it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,30 @@ import numpy as np
 
 from tanteo.answers.results import Hypothesis, Status
 from tanteo.limits import SUSPECT
+from tanteo.words import Finding
+from tanteo.words.findings import (
+    Contradicted,
+    CutShort,
+    FreeMotions,
+    GivenTwice,
+    Located,
+    MayBeUnknown,
+    NoPart,
+    PriorContradicted,
+    SeveralParts,
+    SeveralPoses,
+    UnknownObject,
+    WorstReading,
+)  # fmt: skip
 
 CONFIDENCE = 0.95
 """Posterior from which one answer is given as the answer."""
 
 _NAMED = 5
 """So many parts are named in a message, the rest are counted."""
+
+_LISTED = 0.01
+"""Probability above which a message names an alternative."""
 
 _SAME, _LIKELY = 1e-3, 0.3
 """Relative difference of figures up to which two parts fit alike: rounding of their files, another frame; and of their
@@ -27,15 +45,15 @@ def verdict(
     *,
     cut: bool = False,
     as_published: bool = False,
-    worst: str = "",
+    worst: WorstReading | None = None,
     shares: Sequence[tuple[str, float]] = (),
     prior_p: float = 1.0,
     elsewhere: str = "",
     least: float = CONFIDENCE,
     known: bool = False,
     same: Collection[str] | None = None,
-) -> tuple[Status, str]:
-    """Status and sentence of an answer.
+) -> tuple[Status, tuple[Finding, ...]]:
+    """Return the status of an answer and the findings behind it, the verdict first.
 
     Args:
         hypotheses: best first.
@@ -43,50 +61,59 @@ def verdict(
         significance: least p-value of an answer.
         cut: whether the search dropped something.
         as_published: the paper has no joint test, so the p-value does not reject.
-        worst: what contradicts the best hypothesis most, in words; empty if no reading is far off.
+        worst: the reading that contradicts the best hypothesis most; None if no reading is far off.
         shares: part and probability of all modes, where not all of them are hypotheses.
-        prior_p: p-value of what was known of the pose beforehand, asked by itself, of a part that fits without it:
-            among many readings that agree with each other the joint test does not see it.
-        elsewhere: the part that explains what was sensed far better where it was not said to be; empty if none does.
-        least: probability from which one answer is given; the words say it where it is below what is usual.
-        known: which part it is is known as surely as was asked for, in whatever pose.
+        prior_p: p-value of the prior pose by itself, of a part that fits without it: among many readings that agree
+            with each other the joint test does not find it.
+        elsewhere: the part that explains the readings far better away from the prior pose; empty if none does.
+        least: probability from which one answer is given; the words state it where it is below the usual one.
+        known: whether the part is known with the probability of the goal, in any pose.
         same: names of parts of the shape of the best one; all that fit alike, if not given.
     """
-    note = " The search was cut short: sense fewer, better spread features." if cut else ""
+    status, finding = _verdict(
+        hypotheses, unknown, significance, as_published, worst, shares, prior_p, elsewhere, least, known, same
+    )
+    return status, (finding, CutShort()) if cut else (finding,)
+
+
+def _verdict(
+    hypotheses: tuple[Hypothesis, ...],
+    unknown: float,
+    significance: float,
+    as_published: bool,
+    worst: WorstReading | None,
+    shares: Sequence[tuple[str, float]],
+    prior_p: float,
+    elsewhere: str,
+    least: float,
+    known: bool,
+    same: Collection[str] | None,
+) -> tuple[Status, Finding]:
     doubted = prior_p < SUSPECT or (
-        hypotheses and hypotheses[0].p_value < significance and prior_p < significance and not worst
+        hypotheses and hypotheses[0].p_value < significance and prior_p < significance and worst is None
     )
     if elsewhere or (hypotheses and doubted):
-        closest = elsewhere or hypotheses[0].part
-        return "unknown", (
-            f"The closest part is {closest}, but it is not where it was said to be (p = {prior_p:.2g}): "
-            "check the prior pose beforehand, or leave it out and compare." + note
-        )
+        return "unknown", PriorContradicted(elsewhere or hypotheses[0].part, prior_p)
     several = unknown < 0.5 and len({name for name, _ in shares}) > _NAMED  # each has little of what is not unknown
-    if not hypotheses or (unknown > max(h.probability for h in hypotheses) and not known and not several):
-        return "unknown", _unknown_message(hypotheses, unknown) + note
+    if not hypotheses:
+        return "unknown", NoPart()
     best = hypotheses[0]
+    if unknown > max(h.probability for h in hypotheses) and not known and not several:
+        return "unknown", UnknownObject(unknown, best.part, best.probability)
     if best.p_value < significance and not as_published:
-        most = f", most of all {worst}" if worst else ""
-        return "unknown", (
-            f"The closest part is {best.part}, but the readings contradict it (p = {best.p_value:.2g}){most}: "
-            "check the sensor's standard deviation, the tolerance and the units." + note
-        )
+        return "unknown", Contradicted(best.part, best.p_value, worst)
     if best.unobserved:
-        help_ = best.advice or "sense a face or an edge that resists it"
-        stays = "stays" if len(best.unobserved) == 1 else "stay"
-        return "insufficient", f"{best.part} fits, but {' and '.join(best.unobserved)} {stays} free: {help_}." + note
+        return "insufficient", FreeMotions(best.part, best.unobserved, best.advice)
     if best.probability < least:
-        return "ambiguous", _ambiguous_message(hypotheses, unknown, shares, same) + note
-    sure, else_ = doubt(best, unknown, shares or [(h.part, h.probability) for h in hypotheses])
-    located = f"located to {1e3 * best.corner_sd:.2g} mm (largest corner sd)"
-    return "recognized", f"{best.part}{sure}, {located}{else_}." + note
+        return "ambiguous", _ambiguous(hypotheses, unknown, shares, same)
+    sure, others = doubt(best, unknown, shares or [(h.part, h.probability) for h in hypotheses])
+    return "recognized", Located(best.part, sure, best.corner_sd, others)
 
 
 def doubt(
     best: Hypothesis, unknown: float, shares: Sequence[tuple[str, float]], *, any_pose: bool = False
-) -> tuple[str, str]:
-    """How probable an answer is and what else it may be, in words; both empty for an answer as sure as is usual.
+) -> tuple[float, tuple[tuple[str, float], ...]]:
+    """Return how probable an answer is and what else it may be; NaN and nothing where it is as sure as usual.
 
     Args:
         best: the answer.
@@ -102,46 +129,33 @@ def doubt(
         what = f"{name} in another pose" if name == best.part else name
         others[what] = others.get(what, 0.0) + share
     if P >= CONFIDENCE:
-        return "", ""
+        return float("nan"), ()
     others["an unknown part"] = unknown
-    words = [f"{name} (P = {share:.2f})" for name, share in sorted(others.items(), key=lambda o: -o[1]) if share > 0.01]
-    else_ = ", ".join(words[:_NAMED][:-1]) + (" or " if len(words[:_NAMED]) > 1 else "") + (words[:_NAMED] or [""])[-1]
-    return f" (P = {P:.2f})", f"; it may also be {else_}" if else_ else ""
+    listed = [(name, share) for name, share in sorted(others.items(), key=lambda o: -o[1]) if share > _LISTED]
+    return P, tuple(listed[:_NAMED])
 
 
-def _unknown_message(hypotheses: tuple[Hypothesis, ...], unknown: float) -> str:
-    if not hypotheses:
-        return "None of the parts explains the readings: add the part's file, or check units and standard deviations."
-    best = hypotheses[0]
-    return (
-        f"None of the parts is the best explanation (P = {unknown:.2f}); the closest is {best.part} "
-        f"(P = {best.probability:.2f}): sense more of it, or add the part's file."
-    )
-
-
-def _ambiguous_message(
+def _ambiguous(
     hypotheses: tuple[Hypothesis, ...],
     unknown: float,
     shares: Sequence[tuple[str, float]],
     of_its_shape: Collection[str] | None,
-) -> str:
+) -> Finding:
     best, *others = hypotheses
     alike = [h for h in others if _fit_alike(best, h, _SAME if of_its_shape is None else _LIKELY)]
     itself = [h for h in others if (h.part, h.file) == (best.part, best.file)]
     near = max(0.1 * best.corner_sd, 1e-9)
     if any(np.allclose(h.T_world_part, best.T_world_part, rtol=0.0, atol=near) for h in itself):
-        return f"{best.part} was given more than once, and no reading can tell it from itself: leave the others out."
+        return GivenTwice(best.part)
     alike = [h for h in alike if h not in itself and (of_its_shape is None or h.part in of_its_shape)]
-    same = f" {best.part} and {alike[0].part} fit exactly alike: if they are one part, leave one out." if alike else ""
     shares = shares or [(h.part, h.probability) for h in hypotheses]
-    names = list(dict.fromkeys([hypotheses[0].part, *(name for name, P in shares if P > 0.01)]))
-    if len(names) > _NAMED:
-        names = [*names[: _NAMED - 1], f"one of {len(names) - _NAMED + 1} others"]
+    names = list(dict.fromkeys([best.part, *(name for name, P in shares if P > _LISTED)]))
     if len(names) > 1:
-        return f"It may be {', '.join(names[:-1])} or {names[-1]}: sense a face where they differ.{same}"
-    if unknown > 0.01 and hypotheses[0].probability + unknown > 0.99:
-        return f"{names[0]} fits, but so may an unknown part (P = {unknown:.2f}): sense one more place."
-    return f"It is {names[0]}, in one of several poses: sense a face that is not where its others would put it."
+        kept = len(names) if len(names) <= _NAMED else _NAMED - 1
+        return SeveralParts(tuple(names[:kept]), len(names) - kept, alike[0].part if alike else "")
+    if unknown > _LISTED and best.probability + unknown > 1 - _LISTED:
+        return MayBeUnknown(best.part, unknown)
+    return SeveralPoses(best.part)
 
 
 def _fit_alike(one: Hypothesis, other: Hypothesis, as_likely: float) -> bool:

@@ -13,6 +13,7 @@ from tanteo.answers.seen_outline import SeenOutline
 from tanteo.errors import InputError
 from tanteo.limits import check_number
 from tanteo.typing import FloatArray
+from tanteo.words.findings import WholeMismatch
 
 _MADE = 0.01
 """Relative standard deviation of a made part's volume from its CAD: chamfers, threads and coatings are left out."""
@@ -83,22 +84,21 @@ class WholeObject:
             out += _or_otherwise(log + 3 * np.log(2 * float(boxes.max())))
         return out
 
-    def doubt(self, name: str, volume: float, sides: FloatArray) -> str:
-        """A sentence where mass or sides contradict a part; empty where they do not.
+    def mismatch(self, name: str, volume: float, sides: FloatArray) -> WholeMismatch | None:
+        """Return how mass or sides contradict a part; None where they do not.
 
         Args:
-            name: Of the part.
-            volume: Its own [m^3]; 0 if it does not close.
-            sides: Of its box ``(3,)`` [m].
+            name: name of the part.
+            volume: volume of the part [m^3]; 0 if it does not close.
+            sides: sides of its box ``(3,)`` [m].
         """
-        said = []
+        volumes: tuple[float, ...] = ()
+        boxes: tuple[tuple[float, ...], ...] = ()
         if self.volume is not None and volume > 0 and abs(np.log(self.volume / volume)) > _FAR * self._relative_sd:
-            stated, own = (f"{1e6 * v:.4g} cm3" for v in (self.volume, volume))
-            said.append(f"Its mass says {stated}, {name} has {own}: check mass, density and parts.")
+            volumes = self.volume, float(volume)
         if self.sides is not None and np.abs(np.sort(sides) - np.sort(self.sides)).max() > _FAR * self.side_sd:
-            stated, own = (" x ".join(f"{1e3 * v:.4g}" for v in np.sort(box)[::-1]) for box in (self.sides, sides))
-            said.append(f"The box about it is stated as {stated} mm, that of {name} is {own} mm: check size and parts.")
-        return " ".join(said)
+            boxes = tuple(tuple(map(float, np.sort(box)[::-1])) for box in (self.sides, sides))
+        return WholeMismatch(name, volumes, boxes) if volumes or boxes else None
 
     @property
     def _relative_sd(self) -> float:

@@ -8,6 +8,7 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.catalogue.building import Built, add_to_catalogue, build_catalogue
     from tanteo.catalogue.cache import cache_folder
+    from tanteo.catalogue.from_memory import part_from_mesh
     from tanteo.catalogue.opened import Catalogue, open_catalogue
     from tanteo.catalogue.reading import Failure, Parts, read_parts
     from tanteo.catalogue.resting import Rest, hull_points, known_rests, rest_rows, rests
@@ -50,6 +51,7 @@ __all__ = [
     "is_catalogue",
     "known_rests",
     "open_catalogue",
+    "part_from_mesh",
     "read_parts",
     "repaired",
     "rest_rows",
@@ -68,6 +70,7 @@ __getattr__, __dir__ = lazy(
     {
         "building": "Built add_to_catalogue build_catalogue",
         "cache": "cache_folder",
+        "from_memory": "part_from_mesh",
         "opened": "Catalogue open_catalogue",
         "reading": "Failure Parts read_parts",
         "resting": "Rest hull_points known_rests rest_rows rests",

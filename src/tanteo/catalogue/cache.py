@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from tanteo.catalogue.archive import FORMAT_VERSION, part_from_bytes, part_to_bytes
 from tanteo.errors import InputError
-from tanteo.parts import LARGEST_FILE, Part
+from tanteo.parts import CAD_READERS, LARGEST_FILE, Part
 from tanteo.replaced import replaced
 
 _CHECKSUM = 8
@@ -57,10 +57,14 @@ def cache_key(path: Path, unit: str | None) -> str | None:
     """Name the entry of a file by its content, format, unit and the version of the readers.
 
     Returns:
-        The name; None where the file cannot be read, is too large for a part, or refers to other files.
+        The name; None where the file cannot be read, is too large for a part, or refers to other files, or where it is
+        not known whether its reader has changed.
     """
     suffix = path.suffix.lower()
-    digest = hashlib.sha256(f"{FORMAT_VERSION}|{suffix}|{unit or ''}|".encode())
+    plugin = CAD_READERS.fingerprint(suffix.removeprefix("."))
+    if plugin is None:
+        return None
+    digest = hashlib.sha256(f"{FORMAT_VERSION}|{suffix}|{unit or ''}|{plugin}".encode())
     try:
         if path.stat().st_size > LARGEST_FILE:
             return None

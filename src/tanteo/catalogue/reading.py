@@ -14,10 +14,13 @@ from tanteo.catalogue.pool import Request, read_in_processes
 from tanteo.catalogue.store import is_catalogue
 from tanteo.catalogue.worker import attempt
 from tanteo.errors import InputError, PartError, UnitError, check_kind
-from tanteo.parts import READABLE, UNITLESS, Part, check_file, read_part, unit_name
+from tanteo.parts import Part, check_file, is_unitless, read_part, readable_suffixes, unit_name
 
 FEW_MESHES, SMALL_FILE = 16, 300_000
 """Up to this many mesh files of up to this many bytes are read in this process."""
+
+_MESHES = (".stl", ".obj", ".ply", ".off", ".3mf")
+"""Suffixes of mesh files whose readers do not crash or hang; those of plug-ins may."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,7 +149,7 @@ def requested(
         check_kind("paths", paths, Iterable, "Name a file or a folder, or several.")
     files, failures = _collect([paths] if isinstance(paths, (str, os.PathLike)) else paths)
     short = None if unit is None else unit_name(unit)
-    needy = {file for file in files if file.suffix.lower() in UNITLESS}
+    needy = {file for file in files if is_unitless(file.suffix)}
     if needy and short is None:
         first = next(file for file in files if file in needy)
         others = f" and {len(needy) - 1} more" if len(needy) > 1 else ""
@@ -178,7 +181,7 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
             for real, file in found.items():
                 files.setdefault(real, file)
             if not found and not nowhere:
-                kinds = ", ".join(READABLE)
+                kinds = ", ".join(readable_suffixes())
                 reason = f"{given}: expected CAD files ({kinds}), got none in this folder{_deeper(given)}."
                 if is_catalogue(given):
                     reason = f"{given}: expected CAD files, got a catalogue. tanteo.open_catalogue('{given}') opens it."
@@ -199,17 +202,18 @@ _WALKED = 1000
 
 def _deeper(folder: Path) -> str:
     """What to do about a folder without CAD files: name one of those within it, if any of these has some."""
+    readable = readable_suffixes()
     for path, _, names in islice(os.walk(folder), _WALKED):
-        if any(os.path.splitext(name)[1].lower() in READABLE for name in names):
+        if any(os.path.splitext(name)[1].lower() in readable for name in names):
             return f", but in {path}: folders within a folder are not read. Name each of them, or their files"
     return ". Name files, or another"
 
 
 def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:
     """Files of a folder that can be read, each once, by where they really are; and those that lead nowhere."""
-    root = os.path.realpath(folder)
+    root, readable = os.path.realpath(folder), readable_suffixes()
     with os.scandir(folder) as every:
-        named = [e for e in every if os.path.splitext(e.name)[1].lower() in READABLE]
+        named = [e for e in every if os.path.splitext(e.name)[1].lower() in readable]
     entries = [e for e in named if not os.path.isdir(e.path)]
     files: dict[str, Path] = {}
     nowhere = []
@@ -238,7 +242,7 @@ def read_inline(todo: dict[int, Request], workers: int | None) -> list[int]:
     """Choose what to read in this process: everything with ``workers=0``, else a few small meshes."""
     if workers == 0:
         return list(todo)
-    meshes = [index for index, request in todo.items() if request.path.lower().endswith((*UNITLESS, ".3mf"))]
+    meshes = [index for index, request in todo.items() if request.path.lower().endswith(_MESHES)]
     small = [index for index in meshes if Path(todo[index].path).stat().st_size <= SMALL_FILE]
     return small if len(meshes) <= FEW_MESHES else []
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from tanteo.parts import FLOAT32, READABLE, Part, unit_name
+from tanteo.parts import FLOAT32, Part, readable_suffixes, unit_name
 
 _SINGLE = (".stl", ".glb")
 """Formats whose coordinates are of single precision, as a rule."""
@@ -17,7 +17,8 @@ _BLUR = 4e-6
 
 def cad_files(paths: Iterable[str | Path]) -> list[Path]:
     """The CAD files in those of the paths that are folders; a folder that may not be read has none."""
-    return [file for path in paths for file in _inside(path) if file.suffix.lower() in READABLE]
+    readable = readable_suffixes()
+    return [file for path in paths for file in _inside(path) if file.suffix.lower() in readable]
 
 
 def skipped_folders(paths: Iterable[str | Path]) -> list[str]:

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from tanteo.sensors import PointMeasurements, Readings, Rig
 
 _HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILINE)
-_CONVENTIONS = ("units", "directions", "normals", "mirror", "hand", "offset")
-"""Findings that ask what the numbers of the readings mean."""
 
 
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
@@ -35,26 +33,33 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
     start = time.perf_counter()
     if options.as_published:
-        _check_published(known, options.image)
+        _check_published(known, options)
     words = controller.Words(options.pose_as, options.wcs, options.best_guess)
     files.check_report(options.report)
-    from tanteo.cli.image import outline_of, read_taken
+    factors = options.factors()
+    from tanteo.cli.image import outline_of, read_views
 
-    taken = read_taken(options.image, options.camera, options.marks)
-    sources = {"the readings": readings, "--rig": options.rig, "--image": options.image, "--camera": options.camera}
-    files.check_different(("--report", options.report), inputs=list(sources.items()), parts=parts)
+    views = read_views(options.image, options.camera, options.marks)
+    sources = [("the readings", readings), ("--rig", options.rig)]
+    sources += [("--image", image) for image in options.image or ()]
+    sources += [("--camera", camera) for camera in options.camera or ()]
+    sources += [("--factor", text.partition("=")[2]) for text in options.factor or ()]
+    files.check_different(("--report", options.report), inputs=sources, parts=parts)
     given = read_given(readings, parts, options, file)
-    from tanteo.recognition import identify
+    from tanteo.recognition import MOST_VIEWED, identify
 
     table = known.table if known is not None else None
-    outline = None if taken is None else outline_of(taken, given.measured.points, given.parts, table)
+    outlines = [outline_of(view, given.measured.points, given.parts, table) for view in views]
+    many = len(given.parts) > MOST_VIEWED  # of so many parts the outline narrows, and counts instead of the edges
+    outline = outlines[0] if outlines and many else None
     loaded = time.perf_counter() - start
     with misuse():
         priors = options.priors(known, outline)
     ask = partial(
         identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,
-        top=options.top, as_published=options.as_published, priors=priors, seed=options.seed, conventions=False,
+        top=options.top, as_published=options.as_published, priors=priors, factors=factors,
+        views=() if many else views, seed=options.seed, conventions=False,
     )  # fmt: skip
     with misuse(always=False):
         result = ask(given.readings, given.parts)
@@ -74,14 +79,17 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     leave(decided=result.status == "recognized")
 
 
-def _check_published(known: answers.PosePrior | None, image: str | None) -> None:
+def _check_published(known: answers.PosePrior | None, options: Options) -> None:
     """Refuse what the paper has no place for."""
     if known is not None:
         raise MisuseError(
             "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
         )
-    if image is not None:
-        raise MisuseError("--as-published: expected readings alone, which is what the paper compares. Drop --image.")
+    for name in ("image", "factor"):
+        if getattr(options, name):
+            raise MisuseError(
+                f"--as-published: expected readings alone, which is what the paper compares. Drop --{name}."
+            )
 
 
 def _say_latency(path: str, answer: answers.Answer, given: Given, options: Options, file: FileOptions) -> None:
@@ -212,7 +220,7 @@ def _questioned(answer: answers.Answer, given: Given, ask: inference.Ask, *, pla
         question = frames  # of units it knows which were stated, and where
     if question is None:
         return answer
-    others = tuple(one for one in answer.findings if one.kind not in _CONVENTIONS)
+    others = tuple(one for one in answer.findings if one.role != "question")
     complain("warning", question.message)
     return replace(answer, findings=(*others, question))
 

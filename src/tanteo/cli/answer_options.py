@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from tanteo import answers, io
 from tanteo.cli import arguments as args
 from tanteo.cli import controller
 from tanteo.cli.misuse import MisuseError
-from tanteo.limits import SIGNIFICANCE, TOP
+from tanteo.defaults import SIGNIFICANCE, TOP
+
+if TYPE_CHECKING:
+    from tanteo.measurements import PoseFactor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,9 +39,10 @@ class Options:
     mass: args.Mass = None
     density: args.Density = None
     size: args.Size = None
-    image: args.ImagePath = None
-    camera: args.CameraPath = None
-    marks: args.MarksPath = None
+    factor: args.Factors = None
+    image: args.ImagePaths = None
+    camera: args.CameraPaths = None
+    marks: args.MarksPaths = None
     significance: args.Significance = SIGNIFICANCE
     top: args.Top = TOP
     as_published: args.AsPublished = False
@@ -48,6 +53,18 @@ class Options:
     json: args.Json = False
     seed: args.Seed = 0
     verbose: args.Verbose = False
+
+    def factors(self) -> tuple[PoseFactor, ...]:
+        """Read the files of ``--factor``."""
+        found = []
+        for text in self.factor or ():
+            name, _, path = text.partition("=")
+            if not name or not path:
+                raise MisuseError(f"--factor: expected the name of a plug-in and a file, as NAME=FILE, got '{text}'.")
+            if not Path(path).exists():
+                raise MisuseError(f"--factor: expected a file, got '{path}', which is not there. Check the path.")
+            found.append(io.read_factor(name, path))
+        return tuple(found)
 
     def priors(
         self, known: answers.PosePrior | None, outline: answers.SeenOutline | None = None

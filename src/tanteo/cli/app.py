@@ -6,6 +6,7 @@ Only the parser is imported here, and by the modules of the commands: what they 
 from __future__ import annotations
 
 import inspect
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import is_dataclass
@@ -36,6 +37,7 @@ from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, listening
 from tanteo.cli.typed import Words
 from tanteo.errors import TanteoError
+from tanteo.plugins import PluginWarning
 
 _FAILED, _MISUSED, _INTERRUPTED = 1, 2, 130
 
@@ -68,7 +70,7 @@ class Grouped(TyperCommand):
 def _guarded() -> Iterator[None]:
     """What tanteo raises on purpose becomes a line on standard error and an exit code, never a traceback."""
     try:
-        with listening():
+        with listening(), _plugin_warnings():
             yield
     except TanteoError as error:
         complain("error", str(error))
@@ -76,6 +78,23 @@ def _guarded() -> Iterator[None]:
     except KeyboardInterrupt:
         complain("error", "interrupted.")
         raise typer.Exit(_INTERRUPTED) from None
+
+
+@contextmanager
+def _plugin_warnings() -> Iterator[None]:
+    """Print warnings about plug-ins as the warnings of a command."""
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def complain_of(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, PluginWarning):
+                complain("warning", str(message))
+            else:
+                show(message, category, *where, **more)
+
+        warnings.simplefilter("always", PluginWarning)
+        warnings.showwarning = complain_of
+        yield
 
 
 class _Option(NamedTuple):

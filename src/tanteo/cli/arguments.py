@@ -13,7 +13,7 @@ import typer
 from tanteo import io
 from tanteo.cli import typed
 from tanteo.cli.typed import Words
-from tanteo.limits import SIGNIFICANCE, TOP
+from tanteo.defaults import SIGNIFICANCE, TOP
 
 if TYPE_CHECKING:
     from tanteo.answers import Table
@@ -134,16 +134,30 @@ Size = Annotated[
     Words(lambda text: io.parse_size(text, "--size")),
 ]
 
-ImagePath = Annotated[
-    str | None,
-    _prior("--image", "FILE", "Image of the object on a table: its outline narrows the parts. Needs --camera."),
+Factors = Annotated[
+    list[str] | None,
+    _prior(
+        "--factor",
+        "NAME=FILE",
+        "A further measurement of the pose, read by the plug-in of that name; may be repeated.",
+    ),
 ]
-CameraPath = Annotated[
-    str | None,
-    _prior("--camera", "FILE", "Calibration file of the camera; it states where the camera stands, or --marks do."),
+
+ImagePaths = Annotated[
+    list[str] | None,
+    _prior("--image", "FILE", "Image of the object on a table, beside the readings; may be repeated. Needs --camera."),
 ]
-MarksPath = Annotated[
-    str | None,
+CameraPaths = Annotated[
+    list[str] | None,
+    _prior(
+        "--camera",
+        "FILE",
+        "Calibration file of the camera, one for all images or one each; it states where the camera stands, or "
+        "--marks do.",
+    ),
+]
+MarksPaths = Annotated[
+    list[str] | None,
     _prior("--marks", "FILE", "Known points of the table and where the image has them, to place the camera (CSV)."),
 ]
 

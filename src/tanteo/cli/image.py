@@ -1,10 +1,9 @@
-"""The image of what readings were taken of: read beside them, and the outline that it shows of the object."""
+"""Images of what readings were taken of: read beside them, and the outline that one shows of the object."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,37 +11,56 @@ import numpy as np
 from tanteo import io, scenes
 from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import complain, say
-from tanteo.lie import SE3
 
 if TYPE_CHECKING:
     from tanteo.answers import SeenOutline, Table
-    from tanteo.typing import FloatArray, Transforms, Vectors
-    from tanteo.vision import Camera
+    from tanteo.typing import Vectors
+    from tanteo.vision import View
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Taken:
-    """An image, and the camera that took it, standing in the world of the readings."""
+def read_views(
+    images: Sequence[str] | None, cameras: Sequence[str] | None, marks: Sequence[str] | None
+) -> tuple[View, ...]:
+    """Return what ``--image``, ``--camera`` and ``--marks`` name; none where none is given.
 
-    pixels: FloatArray
-    camera: Camera
-
-
-def read_taken(image: str | None, camera: str | None, marks: str | None) -> Taken | None:
-    """What ``--image``, ``--camera`` and ``--marks`` name; None where none is given.
+    Cameras and marks are one for all images, or one each, in their order.
 
     Raises:
-        MisuseError: an image without a camera, a camera without an image, or one whose place is not known.
+        MisuseError: an image without a camera, a camera without an image, another number of cameras or marks than of
+            images, or a camera whose place is not known.
         InputError: a file that cannot be read.
     """
-    if image is None:
-        if camera is not None or marks is not None:
+    if not images:
+        if cameras or marks:
             raise MisuseError(
                 "--image: expected an image beside --camera and --marks, got none. Name it, or drop them."
             )
-        return None
-    if camera is None:
+        return ()
+    if not cameras:
         raise MisuseError("--image: expected --camera beside it, got none. Name the camera's calibration file.")
+    return tuple(
+        _read_view(*three)
+        for three in zip(
+            images, _one_each("--camera", cameras, images), _one_each("--marks", marks, images), strict=True
+        )
+    )
+
+
+def _one_each(option: str, given: Sequence[str] | None, images: Sequence[str]) -> list[str | None]:
+    """Return one value of an option for each image."""
+    if not given:
+        return [None] * len(images)
+    if len(given) not in (1, len(images)):
+        raise MisuseError(
+            f"{option}: expected one for all images or one each ({len(images)}), got {len(given)}. Name each once."
+        )
+    return [*given] * (len(images) if len(given) == 1 else 1)
+
+
+def _read_view(image: str, camera: str | None, marks: str | None) -> View:
+    from tanteo.vision import View
+
+    assert camera is not None
     pixels = io.read_image(image)
     taken = io.read_camera(camera, shape=pixels.shape)
     for note in taken.notes:
@@ -54,10 +72,10 @@ def read_taken(image: str | None, camera: str | None, marks: str | None) -> Take
             f"--camera: expected where the camera stands in the world of the readings, got {camera} without it. Say "
             "--marks FILE, or add T_world_camera to the file."
         )
-    return Taken(pixels, taken)
+    return View(pixels, taken)
 
 
-def outline_of(taken: Taken, points: Vectors, parts: Sequence[Any], table: Table | None) -> SeenOutline:
+def outline_of(view: View, points: Vectors, parts: Sequence[Any], table: Table | None) -> SeenOutline:
     """The outline of the object that readings are of, with a line that says which it is and how many parts have it.
 
     Raises:
@@ -65,7 +83,8 @@ def outline_of(taken: Taken, points: Vectors, parts: Sequence[Any], table: Table
     """
     from tanteo.vision import outline_of_readings
 
-    found = outline_of_readings(taken.pixels, taken.camera, points, T_world_table=_frame_of(table))
+    frame = np.eye(4) if table is None else table.frame
+    found = outline_of_readings(view.pixels, view.camera, points, T_world_table=frame)
     odds = found.outline.log_odds(parts)
     of = f"of {found.regions}" if found.regions > 1 else "the only one"
     say(
@@ -76,12 +95,3 @@ def outline_of(taken: Taken, points: Vectors, parts: Sequence[Any], table: Table
     if found.beside:
         complain("warning", f"{found.beside} of {len(points)} readings are off that object in the image.")
     return found.outline
-
-
-def _frame_of(table: Table | None) -> Transforms:
-    """The frame of a table, its plane z = 0; the world's own where none is named."""
-    if table is None:
-        return np.eye(4)
-    x = np.linalg.svd(table.normal[None])[2][1]
-    R = np.stack([x, np.cross(table.normal, x), table.normal], axis=1)
-    return np.asarray(SE3.from_parts(R, table.point))

@@ -12,7 +12,7 @@ from tanteo.cli import arguments as args
 from tanteo.cli import typed
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain
-from tanteo.errors import InputError, did_you_mean
+from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.active import Plan, Probe
@@ -27,12 +27,9 @@ _DOWN = (0.0, 0.0, -1.0)
 
 
 def _program(name: str) -> str:
-    from tanteo.programs import PROGRAMS
+    from tanteo.programs import program_language
 
-    if name not in PROGRAMS:
-        raise InputError(
-            f"--program: expected one of {', '.join(PROGRAMS)}, got '{name}'.{did_you_mean(name, PROGRAMS)}"
-        )
+    program_language(name)
     return name
 
 
@@ -57,7 +54,11 @@ class ProgramOptions:
 
     program: Annotated[
         str | None,
-        _option("--program", "CONTROLLER", "Print the probing program: linuxcnc, grbl, ur, fanuc, kuka or abb."),
+        _option(
+            "--program",
+            "CONTROLLER",
+            "Print the probing program: linuxcnc, grbl, ur, fanuc, kuka, abb or one of a plug-in.",
+        ),
         typed.Words(_program),
     ] = None
     tip_radius: Annotated[
@@ -114,10 +115,11 @@ class ProgramOptions:
         said: dict[str, Any] = {"contact": True, "radius": self.tip_radius}
         if self.program is None:
             return said
-        from tanteo.programs import AXES_3
+        from tanteo.programs import program_language
 
         above = {} if approached else {"approach": _DOWN, "cone": math.pi / 2}
-        held = {"stylus": [-v for v in _DOWN]} if self.program in AXES_3 else {"stylus_behind": True}
+        down = program_language(self.program).points_down
+        held = {"stylus": [-v for v in _DOWN]} if down else {"stylus_behind": True}
         return said | above | held
 
     def written(self, found: Plan, part: Part, probe: Probe, covariance: Covariances) -> str | None:

@@ -174,10 +174,10 @@ def _device(rig: Rig | None) -> str | None:
 
 def _refuse_cad(path: str, options: FileOptions) -> None:
     """A CAD file is no file of readings, but for a PLY file without faces."""
-    from tanteo.parts import READABLE
+    from tanteo.parts import readable_suffixes
 
     suffix = Path(path).suffix.lower()
-    if suffix not in READABLE or options.format is not None:
+    if suffix not in readable_suffixes() or options.format is not None:
         return
     if suffix == ".ply":
         try:
@@ -197,7 +197,7 @@ def units_of_parts(paths: list[str], units: str | None, used: bool) -> str | Non
     if not used:
         return units
     from tanteo.catalogue import cad_files
-    from tanteo.parts import UNITLESS
+    from tanteo.parts import is_unitless
 
     files = [*paths, *map(str, cad_files(paths))]
-    return units if any(Path(file).suffix.lower() in UNITLESS for file in files) else None
+    return units if any(is_unitless(Path(file).suffix) for file in files) else None

@@ -142,7 +142,7 @@ class Factor(ABC):
 
     @classmethod
     @abstractmethod
-    def from_row(cls, row: Row) -> Factor:
+    def from_row(cls, row: MeasuredRow) -> Factor:
         """Make a factor of one row of measurements.
 
         Raises:
@@ -151,7 +151,7 @@ class Factor(ABC):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Row:
+class MeasuredRow:
     """One row of point measurements, as :func:`tanteo.sensors.measure` makes them; what was not sensed is None.
 
     Attributes:
@@ -162,7 +162,7 @@ class Row:
         ball_radius: of the tip [m].
         approach: direction of the beam or of the tip's motion ``(3,)``.
         normal: sensed normal or axis.
-        free_path: length of the free path before the place [m].
+        free_path: length of the free-space ray before the place [m].
         size: sensed radius [m] or half angle [rad].
         material_side: 1 for a hole, -1 for a boss, 0 where unknown.
     """

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.factors.factor import NO_DIRECTION, Factor, Row
+from tanteo.factors.factor import NO_DIRECTION, Factor, MeasuredRow
 from tanteo.typing import Vectors
 
 
@@ -45,7 +45,7 @@ class OnSurface(Factor):
         }
 
     @classmethod
-    def from_row(cls, row: Row) -> Self:
+    def from_row(cls, row: MeasuredRow) -> Self:
         """Make a factor of one row of measurements.
 
         Raises:

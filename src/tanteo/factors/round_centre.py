@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from tanteo.factors.factor import Factor, FeaturePart, Landmark, Row, SensedDirection, SensedSize
+from tanteo.factors.factor import Factor, FeaturePart, Landmark, MeasuredRow, SensedDirection, SensedSize
 from tanteo.features import Feature
 from tanteo.parts import Part, centred_faces
 from tanteo.typing import FloatArray, Vectors
@@ -74,7 +74,7 @@ class RoundCentre(Factor):
         }
 
     @classmethod
-    def from_row(cls, row: Row) -> Self:
+    def from_row(cls, row: MeasuredRow) -> Self:
         """Make a factor of one row of measurements; how the device came to a centre says nothing of it."""
         size = None
         if row.size is not None:

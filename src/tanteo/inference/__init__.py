@@ -7,6 +7,8 @@ from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
     from tanteo.inference.around import outlier_log_density
+    from tanteo.inference.candidates import Candidates
+    from tanteo.inference.covariances import mode_covariances
     from tanteo.inference.diagnostics import face_elsewhere
     from tanteo.inference.features import identify_features
     from tanteo.inference.findings import (
@@ -40,6 +42,7 @@ __all__ = [
     "DEFAULTS",
     "NEGLIGIBLE",
     "Ask",
+    "Candidates",
     "GoodnessOfFit",
     "InitialPoses",
     "Mode",
@@ -68,6 +71,7 @@ __all__ = [
     "identify_points",
     "infer",
     "information_by_point",
+    "mode_covariances",
     "on_part",
     "outlier_log_density",
     "p_of_prior",
@@ -88,6 +92,8 @@ __dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {
+        "candidates": "Candidates",
+        "covariances": "mode_covariances",
         "diagnostics": "face_elsewhere",
         "features": "identify_features",
         "findings": ("Scale about_directions about_frames about_readings about_size about_spread about_units scale_of"),

@@ -95,7 +95,7 @@ class Candidates:
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
     def similar(self, prepared: PreparedPart, rows: IntArray, settings: RaceSettings) -> list[int]:
-        """Return those of some parts that have nearly the box, centroid, area and volume of a part, most similar first."""
+        """Return those of some parts that have nearly the box, centroid, area and volume of a part, nearest first."""
         part = prepared.part
         own = np.r_[part.centroid, part.box.ravel(), np.sqrt(part.area / 6), np.cbrt(part.volume)]
         sizes = np.column_stack([np.sqrt(self.areas[rows] / 6), np.cbrt(self.volumes[rows])])

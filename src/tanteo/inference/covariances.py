@@ -12,7 +12,7 @@ from tanteo.measurements import ContactPoints
 from tanteo.typing import Covariances, FloatArray, Tangents
 
 
-def covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
+def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
     """Of the pose, uniform along unobserved directions; and the same if the shared errors were known."""
     mode, part = one.mode, one.mode.prepared.part
     scale = part_scale(part)

@@ -12,15 +12,25 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.answers import Answer, Finding
+from tanteo.answers import Answer
 from tanteo.errors import ReadingsError
 from tanteo.inference.candidates import Candidates, sizes_of
 from tanteo.inference.free_space import gone_through
 from tanteo.inference.prepared import prepare
 from tanteo.measurements import FreeRays
 from tanteo.parts import Part, part_named
-from tanteo.sensors import PointMeasurements, Readings, say_repeated, say_stuck
+from tanteo.sensors import PointMeasurements, Readings, find_repeated, find_stuck
 from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.words import Finding, size_advice
+from tanteo.words.findings import (
+    DirectionsQuestion,
+    FreeSpaceCrossed,
+    NormalsQuestion,
+    SpreadQuestion,
+    TooFarApart,
+    TooNarrow,
+    UnitsQuestion,
+)  # fmt: skip
 
 _FEW = 3
 """Fewer readings than this say nothing about the size of what was sensed, or about directions."""
@@ -45,9 +55,6 @@ _UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
 
 _INTO = 0.8
 """Share of the sensed normals that make a question if they point as the sensor looks."""
-
-_RAYS = 3
-"""Free-space rays that a message names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +92,13 @@ def about_readings(
         free: free-space rays.
         parts: the candidates, prepared or not.
     """
-    found = (
-        Finding("free_space", _gone_through(answer, free, measured.free.ids, parts)),
-        Finding("repeated", say_repeated(measured)),
-        Finding("stuck", say_stuck(readings)),
-        Finding("units", _too_wide(answer, measured, parts)),
+    found: tuple[Finding | None, ...] = (
+        _gone_through(answer, free, measured.free.ids, parts),
+        find_repeated(measured),
+        find_stuck(readings),
+        _too_wide(answer, measured, parts),
     )
-    return tuple(one for one in found if one.message)
+    return tuple(one for one in found if one is not None)
 
 
 def about_frames(answer: Answer, scale: Scale, measured: PointMeasurements) -> Finding | None:
@@ -105,30 +112,25 @@ def about_frames(answer: Answer, scale: Scale, measured: PointMeasurements) -> F
     )
 
 
-def about_units(scale: Scale) -> Finding | None:
-    """The units that would make both sides fit; None if they fit, or none would."""
+def about_units(scale: Scale) -> UnitsQuestion | None:
+    """Return the units that would make both sides fit; None if they fit, or none would."""
     if not scale.span or fits_size(scale.span, scale.sizes):
         return None
-    guesses = []
+    columns, files = list[str](), list[str]()
     for column, option in product(_others(scale.column), _others(scale.option)):
         span = scale.span * _UNITS.get(column, 1) / _UNITS.get(scale.column, 1)
         sizes = [size * _UNITS.get(option, 1) / _UNITS.get(scale.option, 1) for size in scale.sizes]
-        changed = [f"--units {option}"] * (option != scale.option) + [f"columns in {column} (x_{column})"] * (
-            column != scale.column
-        )
-        if len(changed) == 1 and fits_size(span, sizes):
-            guesses.append(changed[0])
-    if not guesses:
+        if (column == scale.column) != (option == scale.option) and fits_size(span, sizes):
+            if option != scale.option:
+                files.append(option)
+            else:
+                columns.append(column)
+    if not columns and not files:
         return None
-    widest = max(scale.sizes)
-    return Finding(
-        "units",
-        f"The {'largest ' if len(scale.sizes) > 1 else ''}part is {_length(widest)} wide and the readings span about "
-        f"{_length(scale.span)}: did you mean {' or '.join(guesses)}?",
-    )
+    return UnitsQuestion(max(scale.sizes), len(scale.sizes), scale.span, tuple(columns), tuple(files))
 
 
-def about_size(points: Vectors, scale: Scale) -> Finding | None:
+def about_size(points: Vectors, scale: Scale) -> TooNarrow | None:
     """Readings that hardly can be of these parts.
 
     Raises:
@@ -139,17 +141,14 @@ def about_size(points: Vectors, scale: Scale) -> Finding | None:
     away = _away(points)
     largest, smallest = max(scale.sizes), min(scale.sizes)
     units = about_units(scale)
-    advice = "Check the units in the names of the columns and of the parts (--units)."
-    advice = f"{advice} {units.message}" if units else advice
     if np.median(away) > _TOO_WIDE * largest:
         raise ReadingsError(
             f"readings: expected points around a part of {largest * 1e3:.4g} mm or less, got half of them more than "
-            f"{np.median(away) * 1e3:.4g} mm from their middle. {advice}"
+            f"{np.median(away) * 1e3:.4g} mm from their middle. {size_advice(units)}"
         )
     if away.max() >= _TOO_NARROW * smallest:
         return None
-    within, size = f"{away.max() * 1e3:.3g} mm", f"{smallest * 1e3:.4g} mm"
-    return Finding("units", f"all readings lie within {within}, and the smallest part measures {size}. {advice}")
+    return TooNarrow(float(away.max()), smallest, units)
 
 
 def about_spread(covs: Covariances, scale: Scale) -> Finding | None:
@@ -159,12 +158,7 @@ def about_spread(covs: Covariances, scale: Scale) -> Finding | None:
     sd = float(np.median(np.sqrt(np.trace(covs, axis1=1, axis2=2) / 3)))
     if _FINEST <= sd <= _COARSEST * max(scale.sizes):
         return None
-    size = f"{sd / max(scale.sizes):.0%} of the largest part" if sd > _FINEST else "finer than any sensor"
-    return Finding(
-        "spread",
-        f"one standard deviation of the readings is {1e3 * sd:.3g} mm, which is {size}. Is its unit right "
-        "(column sd_mm, sd_m, sd_um; --sd)?",
-    )
+    return SpreadQuestion(sd, max(scale.sizes) if sd > _FINEST else float("nan"))
 
 
 def about_directions(points: Vectors, directions: Vectors) -> Finding | None:
@@ -176,11 +170,7 @@ def about_directions(points: Vectors, directions: Vectors) -> Finding | None:
     cosines = np.sum(inward * directions[known], axis=1) / np.linalg.norm(inward, axis=1).clip(1e-12)
     if cosines.mean() > -_OUTWARD:
         return None
-    return Finding(
-        "directions",
-        f"The directions (dx, dy, dz) of {np.mean(cosines < 0):.0%} of the readings lead away from the middle of all: "
-        "they are meant to point into the material, as the sensor looks or the tip moves. Did you mean the opposite?",
-    )
+    return DirectionsQuestion(float(np.mean(cosines < 0)))
 
 
 def about_normals(normals: Vectors, directions: Vectors) -> Finding | None:
@@ -189,40 +179,32 @@ def about_normals(normals: Vectors, directions: Vectors) -> Finding | None:
     known = cosines[np.isfinite(cosines)]
     if len(known) < _FEW or np.mean(known > 0) <= _INTO:
         return None
-    return Finding(
-        "normals",
-        f"The normals (nx, ny, nz) of {np.mean(known > 0):.0%} of the readings point as the sensor looks (dx, dy, dz): "
-        "normals are meant to point out of the material. Did you mean the opposite?",
-    )
+    return NormalsQuestion(float(np.mean(known > 0)))
 
 
-def _gone_through(answer: Answer, free: FreeRays, ids: Sequence[str], parts: Sequence[Part]) -> str:
+def _gone_through(answer: Answer, free: FreeRays, ids: Sequence[str], parts: Sequence[Part]) -> FreeSpaceCrossed | None:
     """Free-space rays that the best answer's part is surely in the way of."""
     if not answer.hypotheses or not len(free):
-        return ""
+        return None
     best = answer.hypotheses[0]
     part = prepare(part_named(parts, best.part))
     short = gone_through(free, best.T_world_part, best.covariance, best.shared, part)
     rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
     if not len(rows):
-        return ""
-    named = ", ".join(f"{ids[k]} (it ends {1e3 * short[k]:.2g} mm further)" for k in rows[:_RAYS])
-    rest = f" and {len(rows) - _RAYS} more" if len(rows) > _RAYS else ""
-    return f"{best.part} is in the way of {len(rows)} of {len(ids)} paths on which nothing was met: {named}{rest}."
+        return None
+    named, lengths = tuple(ids[k] for k in rows), tuple(float(short[k]) for k in rows)
+    return FreeSpaceCrossed(best.part, named, lengths, len(ids))
 
 
-def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]) -> str:
+def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]) -> TooFarApart | None:
     """That readings of no known part lie farther apart than any part is wide, as millimetres would."""
     if answer.status != "unknown" or not len(measured.points):
-        return ""
+        return None
     away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
     widest = 2 * float(Candidates(parts).radii.max())
     if away <= _TOO_WIDE * widest:
-        return ""
-    return (
-        f"Half of the readings are more than {away:.3g} m from their middle, and the largest part measures "
-        f"{widest:.3g} m: lengths are in metres."
-    )
+        return None
+    return TooFarApart(away, widest)
 
 
 def _away(points: Vectors) -> FloatArray:
@@ -239,7 +221,3 @@ def fits_size(span: float, sizes: Sequence[float]) -> bool:
     """Whether readings of that span may be of a part of one of these sizes [m]."""
     low, high = _LIKELY
     return any(low <= span / size <= high and _HANDLED[0] <= size <= _HANDLED[1] for size in sizes)
-
-
-def _length(metres: float) -> str:
-    return f"{metres:.3g} m" if metres >= 0.1 else f"{1e3 * metres:.3g} mm"

@@ -133,8 +133,10 @@ def information_by_point(mode: Mode) -> FloatArray:
     """
     objective, problem = mode.objective, mode.objective.problem
     out = np.zeros((len(problem.points), 6, 6))
-    nothing = replace(problem, rays=FreeRays.none(), priors=replace(problem.priors, pose=None), mixtures={})
-    T, z = np.ascontiguousarray(mode.T_peak[None]), np.ascontiguousarray(mode.z[None])
+    priors = replace(problem.priors, pose=None)
+    nothing = replace(problem, rays=FreeRays.none(), priors=priors, mixtures={}, pose_factors=())
+    own, scale = problem.points.shared_jacobian.shape[2], mode.z[problem.shared_errors :]
+    T, z = np.ascontiguousarray(mode.T_peak[None]), np.r_[mode.z[:own], scale][None]
     for k in range(len(out)):
         alone = replace(nothing, points=problem.points.take(np.array([k])))
         information = _core.slopes(objective.prepared.shape, alone.compiled(objective.prepared), T, z)[2][0]

@@ -12,6 +12,7 @@ from tanteo.inference.fit_at_mode import GoodnessOfFit
 from tanteo.inference.modes import Mode
 from tanteo.localization import pose_information
 from tanteo.typing import FloatArray
+from tanteo.words.findings import SharedErrorLimits
 
 _NOTABLE = 0.5
 """Share of the largest corner sd from which an error that all measurements share is worth a sentence."""
@@ -19,18 +20,9 @@ _NOTABLE = 0.5
 _ALIKE = 1.5
 """Times the standard deviation from the curvature that the whole posterior may have, to be explained by its parts."""
 
-_LESSENED = {
-    "robot base": "; more readings do not lessen it, but the same robot, when it goes back, is off by the same",
-    "tip offset": ", or turn the hand more between readings",
-    "mounting": ", or turn the hand more between readings",
-    "bias": ", or sense from more sides, opposite ones best",
-    "scale": ", or sense from nearer, or from opposite sides",
-}
-"""What else can be done about an error that all measurements share, by what its name begins with."""
 
-
-def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> str:
-    """A sentence on the largest of the errors that all measurements share, if it matters; empty if not.
+def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
+    """Return the largest of the errors that all measurements share, if it matters; None if not.
 
     Args:
         one: the answer.
@@ -38,23 +30,20 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> str:
     """
     mode, part = one.mode, one.mode.prepared.part
     information, start = mode.information, 6
-    total, worst, name, lessened = _corner_sd(mode, information), 0.0, "", ""
+    total, worst, name, source = _corner_sd(mode, information), 0.0, "", ""
     if corner_sd(part, mode.covariance) > _ALIKE * total:
-        return ""  # the curvature of the maximum says little of how far off the pose may be, or why
+        return None  # the curvature of the maximum says little of how far off the pose may be, or why
     for error in shared:
         stop = start + len(error.covariance)
         known = np.array(information)
         known[start:stop, start:stop] += 1e12 * np.eye(stop - start)
         part_of = float(np.sqrt(max(total**2 - _corner_sd(mode, known) ** 2, 0.0)))
         if part_of > worst:
-            worst, name, lessened = part_of, error.meaning or error.name, _lessened(error)
+            worst, name, source = part_of, error.meaning or error.name, error.name
         start = stop
     if worst < _NOTABLE * total:
-        return ""
-    known_well = float(np.sqrt(total**2 - worst**2))
-    what = f"{name}, which all readings share: {1e3 * worst:.2g} mm of the {1e3 * total:.2g} mm"
-    says = f"What limits it is not the readings but {what}" if worst > known_well else f"Part of it is {what}"
-    return f" {says}. Calibrate it ({1e3 * known_well:.2g} mm are left then){lessened}."
+        return None
+    return SharedErrorLimits(name, worst, total, float(np.sqrt(total**2 - worst**2)), source)
 
 
 def _corner_sd(mode: Mode, information: FloatArray) -> float:
@@ -63,8 +52,3 @@ def _corner_sd(mode: Mode, information: FloatArray) -> float:
     scale = part_scale(part)
     unit = scale.T @ without_spins(part, pose_information(information)) @ scale
     return corner_sd(part, scale @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ scale.T)
-
-
-def _lessened(error: SharedError) -> str:
-    """How measurements can lessen that error; empty if nothing is known of it."""
-    return next((advice for source, advice in _LESSENED.items() if error.name.startswith(source)), "")

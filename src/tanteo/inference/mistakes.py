@@ -7,12 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.answers import FindingKind
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings
 from tanteo.typing import Rotations, Transforms
-
-HANDED = "Are two of the columns x, y, z exchanged, or is one reversed? tanteo takes right-handed frames."
+from tanteo.words import HANDED
+from tanteo.words.findings import (
+    Convention,
+    DirectionsConvention,
+    HandConvention,
+    MirrorConvention,
+    NormalsConvention,
+    UnitsConvention,
+)  # fmt: skip
 
 _MIRROR = np.array([1.0, 1.0, -1.0])
 """One mirror stands for all: whichever axes are exchanged or reversed, the rest is a turn, which is searched."""
@@ -23,13 +29,13 @@ class Way:
     """Another way to read the numbers.
 
     Attributes:
-        kind: of the finding.
+        finding: type of the finding.
         words: what would have been meant, after "if".
         advice: what to do.
         undo: the readings as they would have been meant; None where it says nothing of them.
     """
 
-    kind: FindingKind
+    finding: type[Convention]
     words: str
     advice: str
     undo: Callable[[Readings], Readings | None]
@@ -120,26 +126,28 @@ def _of_degrees(R: Rotations) -> Rotations:
 _POSES = "Check the columns of the hand's pose."
 
 HANDS = (
-    Way("hand", "the hand's quaternions are in the order x y z w", _POSES, _turned(_order((3, 0, 1, 2)))),
-    Way("hand", "the hand's quaternions are in the order w x y z", _POSES, _turned(_order((1, 2, 3, 0)))),
-    Way("hand", "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
+    Way(HandConvention, "the hand's quaternions are in the order x y z w", _POSES, _turned(_order((3, 0, 1, 2)))),
+    Way(HandConvention, "the hand's quaternions are in the order w x y z", _POSES, _turned(_order((1, 2, 3, 0)))),
+    Way(HandConvention, "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
         lambda readings: _with_hands(readings, SE3.inverse)),
-    Way("hand", "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
-    Way("hand", "the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES, _turned(_of_vector)),
-    Way("hand", "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES, _turned(_of_angles)),
-    Way("hand", "the hand's angles are in radians, not degrees", _POSES, _turned(_of_degrees)),
+    Way(HandConvention, "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Way(HandConvention, "the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES,
+        _turned(_of_vector)),
+    Way(HandConvention, "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES,
+        _turned(_of_angles)),
+    Way(HandConvention, "the hand's angles are in radians, not degrees", _POSES, _turned(_of_degrees)),
 )  # fmt: skip
 """Usual mistakes in poses of the hand: most of them throw the readings farther apart than a part is."""
 
 OTHERS = (
-    Way("directions", "the directions (dx, dy, dz) are reversed", "They are meant to point into the material, as the "
-        "sensor looks or the tip moves.", _reversed("directions")),
-    Way("normals", "the normals (nx, ny, nz) are reversed", "The normals are meant to point out of the material.",
-        _reversed("normals")),
-    Way("units", "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer(25.4)),
-    Way("units", "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer(1 / 25.4)),
-    Way("units", "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer(1e-3)),
-    Way("units", "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer(1e3)),
-    Way("mirror", "they are seen in a mirror", HANDED, _mirrored),
+    Way(DirectionsConvention, "the directions (dx, dy, dz) are reversed",
+        "They are meant to point into the material, as the sensor looks or the tip moves.", _reversed("directions")),
+    Way(NormalsConvention, "the normals (nx, ny, nz) are reversed",
+        "The normals are meant to point out of the material.", _reversed("normals")),
+    Way(UnitsConvention, "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer(25.4)),
+    Way(UnitsConvention, "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer(1 / 25.4)),
+    Way(UnitsConvention, "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer(1e-3)),
+    Way(UnitsConvention, "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer(1e3)),
+    Way(MirrorConvention, "they are seen in a mirror", HANDED, _mirrored),
 )  # fmt: skip
 """Other usual mistakes."""

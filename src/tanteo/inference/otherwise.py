@@ -12,16 +12,18 @@ from typing import Protocol
 
 import numpy as np
 
-from tanteo.answers import Answer, Finding
+from tanteo.answers import Answer
 from tanteo.errors import TanteoError
 from tanteo.inference.candidates import sizes_of
 from tanteo.inference.findings import fits_size, scale_of
-from tanteo.inference.mistakes import HANDED, HANDS, OTHERS, Way
+from tanteo.inference.mistakes import HANDS, OTHERS, Way
 from tanteo.inference.prepared import prepare
 from tanteo.lie import SE3
 from tanteo.parts import Part, mirror_part, part_named
 from tanteo.sensors import Readings, thinned
 from tanteo.typing import BoolArray
+from tanteo.words import Finding
+from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
 
 _SURE = 0.95
 """Probability of a mirror image from which it makes a question."""
@@ -66,16 +68,16 @@ def about_conventions(
     """
     if not is_bad(answer):
         return None if placed else _about_image(answer, readings, parts, ask)
-    others = [way for way in OTHERS if not (placed and way.kind in ("mirror", "units"))]
+    others = [way for way in OTHERS if not (placed and way.finding in (MirrorConvention, UnitsConvention))]
     if _is_of_size(readings, parts):  # in another unit they would be of a small patch, which fits anywhere
-        others = [way for way in others if way.kind != "units"]
+        others = [way for way in others if way.finding is not UnitsConvention]
     some = thinned(readings, _ENOUGH)
     found = (
         _about_ways(HANDS, some, parts, ask) or _about_offset(some, parts, ask) or _about_ways(others, some, parts, ask)
     )
     if found is None or len(some) == len(readings):
         return found
-    return replace(found, message=f"{found.message} ({len(some)} of the {len(readings)} readings were asked about.)")
+    return replace(found, given=len(readings))
 
 
 def _is_of_size(readings: Readings, parts: Sequence[Part]) -> bool:
@@ -85,15 +87,15 @@ def _is_of_size(readings: Readings, parts: Sequence[Part]) -> bool:
     return not len(points) or fits_size(scale.span, scale.sizes)
 
 
-def _about_ways(ways: Sequence[Way], readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
+def _about_ways(ways: Sequence[Way], readings: Readings, parts: Sequence[Part], ask: Ask) -> Convention | None:
     """The first of some ways to read the numbers that makes them fit."""
     for way in ways:
         meant = way.undo(readings)
-        if meant is not None and way.kind == "units" and not _is_of_size(meant, parts):
+        if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts):
             continue
         found = None if meant is None else _asked(ask, meant, parts)
         if found is not None and fits(found):
-            return Finding(way.kind, f"{_how_many(found)} if {way.words}. {way.advice}")
+            return way.finding(*_fitting(found), way.words, way.advice)
     return None
 
 
@@ -121,13 +123,13 @@ def _asked(ask: Ask, readings: Readings, parts: Sequence[Part], bias_sd: float |
         return None
 
 
-def _how_many(answer: Answer) -> str:
+def _fitting(answer: Answer) -> tuple[str, int, int]:
+    """Return the best part, the number of readings that fit it, and the number of all."""
     best = answer.hypotheses[0]
-    n, off = len(best.pairings) + len(best.outliers), len(best.outliers)
-    return f"{'All' if not off else n - off} {n if not off else f'of {n}'} readings fit {best.part}"
+    return best.part, len(best.pairings), len(best.pairings) + len(best.outliers)
 
 
-def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
+def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> MirrorQuestion | None:
     """Readings, some of which do not fit a part, that all fit its mirror image."""
     if np.isfinite(readings.Ts_world_hand).any() or answer.best is None or not answer.best.outliers:
         return None
@@ -139,11 +141,10 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
     best = found.best if found is not None else None
     if best is None or best.part != image.name or best.outliers or best.probability < _SURE:
         return None
-    message = f"The mirror image of {part.name} fits better (P = {best.probability:.3f}), with no reading left aside."
-    return Finding("mirror", f"{message} {HANDED}")
+    return MirrorQuestion(part.name, best.probability)
 
 
-def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask) -> Finding | None:
+def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask) -> OffsetQuestion | None:
     """Readings that all fit if the surface is nearer to the sensor, or farther from it, by the same."""
     sd = _OFFSET * max(sizes_of(parts))
     found = _asked(ask, readings, parts, sd)
@@ -159,14 +160,8 @@ def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask) -> Findin
     off, spread = sd * float(shared.mean[-1]), sd * float(np.sqrt(shared.covariance[-1, -1]))
     if abs(off) < _FELT * spread:
         return None
-    where = "farther from" if off > 0 else "nearer to"
     touched = bool(np.any(np.isfinite(readings.points)))
-    check = "check radius_mm (a radius, not a diameter) and the trigger point" if touched else "check its zero"
-    return Finding(
-        "offset",
-        f"{_how_many(found)} if the surface is {1e3 * abs(off):.2g} mm {where} the {'tip' if touched else 'sensor'} "
-        f"than it was read: {check}, or state the offset as an error that all readings share (--bias-sd).",
-    )
+    return OffsetQuestion(*_fitting(found), off, touched)
 
 
 def _is_bare(readings: Readings) -> BoolArray:

@@ -10,10 +10,12 @@ import numpy as np
 from tanteo.inference.details import details_at
 from tanteo.inference.modes import Mode, modes_of
 from tanteo.inference.near_variants import log_density_of_near_variant
+from tanteo.inference.part_search import PartSearch, common_random_numbers, start_search
 from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
-from tanteo.inference.race import LeftOut, PartSearch, common_random_numbers, missing, race, start_search
+from tanteo.inference.proposals import InitialPoses
+from tanteo.inference.race import LeftOut, missing, race
 from tanteo.inference.sampler import Sampler
 from tanteo.inference.sampling import sample
 from tanteo.inference.symmetry import log_orbit
@@ -97,7 +99,7 @@ def search_about(
     searches = []
     for (prepared, Ts), own in zip(proposals, common_random_numbers(rng, len(proposals)), strict=True):
         search = start_search(problem, prepared, own)
-        search.try_poses(Ts, certain=True)
+        search.add(InitialPoses.exhaustive(Ts))
         searches.append(search)
     return searches
 
@@ -140,7 +142,7 @@ def weigh(
         masses = np.array([mode.log_mass for mode in own_modes])
         variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
     given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
-    # near variants of parts are told apart by points only (decision 86)
+    # near variants of parts are told apart by points only (decision 87)
     own = log_unknown(anywhere, given_unknown, problem.priors) if len(problem.points) else anywhere
     log_none = float(log_sum([own, log_left_out]))
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))

@@ -121,7 +121,7 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         rows = rows[_has_room(problem, points, candidates, rows)]
     own = np.zeros(len(candidates)) if odds is None else odds
     if len(rows) <= few or too_few_points:
-        return _few(problem, points, candidates, rows, own)
+        return _few(problem, points, candidates, rows)
     near = np.ones(len(rows), dtype=bool) if every else _is_probable(problem, own[rows])
     tables = _by_tables(problem, points, candidates, rows)
     if not tables.exhaustive and _has_shape(problem, points, tables.planes):
@@ -135,24 +135,16 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
     return replace(found, aside=int(np.count_nonzero(~near)), discount=discount)
 
 
-def _few(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray, odds: FloatArray) -> Active:
-    """Prune a handful of parts where planes or centres fix their poses; evaluate the fields of the others thoroughly.
+def _few(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> Active:
+    """Keep a handful of parts, and propose poses of each on its coarse field.
 
-    Bounds alone prune: a coarse field of a small part may be off by as much as parts differ.
+    Tables do not prune them: their costs ignore the areas of faces, by which few points discriminate parts, and what a
+    label states of an object that is none of them (decision 87).
     """
-    kept, left, others = rows, -np.inf, rows[:0]
-    if len(rows) > 1 and (points.oriented.any() or points.centres.any() or any(points.labels)):
-        tables = _by_tables(problem, points, candidates, rows)
-        if tables.exhaustive:
-            costs = tables.costs - odds[rows]
-            behind = costs - costs.min()
-            near = behind < cost_margin(problem.settings)
-            weights = -problem.settings.race.table_weight * behind[~near]
-            kept, others, left = rows[near], rows[~near], float(log_sum(weights)) if len(weights) else -np.inf
     known = dict[int, Transforms]()
-    if np.count_nonzero(~points.centres) >= POSE_DOF - 1 and len(kept):
-        _, known = evaluate_fields(problem, points, candidates, kept, thorough=True)
-    return Active(kept, known, np.zeros(len(kept)), left, others, bound=bool(len(others)))
+    if np.count_nonzero(~points.centres) >= POSE_DOF - 1 and len(rows):
+        _, known = evaluate_fields(problem, points, candidates, rows, thorough=True)
+    return Active(rows, known, np.zeros(len(rows)))
 
 
 def _is_probable(problem: Problem, odds: FloatArray) -> BoolArray:
@@ -165,7 +157,7 @@ def _is_probable(problem: Problem, odds: FloatArray) -> BoolArray:
 
 def _has_shape(problem: Problem, points: ContactPoints, planes: SensedPlanes) -> bool:
     """Return whether the points on the surface are enough to discriminate parts by their fields."""
-    return np.count_nonzero(~points.centres) >= POSE_DOF - 1 or len(planes.triples) > 0
+    return int(np.count_nonzero(~points.centres)) >= POSE_DOF - 1 or len(planes.triples) > 0
 
 
 @dataclass(slots=True, eq=False)

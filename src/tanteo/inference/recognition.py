@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers import Answer, Clock, Hypothesis, PosePrior, Priors, check_question, sized
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.features import SharedError
 from tanteo.inference.around import without_pose
 from tanteo.inference.candidates import Candidates
@@ -21,7 +22,6 @@ from tanteo.inference.result import as_hypothesis, worst_reading
 from tanteo.inference.settings import DEFAULTS, Settings
 from tanteo.inference.too_little import too_little
 from tanteo.inference.verdict import Outcome, verdict_of
-from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.measurements import ContactPoints, FreeRays, PoseFactor
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
@@ -50,7 +50,7 @@ def identify_points(
         significance: an answer whose joint test has a smaller p-value is not accepted.
         top: number of hypotheses to report.
         priors: what is assumed beforehand.
-        factors: further measurements of the pose, such as functions of your own.
+        factors: further measurements of the pose, such as images and functions of your own.
         seed: of the search and the samples.
         settings: numbers of the search and the race.
 
@@ -60,7 +60,9 @@ def identify_points(
     parts = check_question(parts, significance, top, seed, priors)
     clock = Clock()
     candidates = Candidates(parts)
-    problem = Problem(points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors), settings=settings)
+    problem = Problem(
+        points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors), settings=settings
+    )
     clock.lap("prepare")
     if message := too_little(problem):
         return Answer("insufficient", message, (), 1.0, clock.laps(), seed, significance=significance)
@@ -68,7 +70,7 @@ def identify_points(
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
     found, hypotheses = _located(posterior, problem.priors.pose, top)
     clock.lap("locate")
-    worst = worst_reading(points, found[0]) if found else ""
+    worst = worst_reading(points, found[0]) if found else None
     alone = replace(posterior.problem, priors=without_pose(points, problem.priors))
     check = check_prior(
         posterior,
@@ -82,8 +84,8 @@ def identify_points(
         hypotheses = tuple(replace(h, probability=h.probability * share) for h in hypotheses)
     clock.lap("compare")
     outcome = Outcome(candidates, chosen, posterior, found, hypotheses, check, worst)
-    status, message = verdict_of(outcome, significance, shared)
-    return Answer(status, message, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
+    status, findings = verdict_of(outcome, significance, shared)
+    return Answer.of(status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
 
 
 def _searched(
@@ -123,7 +125,8 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int)
     centroid = candidates.centroids.mean(axis=0)
     behind = chosen.left_out if chosen.bound else None
     return infer(
-        problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known, exhaustive=chosen.exhaustive,
+        problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known,
+        exhaustive=chosen.exhaustive,
         left_out=LeftOut(
             len(rest), behind, chosen.discount, similar, untried=chosen.bound and not chosen.exhaustive
         ),

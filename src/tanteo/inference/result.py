@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers import Hypothesis, Misfit, PosePrior, hypothesis_at, prior_rows, spins
-from tanteo.inference.covariances import common_tolerance, covariances
+from tanteo.inference.covariances import common_tolerance, mode_covariances
 from tanteo.inference.details import details_at
 from tanteo.inference.fit_at_mode import GoodnessOfFit, face_names
 from tanteo.inference.modes import Mode
@@ -16,6 +16,7 @@ from tanteo.lie import SE3
 from tanteo.localization import SharedGiven
 from tanteo.measurements import ContactPoints
 from tanteo.typing import Transforms
+from tanteo.words.findings import WorstReading
 
 _REMARKABLE = 2.0
 """A measurement that is off by fewer standard deviations is not what contradicts a pose."""
@@ -31,7 +32,7 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
     """
     mode, part, belongs = one.mode, one.mode.prepared.part, one.belongs
     free, distances = one.free, one.at.distances[0]
-    covariance, given = covariances(one)
+    covariance, given = mode_covariances(one)
     common, common_given = common_tolerance(points, one)
     misfit = _joint_misfit(one, pose)
     names = face_names(one)
@@ -88,10 +89,10 @@ def _shared_given(mode: Mode) -> SharedGiven | None:
     return given.about(SE3.log(SE3.inverse(mode.T_peak) @ mode.T_world_part))
 
 
-def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> str:
-    """The point, or sensed normal, that agrees least among those on the part; empty if none is far off."""
+def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | None:
+    """Return the point, or sensed normal, that agrees least among those on the part; None if none is far off."""
     off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
     if off[tilted, i] < _REMARKABLE:
-        return ""
-    return f"{'the normal of ' if tilted else ''}reading {points.ids[i]}, {off[tilted, i]:.1f} sd off"
+        return None
+    return WorstReading(points.ids[i], float(off[tilted, i]), bool(tilted))

@@ -46,7 +46,7 @@ class SearchSettings:
         points: points on which proposals are scored and settled; number of pairs of them. Rows touch, bracket_30.
         places: pairs of surface places for each pair of points. Rows touch, hard_walls.
         kept_per_pair: proposals of each pair that are settled. Rows touch, hard_walls.
-        maximized: proposals that are maximized in a round, maxima that are kept, poses along a ridge. Rows touch, prior.
+        maximized: proposals maximized in a round, maxima kept, poses along a ridge. Rows touch, prior.
         moved: maxima tried after half turns and slides in later rounds. ``benchmarks/missed.py``; decisions 51, 52.
         spins: turns about the line of two points without normals; half as many slides. Row touch.
         prior_draws: draws from the pose prior for each that is settled. Row prior, decision 48.
@@ -170,7 +170,7 @@ class RaceSettings:
             ``python benchmarks/bench_catalogue.py CATALOGUE 12 points12 --say`` at 10,000 parts.
         first_pass: effort of a first-pass search over that of a round of a full one. Row parts12_known.
         table_weight: log-evidence for each nat of cost by tables, where noise is taken larger than stated. Decision 76.
-        estimate_weight: log-evidence for each nat of an estimate by few points or a coarse field, at least. Decision 76.
+        estimate_weight: the same of an estimate by few points or a coarse field, at least. Decision 76.
         remainder: probability of all pruned parts together, over that of the best, which a bound allows. Decision 76.
         least: parts that remain after a coarse evaluation; similar parts that are tried beside a leader. Decision 76.
         unfixed: parts that remain where very many have the sensed planes and these fix no pose. Decision 76.

@@ -18,6 +18,8 @@ _BARELY = 2.0
 
 def too_little(problem: Problem) -> str:
     """What to do if nothing tells the points from those of a line, or from one point; empty if there is enough."""
+    if problem.pose_factors and len(problem.points):  # an image fixes the pose, too
+        return ""
     points, named = problem.points.take(problem.around.others), problem.priors.pose is not None
     if not len(points) and len(problem.points):
         of = problem.around.names[problem.around.which[0]]

@@ -1,4 +1,4 @@
-"""What is said of the parts that were found: status and message, what they rest on, what was not searched."""
+"""The verdict on the parts that were found: its status, what it rests on, and what was not searched."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from tanteo.features import SharedError
 from tanteo.inference.candidates import Candidates
 from tanteo.inference.diagnostics import (
     against_labels,
-    around_words,
     face_elsewhere,
     left_out,
     mostly_on,
     not_on_it,
+    on_furniture,
     scattered,
 )
 from tanteo.inference.fit_at_mode import GoodnessOfFit
@@ -24,13 +24,11 @@ from tanteo.inference.limits import what_limits
 from tanteo.inference.posterior import Posterior
 from tanteo.inference.prior_check import PriorCheck
 from tanteo.inference.race import Active
+from tanteo.words import Finding
+from tanteo.words.findings import AmongUnsearched, CloseTogether, MissedPoses, NotSearched, WorstReading
 
 _PATCH = 0.2
 """Share of the part's size that measurements have to reach over, or the pose to be roughly known, for one answer."""
-
-_CLOSE = (
-    "the readings lie so close together that other places may look like it: sense farther apart, or say --pose-prior."
-)
 
 _MAY_MISS = 0.05
 """Probability of poses that the search met only once from which the answer says that others may fit."""
@@ -38,7 +36,7 @@ _MAY_MISS = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What was found, before it is put into words.
+    """The result of a search, before the verdict.
 
     Attributes:
         candidates: all parts.
@@ -47,7 +45,7 @@ class Outcome:
         found: the modes with the measurements at each, best first.
         hypotheses: as many of them as are reported.
         check: how the prior of the pose agrees.
-        worst: what contradicts the best one most, in words.
+        worst: the reading that contradicts the best one most; None if none is far off.
     """
 
     candidates: Candidates
@@ -56,14 +54,16 @@ class Outcome:
     found: list[GoodnessOfFit]
     hypotheses: tuple[Hypothesis, ...]
     check: PriorCheck
-    worst: str
+    worst: WorstReading | None
 
 
-def verdict_of(outcome: Outcome, significance: float, shared: Sequence[SharedError]) -> tuple[Status, str]:
-    """Status and message: the verdict, what it rests on, and what is odd about the measurements."""
+def verdict_of(
+    outcome: Outcome, significance: float, shared: Sequence[SharedError]
+) -> tuple[Status, tuple[Finding, ...]]:
+    """Return the status and the findings: the verdict, what it rests on, and what is odd about the measurements."""
     posterior, found, hypotheses, check = outcome.posterior, outcome.found, outcome.hypotheses, outcome.check
     unknown, priors = posterior.unknown, posterior.problem.priors
-    status, message = verdict(
+    status, findings = verdict(
         hypotheses,
         unknown,
         significance,
@@ -74,68 +74,59 @@ def verdict_of(outcome: Outcome, significance: float, shared: Sequence[SharedErr
         same=outcome.candidates.names_alike(found[0].mode.prepared.part) if found else (),
     )
     if status == "unknown" and not check.elsewhere:
-        status, message = _known_after_all(message, hypotheses, outcome.chosen, posterior)
+        status, findings = _known_after_all(findings, hypotheses, outcome.chosen, posterior)
     if status == "recognized":
-        status, message = _doubted(message, found[0], priors)
+        status, findings = _doubted(findings, found[0], priors)
+    more: list[Finding | None] = []
     if hypotheses and status == "recognized":
-        message += what_limits(found[0], shared) + left_out(hypotheses[0], priors)
+        more += [what_limits(found[0], shared), left_out(hypotheses[0], priors)]
     if found and status != "insufficient":
-        message += face_elsewhere(posterior.problem.points, found[0], unknown, priors)
-    message += around_words(found[0]) if found else ""
-    message += _missed(posterior.missing, status) + _not_searched(outcome.chosen, posterior, status)
-    message += scattered(hypotheses[0], outcome.worst) if hypotheses and status != "unknown" else ""
-    return status, message
+        more.append(face_elsewhere(posterior.problem.points, found[0], unknown, priors))
+    if found:
+        more.append(on_furniture(found[0]))
+    more += [_missed(posterior.missing, status), _not_searched(outcome.chosen, posterior, status)]
+    if hypotheses and status != "unknown":
+        more.append(scattered(hypotheses[0], outcome.worst))
+    return status, (*findings, *(one for one in more if one is not None))
 
 
 def _known_after_all(
-    message: str, hypotheses: tuple[Hypothesis, ...], chosen: Active, posterior: Posterior
-) -> tuple[Status, str]:
-    """An unknown object that may be one of the parts that were not searched, or that lies beside the best."""
+    findings: tuple[Finding, ...], hypotheses: tuple[Hypothesis, ...], chosen: Active, posterior: Posterior
+) -> tuple[Status, tuple[Finding, ...]]:
+    """Return the verdict on an unknown object that may be a part that was not searched, or similar to the best."""
     if posterior.left_out > 0.5 * posterior.unknown > 0:
-        return "ambiguous", _among_unsearched(hypotheses, chosen, posterior)
+        best = hypotheses[0].part if hypotheses else ""
+        return "ambiguous", (AmongUnsearched(best, len(chosen.others), posterior.left_out),)
     if hypotheses and mostly_on(hypotheses[0], posterior.unknown):
-        return "unknown", not_on_it(hypotheses[0], posterior.unknown)
-    return "unknown", message
+        return "unknown", (not_on_it(hypotheses[0], posterior.unknown),)
+    return "unknown", findings
 
 
-def _doubted(message: str, best: GoodnessOfFit, priors: Priors) -> tuple[Status, str]:
-    """A part that was recognised, unless its readings lie close together or contradict its labels."""
+def _doubted(findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors) -> tuple[Status, tuple[Finding, ...]]:
+    """Return the verdict on a part that fits, which close readings and contradicted labels make ambiguous."""
     if _close_together(best):
-        return "ambiguous", f"{message[:-1]}, if there: {_CLOSE}"
+        return "ambiguous", (*findings, CloseTogether())
     doubt = against_labels(best, priors)
-    return ("ambiguous", doubt) if doubt else ("recognized", message)
+    return ("ambiguous", (doubt,)) if doubt is not None else ("recognized", findings)
 
 
-def _not_searched(chosen: Active, posterior: Posterior, status: str) -> str:
-    """That parts which were not searched may explain the readings as well, where that matters."""
+def _not_searched(chosen: Active, posterior: Posterior, status: str) -> NotSearched | None:
+    """Return that parts which were not searched may explain the readings as well, where that matters."""
     if status == "recognized" or not _MAY_MISS < posterior.left_out < 0.5:
-        return ""
-    return (
-        f" {len(chosen.others):,} parts were not searched, which together may explain the readings with a probability "
-        f"of up to {100 * posterior.left_out:.0f} %: more readings, or labelled ones, tell."
-    )
-
-
-def _among_unsearched(hypotheses: tuple[Hypothesis, ...], chosen: Active, posterior: Posterior) -> str:
-    """That so little was sensed that very many parts may explain it."""
-    best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
-    return (
-        f"{best} one of {len(chosen.others):,} parts that were not searched, as the readings hardly discriminate them "
-        f"(up to P = {posterior.left_out:.2f}): sense more places, with normals or labels if the sensor gives them."
-    )
+        return None
+    return NotSearched(len(chosen.others), posterior.left_out)
 
 
 def _close_together(best: GoodnessOfFit) -> bool:
     """Whether the points are of a small patch, which many a part has twice, and nothing else says where it is."""
     problem = best.mode.objective.problem
-    placed = problem.priors.pose is not None and problem.priors.pose.T_world_part is not None
+    known = problem.priors.pose is not None and problem.priors.pose.T_world_part is not None
+    placed = known or bool(problem.pose_factors)
     points = problem.points.take(problem.around.others)
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
     return not placed and 2 * float(np.quantile(off, 0.75)) < _PATCH * best.mode.prepared.part.diagonal
 
 
-def _missed(once: float, status: str) -> str:
-    """What the search may have missed, where that matters: others than the poses that are listed."""
-    if status not in ("ambiguous", "insufficient") or once <= _MAY_MISS:
-        return ""
-    return f" {100 * once:.0f} % of the probability is in poses that the search met only once: others may fit."
+def _missed(once: float, status: str) -> MissedPoses | None:
+    """Return that the search may have missed other poses than the listed ones, where that matters."""
+    return MissedPoses(once) if status in ("ambiguous", "insufficient") and once > _MAY_MISS else None

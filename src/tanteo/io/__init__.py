@@ -17,6 +17,7 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.io.brands import BRANDS, Brand, brand
     from tanteo.io.camera_file import read_camera
+    from tanteo.io.factor_file import read_factor
     from tanteo.io.images import read_image, write_image
     from tanteo.io.marks_csv import read_marks
     from tanteo.io.part_files import part_file, parts_of
@@ -139,6 +140,7 @@ __all__ = [
     "pose_message",
     "prior_brand",
     "read_camera",
+    "read_factor",
     "read_furniture",
     "read_image",
     "read_marks",
@@ -183,6 +185,7 @@ __getattr__, __dir__ = lazy(
         "pose_text": "POSE_NAMES WrittenPose check_pose_name write_pose",
         "poses": "pose_as_brand pose_from_brand",
         "brands": "BRANDS Brand brand",
+        "factor_file": "read_factor",
         "prior_file": "prior_brand read_prior",
         "prior_text": "parse_box parse_pose_prior parse_table read_furniture",
         "whole_text": "parse_density parse_mass parse_size",

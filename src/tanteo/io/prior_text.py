@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 
 import numpy as np
@@ -13,7 +14,7 @@ from tanteo.frames import ROS, NamedCovariance, UncertainFrame, uncertain_frame
 from tanteo.io.part_files import read_one
 from tanteo.io.pose_syntax import parse_pose
 from tanteo.io.units import parse_lengths, parse_lengths_angles
-from tanteo.parts import UNITLESS
+from tanteo.parts import is_unitless
 from tanteo.typing import FloatArray, Transforms
 
 _NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"
@@ -57,7 +58,7 @@ def read_furniture(text: str, unit: str | None = None, name: str = "furniture") 
     if len(sds) != 1 or sds[0] <= 0:
         raise InputError(f"{name}: expected one positive sd behind +-, got '{sd}'. Write it as {_FURNITURE}.")
     T = parse_pose(pose, name) if pose.strip() else np.eye(4)
-    needed = unit if path.strip().lower().endswith(UNITLESS) else None  # it may be meant for the parts
+    needed = unit if is_unitless(os.path.splitext(path.strip())[1]) else None  # it may be meant for the parts
     return Furniture.of_part(read_one(path.strip(), needed), T, sds[0])
 
 

@@ -12,7 +12,8 @@ from tanteo.io.readings_csv import read_table
 from tanteo.io.ros_messages import RosOptions
 from tanteo.io.ros_readings import BAG
 from tanteo.io.stated import Direction, Stated, as_brand, as_direction, as_pose
-from tanteo.logs import FORMATS, Contents, LogFormat, format_named, recognise
+from tanteo.logs import FORMATS, Contents, LogFormat, format_named, read_log, recognise
+from tanteo.plugins import guarded
 from tanteo.sensors import Readings
 from tanteo.typing import Transforms, Vectors
 
@@ -153,9 +154,11 @@ def _read_log(path: Path, form: LogFormat, stated: Stated) -> Readings:
             f"{path}: expected a log of up to {_LARGEST_LOG:.0e} bytes, got {path.stat().st_size:.2g}. Split it."
         )
     contents = Contents(path.read_bytes(), f"{path} ({form.words})")
-    return readings_of(form.read(contents), stated, form, str(path))
+    log = read_log(form, contents)
+    with guarded(FORMATS.origin(form.name), f"arrays of {path} that fit each other"):
+        return readings_of(log, stated, form, str(path))
 
 
 def format_names() -> tuple[str, ...]:
     """Names that ``format`` may have."""
-    return ("csv", *FORMATS, BAG)
+    return ("csv", *FORMATS.names(), BAG)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from tanteo import __version__
 from tanteo.answers import Answer
 from tanteo.lie import SO3
 from tanteo.typing import FloatArray
+from tanteo.words import Finding
 
 if TYPE_CHECKING:
     from tanteo.active import Explanation
@@ -54,8 +56,13 @@ def recognition_document(answer: Answer, frame: str = "world") -> dict[str, Any]
         "unknown_probability": float(answer.unknown_probability), "elapsed_s": answer.elapsed,
     }  # fmt: skip
     if answer.findings:
-        document["findings"] = [{"kind": one.kind, "message": one.message} for one in answer.findings]
+        document["findings"] = [finding_document(one) for one in answer.findings]
     return dict(strict(document))
+
+
+def finding_document(finding: Finding) -> dict[str, Any]:
+    """Return a finding as a dictionary: its kind, role and words, and the numbers behind them in SI units."""
+    return {"kind": finding.kind, "role": finding.role, "message": finding.message, "values": asdict(finding)}
 
 
 def recognition_json(answer: Answer, warnings: Sequence[str] = ()) -> str:
@@ -173,13 +180,13 @@ def explanation_document(explanation: Explanation) -> dict[str, Any]:
     added = [
         {
             "readings": a.ids, "met": a.met, "part": a.part, "probability": a.probability,
-            "about_part_nats": a.about_part, "about_pose_nats": a.about_pose, "motion": a.motion,
+            "about_part_nats": a.about_part, "about_pose_nats": a.about_pose, "motion": str(a.motion or ""),
             "narrowed": a.narrowed, "corner_sd_before_m": a.corner_sd_before, "corner_sd_m": a.corner_sd,
         }
         for a in explanation.added
     ]  # fmt: skip
     directions = [
-        {"motion": d.motion, "corners_move_m": d.moves, "shares": dict(d.shares), "prior": d.prior}
+        {"motion": str(d.motion), "corners_move_m": d.moves, "shares": dict(d.shares), "prior": d.prior}
         for d in explanation.directions
     ]
     head = {"schema": "tanteo.explanation/1", "part": explanation.part}
@@ -203,6 +210,8 @@ def differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[tuple[
     Returns:
         A line for each value that differs, and whether the documents are the same to the last bit.
     """
+    if "findings" not in then:  # recorded before every answer had some
+        now = {key: value for key, value in now.items() if key != "findings"}
     pairs = list(_pairs("", then, now))
     return tuple(f"{key}: {a!r} then, {b!r} now" for key, a, b in pairs if not _close(a, b)), not pairs
 

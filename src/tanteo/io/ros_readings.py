@@ -16,11 +16,11 @@ from tanteo.io.log_readings import readings_of
 from tanteo.io.ros_messages import POSE, RANGE, RosMessages, RosOptions, Row, pose_in, says_something, topics_of, unique
 from tanteo.io.stated import Stated
 from tanteo.io.transforms import FrameTree, Track
-from tanteo.logs import Log, LogFormat
+from tanteo.logs import RECORDING, Log, LogFormat
 from tanteo.sensors import Readings
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
-BAG = "bag"
+BAG = RECORDING
 """Name of the format."""
 _FORM = LogFormat(BAG, "a recording of ROS", lambda contents: False, lambda contents: Log())
 

@@ -10,6 +10,7 @@ import numpy as np
 from tanteo.lie import SE3, SO3
 from tanteo.localization.solve import Block, assemble, pose_information
 from tanteo.typing import FloatArray, Tangents, Transforms
+from tanteo.words import Motion
 
 _RANK_TOLERANCE = 1e-9
 """Eigenvalues of the scaled information below this fraction of the largest count as zero."""
@@ -95,8 +96,8 @@ def _sparse_rows(N: FloatArray) -> FloatArray:
     return np.eye(6)[:3] if len(N) == 3 else N
 
 
-def describe_motion(u: Tangents, T_world_part: Transforms, scale: FloatArray) -> str:
-    """An unobserved direction in words: ``sliding along world x``, ``rotation about part z``, or a line in numbers.
+def describe_motion(u: Tangents, T_world_part: Transforms, scale: FloatArray) -> Motion:
+    """Return an unobserved direction as a motion: a translation or a rotation, along a named axis where it has one.
 
     Args:
         u: tangent over the scale, as :func:`unobserved_directions` gives it.
@@ -107,20 +108,20 @@ def describe_motion(u: Tangents, T_world_part: Transforms, scale: FloatArray) ->
     v = u[:3] * length
     R = T_world_part[:3, :3]
     if np.linalg.norm(w) < _SLIDING:
-        return f"sliding along {_name_direction(v, R)}"
+        return Motion(False, *_named_direction(v, R))
     axis = w / np.linalg.norm(w)
     pitch = float(v @ axis) / float(np.linalg.norm(w))
     point = T_world_part[:3, :3] @ (middle + np.cross(w, v) / (w @ w)) + T_world_part[:3, 3]
-    where = ", ".join(f"{1e3 * c:.1f}" for c in point)
-    words = f"rotation about {_name_direction(axis, R)} through ({where}) mm"
-    return words if abs(pitch) < 1e-3 * length else f"{words} while sliding {1e3 * pitch:.1f} mm a radian"
+    pitch = 0.0 if abs(pitch) < 1e-3 * length else pitch
+    return Motion(True, *_named_direction(axis, R), tuple(map(float, point)), pitch)
 
 
-def _name_direction(d: FloatArray, R_world_part: FloatArray) -> str:
+def _named_direction(d: FloatArray, R_world_part: FloatArray) -> tuple[str, tuple[float, float, float]]:
+    """Return the axis that a direction of the part follows, empty if none, and the direction in the world."""
     d = d / np.linalg.norm(d)
-    for frame, u in (("world", R_world_part @ d), ("part", d)):
+    x, y, z = map(float, R_world_part @ d)
+    for frame, u in (("world", (x, y, z)), ("part", tuple(map(float, d)))):
         k = int(np.argmax(np.abs(u)))
         if abs(u[k]) > _AXIS_TOLERANCE:
-            return f"{frame} {'xyz'[k]}"
-    u = R_world_part @ d
-    return f"the world direction ({', '.join(f'{c:.2f}' for c in u)})"
+            return f"{frame} {'xyz'[k]}", (x, y, z)
+    return "", (x, y, z)

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.frames import check_covariances, check_transforms
-from tanteo.limits import LEAST_SD, SIGNIFICANCE, check_length
+from tanteo.limits import LEAST_SD, check_length
 from tanteo.localization.observability import describe_motion, unobserved_directions
 from tanteo.localization.pairing import Pairing, build_blocks, model_length, model_middle
 from tanteo.localization.scaling import motion_scale
@@ -168,7 +169,7 @@ def _report(
     information = solution.information[best]
     covariance = covariance_with_free(pose_information(information), N, scale)
     dof = int(solution.equations[best]) + of_prior - (6 - len(N))
-    unobserved = tuple(describe_motion(xi, T, scale) for xi in N)
+    unobserved = tuple(str(describe_motion(xi, T, scale)) for xi in N)
     p_value = chi2_survival(chi2, dof) if dof > 0 else 1.0
     insufficient = bool(unobserved)
     return PoseEstimate(

@@ -1,8 +1,8 @@
-"""The table of formats: a row each, asked in this order. A format from outside is asked first."""
+"""The formats of logs: how each is recognised and read. Formats from outside are tried first."""
 
 from __future__ import annotations
 
-from tanteo.errors import InputError, did_you_mean
+from tanteo.errors import InputError, PluginError, TanteoError, did_you_mean
 from tanteo.logs import (
     bcnc,
     cloud,
@@ -20,60 +20,89 @@ from tanteo.logs import (
     urscript,
 )
 from tanteo.logs.contents import Contents
-from tanteo.logs.log import LogFormat
+from tanteo.logs.log import Log, LogFormat
+from tanteo.plugins import Registry, guarded, warn
 
-TABLE = "csv"
-"""Name of the project's own format, which is a table with a header and read in ``tanteo.io``."""
+TABLE, RECORDING = "csv", "bag"
+"""Names of the project's own table with a header and of recordings of ROS, which are read in ``tanteo.io``."""
 
-FORMATS: dict[str, LogFormat] = {
-    row.name: row
-    for row in (
-        LogFormat("ply", "a PLY point cloud", ply.recognise, ply.read),
-        LogFormat("pcd", "a PCD point cloud", cloud.recognise, cloud.read),
-        LogFormat("qif", "a QIF document", qif.recognise, qif.read),
-        LogFormat("grbl", "a GRBL console log", console.recognise, console.read),
-        LogFormat("fusion", "a probe results file (G800, G801)", results.recognise, results.read),
-        LogFormat("dmis", "DMIS output", dmis.recognise, dmis.read),
-        LogFormat("tof", "frames of a multi-zone ranging sensor", tof.recognise, tof.read),
-        LogFormat("fanuc", "a FANUC program (.LS)", fanuc.recognise, fanuc.read),
-        LogFormat("kuka", "a KUKA data list or program (.dat, .src)", krl.recognise, krl.read),
-        LogFormat("abb", "ABB robtargets (RAPID)", rapid.recognise, rapid.read),
-        LogFormat("ur", "poses of URScript", urscript.recognise, urscript.read),
-        LogFormat("bcnc", "a bCNC probe file", bcnc.recognise, bcnc.read),
-        LogFormat("linuxcnc", "a LinuxCNC probe log (PROBEOPEN)", cncprobe.recognise, cncprobe.read),
-        LogFormat("xyzijk", "points with vectors (X Y Z I J K)", points.recognise_vectors, points.read_vectors),
-        LogFormat("asc", "a list of points (X Y Z ...)", points.recognise_points, points.read_points),
-    )
-}
-"""All formats by name, in the order in which they are asked."""
+FORMATS: Registry[LogFormat] = Registry(
+    "tanteo.log_formats",
+    LogFormat,
+    {
+        row.name: row
+        for row in (
+            LogFormat("ply", "a PLY point cloud", ply.recognise, ply.read),
+            LogFormat("pcd", "a PCD point cloud", cloud.recognise, cloud.read),
+            LogFormat("qif", "a QIF document", qif.recognise, qif.read),
+            LogFormat("grbl", "a GRBL console log", console.recognise, console.read),
+            LogFormat("fusion", "a probe results file (G800, G801)", results.recognise, results.read),
+            LogFormat("dmis", "DMIS output", dmis.recognise, dmis.read),
+            LogFormat("tof", "frames of a multi-zone ranging sensor", tof.recognise, tof.read),
+            LogFormat("fanuc", "a FANUC program (.LS)", fanuc.recognise, fanuc.read),
+            LogFormat("kuka", "a KUKA data list or program (.dat, .src)", krl.recognise, krl.read),
+            LogFormat("abb", "ABB robtargets (RAPID)", rapid.recognise, rapid.read),
+            LogFormat("ur", "poses of URScript", urscript.recognise, urscript.read),
+            LogFormat("bcnc", "a bCNC probe file", bcnc.recognise, bcnc.read),
+            LogFormat("linuxcnc", "a LinuxCNC probe log (PROBEOPEN)", cncprobe.recognise, cncprobe.read),
+            LogFormat("xyzijk", "points with vectors (X Y Z I J K)", points.recognise_vectors, points.read_vectors),
+            LogFormat("asc", "a list of points (X Y Z ...)", points.recognise_points, points.read_points),
+        )
+    },
+    reserved=(TABLE, RECORDING),
+)
+"""All formats by name, in the order in which they are tried: those from outside first."""
 
 
 def register_format(entry: LogFormat) -> LogFormat:
-    """Add a format; it is asked before those that are there already.
+    """Add a format in this process; it is tried before those that are there already.
 
     Raises:
         InputError: The name is taken.
     """
-    if entry.name in FORMATS or entry.name == TABLE:
-        raise InputError(f"format: expected a name of its own, got '{entry.name}', which is taken. Choose another.")
-    known = dict(FORMATS)
-    FORMATS.clear()
-    FORMATS.update({entry.name: entry, **known})
+    FORMATS.register(entry.name, entry)
     return entry
 
 
 def recognise(contents: Contents) -> LogFormat | None:
-    """The first format whose content this is; None for none of them."""
-    return next((row for row in FORMATS.values() if row.recognise(contents)), None)
+    """Return the first format that contents are in, or None. A plug-in that fails is skipped with a warning."""
+    for form in FORMATS.entries():
+        origin = FORMATS.origin(form.name)
+        try:
+            with guarded(origin, "contents to be recognised"):
+                if form.recognise(contents):
+                    return form
+        except TanteoError as error:
+            if not origin:
+                raise
+            warn(str(error))
+    return None
+
+
+def read_log(form: LogFormat, contents: Contents) -> Log:
+    """Read contents in a format.
+
+    Raises:
+        ReadingsError: The contents are malformed.
+        PluginError: A plug-in fails, or returns something else.
+    """
+    origin = FORMATS.origin(form.name)
+    with guarded(origin, f"{contents.name} to be read"):
+        log = form.read(contents)
+    if origin and not isinstance(log, Log):
+        raise PluginError(f"{origin}: expected a Log of {contents.name}, got {type(log).__name__}. Repair it.")
+    return log
 
 
 def format_named(name: str) -> LogFormat | None:
-    """The format of this name; None for the project's own table.
+    """Return the format of a name, or None for the project's own table.
 
     Raises:
-        InputError: Nobody knows it; the message lists all.
+        InputError: There is no such format; the message lists all.
+        PluginError: The plug-in of that name cannot be used.
     """
-    known = (TABLE, *FORMATS)
-    if name not in known:
+    found = FORMATS.find(name)
+    if found is None and name != TABLE:
+        known = (TABLE, *FORMATS.names())
         raise InputError(f"format: expected one of {', '.join(known)}, got '{name}'.{did_you_mean(name, known)}")
-    return FORMATS.get(name)
+    return found

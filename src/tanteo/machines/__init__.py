@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
-    from tanteo.machines.address import KINDS, Address, opened, parse_machine, turns_of
+    from tanteo.machines.address import MACHINES, Address, MachineKind, opened, parse_machine, turns_of
     from tanteo.machines.direct import DirectMachine
+    from tanteo.machines.fake import Fake
     from tanteo.machines.faults import Faults
     from tanteo.machines.grbl import GrblMachine
     from tanteo.machines.grbl_fake import GrblFake
@@ -43,8 +44,9 @@ if TYPE_CHECKING:
     from tanteo.machines.world import World
 
 _NAMES = {
-    "address": "KINDS Address opened parse_machine turns_of",
+    "address": "MACHINES Address MachineKind opened parse_machine turns_of",
     "direct": "DirectMachine",
+    "fake": "Fake",
     "faults": "Faults",
     "grbl": "GrblMachine",
     "grbl_fake": "GrblFake",
@@ -65,10 +67,10 @@ _NAMES = {
     "world": "World",
 }
 __all__ = [
-    "KINDS", "Address", "ContactError", "DirectMachine", "Facts", "Faults", "GrblFake", "GrblMachine", "Journal",
-    "LateError", "Link", "LinkLostError", "LinuxCncFake", "LinuxCncMachine", "Machine", "MachineError",
-    "MachineLimits", "MachineStatus", "Probed", "RangingMachine", "RefusedError", "ReplayMachine", "SafeMachine",
-    "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake", "UrMachine", "Ways", "World", "opened",
-    "parse_machine", "probe_part", "reading_of", "turns_of",
+    "MACHINES", "Address", "ContactError", "DirectMachine", "Facts", "Fake", "Faults", "GrblFake", "GrblMachine",
+    "Journal", "LateError", "Link", "LinkLostError", "LinuxCncFake", "LinuxCncMachine", "Machine", "MachineError",
+    "MachineKind", "MachineLimits", "MachineStatus", "Probed", "RangingMachine", "RefusedError", "ReplayMachine",
+    "SafeMachine", "Sensed", "SerialLink", "StoppedError", "TcpLink", "Turn", "UrFake", "UrMachine", "Ways", "World",
+    "opened", "parse_machine", "probe_part", "reading_of", "turns_of",
 ]  # fmt: skip
 __getattr__, __dir__ = lazy(__name__, _NAMES)

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Protocol
 
 from tanteo import machines
-from tanteo.errors import InputError, did_you_mean
+from tanteo.errors import InputError, PluginError, did_you_mean
 from tanteo.machines.direct import DirectMachine
 from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.link import Link, SerialLink, TcpLink
 from tanteo.machines.protocol import LinkLostError, Machine
 from tanteo.machines.world import World
+from tanteo.plugins import Registry, guarded
 from tanteo.typing import Vectors
+
+_WITHOUT_KIND = ("replay", "direct")
+"""Kinds of addresses that are no controller: a log, and the simulated tip itself."""
 
 _EXAMPLES = "grbl://192.168.0.7:23, grbl:/dev/ttyUSB0, linuxcnc://192.168.0.7 or fake:grbl"
 
@@ -25,7 +30,7 @@ class Address:
     """Where a machine is.
 
     Attributes:
-        kind: a key of :data:`KINDS`.
+        kind: name of a kind of :data:`MACHINES`, or ``replay`` or ``direct``.
         host: of a network address; empty for another.
         ports: of it; empty for the usual ones.
         path: a serial port, or a file.
@@ -39,23 +44,38 @@ class Address:
     fake: bool = False
 
 
+class FakeMaker(Protocol):
+    """Function or class that starts a fake of a controller on loopback."""
+
+    def __call__(self, world: World, start: Vectors, *, hurry: float, faults: Faults | None) -> Fake:
+        """Start a fake.
+
+        Args:
+            world: what the probe meets.
+            start: place of the tip at the start ``(3,)`` [m].
+            hurry: factor by which the fake moves faster than asked; infinite to move at once.
+            faults: faults of the controller and its connection.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True)
-class Kind:
-    """A kind of machine.
+class MachineKind:
+    """A kind of machine that can be typed as an address.
 
     Attributes:
-        ports: the usual ones of TCP.
-        turns: its tool looks along each reading; else it points down.
-        serial: it may be on a serial port.
-        open: the driver at an address.
-        fake: the class of its fake, a name of this room.
+        ports: default ports of TCP; as many as the driver connects to.
+        turns: whether the tool can look along any direction; otherwise it points down.
+        serial: whether the machine may be on a serial port.
+        open: function that connects to an address and returns the driver.
+        fake: function that starts a fake of the controller, for ``fake:NAME``; None if there is none.
     """
 
     ports: tuple[int, ...]
     turns: bool
     serial: bool
     open: Callable[[Address], Machine]
-    fake: str
+    fake: FakeMaker | None = None
 
 
 def parse_machine(text: str) -> Address:
@@ -72,32 +92,47 @@ def parse_machine(text: str) -> Address:
     kind, _, rest = text.partition(":")
     kind = kind.lower()
     if kind == "fake":
-        return Address(_known(rest.lower(), [*KINDS, "direct"], text), fake=True)
+        name = rest.lower()
+        if name != "direct" and machine_kind(name, text).fake is None:
+            raise InputError(f"--machine: expected a kind with a fake, got '{text}'. Name the machine itself.")
+        return Address(name, fake=True)
     if kind == "replay" and rest:
         return Address(kind, path=rest)
-    _known(kind, KINDS, text)
+    known = machine_kind(kind, text)
     if rest.startswith("//"):
         found = re.fullmatch(r"(\[[0-9A-Fa-f:]+\]|[^:/\s]+)(?::(\d{1,5}(?:,\d{1,5})*))?/?", rest[2:])
         ports = tuple(int(p) for p in found[2].split(",")) if found and found[2] else ()
-        if found and all(0 < p < 65536 for p in ports) and len(ports) in (0, len(KINDS[kind].ports)):
+        if found and all(0 < p < 65536 for p in ports) and len(ports) in (0, len(known.ports)):
             return Address(kind, host=found[1].strip("[]"), ports=ports)
-    elif rest and KINDS[kind].serial:
+    elif rest and known.serial:
         return Address(kind, path=rest)
     raise InputError(f"--machine: expected an address as {_EXAMPLES}, got '{text}'. Correct it.")
 
 
-def _known(kind: str, kinds: Collection[str], text: str) -> str:
-    if kind not in kinds:
-        names = ", ".join([*kinds, "replay"])
+def machine_kind(name: str, text: str = "") -> MachineKind:
+    """Return the kind of machine of a name.
+
+    Args:
+        name: name of the kind, as in an address.
+        text: whole address, for the message.
+
+    Raises:
+        InputError: There is none of that name; the message lists all.
+        PluginError: The plug-in of that name cannot be used.
+    """
+    found = MACHINES.find(name)
+    if found is None:
+        kinds = MACHINES.names()
+        listed = ", ".join([*kinds, "replay"])
         raise InputError(
-            f"--machine: expected one of {names}, as {_EXAMPLES}, got '{text}'.{did_you_mean(kind, kinds)}"
+            f"--machine: expected one of {listed}, as {_EXAMPLES}, got '{text or name}'.{did_you_mean(name, kinds)}"
         )
-    return kind
+    return found
 
 
 def turns_of(address: Address) -> bool:
-    """Whether the tool of the machine there looks along each reading; else it points down."""
-    return address.kind in KINDS and KINDS[address.kind].turns
+    """Return whether the tool of the machine at an address can look along any direction; otherwise it points down."""
+    return address.kind not in _WITHOUT_KIND and machine_kind(address.kind).turns
 
 
 @contextmanager
@@ -117,9 +152,10 @@ def opened(
     Raises:
         LinkLostError: nobody answers.
         StoppedError: it is in alarm.
+        PluginError: the driver of a plug-in cannot be opened, or is no driver.
     """
     if not address.fake:
-        machine = _replay(address) if address.kind == "replay" else KINDS[address.kind].open(address)
+        machine = _replay(address) if address.kind == "replay" else _opened(address)
         try:
             yield machine
         finally:
@@ -130,12 +166,27 @@ def opened(
     if address.kind == "direct":
         yield DirectMachine(world, start, hurry=hurry)
         return
-    fake: Fake = getattr(machines, KINDS[address.kind].fake)(world, start, hurry=hurry, faults=faults)
+    start_fake, origin = machine_kind(address.kind).fake, MACHINES.origin(address.kind)
+    assert start_fake is not None, "an address of a fake is checked when it is read"
+    with guarded(origin, "a fake to be started"):
+        fake = start_fake(world, start, hurry=hurry, faults=faults)
     try:
         with opened(Address(address.kind, host="127.0.0.1", ports=fake.ports)) as machine:
             yield machine
     finally:
         fake.close()
+
+
+def _opened(address: Address) -> Machine:
+    """Open a driver, and check that one of a plug-in has the methods of the protocol."""
+    origin = MACHINES.origin(address.kind)
+    with guarded(origin, "a machine to be opened"):
+        machine = machine_kind(address.kind).open(address)
+    if origin and not isinstance(machine, Machine):
+        raise PluginError(
+            f"{origin}: expected a Machine with all its methods, got {type(machine).__name__}. Repair it."
+        )
+    return machine
 
 
 def _replay(address: Address) -> Machine:
@@ -152,7 +203,7 @@ def _grbl(address: Address) -> Machine:
         port, _, baud = address.path.partition("@")
         link = SerialLink(port, int(baud) if baud.isdigit() else 115200)
     else:
-        link = TcpLink(address.host, *(address.ports or KINDS["grbl"].ports))
+        link = TcpLink(address.host, *(address.ports or MACHINES.builtin["grbl"].ports))
     return GrblMachine(link)
 
 
@@ -174,12 +225,29 @@ def _ur(address: Address) -> Machine:
 def _linuxcnc(address: Address) -> Machine:
     from tanteo.machines.linuxcnc import LinuxCncMachine
 
-    return LinuxCncMachine(TcpLink(address.host, *(address.ports or KINDS["linuxcnc"].ports)))
+    return LinuxCncMachine(TcpLink(address.host, *(address.ports or MACHINES.builtin["linuxcnc"].ports)))
 
 
-KINDS: dict[str, Kind] = {
-    "grbl": Kind((23,), turns=False, serial=True, open=_grbl, fake="GrblFake"),
-    "linuxcnc": Kind((5007,), turns=False, serial=False, open=_linuxcnc, fake="LinuxCncFake"),
-    "ur": Kind((29999, 30002, 30004), turns=True, serial=False, open=_ur, fake="UrFake"),
-}
-"""Kinds of machines."""
+def _grbl_fake(world: World, start: Vectors, *, hurry: float, faults: Faults | None) -> Fake:
+    return machines.GrblFake(world, start, hurry=hurry, faults=faults)
+
+
+def _linuxcnc_fake(world: World, start: Vectors, *, hurry: float, faults: Faults | None) -> Fake:
+    return machines.LinuxCncFake(world, start, hurry=hurry, faults=faults)
+
+
+def _ur_fake(world: World, start: Vectors, *, hurry: float, faults: Faults | None) -> Fake:
+    return machines.UrFake(world, start, hurry=hurry, faults=faults)
+
+
+MACHINES: Registry[MachineKind] = Registry(
+    "tanteo.machines",
+    MachineKind,
+    {
+        "grbl": MachineKind((23,), turns=False, serial=True, open=_grbl, fake=_grbl_fake),
+        "linuxcnc": MachineKind((5007,), turns=False, serial=False, open=_linuxcnc, fake=_linuxcnc_fake),
+        "ur": MachineKind((29999, 30002, 30004), turns=True, serial=False, open=_ur, fake=_ur_fake),
+    },
+    reserved=("fake", *_WITHOUT_KIND),
+)
+"""Kinds of machines by the first word of their addresses."""

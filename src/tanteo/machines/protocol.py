@@ -6,7 +6,7 @@ Places are of the centre of the ball, or of a sensor's origin, in the machine's 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -103,6 +103,7 @@ class Sensed:
         return bool(np.isfinite(self.distance))
 
 
+@runtime_checkable
 class Machine(Protocol):
     """A driver. What it never does is on the page of robots (``docs/robots.md``, "What a driver never does").
 

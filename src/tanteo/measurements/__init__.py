@@ -5,6 +5,7 @@ from tanteo.measurements.points import ContactPoints, as_contact_points, surface
 from tanteo.measurements.pose_factor import PoseFactor
 from tanteo.measurements.python_factor import PoseFunction, PythonFactor
 from tanteo.measurements.rays import FreeRays, as_free_rays
+from tanteo.measurements.sight_lines import SightLines
 from tanteo.measurements.stable_poses import OnTable
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "PoseFactor",
     "PoseFunction",
     "PythonFactor",
+    "SightLines",
     "as_contact_points",
     "as_free_rays",
     "as_labelled_points",

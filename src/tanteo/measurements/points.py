@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tanteo import _core
-from tanteo.factors import Factor, Row, SensedDirection, compile_factors, factor_class
+from tanteo.factors import Factor, MeasuredRow, SensedDirection, compile_factors, factor_class
 from tanteo.sensors import PointMeasurements
 from tanteo.typing import BoolArray, Covariances, FloatArray, Indices, IntArray, Vectors
 
@@ -40,7 +40,7 @@ class ContactPoints:
         sides: rough outward direction, zero where unknown ``(n, 3)``.
         normals: sensed normals and axes, zero where not sensed ``(n, 3)``; ``oriented`` tells which were.
         normal_sds: standard deviation of each of their tilts, pi where not sensed ``(n,)`` [rad].
-        reach: length of the free path before each ``(n,)`` [m]; 0 if unknown.
+        reach: length of the free-space ray before each ``(n,)`` [m]; 0 if unknown.
         variance: of every place in every direction, where it is one for all [m^2]; NaN otherwise.
     """
 
@@ -174,7 +174,7 @@ def surface_points(
         directions: directions of approach ``(n, 3)``.
         normals: sensed outward normals ``(n, 3)``.
         normal_sds: standard deviation of each of their tilts ``(n,)`` [rad], or one for all.
-        reach: length of the free path before each ``(n,)`` [m], or one for all.
+        reach: length of the free-space ray before each ``(n,)`` [m], or one for all.
         outward: rough outward directions, where only the side of the material is known ``(n, 3)``.
         shared_jacobian: how places follow whitened shared errors ``(n, 3, D)`` [m].
         tolerance: standard deviation of the made surface that the covariances contain [m].
@@ -213,7 +213,7 @@ def as_contact_points(
     Args:
         measured: points in the world.
         tolerance: standard deviation of the made surface against its CAD [m].
-        reach: known length of the free path before each point ``(n,)`` [m]: the range of a beam.
+        reach: known length of the free-space ray before each point ``(n,)`` [m]: the range of a beam.
 
     Raises:
         InputError: a ball's contact with an edge or corner, which may be anywhere on it.
@@ -228,7 +228,7 @@ def as_contact_points(
     factors = list[Factor]()
     for k, kind in enumerate(measured.kinds):
         sensed = not np.isnan(measured.normals[k, 0])
-        row = Row(
+        row = MeasuredRow(
             measured.features[k], kind, points[k], covs[k], float(radii[k]),
             directions[k] if directions[k].any() else None,
             SensedDirection(measured.normals[k], float(normal_sds[k])) if sensed else None,

@@ -22,10 +22,10 @@ from tanteo.answers import (
     verdict,
     without_spin,
 )
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import InputError
 from tanteo.features import Feature, Sides, collect_shared, shared_root
 from tanteo.lie import SE3
-from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.localization import Block, ModelFeature, Pairing, estimate_pose, first_pose, gauss_newton, relation_between
 from tanteo.paper.assignments import Candidates, assignments, candidates_of
 from tanteo.parts import Part
@@ -90,8 +90,8 @@ def identify_as_published(
     clock.lap("locate")
     unknown = 0.0 if accepted else 1.0
     shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
-    status, message = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
-    return Answer(status, message, hypotheses, unknown, clock.laps(), significance=significance)
+    status, findings = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
+    return Answer.of(status, findings, hypotheses, unknown, clock.laps(), significance=significance)
 
 
 def _poses(

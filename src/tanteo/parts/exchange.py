@@ -12,7 +12,9 @@ from OCP.STEPConstruct import STEPConstruct_ExternRefs
 from OCP.STEPControl import STEPControl_Reader
 
 from tanteo.errors import PartError, UnitError
-from tanteo.parts.files import STEP_SUFFIXES, unit_name
+from tanteo.parts.files import unit_name
+
+STEP_SUFFIXES = (".step", ".stp")
 
 _IGES_UNITS = {"IN": "in", "INCH": "in", "MM": "mm", "FT": "ft", "M": "m", "CM": "cm", "UM": "um"}
 

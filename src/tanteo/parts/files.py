@@ -13,6 +13,7 @@ import numpy as np
 
 from tanteo.errors import PartError, TanteoError, UnitError
 from tanteo.parts.polygons import read_obj, read_off
+from tanteo.parts.readers import CadMesh
 from tanteo.typing import FloatArray, IntArray
 
 METRES: dict[str, float] = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
@@ -92,43 +93,20 @@ def check_file(file: Path, label: str) -> None:
     raise PartError(f"{label}: expected a file, got {got}. {advice}.")
 
 
-UNITLESS = (".stl", ".obj", ".ply", ".off")
-"""Mesh formats that carry no unit."""
-
-MESH_SUFFIXES = (*UNITLESS, ".glb", ".3mf")
-
-STEP_SUFFIXES = (".step", ".stp")
-
-KERNEL_SUFFIXES = (*STEP_SUFFIXES, ".igs", ".iges")
-"""Formats that the CAD kernel reads."""
-
-
-def load_mesh(path: Path, unit: str | None, label: str) -> tuple[FloatArray, IntArray, str, list[str]]:
-    """Read a mesh file.
-
-    Returns:
-        Vertices ``(V, 3)`` in the returned unit, triangles ``(T, 3)``, the short name of the unit, and sentences about
-        what was left out.
+def read_mesh_file(path: Path) -> CadMesh:
+    """Read a mesh file of a built-in format by its suffix.
 
     Raises:
-        UnitError: no unit where the format has none, or one that is not known.
-        PartError: the file is not what its suffix says, or holds no triangles.
+        PartError: the file is not what its suffix says, or an index of its triangles is out of range.
     """
-    suffix = path.suffix.lower()
-    if suffix in UNITLESS and unit is None:
-        raise UnitError(
-            f"unit: expected the length unit of {label}, got none, and {suffix[1:].upper()} files carry none. "
-            "Pass unit='mm' (or um, cm, m, in, ft)."
-        )
+    suffix, label = path.suffix.lower(), path.name
     if suffix == ".3mf":
         from tanteo.parts.threemf import read_3mf
 
-        return read_3mf(path, label)
-    if suffix in (".off", ".obj"):
-        read = read_off if suffix == ".off" else read_obj
-        return *read(path, label), unit_name(str(unit)), []
-    read = _read_stl if suffix == ".stl" else _read_with_trimesh
-    return *read(path, label), unit_name(str(unit)) if suffix in UNITLESS else "m", []
+        vertices, triangles, unit, notes = read_3mf(path, label)
+        return CadMesh(vertices, triangles, unit, notes=tuple(notes))
+    read = {".off": read_off, ".obj": read_obj, ".stl": _read_stl}.get(suffix, _read_with_trimesh)
+    return CadMesh(*read(path, label), unit="m" if suffix == ".glb" else None)
 
 
 def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:

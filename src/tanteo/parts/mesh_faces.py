@@ -20,7 +20,7 @@ import numpy as np
 from tanteo.parts.elements import SurfaceKind
 from tanteo.parts.facets import FLOAT32, MeshFacets, find_facets
 from tanteo.parts.fits import fit_curved
-from tanteo.parts.topology import Draft, components, mesh_edges
+from tanteo.parts.topology import Draft, MeshEdges, components, mesh_edges
 from tanteo.typing import FloatArray, IntArray
 
 SMOOTH_ANGLE = np.deg2rad(30.0) - 1e-4
@@ -44,6 +44,40 @@ def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
     runs = _crumbs(facets, _scans(facets, _runs(facets)), float(np.linalg.norm(np.ptp(vertices, axis=0))))
     faces, kinds = _named(vertices, triangles, facets, runs)
     return Draft(vertices, triangles, faces[facets.of_triangle], kinds, None)
+
+
+def label_faces(vertices: FloatArray, triangles: IntArray, numbers: IntArray) -> Draft:
+    """Make one face of the triangles that have the same number and touch.
+
+    Args:
+        vertices: ``(V, 3)`` [m].
+        triangles: ``(T, 3)``, outward.
+        numbers: number of the face of each triangle ``(T,)``.
+
+    Returns:
+        The mesh with its faces, numbered by their first triangle: planes where they are flat; cylinders, cones or
+        spheres where their facets meet smoothly and their corners lie on one; free forms otherwise.
+    """
+    edges = mesh_edges(triangles)
+    inner = numbers[edges.left] == numbers[edges.right]
+    edges = MeshEdges(edges.ends[inner], edges.left[inner], edges.right[inner])
+    labels = components(len(triangles), edges.left, edges.right)
+    _, first, faces = np.unique(labels, return_index=True, return_inverse=True)
+    facets = find_facets(vertices, triangles, edges)
+    owner = np.zeros(len(facets.areas), dtype=np.int64)
+    owner[facets.of_triangle] = faces.reshape(-1)
+    steepest = np.zeros(len(first))
+    np.maximum.at(steepest, owner[facets.links[:, 0]], facets.angles)
+    kinds: list[tuple[SurfaceKind, dict[str, Any]]] = []
+    for face in range(len(first)):
+        members = np.flatnonzero(owner == face)
+        if len(members) == 1:
+            kinds.append(("plane", {}))
+        elif steepest[face] < SMOOTH_ANGLE:
+            kinds.append(_fit(vertices, triangles, facets, members))
+        else:
+            kinds.append(("freeform", {}))
+    return Draft(vertices, triangles, faces.reshape(-1), tuple(kinds), None)
 
 
 def _runs(facets: MeshFacets) -> IntArray:

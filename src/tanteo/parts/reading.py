@@ -5,26 +5,18 @@ from __future__ import annotations
 import os
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from tanteo.errors import InputError, MissingExtraError, PartError
-from tanteo.parts.files import (
-    KERNEL_SUFFIXES,
-    LARGEST_FILE,
-    MESH_SUFFIXES,
-    METRES,
-    UNITLESS,
-    check_file,
-    check_size,
-    load_mesh,
-    unit_name,
-)
+from tanteo.errors import InputError, PartError, UnitError
+from tanteo.parts.files import LARGEST_FILE, METRES, check_file, check_size, unit_name
 from tanteo.parts.part import Part
-from tanteo.parts.topology import Draft, scaled
+from tanteo.parts.readers import CAD_READERS, CadFaces, CadReader, read_cad, readable_suffixes
 from tanteo.typing import FloatArray
+
+if TYPE_CHECKING:
+    from tanteo.parts.topology import Draft
 
 
 class StoredParts(Sequence[Part]):
@@ -95,16 +87,12 @@ def as_part(name: str, part: Any) -> Any:
     return found[0]
 
 
-READABLE = (*KERNEL_SUFFIXES, *MESH_SUFFIXES)
-"""Suffixes of the formats that can be read."""
-
-
 def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: str | None = None) -> Part:
     """Read a CAD file into a part: its mesh, faces, straight edges, corners and symmetry.
 
     Args:
         path: STEP (``.step``, ``.stp``), IGES (``.igs``, ``.iges``) or a mesh (``.stl``, ``.obj``, ``.ply``, ``.off``,
-            ``.glb``, ``.3mf``).
+            ``.glb``, ``.3mf``); or a file of a suffix for which a reader is installed (group ``tanteo.cad_readers``).
         unit: what one step of a coordinate means: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``. Required for
             formats that carry no unit (STL, OBJ, PLY, OFF); instead of their own for those that state one, which
             the part's repairs then say.
@@ -118,6 +106,7 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
         PartError: the file does not describe a surface of a plausible size; the message says why.
         UnitError: the format carries no unit and none was given, or the unit is not known.
         MissingExtraError: a STEP or IGES file, and the extra ``tanteo[step]`` is not installed.
+        PluginError: the installed reader of the suffix fails.
 
     Example:
         >>> part = tanteo.read_part("parts/bracket_left.step")
@@ -130,50 +119,50 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
         unit_name(unit)
     check_file(file, label)
     suffix = file.suffix.lower()
-    if suffix not in READABLE:
-        raise PartError(f"{label}: expected one of {', '.join(READABLE)}, got {suffix!r}. Export it as STEP.")
+    reader = CAD_READERS.find(suffix.removeprefix(".")) if suffix else None
+    if reader is None:
+        known = ", ".join(readable_suffixes())
+        raise PartError(f"{label}: expected one of {known}, got {suffix!r}. Export it as STEP.")
     _check_content(file, label)
+    if reader.unitless and unit is None:
+        raise UnitError(
+            f"unit: expected the length unit of {label}, got none, and {suffix[1:].upper()} files carry none. "
+            "Pass unit='mm' (or um, cm, m, in, ft)."
+        )
+    draft, own, repairs, stated = _draft(suffix, reader, file, None if unit is None else unit_name(unit))
     from tanteo.parts.building import build_part  # not needed where a part is remembered
+    from tanteo.parts.from_mesh import diagonal_of_points
 
-    read = _from_kernel if suffix in KERNEL_SUFFIXES else _from_mesh
-    draft, own, repairs = read(file, None if unit is None else unit_name(unit), label)
-    stated = suffix not in UNITLESS and unit is None
-    check_size(_diagonal(draft.vertices), own, label, stated=stated)
+    check_size(diagonal_of_points(draft.vertices), own, label, stated=stated)
     return build_part(draft, name=name or file.stem, source=os.fspath(path), unit=own, repairs=tuple(repairs))
 
 
-def _from_kernel(file: Path, unit: str | None, label: str) -> tuple[Draft, str, list[str]]:
-    """A part from STEP or IGES, in the unit of the file, or another that is asked for."""
-    try:
-        from tanteo.parts.step import load_step
-    except ImportError as error:
-        how = "Run pip install 'tanteo[step]'."
-        raise MissingExtraError(
-            f"{label}: expected the CAD kernel to read STEP and IGES, got {error}. {how}"
-        ) from error
-    draft, own, repairs = load_step(file, label)
-    if unit in (None, own):
-        return draft, own, repairs
-    return scaled(draft, METRES[unit] / METRES[own]), unit, [_asked(unit, own), *repairs]
+def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tuple[Draft, str, list[str], bool]:
+    """Read a file in its own unit, or in another that is passed.
+
+    Returns:
+        The mesh in metres with its faces, the unit, sentences about repairs, and whether the file states the unit.
+    """
+    from tanteo.parts.from_mesh import checked_mesh, draft_of_mesh  # not needed where a part is remembered
+    from tanteo.parts.topology import scaled
+
+    found, label = read_cad(suffix, reader, file), file.name
+    if isinstance(found, CadFaces):
+        used = unit or found.unit
+        draft = found.draft if used == found.unit else scaled(found.draft, METRES[used] / METRES[found.unit])
+        return draft, used, [*_asked(used, found.unit), *found.notes], unit is None
+    mesh = checked_mesh(found, label)
+    own = mesh.unit or unit
+    if own is None:
+        raise UnitError(f"unit: expected the length unit of {label}, got none. Pass unit='mm' (or um, cm, m, in, ft).")
+    used, stated = unit or own, unit is None
+    notes = (*_asked(used, own), *mesh.notes)
+    draft, repairs = draft_of_mesh(replace(mesh, unit=used, notes=notes), label, stated=stated)
+    return draft, used, repairs, stated
 
 
-def _from_mesh(file: Path, unit: str | None, label: str) -> tuple[Draft, str, list[str]]:
-    """A part from a mesh file, in the unit of the file, or another that is asked for."""
-    from tanteo.parts.mesh_faces import sort_faces  # not needed where a part is remembered
-    from tanteo.parts.repair import sound_mesh
-
-    vertices, triangles, own, notes = load_mesh(file, unit, label)
-    if unit not in (None, own):
-        notes, own = [_asked(unit, own), *notes], unit
-    if len(triangles):
-        size = _diagonal(vertices[triangles.reshape(-1)]) * METRES[own]
-        check_size(size, own, label, stated=file.suffix.lower() not in UNITLESS and unit is None)
-    points, faces, repairs = sound_mesh(vertices, triangles, label)
-    return sort_faces(points * METRES[own], faces), own, notes + repairs
-
-
-def _asked(unit: str, own: str) -> str:
-    return f"Read in {unit} as asked: the file itself says {own}."
+def _asked(used: str, own: str) -> tuple[str, ...]:
+    return () if used == own else (f"Read in {used} as asked: the file itself says {own}.",)
 
 
 def _check_content(file: Path, label: str) -> None:
@@ -190,8 +179,3 @@ def _check_content(file: Path, label: str) -> None:
         raise PartError(
             f"{label}: expected a file of up to {LARGEST_FILE / 1e9:g} GB, got {size / 1e9:.3g} GB. Simplify the part."
         )
-
-
-def _diagonal(points: np.typing.NDArray[np.float64]) -> float:
-    finite = points[np.isfinite(points).all(axis=1)]
-    return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 1.0

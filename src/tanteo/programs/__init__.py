@@ -5,8 +5,9 @@ names the controllers.
 """
 
 from tanteo.programs.job import Job, Touch, first_way, job_of, leaves, tool_axes, transfer
-from tanteo.programs.table import AXES_3, PROGRAMS, write_program
+from tanteo.programs.table import PROGRAMS, ProgramLanguage, program_language, write_program
 
 __all__ = [
-    "AXES_3", "PROGRAMS", "Job", "Touch", "first_way", "job_of", "leaves", "tool_axes", "transfer", "write_program",
+    "PROGRAMS", "Job", "ProgramLanguage", "Touch", "first_way", "job_of", "leaves", "program_language", "tool_axes",
+    "transfer", "write_program",
 ]  # fmt: skip

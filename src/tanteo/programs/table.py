@@ -1,11 +1,12 @@
-"""The controllers that a program can be written for."""
+"""The languages of controllers that a probing program can be written in."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Callable
+from dataclasses import dataclass
 
-from tanteo.errors import InputError, did_you_mean
+from tanteo.errors import InputError, PluginError, did_you_mean
+from tanteo.plugins import Registry, guarded
 from tanteo.programs.abb import abb
 from tanteo.programs.fanuc import fanuc
 from tanteo.programs.gcode import grbl, linuxcnc
@@ -13,31 +14,71 @@ from tanteo.programs.job import Job
 from tanteo.programs.kuka import kuka
 from tanteo.programs.ur import ur
 
-PROGRAMS: Mapping[str, Callable[[Job], str]] = MappingProxyType(
-    {"linuxcnc": linuxcnc, "grbl": grbl, "ur": ur, "fanuc": fanuc, "kuka": kuka, "abb": abb}
-)
-"""Who writes for which controller."""
 
-AXES_3 = ("linuxcnc", "grbl")
-"""Controllers of machines whose stylus always points down."""
+@dataclass(frozen=True, slots=True)
+class ProgramLanguage:
+    """The language of a controller.
+
+    Attributes:
+        write: function that writes the program of a job.
+        points_down: whether the stylus always points down, as on a 3-axis machine; otherwise it is in line with each
+            touch.
+    """
+
+    write: Callable[[Job], str]
+    points_down: bool = False
+
+
+PROGRAMS: Registry[ProgramLanguage] = Registry(
+    "tanteo.programs",
+    ProgramLanguage,
+    {
+        "linuxcnc": ProgramLanguage(linuxcnc, points_down=True),
+        "grbl": ProgramLanguage(grbl, points_down=True),
+        "ur": ProgramLanguage(ur),
+        "fanuc": ProgramLanguage(fanuc),
+        "kuka": ProgramLanguage(kuka),
+        "abb": ProgramLanguage(abb),
+    },
+)
+"""Languages by the name of their controller."""
+
+
+def program_language(name: str) -> ProgramLanguage:
+    """Return the language of a controller.
+
+    Raises:
+        InputError: There is none of that name; the message lists all.
+        PluginError: The plug-in of that name cannot be used.
+    """
+    found = PROGRAMS.find(name)
+    if found is None:
+        known = PROGRAMS.names()
+        raise InputError(f"--program: expected one of {', '.join(known)}, got '{name}'.{did_you_mean(name, known)}")
+    return found
 
 
 def write_program(name: str, job: Job) -> str:
-    """The probing program of a job.
+    """Write the probing program of a job.
 
     Args:
-        name: a key of :data:`PROGRAMS`.
-        job: the touches.
+        name: name of a controller, as in :data:`PROGRAMS`.
+        job: touches, with their starts, contacts and ends.
 
     Raises:
-        InputError: No such controller; or a 3-axis machine is to touch from below.
+        InputError: There is no such controller, or a stylus that points down is to touch from below.
+        PluginError: A plug-in fails, or returns something else.
     """
-    if name not in PROGRAMS:
-        raise InputError(f"expected one of {', '.join(PROGRAMS)}, got '{name}'.{did_you_mean(name, PROGRAMS)}")
+    language = program_language(name)
     upward = [f"touch {t.number} on {t.face}" for t in job.touches if t.direction[2] > 1e-6]
-    if name in AXES_3 and upward:
+    if language.points_down and upward:
         raise InputError(
             f"--program {name}: expected touches from above or from the side, as the stylus points down, got "
             f"{', '.join(upward)} from below. Say --approach 0,0,-1,90deg."
         )
-    return PROGRAMS[name](job)
+    origin = PROGRAMS.origin(name)
+    with guarded(origin, "a program to be written"):
+        text = language.write(job)
+    if origin and not isinstance(text, str):
+        raise PluginError(f"{origin}: expected a program as text, got {type(text).__name__}. Repair it.")
+    return text

@@ -18,11 +18,11 @@ from tanteo.report.sections import directions_of, rests_section
 from tanteo.report.shapes import Shapes, draw_shapes, shapes_of
 from tanteo.report.uncertainty import Budget, Source, make_budget
 from tanteo.report.ways import Way, find_ways
-from tanteo.report.words import brief, headline, length
+from tanteo.report.words import headline, length
 from tanteo.report.write import Run, report_page, session_page, write_report
 
 __all__ = [
-    "Budget", "Contacts", "Drawn", "Html", "Run", "Section", "Sensed", "Shapes", "Source", "Way", "bar", "brief",
+    "Budget", "Contacts", "Drawn", "Html", "Run", "Section", "Sensed", "Shapes", "Source", "Way", "bar",
     "combined", "course_section", "directions_of", "distinction_page", "draw_part", "draw_shapes", "element",
     "find_contacts", "find_ways", "gather", "goal_words", "headline", "length", "make_budget", "percent",
     "photo_section", "plan_page", "report_page", "rests_section", "session_page", "shapes_of", "write_report",

@@ -65,7 +65,7 @@ def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunte
 def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
     """Keys and words of the ways, for the choice of overlays."""
     options = [
-        element("option", f"off by {way.words}: {uncertain(way.moves)} at the farthest corner", value=k)
+        element("option", f"off by {way.motion.brief}: {uncertain(way.moves)} at the farthest corner", value=k)
         for k, way in enumerate(ways)
     ]
     none = element("option", "no overlays", value="", selected=None if haunted else True)

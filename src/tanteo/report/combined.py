@@ -12,7 +12,7 @@ from tanteo.report.contacts import Sensed
 from tanteo.report.page import Html, Section, element, join, per_hypothesis, table
 from tanteo.report.scene import Candidate
 from tanteo.report.uncertainty import Budget, Source, make_budget
-from tanteo.report.words import MM, brief, uncertain
+from tanteo.report.words import MM, uncertain
 
 BEYOND = "beyond first order"
 """What the answer has and a linear budget does not see: modes, curved surfaces, samples."""
@@ -73,10 +73,10 @@ def _budget(candidate: Candidate, sensed: Sensed) -> Html:
 
 
 def _total(candidate: Candidate, budget: Budget, linear: float) -> str:
-    told, free = candidate.hypothesis.corner_sd, candidate.hypothesis.unobserved
+    told, free = candidate.hypothesis.corner_sd, candidate.hypothesis.free_motions
     total = uncertain(budget.total)
     if free:
-        return f"Together {total}, without what nothing observes: {'; '.join(brief(word) for word in free)}."
+        return f"Together {total}, without what nothing observes: {'; '.join(motion.brief for motion in free)}."
     words = f"Together {total}, the largest corner sd of the answer; expanded (k = 2) {uncertain(2 * told)}."
     if linear > (1 + _DIFFERS) * told:
         return f"{words} To first order it would be {uncertain(linear)}: the sources are scaled to the answer."

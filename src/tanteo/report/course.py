@@ -10,7 +10,7 @@ from tanteo.active import Added, Stop
 from tanteo.answers import percent
 from tanteo.report.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
 from tanteo.report.page import Html, Section, element, join, table
-from tanteo.report.words import MM, brief, uncertain
+from tanteo.report.words import MM, uncertain
 from tanteo.session import Session, Step
 
 _IN_TABLE = 2
@@ -131,7 +131,7 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
             _number(MM * step.corner_sd, "{:.2g} mm"),
             _number(one.about_part, "{:.2f}"),
             _number(one.about_pose, "{:.2f}"),
-            brief(one.motion) or "–",
+            "–" if one.motion is None else one.motion.brief,
             _number(100 * one.narrowed, "{:.0f} %"),
         )
         for n, (step, one) in enumerate(zip(steps, added, strict=True), 1)

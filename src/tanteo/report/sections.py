@@ -13,7 +13,7 @@ from tanteo.report.charts import residual_chart
 from tanteo.report.contacts import Sensed
 from tanteo.report.page import Html, Section, element, join, per_hypothesis, table
 from tanteo.report.scene import Candidate
-from tanteo.report.words import MM, brief, fixed
+from tanteo.report.words import MM, fixed
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 
@@ -102,17 +102,17 @@ def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]
         rough = float(np.sum((known @ way.xi) ** 2))
         total = max(float(each.sum()) + rough, 1e-300)
         shares = ((sensed.measured.ids[i], float(each[i] / total)) for i in np.argsort(-each, kind="stable"))
-        out.append(Direction(way.words, way.rms, tuple(shares), rough / total))
+        out.append(Direction(way.motion, way.rms, tuple(shares), rough / total))
     return tuple(out)
 
 
 def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
     if not directions:
         return element("p", "Nothing was met, so nothing is fixed.")
-    overlays = [way.words for way in candidate.ways]
+    overlays = [way.motion.brief for way in candidate.ways]
     rows = []
     for d in directions:
-        words = brief(d.motion)
+        words = d.motion.brief
         show: Html | str = ""
         if words in overlays:
             show = element("button", "Show", type="button", data_way=overlays.index(words), aria_label=f"Show: {words}")

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import corner_moves, motion_words
+from tanteo.answers import corner_moves, motion_of
 from tanteo.lie import SE3
 from tanteo.parts import Part
-from tanteo.report.words import brief
 from tanteo.typing import Covariances, Tangents, Transforms
+from tanteo.words import Motion
 
 _LEVELS = (1, 2, 3)
 """Standard deviations of which overlays are drawn."""
@@ -27,14 +27,14 @@ class Way:
     """One way in which the pose may be off, independent of the others.
 
     Attributes:
-        words: The motion.
+        motion: The motion.
         moves: How far one standard deviation of it moves the farthest corner of the box [m].
         rms: How far it moves all corners, root mean square [m].
         xi: One standard deviation of it, right perturbation of the pose ``(6,)`` [m, rad].
         Ts_world_part: Overlays ``(3, 2, 4, 4)``: at 1, 2 and 3 standard deviations, backwards and forwards, enlarged.
     """
 
-    words: str
+    motion: Motion
     moves: float
     rms: float
     xi: Tangents
@@ -65,8 +65,8 @@ def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> 
     steps = np.array([[-level, level] for level in _LEVELS], dtype=np.float64) * enlarged
     ways = []
     for xi, max_measurements, all_ in zip(xis[kept], moves[kept], rms[kept], strict=True):
-        words = brief(motion_words(part, xi, T))
-        ways.append(Way(words, float(max_measurements), float(all_), xi, T @ SE3.exp(steps[..., None] * xi)))
+        motion = motion_of(part, xi, T)
+        ways.append(Way(motion, float(max_measurements), float(all_), xi, T @ SE3.exp(steps[..., None] * xi)))
     return tuple(ways), enlarged
 
 

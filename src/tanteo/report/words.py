@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from tanteo.answers import CONFIDENCE, Answer, Hypothesis, corner_sd, percent
@@ -88,28 +86,6 @@ def _agreement(hypothesis: Hypothesis, significance: float) -> str:
         return "nothing left over to check"
     verdict = "no, they contradict each other" if hypothesis.p_value < significance else "yes, within their noise"
     return f"{verdict} (p = {hypothesis.p_value:.2g})"
-
-
-_NUMBERED = re.compile(r"the world direction \(([^)]*)\)")
-_TILTED = 0.35
-"""An axis that takes this share of the tilt or more is named."""
-
-
-def brief(motion: str) -> str:
-    """A motion without where its axis passes, its direction in words: ``sliding along world y, 26° towards z``."""
-    return _NUMBERED.sub(_tilted, motion.partition(" through")[0])
-
-
-def _tilted(found: re.Match[str]) -> str:
-    """The nearest axis of the world, and how far the direction leans from it and to where."""
-    u = np.array([float(v) for v in found[1].split(",")])
-    k = int(np.argmax(np.abs(u)))
-    u = u * np.sign(u[k])
-    lean = np.delete(u, k)
-    tilt = float(np.degrees(np.arctan2(np.linalg.norm(lean), u[k])))
-    others = zip("xyz".replace("xyz"[k], ""), lean, strict=True)
-    to = [("−" if v < 0 else "") + name for name, v in others if abs(v) >= _TILTED * np.linalg.norm(lean)]
-    return f"world {'xyz'[k]}, {tilt:.0f}° towards {' and '.join(to)}"
 
 
 def uncertain(metres: float) -> str:

@@ -41,7 +41,7 @@ from tanteo.sensors.noise import (
     sensed_point,
     sensor_error_cov,
 )
-from tanteo.sensors.oddities import say_repeated, say_stuck
+from tanteo.sensors.oddities import find_repeated, find_stuck
 from tanteo.sensors.presets import (
     NoiseLaw,
     RobotPreset,
@@ -88,6 +88,8 @@ __all__ = [
     "emit",
     "emit_touches",
     "error_model",
+    "find_repeated",
+    "find_stuck",
     "measure",
     "misspelt",
     "range_variance",
@@ -95,8 +97,6 @@ __all__ = [
     "reported_poses",
     "robot_preset",
     "robot_presets",
-    "say_repeated",
-    "say_stuck",
     "sensed_point",
     "sensor_error_cov",
     "sensor_preset",

@@ -9,6 +9,7 @@ import numpy as np
 from tanteo.sensors.measurements import PointMeasurements
 from tanteo.sensors.readings import Readings
 from tanteo.typing import IntArray
+from tanteo.words.findings import Repeated, Stuck
 
 _SAME = 1e-9
 """Numbers (m, or parts of a unit direction) that agree to this are the same."""
@@ -23,21 +24,13 @@ _ROUNDING = 1e-9
 """Ranges that agree to this are the same [m]."""
 
 
-def say_repeated(measured: PointMeasurements) -> str:
-    """A sentence that names readings with equal point, direction, normal and spread; empty if there are none.
+def find_repeated(measured: PointMeasurements) -> Repeated | None:
+    """Return the readings with equal point, direction, normal and spread; None if there are none.
 
-    They are not merged: a device with a coarse resolution may honestly say the same again.
+    They are not merged: a device with a coarse resolution may repeat a reading.
     """
     sets = _equal(measured)
-    if not sets:
-        return ""
-    names = [f"{', '.join(ids[:-1])} and {ids[-1]}" for ids in sets[:_NAMED]]
-    rest = len(sets) - _NAMED
-    more = f" (and {rest} more such set{'s' * (rest > 1)})" if rest > 0 else ""
-    return (
-        f"Readings {'; '.join(names)}{more} are equal in place, direction and spread, and each counts: if they are one "
-        "reading under several names, keep one, or the covariance is too small."
-    )
+    return Repeated(tuple(map(tuple, sets))) if sets else None
 
 
 def _equal(measured: PointMeasurements) -> list[Sequence[str]]:
@@ -54,8 +47,8 @@ def _equal(measured: PointMeasurements) -> list[Sequence[str]]:
     return [ids for ids in sets.values() if len(ids) > 1]
 
 
-def say_stuck(readings: Readings) -> str:
-    """A question where a sensor gave the same range again and again, from different places; empty where none did.
+def find_stuck(readings: Readings) -> Stuck | None:
+    """Return a sensor that gave the same range again and again, from different places; None if there is none.
 
     Args:
         readings: in the order in which they were made.
@@ -68,12 +61,8 @@ def say_stuck(readings: Readings) -> str:
         if count < (_FEW if fine else _MANY):
             continue
         k, end = rows[first], rows[first + count - 1]
-        who = f" of '{sensor}'" if sensor else ""
-        return (
-            f"The {count} ranges {readings.ids[k]} to {readings.ids[end]}{who} are all {1e3 * readings.ranges[k]:.6g} "
-            "mm, from different places: is the sensor stuck?"
-        )
-    return ""
+        return Stuck(sensor, readings.ids[k], readings.ids[end], count, float(readings.ranges[k]))
+    return None
 
 
 def _longest(readings: Readings, rows: IntArray) -> tuple[int, int]:

@@ -55,7 +55,8 @@ def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: Sen
     if readings is None or not state.modes:
         return ""
     measured = measured_by(sensing, probe, readings)
-    return what_limits(goodness_of_fit(state.modes[0]), measured.shared).strip() if measured.shared else ""
+    found = what_limits(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
+    return "" if found is None else found.message
 
 
 def measured_by(sensing: Sensing, probe: Probe, readings: Readings) -> PointMeasurements:

@@ -16,39 +16,40 @@ from tanteo.limits import SUSPECT
 from tanteo.measurements import ContactPoints
 from tanteo.session.values import Observation, Step
 from tanteo.typing import BoolArray
+from tanteo.words.findings import (
+    EmptySpace,
+    MovedMeanwhile,
+    NoPartLeft,
+    NothingMet,
+    PoseWithin,
+    SeveralPoses,
+    WiderPrior,
+    WorstReading,
+)  # fmt: skip
 
 _FEW, _BY_CHANCE = 2, 0.05
 """So many readings aside, or more, and at least as improbably together by chance, are worth a sentence."""
 
 
-def moved(ids: Sequence[str], aside: BoolArray) -> str:
-    """That something may have moved, in words; empty if the readings that do not fit came at any time.
+def moved(ids: Sequence[str], aside: BoolArray) -> MovedMeanwhile | None:
+    """Return that something may have moved; None if the readings that do not fit came at any time.
 
     If they are outliers by chance, all of them are among the first, or among the last, so many with the share of the
     ways to choose them there.
     """
     rows, n = np.flatnonzero(aside), len(aside)
     if len(rows) < _FEW:
-        return ""
+        return None
     first, last = int(rows[0]), int(rows[-1])
     span = min(last + 1, n - first)
     if 2 * comb(span, len(rows)) >= _BY_CHANCE * comb(n, len(rows)):
-        return ""
+        return None
     early = last + 1 <= n - first
-    others = f"all after {ids[last]}" if early else f"all before {ids[first]}"
-    some = len(rows) < last - first + 1
-    which = (
-        f"{len(rows)} of the readings {ids[first]} to {ids[last]}" if some else f"Readings {ids[first]} to {ids[last]}"
-    )
-    return f"{which} do not fit, {others} do: did the part or the sensor move?"
+    some = len(rows) if len(rows) < last - first + 1 else 0
+    return MovedMeanwhile(ids[first], ids[last], some, ids[last if early else first], early)
 
 
-NOTHING = "No part explains the readings: check them, the prior pose and the parts."
-"""What is said where no part is left."""
-
-_ANEW = " A new session with a wider prior pose can be told the same readings."
-
-_HALF, _NOWHERE = 0.5, "Beams went free where the part may be: check the prior pose and the parts."
+_HALF = 0.5
 
 
 def answered(state: SensingState, stop: Stop, seed: int, top: int, significance: float) -> Answer:
@@ -62,10 +63,11 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
     touches, start = state.touches, state.start
     if touches is None or not len(touches):
         status: Status = "unknown" if state.unknown > _HALF else "insufficient"
-        message = "No reading has met a part yet." if status == "insufficient" else _NOWHERE
-        return Answer(status, message, (), 1.0 - float(state.weights.sum()), {}, seed, significance=significance)
+        nothing = NothingMet() if status == "insufficient" else EmptySpace()
+        gone = 1.0 - float(state.weights.sum())
+        return Answer.of(status, (nothing,), (), gone, seed=seed, significance=significance)
     if not state.modes:
-        return Answer("unknown", NOTHING, (), state.unknown, {}, seed, significance=significance)
+        return Answer.of("unknown", (NoPartLeft(),), (), state.unknown, seed=seed, significance=significance)
     found = [goodness_of_fit(mode) for mode in state.modes[:top]]
     hypotheses = tuple(
         as_hypothesis(touches, one, PosePrior(start.Ts[row], start.covariances[row]))
@@ -75,18 +77,21 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
     enough = bool(stop.reached(state))
     least = _least(stop, float(state.of_parts().max(initial=0.0)) if enough else 1.0)
     prior_p = p_of_start(state)
-    status, message = verdict(
+    status, findings = verdict(
         hypotheses, state.unknown, significance,
         worst=_worst(touches, found[0], prior_p), shares=shares, prior_p=prior_p, least=least, known=enough,
     )  # fmt: skip
     placed = stop.tolerance is not None and (enough or stop.chance(state) >= CONFIDENCE)
     if status == "ambiguous" and (placed or enough):
         status = "recognized" if placed else "ambiguous"
-        message = _in_some_pose(hypotheses[0], state, stop, shares)
-    message += face_elsewhere(touches, found[0], state.unknown, start.priors)
-    message += _ANEW if status == "unknown" and prior_p < significance else ""
-    message += moved_words(state)
-    return Answer(status, message, hypotheses, state.unknown, {}, seed, significance=significance)
+        findings = (_in_some_pose(hypotheses[0], state, stop, shares),)
+    more = (
+        face_elsewhere(touches, found[0], state.unknown, start.priors),
+        WiderPrior() if status == "unknown" and prior_p < significance else None,
+        moved_meanwhile(state),
+    )
+    findings = (*findings, *(one for one in more if one is not None))
+    return Answer.of(status, findings, hypotheses, state.unknown, seed=seed, significance=significance)
 
 
 def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> str:
@@ -112,18 +117,17 @@ def p_of_start(state: SensingState) -> float:
     return p_of_prior(best, replace(start.priors, pose=pose))
 
 
-def _worst(points: ContactPoints, best: GoodnessOfFit, prior_p: float) -> str:
+def _worst(points: ContactPoints, best: GoodnessOfFit, prior_p: float) -> WorstReading | None:
     """The reading that contradicts the likeliest hypothesis most, unless the prior pose contradicts it more."""
     contradicted = best.misfit().beside(0.0, len(best.free)).p_value < prior_p
-    return worst_reading(points, best) if contradicted else ""
+    return worst_reading(points, best) if contradicted else None
 
 
-def moved_words(state: SensingState) -> str:
-    """A sentence if the readings that the likeliest hypothesis leaves aside are together in time; empty if not."""
+def moved_meanwhile(state: SensingState) -> MovedMeanwhile | None:
+    """Return that the readings which the likeliest hypothesis leaves aside are together in time; None if not."""
     if state.touches is None or not state.modes:
-        return ""
-    words = moved(state.touches.ids, ~state.on_part())
-    return f" {words}" if words else ""
+        return None
+    return moved(state.touches.ids, ~state.on_part())
 
 
 def _least(stop: Stop, part: float) -> float:
@@ -132,16 +136,15 @@ def _least(stop: Stop, part: float) -> float:
     return part * min(CONFIDENCE, max(asked, _HALF))
 
 
-def _in_some_pose(best: Hypothesis, state: SensingState, stop: Stop, shares: list[tuple[str, float]]) -> str:
-    """The part that it is, in whichever of its poses; and whether these differ by less than was asked for."""
-    sure, else_ = doubt(best, state.unknown, shares, any_pose=True)
+def _in_some_pose(
+    best: Hypothesis, state: SensingState, stop: Stop, shares: list[tuple[str, float]]
+) -> PoseWithin | SeveralPoses:
+    """Return the part that it is, in any of its poses, and whether these differ by less than the tolerance."""
+    sure, others = doubt(best, state.unknown, shares, any_pose=True)
     if stop.tolerance is None:
-        where = "in one of several poses: sense a face that is not where its others would put it"
-        return f"It is {best.part}{sure}, {where}{else_}."
-    within = f"less than the tolerance of {1e3 * stop.tolerance:.3g} mm"
+        return SeveralPoses(best.part, sure, others)
     feature = places_of(state.target(0).part, stop.feature).feature
-    what = "the poses that it may have differ" if feature is None else f"the places that {feature} may have differ"
-    return f"{best.part}{sure}; {what} by {within}{else_}."
+    return PoseWithin(best.part, sure, stop.tolerance, "" if feature is None else str(feature), others)
 
 
 def step_of(state: SensingState, stop: Stop, observation: Observation) -> Step:

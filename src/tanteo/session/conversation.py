@@ -24,16 +24,18 @@ from tanteo.active import (
     update,
 )
 from tanteo.answers import Answer, PosePrior
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import check_kind
-from tanteo.limits import SIGNIFICANCE, TOP, check_count, check_significance
-from tanteo.sensors import Readings, check_readings_kind, concatenate, say_stuck
+from tanteo.limits import check_count, check_significance
+from tanteo.sensors import Readings, check_readings_kind, concatenate, find_stuck
 from tanteo.session.action import Action
 from tanteo.session.ahead import limits, shared_of
-from tanteo.session.answer import NOTHING, answered, step_of
+from tanteo.session.answer import answered, step_of
 from tanteo.session.questions import action_of, answers, is_same, new_readings, unlike, whole_action
 from tanteo.session.values import Done, Observation, Sensing, Step
 from tanteo.session.worth import OUT_OF_REACH, enough, once_more, worth_acquiring, worth_making
 from tanteo.typing import BoolArray, Vectors
+from tanteo.words.findings import NoPartLeft, Stuck
 
 _CANDIDATES = 500
 """Readings among which one is chosen."""
@@ -151,11 +153,12 @@ class Session:
         question. ``put(None)`` drops it, and the next one is chosen by all that is known.
         """
         if end := enough(self.stop, self._state, self.count, self.significance):
-            return self._said(replace(end, why=f"{end.why} {self._doubt()}".rstrip()))
+            stuck = self._stuck()
+            return self._said(end if stuck is None else replace(end, why=f"{end.why} {stuck.message}"))
         if self._asked is not None:
             return self._asked
         if not len(self._state.weights):
-            return Done(False, NOTHING)
+            return Done(False, NoPartLeft().message)
         candidates = self._open(propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         context = self._context(candidates)
         chosen = self._chosen(context) if len(candidates) else Done(False, OUT_OF_REACH)
@@ -289,11 +292,12 @@ class Session:
         """
         level = self.significance if significance is None else significance
         answer = answered(self._state, self.stop, self.seed, top, level)
-        return replace(answer, message=f"{answer.message} {self._doubt()}".rstrip())
+        stuck = self._stuck()
+        return answer if stuck is None else answer.adding(stuck)
 
-    def _doubt(self) -> str:
-        """What is odd about the readings themselves, in words."""
-        return say_stuck(self.readings) if self.readings is not None else ""
+    def _stuck(self) -> Stuck | None:
+        """Return a sensor that gave the same range again and again; None if there is none."""
+        return find_stuck(self.readings) if self.readings is not None else None
 
     def _open(self, candidates: Candidates) -> Candidates:
         """The candidates that can be made and are not like one that was refused."""

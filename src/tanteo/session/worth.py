@@ -22,7 +22,7 @@ from tanteo.active import (
 )
 from tanteo.lie import SE3
 from tanteo.session.action import Action
-from tanteo.session.answer import contradiction, moved_words
+from tanteo.session.answer import contradiction, moved_meanwhile
 from tanteo.session.values import Done, Step
 from tanteo.special import entropy
 
@@ -82,7 +82,8 @@ def enough(stop: Stop, state: SensingState, count: int, significance: float) -> 
     if against := contradiction(state, stop, significance, reached=bool(why)):
         return Done(False, against)
     if why:
-        return Done(True, f"Enough: {why}.{moved_words(state)}")
+        moved = moved_meanwhile(state)
+        return Done(True, f"Enough: {why}.{'' if moved is None else f' {moved.message}'}")
     return Done(False, all_made(stop.max_measurements, count)) if count >= stop.max_measurements else None
 
 

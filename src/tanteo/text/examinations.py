@@ -15,6 +15,12 @@ def examination_lines(found: Examination, version: str, *, layout: Layout = PLAI
     lines += [*layout.table(["needed", "version"], rows, left=(0, 1)), ""]
     rows = [[extra.name, "yes" if extra.installed else "no", extra.gives] for extra in found.extras]
     lines += [*layout.table(["extra", "here", "gives"], rows, left=(0, 1, 2)), ""]
+    if found.plugins:
+        rows = [
+            [p.group, printable(p.name), printable(p.distribution), "no" if p.problem else "yes"] for p in found.plugins
+        ]
+        lines += [*layout.table(["plug-ins", "name", "distribution", "works"], rows, left=(0, 1, 2, 3)), ""]
+        lines += [printable(p.problem) for p in found.plugins if p.problem]
     if absent:
         lines.append(f"To have the rest: {install_command(absent)}")
     folder, writable = found.cache

@@ -34,13 +34,13 @@ def _step(a: Added) -> list[str]:
     return [
         ", ".join(a.ids) or "-", met, _number(a.about_part, "{:.2f}"), _number(a.about_pose, "{:.2f}"),
         _number(1e3 * a.corner_sd, "{:.3g}"), a.part or "unknown object", _share(a.probability),
-        a.motion or "-", _share(a.narrowed),
+        str(a.motion or "-"), _share(a.narrowed),
     ]  # fmt: skip
 
 
 def _direction(d: Direction) -> list[str]:
     named = [f"{name} {_share(share)}" for name, share in d.shares if share >= _NOTABLE]
-    return [d.motion, f"{1e3 * d.moves:.3g}", ", ".join(named) or "-", _share(d.prior)]
+    return [str(d.motion), f"{1e3 * d.moves:.3g}", ", ".join(named) or "-", _share(d.prior)]
 
 
 def _number(value: float, form: str) -> str:

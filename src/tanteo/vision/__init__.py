@@ -39,16 +39,17 @@ if TYPE_CHECKING:
     from tanteo.vision.sight import Sight, Sighting, see_table
     from tanteo.vision.solid import follow, see, see_anywhere
     from tanteo.vision.table import CameraPose, TableErrors, fit_camera
+    from tanteo.vision.views import View, view_factors
 
 __all__ = [
     "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "CirclePose",
     "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "Look", "Narrowed", "OutlineOfReadings",
-    "Question", "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "VisionModel",
+    "Question", "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "View", "VisionModel",
     "circle_poses", "describe", "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions",
     "find_segments", "fit_camera", "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner",
     "image_edge", "map_edges", "narrowed", "on_plane", "opencv", "outline_of_readings", "prepare_vision", "project",
     "project_circle", "rays", "render", "rigid", "see", "see_anywhere", "see_table", "seen_outline", "silhouette",
-    "thing", "without_distortion",
+    "thing", "view_factors", "without_distortion",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -73,5 +74,6 @@ __getattr__, __dir__ = lazy(
         "sight": "Sight Sighting see_table",
         "solid": "follow see see_anywhere",
         "table": "CameraPose TableErrors fit_camera",
+        "views": "View view_factors",
     },
 )

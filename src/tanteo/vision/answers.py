@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.answers import Answer, Hypothesis, Misfit, Status, hypothesis_at, verdict
-from tanteo.inference import Mode, goodness_of_fit
+from tanteo.inference import Mode, goodness_of_fit, mode_covariances
 from tanteo.lie import SE3
 from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.image_edges import ImageEdges, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.posterior import ImagePosterior, sums_at
+from tanteo.words import message_of
 
 _LIKE = (
     "whose outlines are as like to it: take an image from nearer or steeper above, or sense it "
@@ -57,14 +58,15 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
     sums = sums_at(image, mode.prepared, mode.T_peak[None], mode.z[None])
     dof = max(round(float(sums.freedom[0])) - (3 if lying else 6), 1)
     chi2 = float(sums.chi2[0])
+    fit = goodness_of_fit(mode)
     T_camera_part = SE3.inverse(standing(image.camera)) @ mode.T_world_part
     distance = float(SE3.apply(T_camera_part, part.centroid)[2])
     off = float(np.sqrt(sums.squares[0] / max(float(sums.met[0]), 1.0)))
     return hypothesis_at(
         part,
         mode.T_world_part,
-        mode.covariance * max(1.0, chi2 / dof),
-        free=goodness_of_fit(mode).free,
+        mode_covariances(fit)[0] * max(1.0, chi2 / dof),
+        free=fit.free,
         probability=mode.probability,
         misfit=Misfit(0.0, chi2, dof),
         rms=off * distance / float(image.camera.focal.mean()),
@@ -73,7 +75,8 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
 
 def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, str]:
     """Status and sentence. Edges of real parts are not those of models: a poor fit widens, and is said."""
-    status, message = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    status, findings = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    message = message_of(findings)
     if status == "unknown" and posterior.left_out > 0.5 * posterior.unknown:
         best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
         return "ambiguous", f"{best} one of {posterior.count:,} parts that were not looked for, {_LIKE}"

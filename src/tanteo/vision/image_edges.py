@@ -6,6 +6,7 @@ shared errors.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,8 +35,9 @@ _RIM_SHOWS, _CREASE_SHOWS = 0.85, 0.65
 _DISPLACED, _DISPLACED_SD = 0.3, 0.8
 """Share of edges that shadows, occluders and roundings displace, and by how much [px] (decision 23)."""
 
-_LOCATED = 2.0
-"""Weight of where an edge is, over that it is there (``python benchmarks/vision_poses.py`` chose it, decision 86)."""
+LOCATED = 1.4
+"""Weight of where an edge is, over that it is there (``python benchmarks/vision_poses.py 12`` and
+``pytest tests/vision/test_posterior.py`` chose it, decision 87)."""
 
 _OF_LENS = np.sqrt(0.5)
 """Share of a lens's error, as a deviation, that shifts all edges alike; the same share is each edge's own
@@ -73,7 +75,7 @@ class Weights:
     base: float = 1.065
     spilled: float = -0.624
 
-    def rules(self, located: float = _LOCATED) -> FloatArray:
+    def rules(self, located: float = LOCATED) -> FloatArray:
         """Return all constants of the formula, in the order of ``EdgeRules`` ``(14,)``.
 
         Args:
@@ -97,6 +99,7 @@ class ImageEdges(PoseFactor):
         bare: pixels that show bare table ``(rows, columns)``; None where there is no table.
         weights: weights of the sums.
         log_unknown: log density of the image if the object is unknown.
+        proposed: poses ``T_world_part`` of each part that the image suggests, by the name of the part.
     """
 
     camera: Camera
@@ -105,6 +108,7 @@ class ImageEdges(PoseFactor):
     bare: BoolArray | None = None
     weights: Weights = field(default_factory=Weights)
     log_unknown: float = 0.0
+    proposed: Mapping[str, Transforms] = field(default_factory=dict)
     image: _core.EdgeImage = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -127,6 +131,10 @@ class ImageEdges(PoseFactor):
     def term(self, part: Part, first: int) -> _core.ImageEdges:
         """Compile the factor for one part."""
         return _core.image_edges(prepare_vision(part).seen, self.image, self.weights.rules(), REACH, first)
+
+    def poses(self, part: Part) -> Transforms:
+        """Return the poses of a part that the image suggests ``(k, 4, 4)``."""
+        return self.proposed.get(part.name, np.zeros((0, 4, 4)))
 
     def sums(self, model: VisionModel, T_camera_part: Transforms, *, coarse: bool = False) -> Sums:
         """Evaluate poses of a part that are not maxima yet: where an edge is counts as much as that it is there.

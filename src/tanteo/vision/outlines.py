@@ -17,7 +17,8 @@ from tanteo.lie import SE3
 from tanteo.special import log_sum
 from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
 from tanteo.vision.camera import Camera, on_plane, opencv, project
-from tanteo.vision.edges import find_edges
+from tanteo.vision.edges import EdgePoints, find_edges
+from tanteo.vision.image_edges import standing
 from tanteo.vision.regions import Region, find_regions
 
 FEW = 64
@@ -167,18 +168,43 @@ def outline_of_readings(
         >>> found.regions, int(found.outline.log_odds(parts).argmax())
         (3, 1)
     """
+    region, regions, beside = region_of_readings(image, camera, points, find_edges(image))
+    T_camera_world = SE3.inverse(standing(camera))
+    T_world_table = np.eye(4) if T_world_table is None else T_world_table
+    outline = seen_outline(camera, region, T_camera_world @ T_world_table, T_world_table)
+    if outline is None:
+        raise InputError(
+            "image: expected the object of the readings whole in it, got one that leaves it. Take it from farther away."
+        )
+    return OutlineOfReadings(outline, region.centre, regions, beside)
+
+
+def region_of_readings(
+    image: FloatArray, camera: Camera, points: Vectors, edges: EdgePoints
+) -> tuple[Region, int, int]:
+    """Return the region of an image on which most readings are, the number of regions, and of readings off it.
+
+    Args:
+        image: rows x columns, grey levels from 0 to 255.
+        camera: calibrated, standing at ``camera.T_world_camera``.
+        points: sensed, in the same world ``(n, 3)`` [m].
+        edges: edge points of the image.
+
+    Raises:
+        InputError: it is not known where the camera stands, the readings are not in the image, or nothing lies where
+            they are.
+    """
     check_size(image, camera)
     if camera.T_world_camera is None:
         raise InputError("camera: expected where it stands (T_world_camera), got none. Say --marks, or fit_camera.")
-    T_camera_world = SE3.inverse(camera.T_world_camera)
-    pixels = project(camera, SE3.apply(T_camera_world, points))
+    pixels = project(camera, SE3.apply(SE3.inverse(camera.T_world_camera), points))
     inside = np.all((pixels >= 0) & (pixels <= np.array(camera.size) - 1.0), axis=1)
     if inside.sum() < 0.5 * len(points) or not len(points):
         raise InputError(
             f"image: expected the places of the readings in it, got {int(inside.sum())} of {len(points)}. Are the "
             "camera and the readings in one world, in one unit?"
         )
-    regions = find_regions(image, find_edges(image))
+    regions = find_regions(image, edges)
     away = np.array([_away(region, pixels[inside]) for region in regions]).reshape(len(regions), int(inside.sum()))
     near = away < _BESIDE
     if not near.any():
@@ -187,13 +213,7 @@ def outline_of_readings(
             "object was moved, or is the camera in another world than the readings?"
         )
     best = int(np.lexsort((away.sum(axis=1), -near.sum(axis=1)))[0])
-    T_world_table = np.eye(4) if T_world_table is None else T_world_table
-    outline = seen_outline(camera, regions[best], T_camera_world @ T_world_table, T_world_table)
-    if outline is None:
-        raise InputError(
-            "image: expected the object of the readings whole in it, got one that leaves it. Take it from farther away."
-        )
-    return OutlineOfReadings(outline, regions[best].centre, len(regions), int(len(points) - near[best].sum()))
+    return regions[best], len(regions), int(len(points) - near[best].sum())
 
 
 def _away(region: Region, pixels: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 An image proposes poses; the engine maximizes, samples and weighs them with the image's factor. An unknown object has
 edges, too, and a pose of its own that they determine as sharply as the best part's: its evidence is the log density
 that its edges have without a model (``Weights.unknown``, ``Weights.base``), times the share of the prior that the image
-leaves to that pose (decision 86).
+leaves to that pose (decision 87).
 """
 
 from __future__ import annotations

@@ -76,8 +76,8 @@ class InitialPoses:
     @classmethod
     def joined(cls, each: Sequence[InitialPoses]) -> InitialPoses:
         """Return the poses of several; as many are kept as of the first."""
-        columns = ([getattr(one, name) for one in each] for name in ("Ts", "sources", "settled"))
-        return cls(*(np.concatenate(column) for column in columns), keep=each[0].keep)
+        Ts, sources, settled = ([getattr(one, name) for one in each] for name in ("Ts", "sources", "settled"))
+        return cls(np.concatenate(Ts), np.concatenate(sources), np.concatenate(settled), each[0].keep)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,6 +6,7 @@ from functools import cache
 
 from tanteo.errors import InputError
 from tanteo.inference.proposals.centre_triples import CentreTriples
+from tanteo.inference.proposals.factor_poses import FactorPoses
 from tanteo.inference.proposals.known_poses import KnownPoses
 from tanteo.inference.proposals.moves import HalfTurnsAndSlides
 from tanteo.inference.proposals.other_parts import PosesOfOtherParts
@@ -25,7 +26,9 @@ def proposers() -> tuple[Proposer, ...]:
     Raises:
         InputError: an entry point cannot be loaded, or is no proposer.
     """
-    found = (PointPairs(), CentreTriples(), KnownPoses(), PlanePoses(), PriorSamples(), PosesOfOtherParts())
+    found = (
+        PointPairs(), CentreTriples(), FactorPoses(), KnownPoses(), PlanePoses(), PriorSamples(), PosesOfOtherParts(),
+    )  # fmt: skip
     return (*found, *_of_other_distributions(), HalfTurnsAndSlides())
 
 

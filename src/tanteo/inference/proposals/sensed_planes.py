@@ -55,7 +55,7 @@ class SensedPlanes:
 
     @property
     def doubtful(self) -> float:
-        """Cost of the best part from which other triples are tried: of noise (half of chi2) and one plane without a face."""
+        """Cost of the best part from which other triples are tried: of noise and one plane without a face."""
         return 0.5 * len(self.rows) + float(self.rows[:, 9].max())
 
     @property
@@ -104,7 +104,10 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
 
 
 def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
-    """Nats that a plane costs if it is of no face ``(k,)``."""
+    """Return the cost of each plane if it is of no face ``(k,)`` [nats].
+
+    It is rough: an undirected point on the surface has a density per area, which is taken for 1 / m^2.
+    """
     rate = problem.priors.outlier_rate
     out = []
     for rows in planes.rows:

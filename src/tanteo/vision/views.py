@@ -1,0 +1,97 @@
+"""Images of the object that readings are of, as factors beside the readings: any number of views, one answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.answers import Priors
+from tanteo.inference import Problem, prepare, search_about
+from tanteo.lie import SE3
+from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.parts import Part
+from tanteo.typing import FloatArray, Transforms, Vectors
+from tanteo.vision.camera import Camera
+from tanteo.vision.candidates import candidates_in
+from tanteo.vision.edges import find_edges, map_edges
+from tanteo.vision.image_edges import ImageEdges, Weights, standing
+from tanteo.vision.outlines import region_of_readings
+from tanteo.vision.posterior import sums_at
+from tanteo.vision.sight import check_place, image_of_region, prepared
+from tanteo.vision.table import TableErrors, seen_table
+
+_SEED = 0
+"""Seed of the search about proposed poses, which draws nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """One image and the camera that took it.
+
+    Attributes:
+        pixels: grey levels from 0 to 255 ``(rows, columns)``; see :func:`tanteo.read_image`.
+        camera: calibrated, standing in the world of the readings (``T_world_camera``).
+    """
+
+    pixels: FloatArray
+    camera: Camera
+
+
+def view_factors(
+    views: Sequence[View],
+    points: Vectors,
+    parts: Sequence[Part],
+    priors: Priors,
+    *,
+    T_world_table: Transforms | None = None,
+) -> tuple[ImageEdges, ...]:
+    """Return views of the object that readings are of as factors of one posterior.
+
+    The images propose poses of parts that lie on a table; the factors hold whether the part lies there or not.
+
+    Args:
+        views: images with their cameras.
+        points: places of the readings in the world ``(n, 3)`` [m].
+        parts: candidates.
+        priors: what is assumed beforehand, with the radius of the workspace.
+        T_world_table: the table is z = 0 of this frame; the world's own if not given.
+
+    Raises:
+        InputError: it is not known where a camera stands, the readings are not in its image, or nothing lies there.
+    """
+    T_world_table = np.eye(4) if T_world_table is None else T_world_table
+    models = [prepared(part) for part in parts]
+    images, proposed = [], dict[str, list[Transforms]]()
+    for view in views:
+        edges = find_edges(view.pixels)
+        region, _, _ = region_of_readings(view.pixels, view.camera, points, edges)
+        T_camera_table = SE3.inverse(standing(view.camera)) @ T_world_table
+        check_place(view.camera, T_camera_table, parts)
+        image = image_of_region(view.camera, map_edges(edges), region, Weights())
+        errors = seen_table(TableErrors(), view.camera, T_world_table)
+        for found in candidates_in(models, image, T_camera_table, region, errors):
+            Ts = standing(view.camera) @ found.T_camera_part
+            proposed.setdefault(found.model.part.name, []).append(Ts)
+        images.append(image)
+    suggested = {name: np.ascontiguousarray(np.concatenate(Ts)) for name, Ts in proposed.items()}
+    first = replace(images[0], proposed=suggested)
+    share = _log_share((first, *images[1:]), parts, priors)
+    return replace(first, log_unknown=first.log_unknown + share), *images[1:]
+
+
+def _log_share(images: tuple[ImageEdges, ...], parts: Sequence[Part], priors: Priors) -> float:
+    """Return the log of the share of the prior that all images leave of the pose of the best part; 0 without poses."""
+    problem = Problem(ContactPoints.none(), FreeRays.none(), priors, pose_factors=images)
+    proposed = [(prepare(part), images[0].poses(part)) for part in parts]
+    searches = search_about(problem, proposed, np.random.default_rng(_SEED))
+    best = max(searches, key=lambda search: search.log_evidence)
+    if not len(best.peaks):
+        return 0.0
+    share, first = best.log_evidence, 0
+    for image in images:
+        zs = best.peaks.zs[:1, first : first + image.states]
+        share -= float(sums_at(image, best.objective.prepared, best.peaks.Ts[:1], zs).log[0])
+        first += image.states
+    return share
