@@ -68,7 +68,3 @@ def is_room(package, name: str) -> bool:
 def test_names_of_tests_are_short(path):
     names = re.findall(r"def (test_\w+)", path.read_text())
     assert [name for name in names if len(name) > 60] == []
-
-
-def test_no_folder_inside_a_room():
-    assert [p for p in SRC.glob("*/*/*.py") if p.parent.parent != SRC] == []

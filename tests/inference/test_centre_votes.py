@@ -9,7 +9,8 @@ from tanteo import _core
 from tanteo.answers import Priors
 from tanteo.catalogue import tables_of
 from tanteo.factors import SensedDirection, SensedSize, SurfacePoint, factor_class
-from tanteo.inference import Problem, centre_votes, narrowing, plane_votes, pose_seeds, sensed_planes
+from tanteo.inference import DEFAULTS, Problem, race
+from tanteo.inference.proposals import centre_votes, plane_votes, pose_seeds, sensed_planes
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.sensors import APEX, BALL, CENTRE
@@ -152,9 +153,9 @@ def test_the_own_part_stays_in_and_most_drop_out(blocks, every, sized, face, ori
         which = rng.permutation(len(blocks[row][1]))[: (5 if face is None else 3)]
         _, points = sensed(blocks[row], rng, which, sized=sized, oriented=oriented, face=face)
         costs, hints = compared(points, every)
-        assert costs[row] < costs.min() + plane_votes.BEHIND, k
+        assert costs[row] < costs.min() + plane_votes.cost_margin(DEFAULTS), k
         assert row in hints, k
-        left.append(int(np.sum(costs < costs.min() + plane_votes.BEHIND)))
+        left.append(int(np.sum(costs < costs.min() + plane_votes.cost_margin(DEFAULTS))))
     assert np.median(left) <= (2 if sized else 8)
 
 
@@ -196,7 +197,7 @@ def test_a_centre_of_no_hole_costs_what_an_outlier_does(blocks, every, which):
         costs, hints = compared(without(points, which, 0.2 * rng.normal(size=3)), every)
         most = felt(points).rows[which, 10]
         assert most - 0.1 < costs[row] < most + 10
-        assert costs[row] < costs.min() + plane_votes.BEHIND
+        assert costs[row] < costs.min() + plane_votes.cost_margin(DEFAULTS)
         assert row in hints
 
 
@@ -237,14 +238,14 @@ def test_twins_are_told_by_the_hole_that_differs_only(blocks):
     assert costs == pytest.approx(costs[0], abs=1e-3)
     _, points = sensed((size, rows), np.random.default_rng(6), [0, 1, 2, 3])
     costs, _ = compared(points, every)
-    assert costs[1] > costs[0] + plane_votes.BEHIND
+    assert costs[1] > costs[0] + plane_votes.cost_margin(DEFAULTS)
 
 
 def test_one_hole_met_twice_lacks_nothing(blocks, every):
     _, points = sensed(blocks[5], np.random.default_rng(7), [0, 0, 1, 2], heights=[0.3, 0.7, 0.5, 0.5])
     assert centre_votes.lacking(felt(points), every, np.array([5])) < 4
     costs, _ = compared(points, every)
-    assert costs[5] < costs.min() + plane_votes.BEHIND
+    assert costs[5] < costs.min() + plane_votes.cost_margin(DEFAULTS)
 
 
 def test_a_centre_beyond_its_wall_is_dearer_by_what_is_rare(blocks):
@@ -367,15 +368,15 @@ def plainly(centres, part, T):
     return total
 
 
-def narrowed(parts, points, monkeypatch):
-    monkeypatch.setattr(narrowing, "FEW", 2)
-    return narrowing.narrowed(Problem(points, FreeRays.none(), Priors(radius=RADIUS)), catalogue(parts))
+def narrowed(parts, points):
+    few = DEFAULTS.changed("race.budget", 2)
+    return race.screen(Problem(points, FreeRays.none(), Priors(radius=RADIUS), settings=few), catalogue(parts))
 
 
-def test_what_is_left_is_searched_and_the_rest_counts(blocks, monkeypatch):
+def test_what_is_left_is_searched_and_the_rest_counts(blocks):
     _, points = sensed(blocks[7], np.random.default_rng(13), range(4))
-    chosen = narrowed(blocks, points, monkeypatch)
-    assert chosen.certain
+    chosen = narrowed(blocks, points)
+    assert chosen.exhaustive
     assert chosen.bound
     assert chosen.rows[0] == 7
     assert len(chosen.rows) < 10
@@ -383,12 +384,12 @@ def test_what_is_left_is_searched_and_the_rest_counts(blocks, monkeypatch):
     assert len(chosen.rows) + len(chosen.others) == len(blocks)
 
 
-def test_two_centres_alone_leave_parts_out_by_radius_only(blocks, monkeypatch):
+def test_two_centres_alone_leave_parts_out_by_radius_only(blocks):
     _, points = sensed(blocks[7], np.random.default_rng(14), [0, 1], face=None)
-    chosen = narrowed(blocks, points, monkeypatch)
+    chosen = narrowed(blocks, points)
     assert chosen.bound
-    assert not chosen.certain
-    assert not chosen.hints
+    assert not chosen.exhaustive
+    assert not chosen.known
     assert 7 in [*chosen.rows, *chosen.others]
     assert chosen.left_out > -13
 

@@ -7,7 +7,7 @@ from random_parts import write_off
 from tanteo import _core
 from tanteo.answers import sized
 from tanteo.catalogue import build_catalogue, open_catalogue
-from tanteo.inference import Problem, candidates, narrowing
+from tanteo.inference import Problem, candidates, race
 from tanteo.lie import SE3
 from tanteo.measurements import FreeRays, surface_points
 from tanteo.parts import read_part
@@ -182,7 +182,7 @@ def test_parts_in_the_same_box_are_told_by_points_alone(tmp_path):
         T = SE3.exp(np.r_[own.uniform(-0.3, 0.3, 3), own.normal(size=3)])
         p = SE3.apply(T, u * a[at] + (v - u) * b[at] + (1 - v) * c[at]) + SD * own.normal(size=(30, 3))
         problem = Problem(sensed(p), FreeRays.none(), sized(None, float(every.radii.max())))
-        rows = narrowing.narrowed(problem, every).rows
+        rows = race.screen(problem, every).rows
         ranks.append(int(np.flatnonzero(rows == row)[0]))
     assert np.median(ranks) <= 2
     assert max(ranks) < 20

@@ -9,7 +9,7 @@ from bare_scenes import off
 from drilled import HOLES, TOP, T, as_part, drilled, heights, sensed
 from tanteo import identify
 from tanteo.catalogue import AXES, build_catalogue, open_catalogue, signature
-from tanteo.inference import narrowing, prepare
+from tanteo.inference import DEFAULTS, identify_points, prepare
 
 MOVED = 3
 
@@ -37,14 +37,19 @@ def catalogue(plates, folder, tmp_path_factory):
     return open_catalogue(out)
 
 
+@pytest.fixture
+def few(monkeypatch):
+    """Narrow any number of parts, as very many are narrowed."""
+    monkeypatch.setitem(identify_points.__kwdefaults__, "settings", DEFAULTS.changed("race.budget", 1))
+
+
 def right(answer, plates, k):
     moved, turned = off(plates[k], answer.best.T_world_part, T)
     return answer.best.part == plates[k].name and moved < 3e-4 and turned < 5e-3
 
 
 @pytest.mark.parametrize("stored", [True, False])
-def test_the_plate_that_was_sensed_is_recognized(plates, catalogue, stored, monkeypatch):
-    monkeypatch.setattr(narrowing, "FEW", 1)
+def test_the_plate_that_was_sensed_is_recognized(plates, catalogue, stored, few):
     for k in (1, 4):
         rng = np.random.default_rng(k)
         radii = [*(radius * 1e-3 for *_, radius in holes(k)), *[np.nan] * len(TOP)]
@@ -54,15 +59,13 @@ def test_the_plate_that_was_sensed_is_recognized(plates, catalogue, stored, monk
         assert right(answer, plates, k)
 
 
-def test_plates_whose_hole_was_not_sensed_are_all_named(plates, monkeypatch):
-    monkeypatch.setattr(narrowing, "FEW", 1)
+def test_plates_whose_hole_was_not_sensed_are_all_named(plates, few):
     answer = identify(sensed(heights([HOLES[k] for k in (0, 2, 3)])), plates, conventions=False, top=10)
     assert answer.status == "ambiguous"
     assert {one.part for one in answer.hypotheses} == {plate.name for plate in plates}
 
 
-def test_a_hole_that_no_plate_has_is_told(plates, monkeypatch):
-    monkeypatch.setattr(narrowing, "FEW", 1)
+def test_a_hole_that_no_plate_has_is_told(plates, few):
     moved = heights(holes(0)) + np.array([[0, 0, 0], [4e-3, 4e-3, 0], [0, 0, 0], [0, 0, 0]])
     assert identify(sensed(moved), plates, conventions=False).status != "recognized"
 

@@ -9,16 +9,8 @@ from random_parts import write_off
 from tanteo import _core
 from tanteo.answers import Priors, WholeObject, sized
 from tanteo.catalogue import build_catalogue, open_catalogue
-from tanteo.inference import (
-    Problem,
-    candidates,
-    identify_points,
-    narrowing,
-    plane_votes,
-    prepare,
-    search,
-    sensed_planes,
-)
+from tanteo.inference import DEFAULTS, Problem, candidates, identify_points, prepare, race
+from tanteo.inference.proposals import plane_votes, sensed_planes
 from tanteo.lie import SE3
 from tanteo.measurements import FreeRays, surface_points
 
@@ -91,16 +83,14 @@ def question(points, every):
     return Problem(points, FreeRays.none(), sized(None, float(every.radii.max())))
 
 
-def test_few_parts_are_all_searched_from_a_coarse_look(catalogue, monkeypatch):
-    monkeypatch.setattr(
-        "tanteo.inference.coarse_look._BEHIND", 0.0
-    )  # of many parts, none but the best would have poses
+def test_few_parts_are_all_searched_from_their_coarse_fields(catalogue):
+    settings = DEFAULTS.changed("search.negligible", 0.0)  # of many parts, none but the best would have poses
     parts = [catalogue[row] for row in range(0, 40, 8)]
     every = candidates.Candidates(parts)
     points = sensed(parts[2], "points", np.random.default_rng(1))
-    chosen = narrowing.narrowed(question(points, every), every)
-    assert chosen.rows.tolist() == sorted(chosen.hints)
-    on = [prepare(parts[2]).surface.closest(SE3.apply(SE3.inverse(T), points.points)) for T in chosen.hints[2]]
+    chosen = race.screen(replace(question(points, every), settings=settings), every)
+    assert chosen.rows.tolist() == sorted(chosen.known)
+    on = [prepare(parts[2]).surface.closest(SE3.apply(SE3.inverse(T), points.points)) for T in chosen.known[2]]
     assert min(np.median(one.distances) for one in on) < 0.01 * parts[2].diagonal
 
 
@@ -109,9 +99,9 @@ def test_the_part_that_was_sensed_is_searched(catalogue, kind):
     every = candidates.Candidates(catalogue)
     for k in range(12):
         row = (7 * k) % len(catalogue)
-        chosen = narrowing.narrowed(question(sensed(catalogue[row], kind, np.random.default_rng(k)), every), every)
+        chosen = race.screen(question(sensed(catalogue[row], kind, np.random.default_rng(k)), every), every)
         assert row in chosen.rows, k
-        if chosen.certain and kind == "labelled":
+        if chosen.exhaustive and kind == "labelled":
             assert len(chosen.rows) < len(catalogue) / 2
             assert chosen.left_out < 0
 
@@ -122,8 +112,8 @@ def test_a_part_sensed_on_faces_along_one_line_is_searched(catalogue):
         points = sensed(catalogue[9 * k], "normals", np.random.default_rng(k), along=0)
         problem = question(points, every)
         assert set(sensed_planes.sensed_planes(problem, points).triples[2::3]) == {-1}
-        chosen = narrowing.narrowed(problem, every)
-        assert chosen.certain
+        chosen = race.screen(problem, every)
+        assert chosen.exhaustive
         assert 9 * k in chosen.rows, k
 
 
@@ -140,12 +130,12 @@ def test_a_labelled_outlier_does_not_leave_its_part_out(catalogue):
     points = sensed(catalogue[20], "labelled", np.random.default_rng(5))
     moved = [replace(f, at=f.at + 0.02 * (k < 4)) for k, f in enumerate(points.factors)]
     off = replace(points, factors=tuple(moved))
-    assert 20 in narrowing.narrowed(question(off, every), every).rows
+    assert 20 in race.screen(question(off, every), every).rows
 
 
 def test_few_parts_are_all_searched(catalogue):
     few = candidates.Candidates(list(catalogue[:10]))
-    chosen = narrowing.narrowed(question(sensed(catalogue[3], "labelled", np.random.default_rng(2)), few), few)
+    chosen = race.screen(question(sensed(catalogue[3], "labelled", np.random.default_rng(2)), few), few)
     assert sorted(chosen.rows) == list(range(10))
     assert chosen.left_out == -np.inf
 
@@ -160,21 +150,21 @@ def test_votes_of_the_own_faces_of_a_part_cost_nothing(catalogue):
 
 
 def test_what_is_left_out_is_as_probable_as_it_may_be():
-    assert search.LeftOut().log_evidence(10.0, 5.0) == -np.inf
-    assert search.LeftOut(100, -3.0).log_evidence(10.0, 5.0) == 7.0
-    assert search.LeftOut(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
+    assert race.LeftOut().log_evidence(10.0, 5.0) == -np.inf
+    assert race.LeftOut(100, -3.0).log_evidence(10.0, 5.0) == 7.0
+    assert race.LeftOut(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
 
 
 def test_what_is_known_of_the_whole_is_looked_at_first(catalogue):
     every = candidates.Candidates(catalogue)
     points = sensed(catalogue[41], "points", np.random.default_rng(4))
     odds = np.where(np.arange(len(catalogue)) % 4 == 1, 3.0, -3.0)
-    chosen = narrowing.narrowed(question(points, every), every, odds)
+    chosen = race.screen(question(points, every), every, odds)
     assert 41 in chosen.rows
     assert chosen.aside > 0
-    assert (odds[list(chosen.hints)] > 0).all()  # the others are not looked at
+    assert (odds[list(chosen.known)] > 0).all()  # the others are not looked at
     assert chosen.discount < -2
-    everything = narrowing.narrowed(question(points, every), every, odds, every=True)
+    everything = race.screen(question(points, every), every, odds, every=True)
     assert (everything.aside, 41 in everything.rows) == (0, True)
 
 

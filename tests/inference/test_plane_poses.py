@@ -11,7 +11,8 @@ from altered import altered
 from bare_scenes import no_paths, touches_of
 from scenes import random_pose
 from tanteo.answers import sized
-from tanteo.inference import Problem, identify_points, plane_votes, sensed_planes
+from tanteo.inference import DEFAULTS, Problem, identify_points
+from tanteo.inference.proposals import plane_votes, sensed_planes
 from tanteo.lie import SE3
 
 SD = 3e-4
@@ -55,7 +56,7 @@ def planes_of(touches, target):
 
 
 def poses(touches, target):
-    return plane_votes.plane_poses(planes_of(touches, target), target)
+    return plane_votes.plane_poses(planes_of(touches, target), target, DEFAULTS)
 
 
 def nearest(target, T, Ts):

@@ -14,16 +14,7 @@ if TYPE_CHECKING:
     from tanteo.catalogue.resting import Rest, hull_points, known_rests, rest_rows, rests
     from tanteo.catalogue.segment import tables_of
     from tanteo.catalogue.shaping import SAMPLES, SHAPE, compiled_shape
-    from tanteo.catalogue.signatures import (
-        AXES,
-        LEVELS,
-        coarse_field,
-        face_columns,
-        faces_of,
-        field_table,
-        signature,
-        widths,
-    )
+    from tanteo.catalogue.signatures import AXES, LEVELS, coarse_field, faces_of, field_table, signature, widths
     from tanteo.catalogue.store import is_catalogue
     from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
 
@@ -44,7 +35,6 @@ __all__ = [
     "coarse_field",
     "coarse_meshes",
     "compiled_shape",
-    "face_columns",
     "faces_of",
     "field_table",
     "hull_points",
@@ -76,7 +66,7 @@ __getattr__, __dir__ = lazy(
         "resting": "Rest hull_points known_rests rest_rows rests",
         "segment": "tables_of",
         "shaping": "SAMPLES SHAPE compiled_shape",
-        "signatures": "AXES LEVELS coarse_field face_columns faces_of field_table signature widths",
+        "signatures": "AXES LEVELS coarse_field faces_of field_table signature widths",
         "store": "is_catalogue",
         "surprises": "cad_files coarse_meshes repaired skipped_folders unused_unit",
     },

@@ -75,8 +75,8 @@ class SegmentWriter:
 
 def tables_of(columns: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
     """The arrays of parts with these signatures, sorted columns among them."""
-    arrays = {name: np.stack([c[name] for c in columns]) for name in ("numbers", "grid") if name in columns[0]}
-    for name in (name for name in RAGGED if name in columns[0]):
+    arrays = {name: np.stack([c[name] for c in columns]) for name in ("numbers", "grid")}
+    for name in RAGGED:
         arrays[name] = np.concatenate([c[name] for c in columns])
         arrays[f"{name}_start"] = _starts(len(c[name]) for c in columns)
     return {**arrays, **index_of(arrays)}

@@ -106,18 +106,6 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def face_columns(part: Part) -> dict[str, np.ndarray]:
-    """Return the columns of a part with which sensed planes and centres are compared, as :func:`signature` has them."""
-    planes, numbers = _planes(part), np.zeros(17)
-    numbers[0], numbers[1], numbers[16] = part.area, part.volume, _unseen_share(part)
-    numbers[5:14] = np.r_[part.centroid, part.box.ravel()]
-    same, opposite, angles = pairs_of(planes)
-    return {
-        "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "axes": _largest_axes(part),
-        "same": same, "opposite": opposite, "angles": angles,
-    }  # fmt: skip
-
-
 def _unseen_share(part: Part) -> float:
     """Share of a part's area that is of no face that is compared: free forms, cones, balls, the smallest planes."""
     seen = np.sort(part.planes.areas)[::-1][:FACES].sum()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.answers import WholeObject
-from tanteo.catalogue import Catalogue, coarse_field, face_columns, field_table, tables_of, widths
+from tanteo.catalogue import Catalogue, coarse_field, field_table, signature, tables_of
 from tanteo.inference.prepared import PreparedPart, prepare
 from tanteo.inference.settings import RaceSettings
 from tanteo.parts import StoredParts, as_parts
@@ -116,21 +116,7 @@ class Candidates:
         if isinstance(self.parts, Catalogue):
             starts = self.parts.starts
             return [(int(s), segment.table) for s, segment in zip(starts, self.parts.segments, strict=False)]
-        return [(0, tables_of([self._columns(row) for row in range(len(self))]))]
-
-    def _columns(self, row: int) -> dict[str, np.ndarray]:
-        """Return the columns of one part of a list, which are kept with it."""
-        part = self.prepared(row).part
-        if "columns" not in part.derived:
-            part.derived["columns"] = face_columns(part)
-        known: dict[str, np.ndarray] = part.derived["columns"]
-        return known
-
-    def widths(self, rows: IntArray) -> FloatArray:
-        """Return diameters and mean widths of some parts ``(m, 2)`` [m]."""
-        if isinstance(self.parts, StoredParts):
-            return self.parts.numbers[rows, 3:5]
-        return np.array([widths(self.prepared(int(row)).part.vertices) for row in rows]).reshape(-1, 2)
+        return [(0, tables_of([_signed(prepare(part)) for part in self.parts]))]
 
     @cached_property
     def fields(self) -> list[tuple[int, Any]]:
@@ -139,6 +125,15 @@ class Candidates:
             return self.tables
         opened = [prepare(part) for part in self.parts]
         return [(0, field_table(self._numbers, [coarse_field(one.part, one.shape) for one in opened]))]
+
+
+def _signed(prepared: PreparedPart) -> dict[str, Any]:
+    """Return the signature of a part, which is kept with it."""
+    derived = prepared.part.derived
+    if "signature" not in derived:
+        derived["signature"] = signature(prepared.part, prepared.shape)
+    known: dict[str, Any] = derived["signature"]
+    return known
 
 
 def sizes_of(parts: Any) -> tuple[float, ...]:

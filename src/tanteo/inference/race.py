@@ -253,7 +253,7 @@ def _has_room(problem: Problem, points: ContactPoints, candidates: Candidates, r
     slack = 2 * float((own.search.gate * factor * points.sd + points.radii)[some].max())
     slack += 8 * float(np.sqrt(np.sum(points.shared_jacobian**2) / n))
     least = widths(points.points[some]) - slack
-    diameters, means = candidates.widths(rows).T
+    diameters, means = np.concatenate([np.asarray(t["numbers"])[:, 3:5] for _, t in candidates.tables])[rows].T
     return np.asarray((diameters >= least[0]) & (_ROUND_OFF * means >= least[1]))
 
 
