@@ -10,8 +10,8 @@ from tanteo.answers import Priors
 from tanteo.inference import Problem, identify_points, prepare
 from tanteo.inference.modes import _beyond_normal, _covariance
 from tanteo.inference.part_search import common_random_numbers, start_search
+from tanteo.inference.peaks import spread_rows
 from tanteo.inference.sampler import Compared, Sampler
-from tanteo.inference.scales import spread_rows
 from tanteo.inference.settings import Effort
 from tanteo.lie import SE3
 

@@ -9,14 +9,12 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.inference.details import details_at
-from tanteo.inference.peaks import Objective, Peaks
+from tanteo.inference.peaks import Objective, Peaks, scales_for, spread_rows
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals import InitialPoses, PriorSamples, Proposer, SearchState, proposers
-from tanteo.inference.proposals.pairs import far_pairs
-from tanteo.inference.proposals.prior_samples import along_ridge, from_prior
+from tanteo.inference.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.inference.proposals.sensed_planes import SensedPlanes, sensed_planes
-from tanteo.inference.scales import scales_for, spread_rows
 from tanteo.inference.settings import Effort, SearchSettings
 from tanteo.inference.symmetry import log_orbit
 from tanteo.special import log_sum

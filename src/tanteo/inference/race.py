@@ -27,10 +27,9 @@ from tanteo.inference.outliers import so_many
 from tanteo.inference.part_search import PartSearch, common_random_numbers, spread, start_search, start_searches
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
+from tanteo.inference.proposals.built_in import KnownPoses, PosesOfOtherParts
 from tanteo.inference.proposals.centre_votes import lacking, on_axes, sensed_centres
 from tanteo.inference.proposals.coarse_field import evaluate_fields
-from tanteo.inference.proposals.known_poses import KnownPoses
-from tanteo.inference.proposals.other_parts import PosesOfOtherParts
 from tanteo.inference.proposals.plane_votes import cost_margin, on_planes, voted
 from tanteo.inference.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.inference.settings import POSE_DOF
@@ -139,7 +138,7 @@ def _few(problem: Problem, points: ContactPoints, candidates: Candidates, rows: 
     """Keep a handful of parts, and propose poses of each on its coarse field.
 
     Tables do not prune them: their costs ignore the areas of faces, by which few points discriminate parts, and what a
-    label states of an object that is none of them (decision 87).
+    label states of an object that is none of them (decision 88).
     """
     known = dict[int, Transforms]()
     if np.count_nonzero(~points.centres) >= POSE_DOF - 1 and len(rows):
@@ -335,7 +334,9 @@ def _first_pass(
     """
     others, dropped, tail = list[PartSearch](), -np.inf, -np.inf
     if len(parts) > problem.settings.race.budget:
-        parts, known, others, dropped, tail = _of_a_crowd(problem, parts, known, rng, similar, exhaustive=exhaustive)
+        parts, known, others, dropped, tail = _prune_by_known_poses(
+            problem, parts, known, rng, similar, exhaustive=exhaustive
+        )
     searches = start_searches(problem, parts, common_random_numbers(rng, len(parts)))
     for search, Ts in zip(searches, known, strict=False):
         search.known, search.exhaustive = Ts, exhaustive
@@ -376,10 +377,10 @@ def _continue_with_all(search: PartSearch, few: PartSearch) -> None:
     search.peaks, search.restarts = search.objective.maximize(found.Ts, found.zs, found.groups, fine=True), 1
 
 
-_Crowd = tuple[list[PreparedPart], list[Transforms | None], list[PartSearch], float, float]
+_Pruned = tuple[list[PreparedPart], list[Transforms | None], list[PartSearch], float, float]
 
 
-def _of_a_crowd(
+def _prune_by_known_poses(
     problem: Problem,
     parts: Sequence[PreparedPart],
     known: Sequence[Transforms | None],
@@ -387,7 +388,7 @@ def _of_a_crowd(
     similar: Callable[[PreparedPart], list[PreparedPart]],
     *,
     exhaustive: bool,
-) -> _Crowd:
+) -> _Pruned:
     """Prune more parts than the budget allows full searches of, by what their known poses lead to.
 
     Returns:

@@ -1,7 +1,7 @@
 """Every number that was chosen, once, with its unit and what chose it.
 
 A field says what it is, its unit, and its source: a decision in ``docs/decisions``, a paper, or the rows of
-``benchmarks/against_scenes.py`` that react to it (``python benchmarks/sweep.py FIELD VALUES ROWS`` measures them).
+``benchmarks/against_scenes.py`` that react to it: ``python benchmarks/sweep.py search.rounds 4 8 12 --rows touch``.
 Numbers that follow from another one are properties. ``identify_points(..., settings=)`` takes other values.
 """
 

@@ -21,7 +21,7 @@ from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals import PriorSamples
-from tanteo.inference.proposals.prior_samples import along_ridge
+from tanteo.inference.proposals.drawn import along_ridge
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _SAMPLES, _OF_NORMAL = 24, 2
@@ -88,11 +88,7 @@ def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: n
 
 
 def _weighed(
-    problem: Problem,
-    searches: dict[int, PartSearch],
-    log_priors: FloatArray,
-    anywhere: float,
-    rng: np.random.Generator,
+    problem: Problem, searches: dict[int, PartSearch], log_priors: FloatArray, anywhere: float, rng: np.random.Generator
 ) -> Posterior:
     return weigh(problem, list(searches.values()), log_priors[list(searches)], anywhere, rng)
 

@@ -1,6 +1,6 @@
 """Where maximizations start: one proposer a file, tables that bound many parts, and the registry of proposers."""
 
-from tanteo.inference.proposals.prior_samples import PriorSamples
+from tanteo.inference.proposals.drawn import PriorSamples
 from tanteo.inference.proposals.proposer import BITS, InitialPoses, Proposer, SearchState
 from tanteo.inference.proposals.registry import proposers
 

@@ -9,35 +9,18 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import combinations
-from typing import final
 
 import numpy as np
 
 from tanteo import _core
 from tanteo.factors import numbered_landmarks
 from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.problem import Problem
 from tanteo.inference.proposals.pose_seeds import spread_out
-from tanteo.inference.proposals.proposer import InitialPoses, Proposer, SearchState
 from tanteo.inference.settings import SearchSettings
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
-
-
-@final
-class CentreTriples(Proposer):
-    """Three centres on three axes, once: poses that are within the noise."""
-
-    name = "centres on axes"
-
-    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
-        """Propose the poses that put three centres on three axes of holes and bosses."""
-        if state.round:
-            return InitialPoses.none()
-        core = state.objective.core
-        return InitialPoses.exhaustive(from_centres(problem.points, core, part, problem.settings.search))
 
 
 class Axes:

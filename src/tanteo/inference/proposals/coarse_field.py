@@ -14,8 +14,8 @@ import numpy as np
 from tanteo import _core
 from tanteo.catalogue import LEVELS
 from tanteo.inference.candidates import Candidates
+from tanteo.inference.peaks import spread_rows
 from tanteo.inference.problem import Problem
-from tanteo.inference.scales import spread_rows
 from tanteo.measurements import ContactPoints
 from tanteo.typing import FloatArray, Indices, IntArray, Transforms
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from functools import cache
 
 from tanteo.errors import InputError
-from tanteo.inference.proposals.centre_triples import CentreTriples
-from tanteo.inference.proposals.factor_poses import FactorPoses
-from tanteo.inference.proposals.known_poses import KnownPoses
-from tanteo.inference.proposals.moves import HalfTurnsAndSlides
-from tanteo.inference.proposals.other_parts import PosesOfOtherParts
-from tanteo.inference.proposals.pairs import PointPairs
-from tanteo.inference.proposals.plane_poses import PlanePoses
-from tanteo.inference.proposals.prior_samples import PriorSamples
+from tanteo.inference.proposals.built_in import (
+    CentreTriples,
+    FactorPoses,
+    HalfTurnsAndSlides,
+    KnownPoses,
+    PlanePoses,
+    PosesOfOtherParts,
+)
+from tanteo.inference.proposals.drawn import PointPairs, PriorSamples
 from tanteo.inference.proposals.proposer import Proposer
 
 GROUP = "tanteo.proposals"
