@@ -7,12 +7,9 @@ import pytest
 
 from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.answers import Priors
-from tanteo.inference import Problem, identify_points, prepare
+from tanteo.inference import Effort, Problem, identify_points, part_search, peaks, prepare
 from tanteo.inference.modes import _beyond_normal, _covariance
-from tanteo.inference.part_search import common_random_numbers, start_search
-from tanteo.inference.peaks import spread_rows
 from tanteo.inference.sampler import Compared, Sampler
-from tanteo.inference.settings import Effort
 from tanteo.lie import SE3
 
 
@@ -85,7 +82,7 @@ def test_poses_at_which_nothing_is_touched_count_for_none(parts, shared, scale_s
     shared_jacobian = 1e-3 * rng.normal(size=(6, 3, shared))
     touches = touches_of(SE3.apply(T, surface_points(target, 6, rng)[0]), 1e-4, shared_jacobian=shared_jacobian)
     problem = Problem(touches, no_paths(), Priors(radius=target.part.radius, noise_factor=float(np.exp(scale_sd))))
-    objective = start_search(problem, target, rng).objective
+    objective = part_search.start_search(problem, target, rng).objective
     sampler = Sampler(objective, objective.maximize(T[None], fine=True), rng, 0.0)
     away = T @ SE3.exp(np.array([5.0, 0, 0, 0, 0, 0]))
     here, there = sampler.density.at(np.stack([T, away]), np.zeros((2, problem.states)))[0]
@@ -94,7 +91,7 @@ def test_poses_at_which_nothing_is_touched_count_for_none(parts, shared, scale_s
 
 
 def test_parts_draw_the_same_numbers():
-    a, b = common_random_numbers(np.random.default_rng(1), 2)
+    a, b = part_search.common_random_numbers(np.random.default_rng(1), 2)
     np.testing.assert_array_equal(a.normal(size=9), b.normal(size=9))
 
 
@@ -102,12 +99,12 @@ def test_the_search_does_not_start_from_outliers():
     rng = np.random.default_rng(8)
     p = 0.05 * rng.normal(size=(1000, 3))
     p[::50] += rng.uniform(-5, 5, (20, 3))
-    rows = spread_rows(touches_of(p, 1e-4), 12)
+    rows = peaks.spread_rows(touches_of(p, 1e-4), 12)
     assert len(set(rows.tolist())) == 12
     assert np.sum(rows % 50 == 0) <= 4
-    few = spread_rows(touches_of(p[:9], 1e-4), 12)
+    few = peaks.spread_rows(touches_of(p[:9], 1e-4), 12)
     np.testing.assert_array_equal(few, np.arange(9))
-    assert len(spread_rows(touches_of(p[:0], 1e-4), 12)) == 0
+    assert len(peaks.spread_rows(touches_of(p[:0], 1e-4), 12)) == 0
 
 
 def test_a_part_is_found_among_as_many_strays_as_are_expected(parts):
@@ -129,7 +126,7 @@ def test_a_part_is_found_among_as_many_strays_as_are_expected(parts):
 def test_later_rounds_start_from_other_points(parts):
     target, rng = prepare(parts["block"]), np.random.default_rng(9)
     p, _ = surface_points(target, 40, rng)
-    search = start_search(Problem(touches_of(p, 1e-4), no_paths(), Priors(radius=0.1)), target, rng)
+    search = part_search.start_search(Problem(touches_of(p, 1e-4), no_paths(), Priors(radius=0.1)), target, rng)
     used = []
     for _ in range(3):
         search.restart(Effort(4, 10, 3, 4, 0, 10))

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from tanteo.inference.proposals import InitialPoses, Proposer, SearchState
     from tanteo.inference.recognition import identify_points
     from tanteo.inference.result import as_hypothesis, worst_reading
-    from tanteo.inference.settings import DEFAULTS, Settings
+    from tanteo.inference.settings import DEFAULTS, Effort, Settings
     from tanteo.inference.settling import settle
     from tanteo.inference.update import on_part, posterior_about, update_posterior
 
@@ -43,6 +43,7 @@ __all__ = [
     "NEGLIGIBLE",
     "Ask",
     "Candidates",
+    "Effort",
     "GoodnessOfFit",
     "InitialPoses",
     "Mode",
@@ -111,7 +112,7 @@ __getattr__, __dir__ = lazy(
         "limits": "what_limits",
         "result": "as_hypothesis worst_reading",
         "proposals": "InitialPoses Proposer SearchState",
-        "settings": "DEFAULTS Settings",
+        "settings": "DEFAULTS Effort Settings",
         "settling": "settle",
         "update": "on_part posterior_about update_posterior",
     },

@@ -347,7 +347,7 @@ def _first_pass(
         passes = start_searches(few, parts, [s.rng for s in searches])
         passes = [replace(p, planes=s.planes, known=s.known, exhaustive=s.exhaustive)
                   for p, s in zip(passes, searches, strict=True)]  # fmt: skip
-    effort = problem.settings.first_pass
+    effort = problem.settings.race.first_pass
     if exhaustive or any(Ts is not None for Ts in known):
         effort = replace(effort, pairs=0)
     for one in passes:

@@ -168,7 +168,7 @@ class RaceSettings:
         budget: full searches that one stage of the race may cost. ``benchmarks/bench_catalogue.py``, decision 76.
         first_pass_cost: cost of a first-pass search from known poses over that of a full search. Measured:
             ``python benchmarks/bench_catalogue.py CATALOGUE 12 points12 --say`` at 10,000 parts.
-        first_pass: effort of a first-pass search over that of a round of a full one. Row parts12_known.
+        first_pass: effort of a first-pass search; it proposes no pairs where poses are known. Row parts12_known.
         table_weight: log-evidence for each nat of cost by tables, where noise is taken larger than stated. Decision 76.
         estimate_weight: the same of an estimate by few points or a coarse field, at least. Decision 76.
         remainder: probability of all pruned parts together, over that of the best, which a bound allows. Decision 76.
@@ -183,7 +183,7 @@ class RaceSettings:
 
     budget: int = 64
     first_pass_cost: float = 0.05
-    first_pass: float = 0.25
+    first_pass: Effort = Effort(6, 16, 3, 8)
     table_weight: float = 1.33
     estimate_weight: float = 0.5
     remainder: float = 5e-3
@@ -214,13 +214,6 @@ class Settings:
     race: RaceSettings = RaceSettings()
 
     @property
-    def first_pass(self) -> Effort:
-        """A first-pass search of one of several parts."""
-        own, share = self.search, self.race.first_pass
-        numbers = (own.points, own.places, own.kept_per_pair, own.maximized)
-        return Effort(*(max(1, round(share * number)) for number in numbers))
-
-    @property
     def second_pass(self) -> Effort:
         """The first round with all points of one of several parts."""
         return replace(self.search.effort, moved=self.race.leaders, moved_hard=self.race.leaders)
@@ -235,8 +228,9 @@ class Settings:
         Raises:
             InputError: there is no such field.
         """
-        known = {f"{group.name}.{one.name}": (group.name, one.name)
-                 for group in fields(self) for one in fields(getattr(self, group.name))}  # fmt: skip
+        groups = [(group.name, getattr(self, group.name)) for group in fields(self)]
+        known = {f"{group}.{one.name}": (group, one.name) for group, own in groups for one in fields(own)
+                 if isinstance(getattr(own, one.name), int | float)}  # fmt: skip
         if name not in known:
             raise InputError(f"setting: expected the name of one, got {name!r}.{did_you_mean(name, known)}")
         group, own = known[name]
