@@ -31,10 +31,11 @@ KINDS = ("FACE", "EDGE", "CORNER", "CENTRE", "ROUND", "BALL", "APEX", "WALLS", "
 """Names of kinds in ``sensors`` and in the C++ ``enum class Kind``."""
 
 SOURCE = re.compile(
-    r"benchmarks[/\\ ]|decisions?\b|\barxiv\b|\bdoi\b|\b[Ee]q\. ?\(?\d"
+    r"benchmarks[/\\ ]|[Dd]ecisions?\b|\bRows? [a-z]|\barxiv\b|\bdoi\b|\b[Ee]q\. ?\(?\d"
     r"|\([A-Z][^()]*\b(?:18|19|20)\d\d\)|\b[A-Z]\w+ (?:et al\.? |and \w+ )?\((?:18|19|20)\d\d\)"
 )
-"""Text that names what chose a number: a benchmark, a decision, an equation, or an author with a year."""
+"""Text that names what chose a number: a benchmark or a row of ``against_scenes.py``, a decision, an equation, or an
+author with a year."""
 
 
 @dataclass(frozen=True)
@@ -230,17 +231,24 @@ def tuned_numbers(source: str) -> list[Number]:
     0, 1 and -1 alone, indices in subscripts and what is computed from other constants only do not count as tuned.
     """
     tree, lines, out = ast.parse(source), source.splitlines(), []
-    for body in [tree.body, *(node.body for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
+    for owner in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
+        body, attributes = owner.body, _attributes(ast.get_docstring(owner) or "")
         for k, node in enumerate(body):
             if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
                 continue
             found = [c for c in _literals(node.value) if c not in (0, 1)]
             if not found:
                 continue
-            text = " ".join(_said(lines, body, k))
-            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-            out.append(Number(node.lineno, ast.unparse(target), len(found), bool(SOURCE.search(text))))
+            target = ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
+            text = " ".join([*_said(lines, body, k), attributes.get(target, "")])
+            out.append(Number(node.lineno, target, len(found), bool(SOURCE.search(text))))
     return out
+
+
+def _attributes(docstring: str) -> dict[str, str]:
+    """Return the texts of the attributes that the docstring of a class lists, by name."""
+    entries = re.findall(r"^ {4}(\w+): (.*(?:\n {8,}.*)*)", docstring, flags=re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in entries}
 
 
 def _said(lines: list[str], body: list[ast.stmt], k: int) -> Iterator[str]:

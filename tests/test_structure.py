@@ -16,19 +16,19 @@ ROOT = Path(__file__).parents[1]
 MOST = {
     "iterative pose fits": 20,
     "iterative pose fits in C++": 9,
-    "tuned numbers in inference": 272,
+    "tuned numbers in inference": 206,
     "tuned numbers in vision": 201,
     "tuned numbers in posterior": 60,
     "kinds asked for in C++": 0,
     "files that ask for kinds in C++": 0,
     "kinds asked for in Python": 80,
     "files that ask for kinds in Python": 35,
-    "code lines of Python in the judged packages": 9484,
+    "code lines of Python in the judged packages": 9717,
     "code lines of C++": 9400,
 }
 """Largest accepted figures: the numbers may fall."""
 
-ENTERED = 81
+ENTERED = 80
 """Largest accepted number of files that the second call of ``identify`` enters."""
 
 
@@ -92,10 +92,12 @@ def test_numbers_count_once_each_and_know_their_source():
         "C = 1\nD = dict(x=2)\n"
         "class S:\n    steps: int = 20\n    name: str = ''\n"
         "    # Wilson and Hilferty (1931)\n    z: float = 1.96\n"
+        'class T:\n    """Do.\n\n    Attributes:\n        a: one. Rows\n            touch.\n        b: two.\n    """\n'
+        "    a: int = 7\n    b: int = 8\n"
     )
     found = structure.tuned_numbers(source)
     assert [(n.name, n.count, n.sourced) for n in found] == [
-        ("(_A, _B)", 3, True), ("D", 1, False), ("steps", 1, False), ("z", 1, True)
+        ("(_A, _B)", 3, True), ("D", 1, False), ("steps", 1, False), ("z", 1, True), ("a", 1, True), ("b", 1, False)
     ]  # fmt: skip
 
 
