@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import tanteo
-from bare_scenes import box_centred_pose, inside, nees, surface_points
+from bare_scenes import box_centred_pose, inside, nees, surface_points, touches_of
 from tanteo import Action, Session, around, plugins, read_part
 from tanteo.active import POLICIES, UTILITIES, DecisionContext, Probe, begin, policy_named, propose, register_utility
 from tanteo.constraints import CONSTRAINT_KINDS, PAIR_RELATIONS, relate_all
@@ -23,7 +23,7 @@ from tanteo.errors import InputError, PartError, PluginError
 from tanteo.features import KINDS, PLANE, Feature, SharedError, SharedTerm
 from tanteo.fitting import FITS, fit_labelled
 from tanteo.hand import Workspace
-from tanteo.inference import identify_points
+from tanteo.inference import PROPOSERS, identify_points
 from tanteo.io import read_factor, read_readings
 from tanteo.io.factor_file import FACTORS
 from tanteo.lie import SE3
@@ -221,7 +221,7 @@ def page_blocks():
 @pytest.fixture
 def install(tmp_path, monkeypatch):
     """Put distributions on the path of this process; what was loaded of them is forgotten after the test."""
-    for registry in ALL:
+    for registry in (*ALL, PROPOSERS):
         monkeypatch.setattr(registry, "_loaded", {})
     monkeypatch.setattr(plugins, "_WARNED", set())
     before = set(sys.modules)
@@ -443,6 +443,49 @@ def test_the_conformance_suite_runs_on_a_driver_of_ones_own(acme):
 # Plug-ins that do not work.
 
 BROKEN = "import nothing_of_this_name\n"
+
+
+def touched_wedge():
+    """A wedge and contact points on it."""
+    part = tanteo.part_from_mesh(*wedge(), unit="mm")
+    p, _ = surface_points(Surface(part.vertices, part.triangles), 16, np.random.default_rng(3))
+    return part, touches_of(p, 1e-4)
+
+
+def test_a_proposer_of_ones_own_takes_part(install, monkeypatch):
+    install({"quarter": page_blocks()["quarter"]}, {"tanteo.proposals": {"quarter": "quarter:PROPOSER"}})
+    part, points = touched_wedge()
+    proposer, rounds = PROPOSERS.find("quarter"), []
+    own = type(proposer).propose
+
+    def propose(self, problem, part, state):
+        found = own(self, problem, part, state)
+        rounds.append((state.round, len(found), len(state.best)))
+        return found
+
+    monkeypatch.setattr(type(proposer), "propose", propose)
+    answer = identify_points(points, FreeRays.none(), [part])
+    assert answer.status == "recognized"
+    assert np.linalg.norm(SE3.log(answer.pose)[:3]) < 1e-3
+    assert [number for number, _, _ in rounds] == list(range(len(rounds)))
+    assert rounds[0][1] == 6 * min(rounds[0][2], 3) > 0
+
+
+@pytest.mark.parametrize(
+    ("body", "got"),
+    [("return 5", "TypeError: expected InitialPoses, got int"), ("raise KeyError('no axis')", "KeyError: 'no axis'")],
+)
+def test_a_proposer_that_fails_is_named(install, body, got, request):
+    module = "failing_" + request.node.callspec.id.encode().hex()[:20]
+    text = (
+        "from tanteo.inference import Proposer\nclass Own(Proposer):\n    name = 'own'\n"
+        f"    def propose(self, problem, part, state):\n        {body}\nPROPOSER = Own()\n"
+    )
+    install({module: text}, {"tanteo.proposals": {"own": f"{module}:PROPOSER"}}, "own-kit")
+    part, points = touched_wedge()
+    with pytest.raises(PluginError, match=re.escape("own-kit 1.0, entry point 'own = ")) as error:
+        identify_points(points, FreeRays.none(), [part])
+    assert got in str(error.value)
 
 
 def test_an_import_error_is_named_where_the_plug_in_is_used(install, tmp_path):

@@ -74,6 +74,7 @@ class Extra:
 
 REGISTRIES = (
     "tanteo.parts:CAD_READERS",
+    "tanteo.inference:PROPOSERS",
     "tanteo.logs:FORMATS",
     "tanteo.io.factor_file:FACTORS",
     "tanteo.programs:PROGRAMS",

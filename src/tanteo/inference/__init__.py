@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
     from tanteo.inference.prior_check import p_of_prior
     from tanteo.inference.problem import PoseMixture, Problem
-    from tanteo.inference.proposals import InitialPoses, Proposer, SearchState
+    from tanteo.inference.proposals import PROPOSERS, InitialPoses, Proposer, SearchState
     from tanteo.inference.recognition import identify_points
     from tanteo.inference.result import as_hypothesis, worst_reading
     from tanteo.inference.settings import DEFAULTS, Effort, Settings
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DEFAULTS",
     "NEGLIGIBLE",
+    "PROPOSERS",
     "Ask",
     "Candidates",
     "Effort",
@@ -111,7 +112,7 @@ __getattr__, __dir__ = lazy(
         "fit_at_mode": "GoodnessOfFit face_names goodness_of_fit information_by_point",
         "limits": "what_limits",
         "result": "as_hypothesis worst_reading",
-        "proposals": "InitialPoses Proposer SearchState",
+        "proposals": "PROPOSERS InitialPoses Proposer SearchState",
         "settings": "DEFAULTS Effort Settings",
         "settling": "settle",
         "update": "on_part posterior_about update_posterior",

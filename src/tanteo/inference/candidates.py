@@ -19,11 +19,11 @@ _EQUAL = 1e-6
 """Relative difference of area and volume up to which two parts may be one: rounding of their files."""
 
 _MANY = 1000
-"""Parts of which all diagonals are told."""
+"""Parts of which all diagonals are reported."""
 
 
 class Candidates:
-    """Parts of a list or of a catalogue, alike.
+    """Parts of a list or of a catalogue.
 
     Attributes:
         parts: the parts, or what was prepared of them.
@@ -120,7 +120,7 @@ class Candidates:
 
     @cached_property
     def fields(self) -> list[tuple[int, Any]]:
-        """The same, of which a coarse look takes its columns: of a list, no others are made."""
+        """The columns of the coarse fields; of a list, no others are computed."""
         if isinstance(self.parts, Catalogue):
             return self.tables
         opened = [prepare(part) for part in self.parts]

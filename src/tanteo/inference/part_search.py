@@ -7,16 +7,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tanteo.errors import InputError
 from tanteo.inference.details import details_at
 from tanteo.inference.peaks import Objective, Peaks, scales_for, spread_rows
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
-from tanteo.inference.proposals import InitialPoses, PriorSamples, Proposer, SearchState, proposers
+from tanteo.inference.proposals import PROPOSERS, InitialPoses, PriorSamples, Proposer, SearchState, proposers
 from tanteo.inference.proposals.drawn import along_ridge, far_pairs, from_prior
 from tanteo.inference.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.inference.settings import Effort, SearchSettings
 from tanteo.inference.symmetry import log_orbit
+from tanteo.plugins import guarded
 from tanteo.special import log_sum
 from tanteo.typing import BoolArray, Indices, Transforms
 
@@ -85,22 +85,17 @@ class PartSearch:
         """Maximize from the poses of one proposer.
 
         Raises:
-            InputError: a proposer of another distribution fails; the message names it.
+            PluginError: a proposer of another distribution fails; the message names it.
         """
         objective = self.objective
         state = SearchState(
             objective, effort or self.settings.effort, self.restarts, self.rng, self.pairs, self.planes, self.known,
             self.exhaustive, self._others, self.peaks, self.is_doubtful,
         )  # fmt: skip
-        try:
+        with guarded(PROPOSERS.origin(proposer.name), "a proposer of initial poses"):
             found = proposer.propose(objective.problem, objective.prepared, state)
             if not isinstance(found, InitialPoses):
                 raise TypeError(f"expected InitialPoses, got {type(found).__name__}")
-        except Exception as error:
-            if type(proposer).__module__.startswith("tanteo."):
-                raise
-            name = getattr(proposer, "name", type(proposer).__name__)
-            raise InputError(f"The proposer '{name}' ({type(proposer).__module__}) failed: {error}.") from error
         self.add(found)
         if isinstance(proposer, PriorSamples) and objective.named and self.along is None:
             count = self.settings.maximized

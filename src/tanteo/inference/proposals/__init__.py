@@ -2,6 +2,6 @@
 
 from tanteo.inference.proposals.drawn import PriorSamples
 from tanteo.inference.proposals.proposer import BITS, InitialPoses, Proposer, SearchState
-from tanteo.inference.proposals.registry import proposers
+from tanteo.inference.proposals.registry import PROPOSERS, proposers
 
-__all__ = ["BITS", "InitialPoses", "PriorSamples", "Proposer", "SearchState", "proposers"]
+__all__ = ["BITS", "PROPOSERS", "InitialPoses", "PriorSamples", "Proposer", "SearchState", "proposers"]

@@ -24,7 +24,7 @@ from tanteo.typing import Transforms, Vectors
 class KnownPoses(Proposer):
     """Poses of the earlier stages of the race, in the first round."""
 
-    name = "poses of earlier stages"
+    name = "known"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose the known poses once."""
@@ -37,7 +37,7 @@ class KnownPoses(Proposer):
 class FactorPoses(Proposer):
     """Poses that factors of the pose suggest, once and without blur, for they are near a maximum."""
 
-    name = "poses of factors"
+    name = "factors"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose the poses of all factors of the pose in the first round."""
@@ -50,7 +50,7 @@ class FactorPoses(Proposer):
 class CentreTriples(Proposer):
     """Three centres on three axes, once: poses that are within the noise."""
 
-    name = "centres on axes"
+    name = "centres"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose the poses that put three centres on three axes of holes and bosses."""
@@ -64,7 +64,7 @@ class CentreTriples(Proposer):
 class PlanePoses(Proposer):
     """Labelled planes and sensed normals on faces, once, for these are all poses that they allow."""
 
-    name = "sensed planes on faces"
+    name = "planes"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose the poses nearest to all points, unless earlier stages proposed all that planes allow."""
@@ -82,7 +82,7 @@ class PlanePoses(Proposer):
 class PosesOfOtherParts(Proposer):
     """The best poses of the leading other parts."""
 
-    name = "poses of other parts"
+    name = "other-parts"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose the poses that the race passes on."""
@@ -93,7 +93,7 @@ class PosesOfOtherParts(Proposer):
 class HalfTurnsAndSlides(Proposer):
     """Half turns and slides of the best maxima, more of them where the right one is hard to find."""
 
-    name = "half turns and slides"
+    name = "moves"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose poses beside the best maxima so far."""

@@ -56,17 +56,17 @@ class SensedCentres:
 
     @property
     def doubtful(self) -> float:
-        """Nats of the best part from which other seeds are tried: more than those of one outlier."""
+        """Cost of the best part from which other seeds are tried [nats]: more than that of one outlier."""
         return 1.2 * self._dearest
 
     @property
     def hopeless(self) -> float:
-        """Nats of the best part from which none of them is what was sensed: more than those of two outliers."""
+        """Cost of the best part from which none was sensed [nats]: more than that of two outliers."""
         return 2.2 * self._dearest
 
 
 def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes) -> SensedCentres:
-    """The centres among the points, with their noise as large as it may be."""
+    """Return the centres among the points, with their noise as large as it may be."""
     own = points.take(np.flatnonzero(points.centres))
     search = problem.settings.search
     own = own.take(spread_out(own.points, search.compared))
@@ -100,7 +100,7 @@ def _lonely(own: SearchSettings, planes: FloatArray) -> BoolArray:
 
 
 def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatArray:
-    """Nats that a centre costs if it is of no axis ``(n,)``."""
+    """Return the cost of each centre if it is of no axis ``(n,)`` [nats]."""
     rate, (sizes, size_sds, _) = problem.priors.outlier_rate, sensed_sizes(own)
     line = np.array([factor.codimension == 2 for factor in own.factors], dtype=bool)
     log_across = -0.5 * np.log(2 * np.pi) - np.log(factor * own.sd)
@@ -117,7 +117,7 @@ def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatA
 
 
 def lacking(sensed: SensedCentres, candidates: Candidates, rows: IntArray) -> FloatArray:
-    """Nats of some parts by the axes that each and each two centres need ``(m,)``."""
+    """Return the cost of some parts by the axes that each and each two centres need ``(m,)`` [nats]."""
     costs = np.zeros(len(rows))
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
@@ -128,45 +128,45 @@ def lacking(sensed: SensedCentres, candidates: Candidates, rows: IntArray) -> Fl
 
 
 def on_axes(
-    sensed: SensedCentres, candidates: Candidates, rows: IntArray, costs: FloatArray, hints: dict[int, Transforms]
+    sensed: SensedCentres, candidates: Candidates, rows: IntArray, costs: FloatArray, poses: dict[int, Transforms]
 ) -> None:
-    """Nats of some parts and poses of those where it is little, by centres and planes together.
+    """Raise the costs of some parts by centres and planes together, and set poses of those that cost little.
 
     Args:
         sensed: centres and planes.
         candidates: all parts.
         rows: of them.
         costs: nats that each costs at least so far ``(m,)``; they become more.
-        hints: poses so far, by row; they become better.
+        poses: poses so far, by row; they become better.
     """
     known = costs.copy()
-    _by_seeds(sensed, sensed.seeds, candidates, rows, costs, hints)
+    _by_seeds(sensed, sensed.seeds, candidates, rows, costs, poses)
     if costs.min(initial=sensed.settings.search.cost_limit) > sensed.doubtful and len(sensed.more):
         costs[:] = known
-        _by_seeds(sensed, np.concatenate([sensed.seeds, sensed.more]), candidates, rows, costs, hints)
+        _by_seeds(sensed, np.concatenate([sensed.seeds, sensed.more]), candidates, rows, costs, poses)
 
 
 def _by_seeds(
     sensed: SensedCentres, seeds: Indices, candidates: Candidates, rows: IntArray, costs: FloatArray,
-    hints: dict[int, Transforms],
+    poses: dict[int, Transforms],
 ) -> None:  # fmt: skip
-    """Poses are tried on those that lack least, then on all that are not far behind what these cost."""
+    """Try poses on the parts that lack least, then on all that are not far behind what these cost."""
     known = costs.copy()
     some = known <= known.min(initial=sensed.settings.search.cost_limit) + 1.0
-    lowest = _tried(sensed, seeds, candidates, rows, some, costs, hints)
-    _tried(sensed, seeds, candidates, rows, ~some & (known < lowest + cost_margin(sensed.settings)), costs, hints)
+    lowest = _tried(sensed, seeds, candidates, rows, some, costs, poses)
+    _tried(sensed, seeds, candidates, rows, ~some & (known < lowest + cost_margin(sensed.settings)), costs, poses)
 
 
 def _tried(
     sensed: SensedCentres, seeds: Indices, candidates: Candidates, rows: IntArray, some: BoolArray, costs: FloatArray,
-    hints: dict[int, Transforms],
+    poses: dict[int, Transforms],
 ) -> float:  # fmt: skip
-    """Poses are tried on some parts, whose nats and hints are set; the least of all nats."""
+    """Try poses on some parts, set their costs and poses, and return the least cost [nats]."""
     none, far = sensed.settings.search.cost_limit, 2 * cost_margin(sensed.settings)
     lowest = none
     for start, table in candidates.tables:
         here = np.flatnonzero(some & (rows >= start) & (rows < start + len(table["numbers"])))
-        before = [hints.get(int(row), _NONE) for row in rows[here]]
+        before = [poses.get(int(row), _NONE) for row in rows[here]]
         limit = min(none, lowest + far)
         axes, planes, rounds = (np.asarray(table[name]).ravel() for name in _COLUMNS)
         starts = [np.asarray(table[f"{name}_start"]) for name in _COLUMNS]
@@ -180,5 +180,5 @@ def _tried(
         costs[here] = np.maximum(at_least, costs[here])
         lowest = min(lowest, float(found.min(initial=none)))
         for k in np.flatnonzero(found[:, 0] < limit):
-            hints[int(rows[here[k]])] = Ts[k][found[k] < limit]
+            poses[int(rows[here[k]])] = Ts[k][found[k] < limit]
     return lowest

@@ -32,17 +32,17 @@ def evaluate_fields(
         rows: of those that are compared ``(m,)``.
         thorough: refine more poses, and return some of every part.
     """
-    look = _Evaluation(problem, points, thorough=thorough)
-    best = look.own.cost_point * len(look.at)
-    costs, hints = np.full(len(rows), best), dict[int, Transforms]()
+    evaluation = _Evaluation(problem, points, thorough=thorough)
+    best = evaluation.own.cost_point * len(evaluation.at)
+    costs, poses = np.full(len(rows), best), dict[int, Transforms]()
     for start, table in candidates.fields:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
         here = here[np.argsort(np.asarray(table["kind"])[rows[here] - start], kind="stable")]
-        scores, found, Ts = look.at_parts(table, (rows[here] - start).astype(np.int32), best)
+        scores, found, Ts = evaluation.at_parts(table, (rows[here] - start).astype(np.int32), best)
         best = min(best, float(scores.min(initial=best)))
         costs[here] = found[:, 0]
-        hints |= {int(rows[here[k]]): Ts[k] for k in np.flatnonzero(scores <= best + look.behind)}
-    return costs, hints
+        poses |= {int(rows[here[k]]): Ts[k] for k in np.flatnonzero(scores <= best + evaluation.behind)}
+    return costs, poses
 
 
 class _Evaluation:

@@ -25,7 +25,7 @@ from tanteo.typing import Indices, IntArray, Transforms
 class PointPairs(Proposer):
     """Pairs of points on pairs of surface places; each pair of points is an independent source."""
 
-    name = "pairs of points"
+    name = "pairs"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose from the next pairs of points of this round."""
@@ -70,7 +70,7 @@ class PriorSamples(Proposer):
     beyond it holds all poses that are settled with it.
     """
 
-    name = "samples of the pose prior"
+    name = "prior"
 
     def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
         """Propose samples where something is known of the pose."""

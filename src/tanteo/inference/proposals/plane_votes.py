@@ -29,24 +29,24 @@ def cost_margin(settings: Settings) -> float:
 def on_planes(
     sensed: SensedPlanes, candidates: Candidates, rows: IntArray, far: float
 ) -> tuple[FloatArray, dict[int, Transforms]]:
-    """Nats that the planes cost on each part ``(m,)``, and poses of those where it is little, by row.
+    """Return the cost of the planes on each part ``(m,)`` [nats], and poses of parts that cost little, by row.
 
     What is so far behind the best costs at least as much, as far as is known.
     """
-    lacking, hints = voted(sensed, candidates, rows), dict[int, Transforms]()
-    costs = _by_poses(_Faces(candidates.tables, rows, far, sensed.settings.kept), sensed, lacking, hints)
-    return costs, hints
+    lacking, poses = voted(sensed, candidates, rows), dict[int, Transforms]()
+    costs = _by_poses(_Faces(candidates.tables, rows, far, sensed.settings.kept), sensed, lacking, poses)
+    return costs, poses
 
 
 def plane_poses(sensed: SensedPlanes, prepared: PreparedPart, settings: Settings) -> Transforms:
-    """Poses of one part at which the planes are on its faces ``(S, 4, 4)``; none where they leave a motion free."""
-    hints = dict[int, Transforms]()
+    """Return poses of one part with the planes on its faces ``(S, 4, 4)``; none where they leave a motion free."""
+    poses = dict[int, Transforms]()
     if len(sensed.triples) and sensed.triples[2] >= 0:
         faces = _Faces(
             [(0, prepared.faces)], np.zeros(1, dtype=np.int64), cost_margin(settings), settings.search.placed
         )
-        _by_poses(faces, sensed, np.zeros(1), hints)
-    return hints.get(0, np.zeros((0, 4, 4)))
+        _by_poses(faces, sensed, np.zeros(1), poses)
+    return poses.get(0, np.zeros((0, 4, 4)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,33 +66,33 @@ class _Faces:
     keep: int
 
 
-def _by_poses(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, hints: dict[int, Transforms]) -> FloatArray:
-    """Nats of parts that lack so many by votes, by poses, of other triples where the first lead to nothing."""
-    costs, more = _by_triples(faces, sensed.first, lacking, hints), sensed.more
+def _by_poses(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses: dict[int, Transforms]) -> FloatArray:
+    """Return the costs of parts by poses, of other triples where the first lead to nothing; votes bound them."""
+    costs, more = _by_triples(faces, sensed.first, lacking, poses), sensed.more
     if costs.min(initial=sensed.settings.cost_limit) > sensed.doubtful and len(more.triples) + len(more.walls):
-        costs = np.minimum(costs, _by_triples(faces, more, lacking, hints))
+        costs = np.minimum(costs, _by_triples(faces, more, lacking, poses))
     return costs
 
 
-def _by_triples(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, hints: dict[int, Transforms]) -> FloatArray:
-    """Nats of parts by poses of some triples.
+def _by_triples(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses: dict[int, Transforms]) -> FloatArray:
+    """Return the costs of parts by poses of some triples.
 
     These are tried up to a limit of nats, as each nat more takes longer. It is raised until a part is found, or no
     plane would be of a face any more.
     """
     costs, limit = lacking, float(len(sensed.rows))
     while True:
-        costs, lowest = _tried(faces, sensed, lacking, limit, hints)
+        costs, lowest = _tried(faces, sensed, lacking, limit, poses)
         if lowest < limit or limit >= sensed.hopeless:
             break
         limit = min(2 * limit, sensed.hopeless)
     if limit < lowest + faces.far < sensed.settings.cost_limit:
-        costs, _ = _tried(faces, sensed, lacking, lowest + faces.far, hints)
+        costs, _ = _tried(faces, sensed, lacking, lowest + faces.far, poses)
     return costs
 
 
 def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> FloatArray:
-    """Nats of some parts by pairs alone ``(m,)``."""
+    """Return the costs of some parts by pairs alone ``(m,)`` [nats]."""
     costs = np.zeros(len(rows))
     for start, table in candidates.tables:
         here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
@@ -101,9 +101,9 @@ def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> Float
 
 
 def _tried(
-    faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, limit: float, hints: dict[int, Transforms]
+    faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, limit: float, poses: dict[int, Transforms]
 ) -> tuple[FloatArray, float]:
-    """Nats of parts by poses that cost less than a limit, else the limit, and the least; hints are set."""
+    """Return the costs of parts by poses below a limit, else the limit, and the least cost; set the poses."""
     none = sensed.settings.cost_limit
     costs, lowest, rows = np.maximum(lacking, limit), none, faces.rows
     for start, table in faces.tables:
@@ -118,12 +118,12 @@ def _tried(
         some = np.flatnonzero(found[:, 0] < upto)
         lowest = min(lowest, float(found[some, 0].min(initial=none)))
         for k in some:
-            hints[int(rows[here[k]])] = Ts[k][found[k] < upto]
+            poses[int(rows[here[k]])] = Ts[k][found[k] < upto]
     return costs, lowest
 
 
 def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
-    """Nats by pairs alone ``(n,)``: the planes that have to be of no face, each counted once."""
+    """Return costs by pairs alone ``(n,)``: of the planes that have to be of no face, each counted once."""
     n, k = len(table["numbers"]), len(sensed.rows)
     share = np.asarray(table["numbers"])[:, 16]
     loose = np.where(share > 0, sensed.settings.loose - np.log(np.maximum(share, 1e-300)), np.inf)

@@ -17,7 +17,7 @@ from tanteo.inference.settings import Effort
 from tanteo.typing import BoolArray, Indices, IntArray, Transforms
 
 BITS = 60
-"""Independent sources that are told apart: bits of a whole number."""
+"""Independent sources that are counted apart: bits of a whole number."""
 
 EXHAUSTIVE = 0b1111
 """Sources of poses that are all that measurements allow: as many as make a maximum surely found."""
@@ -114,10 +114,10 @@ class SearchState:
 class Proposer(ABC):
     """Proposes initial poses of one part.
 
-    A class of another distribution is found by the entry point group ``tanteo.proposals``.
+    An object of another distribution is found by the entry point group ``tanteo.proposals``.
 
     Attributes:
-        name: noun phrase for messages.
+        name: name in the registry, and of the entry point.
     """
 
     name: str

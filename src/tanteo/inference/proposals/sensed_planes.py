@@ -120,17 +120,17 @@ class SensedPlanes:
 
     @property
     def hopeless(self) -> float:
-        """Nats of the best part from which planes are not what was sensed: of noise and two of them."""
+        """Cost of the best part from which planes were not sensed [nats]: of noise and two planes without a face."""
         return self.doubtful + float(self.rows[:, 9].max())
 
     @property
     def believed(self) -> float:
-        """Nats of the best part up to which planes and walls are what was sensed: else faces are curved otherwise."""
+        """Cost of the best part up to which planes and walls were sensed [nats]: else other faces are curved."""
         return self.doubtful if self.certain or len(self.walls) else 0.0
 
 
 def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
-    """The planes that labels and normals show, with their noise as large as it may be."""
+    """Return the planes that labels and normals show, with their noise as large as it may be."""
     own = problem.settings.search
     planes = labelled_planes(points, own)
     factor = float(np.exp(own.noise_share * problem.scale_sd))
