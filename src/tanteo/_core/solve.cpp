@@ -35,54 +35,44 @@ void shorten(double* step, int K, double turn, double shift) {
 
 namespace {
 
-// One robust step of a pose to the nearest surface at a scale; the cost before it. Without move: the cost alone.
-double settle_step(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale, bool move,
-                   Pose& pose) {
+void add_normal(NormalEquations<6>& at, const Vec3& n, const Vec3& m, double sd) {
+    const double info = 1 / (sd * sd), q = 2 * (1 - dot(m, n)) * info, kernel = 1 / (1 + q / 8), v = kernel * kernel * info;
+    const Vec3 tilt = cross(m, n);
+    at.cost += kernel * q;
+    for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
+        at.gradient[3 + i] -= v * tilt[i];
+        for (int l = 0; l <= i; ++l) at.information[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
+    }
+}
+
+// The distances of points to the nearest surface at a scale [m], under Geman and McClure's robust kernel (1987). The cost is
+// that of the kernel: 4 for a point that is far off.
+NormalEquations<6> surface_distances(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale,
+                                     const Pose& pose) {
     const double per = 1 / scale;
-    double A[36] = {0}, b[6] = {0}, total = 0;
+    NormalEquations<6> at;
     for (const int j : rows) {
         const Factor& factor = *problem.factors[j];
         const Vec3 p = into_part(pose, factor.at);
         const NearestElement near = factor.nearest(shape, pose, p, scale > COARSE * shape.grid_step);
         if (!near.possible || near.contradicted) {
-            total += 4;
+            at.cost += 4;
             continue;
         }
         const Vec3& g = near.direction;
-        const double r = near.distance * per;
-        const Vec3 y = p - shape.centre, turn = cross(g, y);
+        const double r = near.distance * per, w = 1 / (1 + 0.25 * r * r);
+        const Vec3 turn = cross(g, p - shape.centre);
         // the point moves by -v + y x w
-        double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
-        double w = 1 / (1 + 0.25 * r * r);
-        total += w * r * r;
-        w *= w;
-        for (int i = 0; i < 6; ++i) {
-            b[i] -= w * row[i] * r;
-            for (int l = 0; l <= i; ++l) A[6 * i + l] += w * row[i] * row[l];
-        }
-        const Vec3& n = near.normal;
-        if (!(squared(n) > 0)) continue;
-        const Vec3 m = transposed_times(pose.R, factor.direction), tilt = cross(m, n);
-        const double sd = std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)), info = 1 / (sd * sd);
-        const double q = 2 * (1 - dot(m, n)) * info;
-        double v = 1 / (1 + q / 8);
-        total += v * q;
-        v *= v * info;
-        for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
-            b[3 + i] -= v * tilt[i];
-            for (int l = 0; l <= i; ++l) A[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
-        }
+        const double J[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
+        const double before = at.cost;
+        at.add(J, r, w * w);
+        at.cost = before + w * r * r;
+        const Vec3 m = transposed_times(pose.R, factor.direction);
+        if (squared(near.normal) > 0)
+            add_normal(at, near.normal, m, std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)));
     }
-    if (!move) return total;
-    for (int i = 0; i < 6; ++i) {
-        const double soft = i < 3 ? 10 / shape.diagonal : 0.5;
-        A[7 * i] += 1e-3 * A[7 * i] + soft * soft;
-    }
-    if (!cholesky(A, 6)) return total;
-    solve_cholesky(A, 6, b);
-    shorten(b, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
-    pose = moved(pose, load(b), load(b + 3), shape.centre);
-    return total;
+    at.add_weak_prior(0.1 * shape.diagonal, 2, 1e-3);
+    return at;
 }
 
 }  // namespace
@@ -91,28 +81,35 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
                             const std::vector<double>& scales, const std::vector<Pose>& starts) {
     std::vector<Settled> all;
     for (size_t k = 0; k < starts.size(); ++k) all.push_back({starts[k], 0, static_cast<int>(k)});
-    for (size_t k = 0; k <= scales.size(); ++k) {
-        const bool last = k == scales.size();
+    // three steps, and those that are far behind are given up
+    for (size_t first = 0; first <= scales.size(); first += 3) {
+        const int steps = static_cast<int>(std::min<size_t>(3, scales.size() - first));
         for_all(all.size(), [&] {
             return [&](size_t i) {
-                all[i].cost = settle_step(shape, problem, rows, scales[last ? k - 1 : k], !last, all[i].pose);
+                auto& [pose, cost, from] = all[i];
+                const auto equations = [&, &pose = pose, &cost = cost](int k) {
+                    const auto at = surface_distances(shape, problem, rows, scales[first + k], pose);
+                    cost = at.cost;
+                    return at;
+                };
+                gauss_newton(steps, equations, [&, &pose = pose](double* step, const double*) {
+                    shorten(step, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
+                    pose = moved(pose, load(step), load(step + 3), shape.centre);
+                });
+                if (steps < 3) equations(steps - 1);  // the cost where it ends
             };
         });
         double best = 1e300;
         for (const Settled& one : all) best = std::min(best, one.cost);
-        if (k % 3 != 2 && !last) continue;
         all.erase(std::remove_if(all.begin(), all.end(), [&](const Settled& one) { return one.cost > best + HOPELESS; }),
                   all.end());
     }
     return all;
 }
 
-// The information of a weak prior on state i: a shift of a quarter of the diagonal and a turn of half a radian. It limits
-// steps along motions of the pose that no measurement constrains.
-static double weak_prior(int i, const Shape& shape) {
-    const double root = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
-    return root * root;
-}
+// Limits steps along motions of the pose that no measurement constrains: a shift of a quarter of the diagonal, and a turn of
+// half a radian.
+static double weak_prior(int i, const Shape& shape) { return weak_prior(i, 0.25 * shape.diagonal, 0.5); }
 
 // How many of the other states the points tell, of those that the noise scale scales: the integral over them is in
 // proportion to so many powers of the scale. Their joint maximum has it too small, and of few points at nothing.
@@ -135,62 +132,44 @@ static double told_by_points(const Likelihood& likelihood, const std::vector<dou
     return likelihood.scaled_share * std::min(std::max(told, 0.0), static_cast<double>(P));
 }
 
-namespace {
-
-// The log density as a problem of `maximize`. The integral over the states that the points constrain is in proportion to
-// a power of the noise scale, so its log is added: a multiple of the scale that is held during a step.
-struct LogDensity {
-    using State = tanteo::State;
-    struct Linear {
-        double value = 0;
-        std::vector<double> gradient, information;
-    };
-
-    Likelihood& likelihood;
-    const Shape& shape;
-    const Problem& problem;
-    double enough;
-
-    void linearize(const State& state, Linear& out) {
-        out.value = likelihood.at(state, true);
-        std::swap(out.gradient, likelihood.gradient);
-        std::swap(out.information, likelihood.information);
-    }
-    void slope(const Linear& at, double* g) const {
-        std::copy(at.gradient.begin(), at.gradient.end(), g);
-        if (problem.scale_sd > 0) g[at.gradient.size() - 1] += told;
-    }
-    double prior(int i, double, double) const { return weak_prior(i, shape); }
-    State retract(const State& state, double* step) const {
-        shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
-        return stepped(state, step, shape.centre);
-    }
-    double gain(const State& from, const Linear& at, const State& to, const Linear& there) const {
-        const double by_scale = problem.scale_sd > 0 ? told * (to.z.back() - from.z.back()) : 0;
-        return there.value - at.value + by_scale;
-    }
-    bool accepts(const Linear&, double gain, double) const { return gain > 0; }
-    bool converged(double gain, double) const { return gain < enough; }
-    void accepted(const State&, const Linear& at) {
-        if (problem.scale_sd > 0) told = problem.scale_sd * told_by_points(likelihood, at.information, shape, problem);
-    }
-
-    double told = 0;
-};
-
-}  // namespace
-
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
             Maximum& maximum) {
     likelihood.blur = blur;
     likelihood.blur_turn = blur / (0.25 * shape.diagonal);
-    LogDensity density{likelihood, shape, problem, enough};
-    LogDensity::Linear at;
-    density.linearize(maximum.state, at);
-    density.accepted(maximum.state, at);
-    maximize(density, maximum.state, at, {1e-3, 0.1, 1e-6, 20, 0, 5}, steps, enough);
+    struct Linear {
+        double value = 0, told = 0;
+        std::vector<double> gradient, information;
+    } at, there;
+    // The integral over the states that the points constrain is in proportion to a power of the noise scale, so its log is
+    // added: a multiple of the scale that is held during a step.
+    const auto linearize = [&](const State& state, Linear& out) {
+        out.value = likelihood.at(state, true);
+        std::swap(out.gradient, likelihood.gradient);
+        std::swap(out.information, likelihood.information);
+    };
+    const bool scaled = problem.scale_sd > 0;
+    const auto hold = [&](Linear& at) {
+        if (!scaled) return;
+        at.told = problem.scale_sd * told_by_points(likelihood, at.information, shape, problem);
+        at.gradient.back() += at.told;
+    };
+    const auto damped = [&](int i, double diagonal, double damping) { return damping * diagonal + weak_prior(i, shape); };
+    linearize(maximum.state, at);
+    hold(at);
+    const Damping rule{1e-3, 0.1, 1e-6, 20, 0, 5};
+    maximize(at, steps, rule, damped, [&](double* step, double predicted, const double*) {
+        if (predicted < enough) return Attempt::LAST;
+        shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
+        State next = stepped(maximum.state, step, shape.centre);
+        linearize(next, there);
+        const double gain = there.value - at.value + (scaled ? at.told * (next.z.back() - maximum.state.z.back()) : 0);
+        if (!(gain > 0)) return Attempt::REJECTED;
+        std::swap(maximum.state, next);
+        std::swap(at, there);
+        hold(at);
+        return gain < enough ? Attempt::LAST : Attempt::TAKEN;
+    });
     maximum.log = at.value;
-    std::swap(maximum.gradient, at.gradient);
     std::swap(maximum.information, at.information);
 }
 
