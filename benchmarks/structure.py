@@ -132,7 +132,7 @@ def _moves(node: ast.AST) -> bool:
 
 CPP_SOLVE = re.compile(r"\b(?:solve_cholesky|solve_symmetric|ldlt)\s*\(|/=\s*A\[i\]\[i\]")
 CPP_MOVE = re.compile(
-    r"\b(?:moved|stepped|rotation|retract|pose_of|after)\s*\(|\byaw\s*=|\.z\[i\]\s*=|\btask\.moved|\bturned\("
+    r"\b(?:moved|stepped|rotation|retract|pose_of|after)\s*\(|\byaw\s*=|\.z\[i\]\s*=|\btask\.moved|\bturned\(|\battempt\("
 )
 
 
