@@ -124,8 +124,8 @@ def _moves(node: ast.AST) -> bool:
             continue
         targets = {n.id for t in one.targets for n in ast.walk(t) if isinstance(n, ast.Name)}
         used = {n.id for n in ast.walk(one.value) if isinstance(n, ast.Name)}
-        calls = [c for c in ast.walk(one.value) if isinstance(c, ast.Call) and isinstance(c.func, ast.Attribute)]
-        if targets & used and any(c.func.attr in ("exp", "moved", "retract") for c in calls):
+        calls = {_called(c) for c in ast.walk(one.value) if isinstance(c, ast.Call)}
+        if targets & used and calls & {"exp", "moved", "retract"}:
             return True
     return False
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from tanteo.lie import SE3, SO3
+from tanteo.lie.maximize import maximize
 from tanteo.localization.solve import Block, assemble, pose_information
 from tanteo.typing import FloatArray, Tangents, Transforms
 from tanteo.words import Motion
@@ -32,11 +34,20 @@ def at_exact_pairings(blocks: Sequence[Block], T_world_part: Transforms) -> list
     for block in blocks:
         to_world = T_world_part[..., None, :, :] @ block.Ts_part_model
         T = SE3.inverse(to_world) @ block.Ts_world_feature
-        for _ in range(3):
-            f, D = block.relation.linearize(T, block.radii)
-            T = T @ SE3.exp(-(np.linalg.pinv(D) @ f[..., None])[..., 0])
+        T, _ = maximize(T, partial(_onto, block), partial(_moved, block), 3)
         out.append(replace(block, Ts_world_feature=to_world @ T))
     return out
+
+
+def _onto(block: Block, T: Transforms) -> tuple[FloatArray, FloatArray]:
+    """Return the equations ``D D' y = -f`` of the shortest motions ``D' y`` onto the model features."""
+    f, D = block.relation.linearize(T, block.radii)
+    return D @ np.swapaxes(D, -1, -2), -f
+
+
+def _moved(block: Block, T: Transforms, y: FloatArray) -> Transforms:
+    D = block.relation.linearize(T, block.radii)[1]
+    return T @ SE3.exp((np.swapaxes(D, -1, -2) @ y[..., None])[..., 0])
 
 
 def unobserved_directions(
