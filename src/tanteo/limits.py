@@ -13,13 +13,6 @@ LEAST_SD, LARGEST = 1e-9, 1e6
 LEAST_TILT_SD, LARGEST_TILT_SD = 1e-6, np.pi / 3
 """No sensed normal is known better than this, and one that is known worse says nothing [rad]."""
 
-SIGNIFICANCE = 0.01
-"""Significance level of all tests of an answer, unless the user states another (``--significance``): a true answer is
-rejected in this share of all cases. It is a convention, the 1 % level, not a tuned number."""
-
-TOP = 5
-"""Number of hypotheses that an answer reports, unless the user states another (``--top``)."""
-
 SUSPECT = 1e-3
 """Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
 

@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from tanteo.answers import STATED, Answer, Priors, check_question, sized, with_elapsed
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import InputError
 from tanteo.inference import Candidates, about_conventions, about_frames, about_readings, identify_points, scale_of
-from tanteo.limits import SIGNIFICANCE, TOP, check_length
+from tanteo.limits import check_length
 from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd

@@ -9,8 +9,8 @@ import pytest
 import tanteo
 from tanteo.answers import Answer
 from tanteo.cli.answer_options import Options
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import InputError
-from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.session import Session
 
 

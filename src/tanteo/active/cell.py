@@ -13,10 +13,10 @@ import numpy as np
 
 from tanteo.active.state import SensingState
 from tanteo.answers import point_moves
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.errors import InputError
 from tanteo.features import shared_root
 from tanteo.lie import SE3, SO3
-from tanteo.limits import SIGNIFICANCE
 from tanteo.sensors import PointMeasurements, Readings
 from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Vectors

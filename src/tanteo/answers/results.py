@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from tanteo.limits import SIGNIFICANCE
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.localization import SharedGiven
 from tanteo.typing import Covariances, FloatArray, Transforms
 from tanteo.words import Finding, Motion, message_of

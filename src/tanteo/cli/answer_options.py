@@ -10,7 +10,7 @@ from tanteo import answers, io
 from tanteo.cli import arguments as args
 from tanteo.cli import controller
 from tanteo.cli.misuse import MisuseError
-from tanteo.limits import SIGNIFICANCE, TOP
+from tanteo.defaults import SIGNIFICANCE, TOP
 
 if TYPE_CHECKING:
     from tanteo.measurements import PoseFactor

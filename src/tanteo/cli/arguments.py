@@ -13,7 +13,7 @@ import typer
 from tanteo import io
 from tanteo.cli import typed
 from tanteo.cli.typed import Words
-from tanteo.limits import SIGNIFICANCE, TOP
+from tanteo.defaults import SIGNIFICANCE, TOP
 
 if TYPE_CHECKING:
     from tanteo.answers import Table

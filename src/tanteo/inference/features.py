@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers import Answer, Hypothesis, Priors
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.features import Sides, collect_shared
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.recognition import identify_points
-from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.measurements import FreeRays, as_labelled_points
 from tanteo.parts import Part
 

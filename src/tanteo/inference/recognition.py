@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers import Answer, Clock, Hypothesis, PosePrior, Priors, check_question, sized
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.features import SharedError
 from tanteo.inference.around import without_pose
 from tanteo.inference.candidates import Candidates
@@ -21,7 +22,6 @@ from tanteo.inference.result import as_hypothesis, worst_reading
 from tanteo.inference.search import LeftOut
 from tanteo.inference.too_little import too_little
 from tanteo.inference.verdict import Outcome, verdict_of
-from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.measurements import ContactPoints, FreeRays, PoseFactor
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms

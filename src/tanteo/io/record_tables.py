@@ -10,10 +10,10 @@ from msgspec import Meta
 
 from tanteo.active import Probe, Stop
 from tanteo.answers import Priors
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.io.document import made, table, value
 from tanteo.io.part_files import PartFile
 from tanteo.io.schema import Place, Table, as_plain
-from tanteo.limits import SIGNIFICANCE
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.session import Action, Observation, Sensing
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms

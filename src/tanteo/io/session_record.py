@@ -11,6 +11,7 @@ import msgspec
 
 from tanteo import __version__
 from tanteo.active import POLICIES, Candidates, Offers, Policy, SensingState, Start
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.errors import InputError
 from tanteo.inference import PreparedPart, prepare_all
 from tanteo.io.document import made, table
@@ -19,7 +20,6 @@ from tanteo.io.record_tables import HERE, ObservationTable, PosePriors, SensingT
 from tanteo.io.result_json import recognition_document
 from tanteo.io.schema import Place, as_plain, show
 from tanteo.io.session_mcap import SUFFIX, is_mcap, record_text, write_mcap
-from tanteo.limits import SIGNIFICANCE
 from tanteo.parts import Part
 from tanteo.replaced import replaced
 from tanteo.session import Observation, Sensing, Session

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.errors import InputError
 from tanteo.features import SharedError
 from tanteo.frames import check_covariances, check_transforms
-from tanteo.limits import LEAST_SD, SIGNIFICANCE, check_length
+from tanteo.limits import LEAST_SD, check_length
 from tanteo.localization.observability import describe_motion, unobserved_directions
 from tanteo.localization.pairing import Pairing, build_blocks, model_length, model_middle
 from tanteo.localization.scaling import motion_scale

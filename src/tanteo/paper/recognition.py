@@ -22,10 +22,10 @@ from tanteo.answers import (
     verdict,
     without_spin,
 )
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import InputError
 from tanteo.features import Feature, Sides, collect_shared, shared_root
 from tanteo.lie import SE3
-from tanteo.limits import SIGNIFICANCE, TOP
 from tanteo.localization import Block, ModelFeature, Pairing, estimate_pose, first_pose, gauss_newton, relation_between
 from tanteo.paper.assignments import Candidates, assignments, candidates_of
 from tanteo.parts import Part

@@ -24,8 +24,9 @@ from tanteo.active import (
     update,
 )
 from tanteo.answers import Answer, PosePrior
+from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import check_kind
-from tanteo.limits import SIGNIFICANCE, TOP, check_count, check_significance
+from tanteo.limits import check_count, check_significance
 from tanteo.sensors import Readings, check_readings_kind, concatenate, find_stuck
 from tanteo.session.action import Action
 from tanteo.session.ahead import limits, shared_of

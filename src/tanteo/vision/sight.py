@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from tanteo.answers import Answer
+from tanteo.defaults import TOP
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.limits import TOP
 from tanteo.measurements import OnTable
 from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.typing import BoolArray, FloatArray, Transforms

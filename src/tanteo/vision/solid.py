@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from tanteo.answers import Answer, box_corners
+from tanteo.defaults import TOP
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.limits import TOP
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.answers import hypothesis, judged
