@@ -23,7 +23,7 @@ MOST = {
     "files that ask for kinds in C++": 0,
     "kinds asked for in Python": 80,
     "files that ask for kinds in Python": 35,
-    "code lines of Python in the judged packages": 9483,
+    "code lines of Python in the judged packages": 9482,
     "code lines of C++": 9363,
 }
 """Largest accepted figures: the numbers may fall."""

@@ -34,20 +34,15 @@ def at_exact_pairings(blocks: Sequence[Block], T_world_part: Transforms) -> list
     for block in blocks:
         to_world = T_world_part[..., None, :, :] @ block.Ts_part_model
         T = SE3.inverse(to_world) @ block.Ts_world_feature
-        T, _ = maximize(T, partial(_onto, block), partial(_moved, block), 3)
+        T, _ = maximize(T, partial(_onto, block), lambda T, step: T @ SE3.exp(step), 3)
         out.append(replace(block, Ts_world_feature=to_world @ T))
     return out
 
 
 def _onto(block: Block, T: Transforms) -> tuple[FloatArray, FloatArray]:
-    """Return the equations ``D D' y = -f`` of the shortest motions ``D' y`` onto the model features."""
+    """Return the shortest motions that take sensed frames onto their model features, with unit information."""
     f, D = block.relation.linearize(T, block.radii)
-    return D @ np.swapaxes(D, -1, -2), -f
-
-
-def _moved(block: Block, T: Transforms, y: FloatArray) -> Transforms:
-    D = block.relation.linearize(T, block.radii)[1]
-    return T @ SE3.exp((np.swapaxes(D, -1, -2) @ y[..., None])[..., 0])
+    return np.eye(6), -(np.linalg.pinv(D) @ f[..., None])[..., 0]
 
 
 def unobserved_directions(
