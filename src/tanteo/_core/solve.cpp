@@ -14,6 +14,7 @@ constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more of them tell no 
 constexpr int FIRST_STEPS = 6;        // until maxima are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double COARSE = 1;          // cells of the grid: at a larger scale the triangle next to a cell will do
+constexpr int MARGINAL_STEPS = 4;     // from the values at the maximum, near which most poses are
 constexpr double ROUGHLY = 0.1;       // a gain that ends a maximum that is not the last
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
@@ -132,36 +133,46 @@ static double told_by_points(const Likelihood& likelihood, const std::vector<dou
     return likelihood.scaled_share * std::min(std::max(told, 0.0), static_cast<double>(P));
 }
 
+namespace {
+
+// The log density at a state, its gradient and information over the states from the first on.
+struct Linear {
+    double value = 0, told = 0;
+    std::vector<double> gradient, information;
+};
+
+void linearize(Likelihood& likelihood, const State& state, int first, Linear& out) {
+    out.value = likelihood.at(state, true);
+    const int K = static_cast<int>(likelihood.gradient.size()), D = K - first;
+    out.gradient.assign(likelihood.gradient.begin() + first, likelihood.gradient.end());
+    out.information.resize(static_cast<size_t>(D) * D);
+    for (int i = 0; i < D; ++i) std::copy_n(&likelihood.information[(first + i) * K + first], i + 1, &out.information[i * D]);
+}
+
+}  // namespace
+
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
             Maximum& maximum) {
     likelihood.blur = blur;
     likelihood.blur_turn = blur / (0.25 * shape.diagonal);
-    struct Linear {
-        double value = 0, told = 0;
-        std::vector<double> gradient, information;
-    } at, there;
-    // The integral over the states that the points constrain is in proportion to a power of the noise scale, so its log is
-    // added: a multiple of the scale that is held during a step.
-    const auto linearize = [&](const State& state, Linear& out) {
-        out.value = likelihood.at(state, true);
-        std::swap(out.gradient, likelihood.gradient);
-        std::swap(out.information, likelihood.information);
-    };
+    Linear at, there;
     const bool scaled = problem.scale_sd > 0;
+    // the integral over the states that the points constrain is in proportion to a power of the noise scale, so its log is
+    // added: a multiple of the scale that is held during a step
     const auto hold = [&](Linear& at) {
         if (!scaled) return;
         at.told = problem.scale_sd * told_by_points(likelihood, at.information, shape, problem);
         at.gradient.back() += at.told;
     };
     const auto damped = [&](int i, double diagonal, double damping) { return damping * diagonal + weak_prior(i, shape); };
-    linearize(maximum.state, at);
+    linearize(likelihood, maximum.state, 0, at);
     hold(at);
     const Damping rule{1e-3, 0.1, 1e-6, 20, 0, 5};
     maximize(at, steps, rule, damped, [&](double* step, double predicted, const double*) {
         if (predicted < enough) return Attempt::LAST;
         shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
         State next = stepped(maximum.state, step, shape.centre);
-        linearize(next, there);
+        linearize(likelihood, next, 0, there);
         const double gain = there.value - at.value + (scaled ? at.told * (next.z.back() - maximum.state.z.back()) : 0);
         if (!(gain > 0)) return Attempt::REJECTED;
         std::swap(maximum.state, next);
@@ -224,35 +235,32 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
     return maxima;
 }
 
+// Newton's method with a line search. The determinant is that of the last step's factor: at the maximum itself the statistics
+// are the same, but other poses are drawn.
 double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
-    const int K = problem.size(), D = K - 6;
+    const int D = problem.size() - 6;
     if (!D) return likelihood.at(state, false);
-    std::vector<double> L(static_cast<size_t>(D) * D), step(D);
-    double log = likelihood.at(state, true), log_det = 0;
-    for (int k = 0; k < 4; ++k) {
-        for (int i = 0; i < D; ++i) {
-            step[i] = likelihood.gradient[6 + i];
-            for (int l = 0; l <= i; ++l) L[i * D + l] = likelihood.information[(6 + i) * K + 6 + l];
-        }
-        if (!cholesky(L.data(), D)) break;
+    Linear at, there;
+    linearize(likelihood, state, 6, at);
+    double log_det = 0;
+    const auto undamped = [](int, double, double) { return 0.0; };
+    maximize(at, MARGINAL_STEPS, {}, undamped, [&](const double* step, double predicted, const double* L) {
         log_det = 0;
         for (int i = 0; i < D; ++i) log_det += 2 * std::log(L[i * D + i]);
-        solve_cholesky(L.data(), D, step.data());
-        double size = 0;
-        for (int i = 0; i < D; ++i) size += step[i] * likelihood.gradient[6 + i];
-        if (size < 1e-2) break;  // twice what is left to gain
-        State next = state;
-        double gain = -1, there = log, share = 1;
-        for (int tries = 0; tries < 4 && gain < 0; ++tries, share *= 0.3) {
-            for (int i = 0; i < D; ++i) next.z[i] = state.z[i] + share * step[i];
-            there = likelihood.at(next, true);
-            gain = there - log;
+        if (predicted < 1e-2) return Attempt::LAST;
+        double share = 1;
+        for (int tries = 0; tries < 4; ++tries, share *= 0.3) {
+            State next = state;
+            for (int i = 0; i < D; ++i) next.z[i] += share * step[i];
+            linearize(likelihood, next, 6, there);
+            if (there.value < at.value) continue;
+            std::swap(state, next);
+            std::swap(at, there);
+            return Attempt::TAKEN;
         }
-        if (gain < 0) break;
-        state = next;
-        log = there;
-    }
-    return log - 0.5 * log_det;
+        return Attempt::LAST;
+    });
+    return at.value - 0.5 * log_det;
 }
 
 }  // namespace tanteo
