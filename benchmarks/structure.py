@@ -125,15 +125,15 @@ def _moves(node: ast.AST) -> bool:
             continue
         targets = {n.id for t in one.targets for n in ast.walk(t) if isinstance(n, ast.Name)}
         used = {n.id for n in ast.walk(one.value) if isinstance(n, ast.Name)}
-        calls = [c for c in ast.walk(one.value) if isinstance(c, ast.Call) and isinstance(c.func, ast.Attribute)]
-        if targets & used and any(c.func.attr in ("exp", "moved", "retract") for c in calls):
+        calls = {_called(c) for c in ast.walk(one.value) if isinstance(c, ast.Call)}
+        if targets & used and calls & {"exp", "moved", "retract"}:
             return True
     return False
 
 
 CPP_SOLVE = re.compile(r"\b(?:solve_cholesky|solve_symmetric|ldlt)\s*\(|/=\s*A\[i\]\[i\]")
 CPP_MOVE = re.compile(
-    r"\b(?:moved|stepped|rotation|retract|pose_of|after)\s*\(|\byaw\s*=|\.z\[i\]\s*=|\btask\.moved|\bturned\("
+    r"\b(?:moved|stepped|rotation|retract|pose_of|after)\s*\(|\byaw\s*=|\.z\[i\]\s*=|\btask\.moved|\bturned\(|\battempt\("
 )
 
 

@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from campaign import options, run_cases
 
 from machined_parts import mixed_parts
-from tanteo.answers import Priors
+from tanteo.answers import Priors, sized
 from tanteo.lie import SE3
 from tanteo.measurements import OnTable
 from tanteo.vision import TableErrors, find_edges, find_regions, map_edges, prepare_vision, silhouette
@@ -98,14 +98,16 @@ def weighed(k):
     seen = image_of_region(camera, edges, region, Weights())
     found = candidates_in(models, seen, T_camera_table, region, errors)
     lying = OnTable(T_world_table, errors.height, errors.tilt, area_of(region, camera, T_camera_table))
-    _, searches = searched(seen, [(c.model, c.T_camera_part) for c in found], lying)
+    priors = sized(Priors(), max(0.5 * c.model.part.diagonal for c in found))
+    poses = [(c.model.part, camera.T_world_camera @ c.T_camera_part) for c in found]
+    (seen,), _, searches = searched((seen,), poses, priors, lying)
     rows, right = [], []
     for c, search in zip(found, searches, strict=True):
         peaks = search.peaks
         if not len(peaks):
             continue
-        sums = sums_at(seen, search.objective.prepared, peaks.Ts, peaks.zs)
-        rest = peaks.evidence - sums.log + search.log_evidence - logsumexp(peaks.evidence)
+        (sums,) = sums_at((seen,), search)
+        rest = np.array([lying.log_probability(c.model.part, T) for T in peaks.Ts])
         columns = sums.hits, sums.misses, sums.spilled / STRETCH**2, rest
         rows += np.stack(columns, axis=1).tolist()
         T_camera_world = SE3.inverse(camera.T_world_camera)
@@ -116,10 +118,10 @@ def weighed(k):
 
 
 def log_posterior(scene, theta):
-    """Log probabilities of the maxima and of none, whose pose is as sharp as that of the best maximum."""
+    """Log probabilities of the maxima and of none."""
     rows, hits, misses, unknown, base, spilled = scene["rows"], *theta
     log = rows[:, :3] @ np.array([hits, misses, spilled]) + rows[:, 3]
-    none = np.log(UNKNOWN) + unknown * scene["stretches"] + base + rows[np.argmax(log), 3]
+    none = np.log(UNKNOWN) + unknown * scene["stretches"] + base
     log = log + np.log((1 - UNKNOWN) / scene["parts"])
     total = logsumexp(np.r_[log, none])
     return log - total, none - total

@@ -17,8 +17,9 @@ from tanteo.measurements import ContactPoints, FreeRays, OnTable
 from tanteo.parts import read_part
 from tanteo.vision import find_regions
 from tanteo.vision.candidates import own_edges
+from tanteo.vision.edges import CORRELATION
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import LOCATED, REACH, ImageEdges, Sums, Weights, chance_hits
+from tanteo.vision.image_edges import ASTRAY, REACH, ImageEdges, Sums, Weights, chance_hits
 from tanteo.vision.regions import bare_table
 from tanteo.vision.wireframe import see_edges
 from vision_scenes import PARTS, bracket, seen_alone
@@ -75,41 +76,81 @@ def by_edges(groups, values, spans):
     )
 
 
-@pytest.mark.parametrize("located", [1.0, LOCATED])
-def test_the_density_is_that_of_plain_numpy(scene, located):
+def beside(groups, met):
+    """Samples that have another edge of the part, or their own where it has turned, within 4 px."""
+    out = np.zeros(len(groups), dtype=bool)
+    for i in np.flatnonzero(met.inside):
+        for j in np.flatnonzero(met.inside):
+            if groups[i] == groups[j] and abs(met.normals[i] @ met.normals[j]) >= 0.9:
+                continue
+            gap = met.pixels[i] - met.pixels[j]
+            across = gap @ met.normals[j]
+            along = max(np.sqrt(max(gap @ gap - across**2, 0.0)) - met.spans[j] / 2, 0.0)
+            out[i] |= across**2 + along**2 < 16.0
+    return out
+
+
+def where_edges_are(groups, met, sds, commons):
+    """Sum over edges: a normal density of all offsets of an edge with their full covariance, or another's edge."""
+    total, clear = 0.0, met.inside & ~beside(groups, met)
+    for g in np.unique(groups[clear]):
+        rows = np.flatnonzero(clear & met.hits & (groups == g))
+        if not len(rows):
+            total += np.log(ASTRAY)
+            continue
+        d, sd, b = met.offsets[rows], sds[met.points[rows]], commons[met.points[rows]]
+        with_the_rest = np.abs(d - np.median(d)) < 4 * np.sqrt(sd**2 + b**2 + 0.15**2)
+        d, sd, b, rows = d[with_the_rest], sd[with_the_rest], b[with_the_rest], rows[with_the_rest]
+        covariance = np.diag(sd**2 / np.minimum(met.spans[rows] / CORRELATION, 1.0)) + np.outer(b, b)
+        chi2 = d @ np.linalg.solve(covariance, d)
+        total += np.log((1 - ASTRAY) * np.exp(-chi2 / 2) + ASTRAY)
+    return total
+
+
+def test_the_density_is_that_of_plain_numpy(scene):
     model, camera, edges, region, factor, T = scene
     frame, points = model.frame, edges.points
     assert not frame.bends.any()
     c = factor.chance[0] / (2 * REACH)
     shift = np.sqrt(0.5) * camera.edge_sd
-    sds = np.sqrt(points.sds**2 + 0.01**2 + (0.25 * points.drifts) ** 2 + shift**2)
+    misplaced = (0.01**2 + (0.25 * points.drifts) ** 2) / 2
+    sds, commons = np.sqrt(points.sds**2 + 0.01**2 + misplaced), np.sqrt(misplaced + shift**2)
 
     def normal(d, sd):
         return np.exp(-0.5 * (d / sd) ** 2) / np.sqrt(2 * np.pi) / sd
 
-    def ratio(d, sd, q):
-        return np.log(q * (0.7 * normal(d, sd) + 0.3 * normal(d, 0.8)) / c + 1 - q)
-
     Ts = near(T, np.random.default_rng(1), 12)
-    sums = factor.sums(model, Ts) if located == 1 else summed(factor, model, Ts)
-    expected = []
+    sums, expected = summed(factor, model, Ts), []
     for pose in Ts:
         met = meet(frame, camera, edges, pose, REACH, see_edges(frame, from_grid(pose)))
         q = np.where(met.seen.rims, 0.85, 0.65)
-        sd = np.where(met.hits, sds[met.points], 1.0)
-        hit = located * ratio(met.offsets, sd, q) + (1 - located) * ratio(0.0, sd, q)
+        hit = np.log(q * (0.7 * normal(met.offsets, 0.15) + 0.3 * normal(met.offsets, 0.8)) / c + 1 - q)
         own, missed = foremost(frame.groups, met), met.inside & ~met.hits
         expected.append((
             by_edges(frame.groups, met.spans / 12 * hit, np.where(own, met.spans, 0.0)),
             by_edges(frame.groups, met.spans / 12 * np.log1p(-q), np.where(missed, met.spans, 0.0)),
+            where_edges_are(frame.groups, met, sds, commons),
         ))  # fmt: skip
-    hits, misses = np.array(expected).T
+    hits, misses, located = np.array(expected).T
     np.testing.assert_allclose(sums.hits, hits, rtol=1e-5)  # chances are single precision
     np.testing.assert_allclose(sums.misses, misses, rtol=1e-9)
+    np.testing.assert_allclose(sums.located, located, rtol=1e-6)
     area = spilled(frame.surface, camera, Ts, region.mask)
     np.testing.assert_allclose(sums.spilled, area, atol=144)  # by places of the surface: within a square stretch
-    log = WEIGHTS.hits * sums.hits + WEIGHTS.misses * sums.misses + WEIGHTS.spilled * sums.spilled / 144
-    np.testing.assert_allclose(sums.log, log, rtol=1e-12)
+    there = WEIGHTS.hits * sums.hits + WEIGHTS.misses * sums.misses + WEIGHTS.spilled * sums.spilled / 144
+    np.testing.assert_allclose(sums.there, there, rtol=1e-12)
+    np.testing.assert_allclose(sums.log, there + located, rtol=1e-6)
+    alone = factor.sums(model, Ts)
+    np.testing.assert_allclose(alone.log, there, rtol=1e-9)
+
+
+def test_a_constant_is_taken_about_each_pose(scene):
+    model, camera, _, _, factor, T = scene
+    near_it, far = T @ SE3.exp(np.r_[1e-4, 0, 0, 0, 0, 0]), T @ SE3.exp(np.r_[0, 0, 0, 0, 0, 1.0])
+    about = np.ascontiguousarray(camera.T_world_camera @ np.stack([T, far]))
+    levelled = replace(factor, levels={model.part.name: (about, np.array([3.0, -2.0]))})
+    before, after = (summed(one, model, np.stack([near_it, far])).log for one in (factor, levelled))
+    np.testing.assert_allclose(before - after, [3.0, -2.0])
 
 
 def test_its_slope_is_that_of_differences(scene):
@@ -223,18 +264,19 @@ def test_what_cannot_be_meant_is_refused(scene):
     model, camera, edges, _, factor, _ = scene
     points = edges.points
     right = [
-        camera.numbers, camera.T_world_camera, np.eye(6), 0.1, edges.nearest, points.pixels, points.sds, points.widths,
-        np.array([0.1], dtype=np.float32), np.zeros((0, 0), dtype=bool),
+        camera.numbers, camera.T_world_camera, np.eye(6), 0.1, edges.nearest, points.pixels, points.sds, points.sds,
+        points.widths, np.array([0.1], dtype=np.float32), np.zeros((0, 0), dtype=bool),
     ]  # fmt: skip
     assert _core.make_edge_image(*right).states == 8
     wrong = {
         0: np.zeros(3), 1: np.eye(3), 2: np.eye(5), 3: -1.0, 4: edges.nearest[0], 5: points.pixels[:, :1],
-        6: 0 * points.sds, 7: points.widths[1:], 8: np.zeros(1, dtype=np.float32), 9: np.zeros((3, 3), dtype=bool),
+        6: 0 * points.sds, 7: points.sds[1:], 8: points.widths[1:], 9: np.zeros(1, dtype=np.float32),
+        10: np.zeros((3, 3), dtype=bool),
     }  # fmt: skip
     for k, value in wrong.items():
         with pytest.raises(ValueError, match="expected"):
             _core.make_edge_image(*[value if j == k else one for j, one in enumerate(right)])
     with pytest.raises(ValueError, match="expected"):
-        _core.image_edges(model.seen, factor.image, np.ones(3), 2.5, 0)
+        _core.image_edges(model.seen, factor.image, np.ones(3), np.zeros((0, 4, 4)), np.zeros(0), 2.5, 0)
     with pytest.raises(ValueError, match="shared errors"):
         _core.image_sums(factor.term(model.part, 1), np.eye(4)[None], np.zeros((1, 8)))

@@ -29,7 +29,7 @@ NARROW, WIDE = np.diag(np.repeat([0.01, 0.1], 3) ** 2), np.diag(np.repeat([0.02,
 def camera():
     unplaced = read_camera(EXAMPLES / "images" / "camera.yaml")
     placed = fit_camera(unplaced, *read_marks(EXAMPLES / "images" / "marks.csv"))
-    return replace(unplaced, T_world_camera=placed.T_world_camera)
+    return replace(unplaced, T_world_camera=placed.T_world_camera, covariance=placed.covariance)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,10 @@ def steps():
 
 @pytest.fixture(scope="module")
 def twins(steps):
-    """An image of a part whose silhouette is its twin's: a step that a camera above hardly sees discriminates them."""
+    """An image of a part whose silhouette is its twin's: a step that a camera above hardly sees discriminates them.
+
+    A table that is known to 0.2 mm makes one of them much the more probable: its twin would have to float above it.
+    """
     image = read_image(EXAMPLES / "images" / "twins.png")
     return see_table(image, camera(), [target.part for target in steps], top=20)
 
@@ -51,7 +54,7 @@ def best_of(seen, name):
 def test_the_first_reading_is_the_one_that_the_image_cannot_make(twins, steps):
     seen = part_seen(twins)
     assert {h.part for h in seen.answer.hypotheses[:2]} == {"step_12mm", "step_15mm"}
-    assert seen.answer.hypotheses[0].probability < 0.99
+    assert seen.answer.hypotheses[0].probability < 0.999
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
     sd = float(probe.law.const)
     session = Session(seen_start(seen, steps), probe, Sensing(sd=sd))

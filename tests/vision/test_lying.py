@@ -82,7 +82,7 @@ def test_a_better_pose_beside_is_proposed(scene):
     _, seen, _ = factor_of(model, camera, image, edges)
     wrong = SE3.from_parts(np.eye(3), way) @ T
     Ts = _poses_beside(model, 0, seen, T_camera_table, wrong, TableErrors())
-    log = seen.sums(model, Ts).log
+    log = seen.sums(model, Ts).there
     off = np.linalg.norm(SE3.apply(Ts, model.part.centroid) - SE3.apply(T, model.part.centroid), axis=-1) / length
     print(off, log)
     assert off[np.argmax(log)] < 0.3

@@ -33,24 +33,24 @@ double height(const ModelAxis& axis, double t, double sd) {
 
 }  // namespace
 
-void AxisComparison::pull_centre(Pull& pull, const SensedCentre& c, const ModelAxis& axis, const Pose& pose) {
+void AxisComparison::add_centre(PoseEquations& at, const SensedCentre& c, const ModelAxis& axis, const Pose& pose) {
     const Vec3 q = into_part(pose, c.at), off = q - axis.middle, u = any_across(axis.along), v = cross(axis.along, u);
     const double weight = 1 / (c.sd * c.sd + ALMOST);
-    pull.place(u, q, dot(off, u), weight);
-    pull.place(v, q, dot(off, v), weight);
-    if (axis.point) pull.place(axis.along, q, dot(off, axis.along), weight);
+    at.place(u, q, dot(off, u), weight);
+    at.place(v, q, dot(off, v), weight);
+    if (axis.point) at.place(axis.along, q, dot(off, axis.along), weight);
     if (!c.oriented()) return;
     const Vec3 m = transposed_times(pose.R, c.axis);
     const bool back = !axis.point && dot(m, axis.along) < 0;
-    pull.direction(back ? -m : m, axis.along, 1 / (c.tilt * c.tilt + AXIS_TURNED * AXIS_TURNED));
+    at.direction(back ? -m : m, axis.along, 1 / (c.tilt * c.tilt + AXIS_TURNED * AXIS_TURNED));
 }
 
-void AxisComparison::pull_plane(Pull& pull, const SensedPlane& plane, const Pose& pose, const Spread& known) const {
+void AxisComparison::add_plane(PoseEquations& at, const SensedPlane& plane, const Pose& pose, const Spread& known) const {
     const PlaneMatch to = of_planes(plane, pose, known, known);
     if (!to.found) return;
     const Vec3 own = transposed_times(pose.R, plane.normal);
-    pull.place(to.normal, into_part(pose, plane.at), to.height, 1 / (plane.sd * plane.sd + ALMOST));
-    pull.direction(dot(own, to.normal) < 0 ? -own : own, to.normal, 1 / (plane.tilt * plane.tilt + AXIS_TURNED * AXIS_TURNED));
+    at.place(to.normal, into_part(pose, plane.at), to.height, 1 / (plane.sd * plane.sd + ALMOST));
+    at.direction(dot(own, to.normal) < 0 ? -own : own, to.normal, 1 / (plane.tilt * plane.tilt + AXIS_TURNED * AXIS_TURNED));
 }
 
 PlaneMatch AxisComparison::of_planes(SensedPlane plane, const Pose& pose, const Spread& known, const Spread& slack) const {
@@ -97,20 +97,21 @@ double AxisComparison::cost(const Pose& pose, const Spread& known, const Spread&
 
 PlanePose AxisComparison::refined(Pose pose, Spread known, double limit) const {
     PlanePose best{pose, cost(pose, Spread{}, known, limit)};
-    for (int step = 0; step < STEPS; ++step) {
-        Pull pull;
+    const auto equations = [&](int) {
+        PoseEquations at;
         for (size_t i = 0; i < scene.centres.size(); ++i) {
             const Match to = of_axes(static_cast<int>(i), pose, known, known);
-            if (to.axis >= 0) pull_centre(pull, scene.centres[i], axes[to.axis], pose);
+            if (to.axis >= 0) add_centre(at, scene.centres[i], axes[to.axis], pose);
         }
-        for (const SensedPlane& one : scene.planes) pull_plane(pull, one, pose, known);
-        if (!cholesky(pull.A, 6)) break;
-        known.set(pull.A);
-        solve_cholesky(pull.A, 6, pull.b);
-        pose = moved(pose, load(pull.b), load(pull.b + 3), Vec3{});
+        for (const SensedPlane& one : scene.planes) add_plane(at, one, pose, known);
+        return at;
+    };
+    gauss_newton(STEPS, equations, [&](const double* step, const double* L) {
+        known.set(L);
+        pose = moved(pose, load(step), load(step + 3), Vec3{});
         const double here = cost(pose, Spread{}, known, limit);
         if (here < best.cost) best = {pose, here};
-    }
+    });
     return best;
 }
 

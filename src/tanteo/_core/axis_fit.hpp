@@ -4,29 +4,20 @@
 #include <vector>
 
 #include "axes.hpp"
+#include "maximize.hpp"
 #include "plane_fit.hpp"
 
 namespace tanteo {
 
 constexpr double AXIS_TURNED = 0.004;  // and so much more [rad]: parts are not made, nor meshed, as they are drawn
 
-// Information about a pose, and what pulls it: of lengths and angles, each as what it is off along one direction.
-struct Pull {
-    static constexpr double STEP = 0.1, TURN = 0.3;  // how far a step of a pose may lead [m, rad]
-    double A[36] = {}, b[6] = {}, cost = 0;
+// Normal equations of a pose from lengths and angles, each as a residual along one direction. Its weak prior is how far a
+// step may lead [m, rad].
+struct PoseEquations : NormalEquations<6> {
+    static constexpr double STEP = 0.1, TURN = 0.3;
 
-    Pull() { damp(1); }
-    void damp(double times) {
-        for (int i = 0; i < 6; ++i) A[7 * i] += times / (i < 3 ? STEP * STEP : TURN * TURN);
-    }
-    void add(const double* J, double r, double weight) {
-        cost += 0.5 * weight * r * r;
-        for (int i = 0; i < 6; ++i) {
-            b[i] -= weight * J[i] * r;
-            for (int k = 0; k <= i; ++k) A[6 * i + k] += weight * J[i] * J[k];
-        }
-    }
-    // a place of the part that is so far along a direction from where it should be
+    PoseEquations() { add_weak_prior(STEP, TURN); }
+    // a place of the part that is `off` along a direction from where it should be
     void place(const Vec3& n, const Vec3& p, double off, double weight) {
         const Vec3 turn = cross(p, n);
         const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
@@ -47,7 +38,7 @@ struct Pull {
 struct Spread {
     double of[36] = {};
 
-    void set(const double* L) {  // of a factored information
+    void set(const double* L) {  // the Cholesky factor of an information
         for (int k = 0; k < 6; ++k) {
             double column[6] = {};
             column[k] = 1;
@@ -79,11 +70,11 @@ class AxisComparison {
     // What everything costs at a pose that is known so well; slack: how well it is known along axes and beside faces. Above
     // the limit it is not summed to its end.
     double cost(const Pose& pose, const Spread& known, const Spread& slack, double limit) const;
-    // Moves a pose to where everything is nearest to what it is of.
+    // Moves a pose to where everything is nearest to its axis or face.
     PlanePose refined(Pose pose, Spread known, double limit) const;
 
-    static void pull_centre(Pull& pull, const SensedCentre& centre, const ModelAxis& axis, const Pose& pose);
-    void pull_plane(Pull& pull, const SensedPlane& plane, const Pose& pose, const Spread& known) const;
+    static void add_centre(PoseEquations& at, const SensedCentre& centre, const ModelAxis& axis, const Pose& pose);
+    void add_plane(PoseEquations& at, const SensedPlane& plane, const Pose& pose, const Spread& known) const;
 
     const AxisFits fits;
     const std::vector<ModelAxis>& axes;

@@ -43,10 +43,10 @@ class Search {
     // A pose that planes proposed: what it is near to says how well it is known.
     void start(const Pose& pose) {
         Spread known;
-        Pull pull;
-        for (const SensedPlane& plane : scene.planes) comparison.pull_plane(pull, plane, pose, known);
-        if (!cholesky(pull.A, 6)) return;
-        known.set(pull.A);
+        PoseEquations at;
+        for (const SensedPlane& plane : scene.planes) comparison.add_plane(at, plane, pose, known);
+        if (!cholesky(at.information.data(), 6)) return;
+        known.set(at.information.data());
         keep(pose, known);
     }
 
@@ -285,40 +285,42 @@ class Search {
             all = false;
             return;
         }
-        Pull pull = pulled(pose);
-        double damping = 0;  // where two heights are nearly one, a step leads far beyond
-        for (int step = 0; step < STEPS; ++step) {
-            Pull own = pull;
-            own.damp(damping);
-            if ((step >= LATE && pull.cost > HOPELESS * limit) || !cholesky(own.A, 6)) return;
-            solve_cholesky(own.A, 6, own.b);
-            const Vec3 v = load(own.b), w = load(own.b + 3);
-            if (squared(v) + squared(w) < SHORT * SHORT) break;
+        PoseEquations at = equations(pose);
+        int step = 0;
+        bool hopeless = false;
+        // Levenberg's damping: where two heights are nearly one, a step leads far beyond, and the diagonal does not say so
+        const auto damped = [](int i, double, double damping) {
+            return damping * weak_prior(i, PoseEquations::STEP, PoseEquations::TURN);
+        };
+        maximize(at, STEPS, {0, 0.1, 0, 16, 16, INFINITY}, damped, [&](const double* by, double, const double*) {
+            const Vec3 v = load(by), w = load(by + 3);
+            hopeless = step++ >= LATE && at.cost > HOPELESS * limit;
+            if (hopeless || squared(v) + squared(w) < SHORT * SHORT) return Attempt::LAST;
             const Pose next = moved(pose, v, w, Vec3{});
-            const Pull there = pulled(next);
-            damping = there.cost <= pull.cost ? 0.1 * damping : std::max(16 * damping, 16.0);
-            if (there.cost > pull.cost) continue;
+            const PoseEquations there = equations(next);
+            if (there.cost > at.cost) return Attempt::REJECTED;
             pose = next;
-            pull = there;
-        }
-        if (pull.cost > NEARLY * limit || !cholesky(pull.A, 6)) return;
+            at = there;
+            return Attempt::TAKEN;
+        });
+        if (hopeless || at.cost > NEARLY * limit || !cholesky(at.information.data(), 6)) return;
         Spread known;
-        known.set(pull.A);
+        known.set(at.information.data());
         keep(pose, known);
     }
 
-    Pull pulled(const Pose& pose) const {
-        Pull pull;
-        for (int k = 0; k < count; ++k) pull_item(pull, k, pose);
-        return pull;
+    PoseEquations equations(const Pose& pose) const {
+        PoseEquations at;
+        for (int k = 0; k < count; ++k) add_item(at, k, pose);
+        return at;
     }
 
-    void pull_item(Pull& pull, int k, const Pose& pose) const {
-        if (is_centre(k)) return AxisComparison::pull_centre(pull, centre(k), axes[of[k].which], pose);
+    void add_item(PoseEquations& at, int k, const Pose& pose) const {
+        if (is_centre(k)) return AxisComparison::add_centre(at, centre(k), axes[of[k].which], pose);
         const SensedPlane& p = plane(k);
         const Vec3 n = normal(k), q = into_part(pose, p.at);
-        pull.place(n, q, dot(q - faces.planes[of[k].which].centre, n), 1 / (p.sd * p.sd + 1e-14));
-        pull.direction(transposed_times(pose.R, p.normal), n, 1 / (p.tilt * p.tilt + AXIS_TURNED * AXIS_TURNED));
+        at.place(n, q, dot(q - faces.planes[of[k].which].centre, n), 1 / (p.sd * p.sd + 1e-14));
+        at.direction(transposed_times(pose.R, p.normal), n, 1 / (p.tilt * p.tilt + AXIS_TURNED * AXIS_TURNED));
     }
 
     void keep(const Pose& pose, const Spread& known) {

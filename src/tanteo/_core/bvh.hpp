@@ -60,18 +60,20 @@ class Bvh {
         if (nodes.empty()) return;
         const double r2 = reach * reach;
         int stack[64], top = 0;
-        stack[top++] = 0;
+        if (!(nodes[0].box.squared_distance(p) > r2)) stack[top++] = 0;
         while (top) {
             const int at = stack[--top];
+            if (done(at)) continue;
             const Node& node = nodes[at];
-            if (node.box.squared_distance(p) > r2 || done(at)) continue;
             if (node.count) {
                 for (int k = 0; k < node.count; ++k) visit(items[node.first + k]);
-            } else {
-                const bool second = nodes[node.first + 1].box.squared_distance(p) < nodes[node.first].box.squared_distance(p);
-                stack[top++] = node.first + !second;
-                stack[top++] = node.first + second;
+                continue;
             }
+            const double first = nodes[node.first].box.squared_distance(p);
+            const double second = nodes[node.first + 1].box.squared_distance(p);
+            const bool turned = second < first;
+            if (!((turned ? first : second) > r2)) stack[top++] = node.first + !turned;
+            if (!((turned ? second : first) > r2)) stack[top++] = node.first + turned;
         }
     }
 

@@ -3,6 +3,7 @@
 
 #include "coarse.hpp"
 #include "coarse_into.hpp"
+#include "maximize.hpp"
 
 namespace tanteo {
 
@@ -144,21 +145,25 @@ class Steps {
         return all;
     }
 
-    // A step of Gauss and Newton.
-    void step(CoarseView& view, double sd) const {
-        Sums sums;
-        nats(view, sd, &sums);
-        double A[36] = {}, b[6] = {};
-        for (int i = 0, at = 0; i < 6; ++i) {
-            for (int l = 0; l < LANES; ++l) b[i] += sums.b[i][l];
-            for (int k = 0; k <= i; ++k, ++at)
-                for (int l = 0; l < LANES; ++l) A[6 * i + k] += sums.A[at][l];
-            A[7 * i] += i < 3 ? 1 / (reach * reach) : 1 / (TURN * TURN);
-        }
-        if (!cholesky(A, 6)) return;
-        solve_cholesky(A, 6, b);
-        const Mat3 R = rotation({b[3], b[4], b[5]});
-        view = {R * view.into, R * (view.at - part.centre) + part.centre + part.field.step * Vec3{b[0], b[1], b[2]}};
+    // Moves a view by Gauss-Newton steps, one for each round from the first on; a field errs by sd(round).
+    template <class Error>
+    void fit(CoarseView& view, int first, int count, const Error& sd) const {
+        const auto equations = [&](int k) {
+            Sums sums;
+            nats(view, sd(first + k), &sums);
+            NormalEquations<6> at;
+            for (int i = 0, next = 0; i < 6; ++i) {
+                for (int l = 0; l < LANES; ++l) at.gradient[i] += sums.b[i][l];
+                for (int k = 0; k <= i; ++k, ++next)
+                    for (int l = 0; l < LANES; ++l) at.information[6 * i + k] += sums.A[next][l];
+            }
+            at.add_weak_prior(reach, TURN);
+            return at;
+        };
+        gauss_newton(count, equations, [&](const double* step, const double*) {
+            const Mat3 R = rotation(load(step + 3));
+            view = {R * view.into, R * (view.at - part.centre) + part.centre + part.field.step * load(step)};
+        });
     }
 
   private:
@@ -177,12 +182,12 @@ std::vector<CoarsePose> coarse_poses(const CoarsePart& part, const CoarsePoints&
     const double begin = std::max(0.5 * part.spacing / part.field.step, ERROR);
     const auto sd_of = [&](int round) { return ERROR + (begin - ERROR) * (ROUNDS - 1 - round) / (ROUNDS - 1); };
     for (auto& [cost, view] : found) {
-        steps.step(view, sd_of(0));
+        steps.fit(view, 0, 1, sd_of);
         cost = steps.nats(view, sd_of(1), nullptr);
     }
     only(found, std::max(effort.stepped / 4, effort.keep));
     for (auto& [cost, view] : found) {
-        for (int round = 1; round < ROUNDS; ++round) steps.step(view, sd_of(round));
+        steps.fit(view, 1, ROUNDS - 1, sd_of);
         cost = steps.nats(view, ERROR, nullptr);
     }
     only(found, effort.keep);

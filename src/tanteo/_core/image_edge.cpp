@@ -113,4 +113,17 @@ std::vector<char> foremost(const std::vector<EdgePlace>& met, double alike) {
     return out;
 }
 
+std::vector<char> crowded(const std::vector<EdgePlace>& all, double gap, double alike) {
+    const auto near = [&](const EdgePlace& a, const EdgePlace& b) {
+        if (a.group == b.group && std::fabs(a.nx * b.nx + a.ny * b.ny) >= alike) return false;
+        const double x = a.x - b.x, y = a.y - b.y, across = x * b.nx + y * b.ny;
+        const double beyond = std::sqrt(std::max(x * x + y * y - across * across, 0.0)) - 0.5 * b.width;
+        return across * across + (beyond > 0 ? beyond * beyond : 0.0) < gap * gap;
+    };
+    std::vector<char> out(all.size());
+    for (size_t i = 0; i < all.size(); ++i)
+        for (size_t j = 0; j < all.size() && !out[i]; ++j) out[i] = near(all[i], all[j]);
+    return out;
+}
+
 }  // namespace tanteo

@@ -64,4 +64,7 @@ struct EdgePlace {  // of a sample in the image: across it, how wide it is, what
 // running the same way, from nearer. Samples met one place within the wider of their widths.
 std::vector<char> foremost(const std::vector<EdgePlace>& met, double alike);
 
+// Which samples have another edge of the part within a gap, or their own where it has turned.
+std::vector<char> crowded(const std::vector<EdgePlace>& all, double gap, double alike);
+
 }  // namespace tanteo

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "image_frame.hpp"
+#include "maximize.hpp"
 
 namespace tanteo {
 
@@ -42,41 +43,14 @@ void twist(const Pose& from, const Pose& to, Vec3& v, Vec3& w) {  // log(from^-1
 
 Pose about(const Pose& T, const Vec3& middle) { return {T.R, T.R * middle + T.t}; }
 
-// Information (lower triangle) and gradient of the offsets under a redescending weight (Tukey 1960), for shifts by a
-// length and turns by a radian.
-struct Pull {
-    double A[36] = {0}, g[6] = {0};
-    void add(const EdgeMet& met, double length, double reach, const EdgeErrors& errors) {
-        const double far = met.offset / (1.01 * reach), robust = (1 - far * far) * (1 - far * far);
-        const double blur = 0.25 * reach, sd2 = met.sd * met.sd + errors.bias * errors.bias + blur * blur;
-        const double w = robust * met.span / errors.correlation / sd2;
-        double J[6];
-        for (int i = 0; i < 6; ++i) J[i] = met.slope[i] * (i < 3 ? length : 1);
-        for (int i = 0; i < 6; ++i) {
-            for (int j = 0; j <= i; ++j) A[6 * i + j] += w * J[i] * J[j];
-            g[i] += w * J[i] * met.offset;
-        }
-    }
-    void add_prior(const double* prior, const double* off) {
-        for (int i = 0; i < 6; ++i)
-            for (int j = 0; j < 6; ++j) {
-                A[6 * i + j] += prior[6 * i + j];
-                g[i] -= prior[6 * i + j] * off[j];
-            }
-    }
-    // The step is left in g; directions that nothing resists stay where they are.
-    bool solve() {
-        double trace = 0, size = 0;
-        for (int i = 0; i < 6; ++i) trace += A[7 * i];
-        for (int i = 0; i < 6; ++i) A[7 * i] += 1e-6 * trace + 1e-9;
-        if (!cholesky(A, 6)) return false;
-        solve_cholesky(A, 6, g);
-        for (const double s : g) size += s * s;
-        const double share = std::min(1.0, 0.3 / std::max(std::sqrt(size), 1e-12));
-        for (double& s : g) s *= share;
-        return true;
-    }
-};
+// One residual of an edge, under a redescending weight (Tukey 1960); shifts are by a length, turns by a radian.
+void add_edge(NormalEquations<6>& at, const EdgeMet& met, double length, double reach, const EdgeErrors& errors) {
+    const double far = met.offset / (1.01 * reach), robust = (1 - far * far) * (1 - far * far);
+    const double blur = 0.25 * reach, sd2 = met.sd * met.sd + errors.bias * errors.bias + blur * blur;
+    double J[6];
+    for (int i = 0; i < 6; ++i) J[i] = met.slope[i] * (i < 3 ? length : 1);
+    at.add(J, -met.offset, robust * met.span / errors.correlation / sd2);
+}
 
 }  // namespace
 
@@ -87,23 +61,35 @@ Pose refined(const EdgeFrame& frame, const Lens& lens, const EdgePoints& points,
     const Pose held = about(start, frame.middle);
     Pose T = about(pose, frame.middle);
     std::vector<char> shown(N), rims(N);
-    for (const Round& round : rounds) {
+    const auto equations = [&](int k) {
+        const Round& round = rounds[k];
         if (round.asked) frame.see({T.R, T.t - T.R * frame.middle}, true, shown.data(), rims.data());
-        Pull pull;
-        for (size_t k = 0; k < N; ++k) {
-            if (!shown[k]) continue;
-            EdgeSample sample = frame.samples[k];
+        NormalEquations<6> at;
+        for (size_t s = 0; s < N; ++s) {
+            if (!shown[s]) continue;
+            EdgeSample sample = frame.samples[s];
             sample.at = sample.at - frame.middle;
             const EdgeMet met = meet_edge(lens, points, sample, T, true, frame.diagonal, round.reach);
-            if (met.point >= 0) pull.add(met, length, round.reach, errors);
+            if (met.point >= 0) add_edge(at, met, length, round.reach, errors);
         }
         Vec3 v, w;
         twist(held, T, v, w);
         const double off[6] = {v.x / length, v.y / length, v.z / length, w.x, w.y, w.z};
-        pull.add_prior(prior, off);
-        if (!pull.solve()) break;
-        T = after(T, length * load(pull.g), load(pull.g + 3));
-    }
+        for (int i = 0; i < 6; ++i)
+            for (int j = 0; j < 6; ++j) {
+                at.information[6 * i + j] += prior[6 * i + j];
+                at.gradient[i] -= prior[6 * i + j] * off[j];
+            }
+        double trace = 0;  // directions that nothing resists stay where they are
+        for (int i = 0; i < 6; ++i) trace += at.information[7 * i];
+        for (int i = 0; i < 6; ++i) at.information[7 * i] += 1e-6 * trace + 1e-9;
+        return at;
+    };
+    gauss_newton(static_cast<int>(rounds.size()), equations, [&](const double* step, const double*) {
+        const Vec3 v = load(step), w = load(step + 3);
+        const double share = std::min(1.0, 0.3 / std::max(std::sqrt(squared(v) + squared(w)), 1e-12));
+        T = after(T, length * share * v, share * w);
+    });
     return {T.R, T.t - T.R * frame.middle};
 }
 

@@ -329,6 +329,7 @@ def make_edge_image(
     nearest: AnyInts,
     pixels: FloatArray,
     sds: FloatArray,
+    commons: FloatArray,
     widths: FloatArray,
     chance: NDArray[np.float32],
     bare: Flags,
@@ -341,7 +342,15 @@ def make_edge_part(
     cover_normals: FloatArray,
     cover_area: float,
 ) -> EdgePart: ...
-def image_edges(part: EdgePart, image: EdgeImage, rules: FloatArray, reach: float, first: int) -> ImageEdges: ...
+def image_edges(
+    part: EdgePart,
+    image: EdgeImage,
+    rules: FloatArray,
+    level_poses: FloatArray,
+    levels: FloatArray,
+    reach: float,
+    first: int,
+) -> ImageEdges: ...
 def image_sums(term: ImageEdges, poses: FloatArray, shared: FloatArray) -> FloatArray: ...
 def stable_poses(
     ups: FloatArray,

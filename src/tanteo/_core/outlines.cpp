@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "maximize.hpp"
+
 namespace tanteo {
 
 namespace {
@@ -198,30 +200,15 @@ At at(const Lying& part, const double place[2], double yaw, const OutlineSeen& s
     return out;
 }
 
-// A step of Gauss and Newton on the directions without shadow; false where they do not determine one.
-bool step(const At& now, int shadow, double out[3]) {
-    double A[3][4] = {};
+// The normal equations of place and yaw by the directions without shadow.
+NormalEquations<3> equations(const At& now, int shadow) {
+    NormalEquations<3> out;
     for (int a = LIT; a <= K - LIT; ++a) {
         const int k = (shadow + a) % K;
-        for (int i = 0; i < 3; ++i) {
-            for (int j = 0; j < 3; ++j) A[i][j] += now.J[k][i] * now.J[k][j];
-            A[i][3] += now.J[k][i] * now.beyond[k];
-        }
+        out.add(now.J[k], -now.beyond[k], 1);
     }
-    A[2][2] += 1e-9 * (A[2][2] + 1e-12);
-    for (int i = 0; i < 3; ++i) {  // it is positive: no pivots
-        if (!(A[i][i] > 1e-30)) return false;
-        for (int r = i + 1; r < 3; ++r) {
-            const double f = A[r][i] / A[i][i];
-            for (int j = i; j < 4; ++j) A[r][j] -= f * A[i][j];
-        }
-    }
-    for (int i = 2; i >= 0; --i) {
-        out[i] = A[i][3];
-        for (int j = i + 1; j < 3; ++j) out[i] -= A[i][j] * out[j];
-        out[i] /= A[i][i];
-    }
-    return true;
+    out.information[8] += 1e-9 * (out.information[8] + 1e-12);
+    return out;
 }
 
 // Where a part is, by the place of its middle from the eye and its yaw.
@@ -241,7 +228,7 @@ OutlineFit refined(const Lying& part, const Start& start, const OutlineSeen& see
     const double first = yaw;
     OutlineFit best;
     int shadow = start.shadow;
-    for (int round = 0; round <= ROUNDS; ++round) {
+    const auto compare = [&] {
         const At now = at(part, place, yaw, seen);
         double cost = 1e300;
         int nearest = shadow;
@@ -251,12 +238,15 @@ OutlineFit refined(const Lying& part, const Start& start, const OutlineSeen& see
         }
         shadow = nearest;
         if (cost < best.cost) best.cost = cost, best.pose = pose_of(part, place, yaw, seen);
-        double move[3];
-        if (round == ROUNDS || !step(now, shadow, move)) break;
-        place[0] += move[0];
-        place[1] += move[1];
-        yaw = first + std::clamp(yaw + move[2] - first, -FARTHEST, FARTHEST);
-    }
+        return now;
+    };
+    At now = compare();
+    gauss_newton(ROUNDS, [&](int) { return equations(now, shadow); }, [&](const double* step, const double*) {
+        place[0] += step[0];
+        place[1] += step[1];
+        yaw = first + std::clamp(yaw + step[2] - first, -FARTHEST, FARTHEST);
+        now = compare();
+    });
     return best;
 }
 

@@ -8,14 +8,8 @@ namespace tanteo {
 namespace {
 
 constexpr int STEPS = 4;        // of Gauss and Newton
+constexpr double FAR = 1e3;     // weak prior on a shift [m] and on a turn [rad]: it only keeps the equations solvable
 constexpr double ROUND = 2e-4;  // how far a cylinder may be off its mesh, about [m]
-
-void add(double* A, double* b, const double* J, double r, double weight) {
-    for (int i = 0; i < 6; ++i) {
-        b[i] -= weight * J[i] * r;
-        for (int k = 0; k <= i; ++k) A[6 * i + k] += weight * J[i] * J[k];
-    }
-}
 
 }  // namespace
 
@@ -61,9 +55,9 @@ PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, double
     return best;
 }
 
-bool PlaneFit::stepped(Pose& pose, double turned, const Vec3& about) const {
-    double A[36] = {}, b[6] = {};
-    for (int i = 0; i < 6; ++i) A[7 * i] = 1e-6;
+NormalEquations<6> PlaneFit::equations(const Pose& pose, double turned, const Vec3& about) const {
+    NormalEquations<6> at;
+    at.add_weak_prior(FAR, FAR);
     for (size_t k = 0; k < sensed.size(); ++k) {
         const SensedPlane& plane = sensed[k];
         const PlaneMatch to = match_plane(faces, plane, most[k], pose, turned, about);
@@ -71,17 +65,15 @@ bool PlaneFit::stepped(Pose& pose, double turned, const Vec3& about) const {
         const Vec3 p = into_part(pose, plane.at), &n = to.normal;
         const Vec3 own = transposed_times(pose.R, plane.normal), turn = cross(p, n);
         const double J[6] = {-n.x, -n.y, -n.z, -turn.x, -turn.y, -turn.z};
-        add(A, b, J, to.height, 1 / (plane.sd * plane.sd + 1e-14));
-        add_tilt(to, dot(own, n) < 0 ? -own : own, p, 1 / (plane.tilt * plane.tilt + MADE * MADE), A, b);
+        at.add(J, to.height, 1 / (plane.sd * plane.sd + 1e-14));
+        add_tilt(to, dot(own, n) < 0 ? -own : own, p, 1 / (plane.tilt * plane.tilt + MADE * MADE), at);
     }
-    if (!cholesky(A, 6)) return false;
-    solve_cholesky(A, 6, b);
-    pose = moved(pose, {b[0], b[1], b[2]}, {b[3], b[4], b[5]}, Vec3{});
-    return true;
+    return at;
 }
 
 // The own normal turns by -w x n in the part; that of a wall turns, too, as the place on it moves around its axis.
-void PlaneFit::add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const {
+void PlaneFit::add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight,
+                        NormalEquations<6>& equations) const {
     const Vec3 first = to.bend != 0 ? to.axis : any_across(to.normal), second = cross(to.normal, first);
     for (int k = 0; k < 2; ++k) {
         const Vec3& e = k ? second : first;
@@ -89,12 +81,15 @@ void PlaneFit::add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, d
         const Vec3 turn = cross(own, e), moved = cross(at, e);
         const double K[6] = {bend * e.x,           bend * e.y,           bend * e.z,
                              bend * moved.x - turn.x, bend * moved.y - turn.y, bend * moved.z - turn.z};
-        add(A, b, K, dot(own, e), weight);
+        equations.add(K, dot(own, e), weight);
     }
 }
 
 PlanePose PlaneFit::refined(Pose pose, double turned, const Vec3& about) const {
-    for (int step = 0; step < STEPS && stepped(pose, turned, about); ++step) turned *= 0.25;
+    gauss_newton(STEPS, [&](int) { return equations(pose, turned, about); }, [&](const double* step, const double*) {
+        pose = moved(pose, load(step), load(step + 3), Vec3{});
+        turned *= 0.25;
+    });
     double sum = 0;
     for (size_t k = 0; k < sensed.size(); ++k) sum += match_plane(faces, sensed[k], most[k], pose, 0, about).cost;
     return {pose, sum};

@@ -2,6 +2,7 @@
 #pragma once
 #include <vector>
 
+#include "maximize.hpp"
 #include "planes.hpp"
 
 namespace tanteo {
@@ -34,8 +35,9 @@ class PlaneFit {
     const std::vector<SensedPlane>& sensed;
     const std::vector<double>& most;
 
-    bool stepped(Pose& pose, double turned, const Vec3& about) const;
-    void add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight, double* A, double* b) const;
+    NormalEquations<6> equations(const Pose& pose, double turned, const Vec3& about) const;
+    void add_tilt(const PlaneMatch& to, const Vec3& own, const Vec3& at, double weight,
+                  NormalEquations<6>& equations) const;
 };
 
 // A point with its normal on the wall of a cylinder: nats, if they are less than most; the normal of the wall there, and how

@@ -149,7 +149,7 @@ void add_rows(RoundLinear& at, size_t i, int first, int count, const double* r, 
             const double *ha = &at.h[(4 * i + first + a) * M], *hb = &at.h[(4 * i + first + b) * M];
             for (int u = 0; u < M; ++u) {
                 const double x = w * ha[u];
-                at.gradient[u] += x * r[b];
+                at.gradient[u] -= x * r[b];
                 for (int v = 0; v <= u; ++v) at.information[u * M + v] += x * hb[v];
             }
         }
@@ -182,12 +182,12 @@ void add_known(const RoundTask& task, const RoundState& state, RoundLinear& at) 
     if (task.sized && task.size_sd > 0) {
         const double off = (state.s - task.size) / task.size_sd;
         at.information[m * M + m] += 1 / (task.size_sd * task.size_sd);
-        at.gradient[m] += off / task.size_sd;
+        at.gradient[m] -= off / task.size_sd;
         at.chi2 += off * off;
     }
     for (int d = 0; d < task.shared; ++d) {
         at.information[(first + d) * M + first + d] += 1;
-        at.gradient[first + d] += state.z[d];
+        at.gradient[first + d] -= state.z[d];
         at.chi2 += state.z[d] * state.z[d];
     }
     if (!task.framed) return;
@@ -208,7 +208,7 @@ void add_known(const RoundTask& task, const RoundState& state, RoundLinear& at) 
             if (w == 0) continue;
             at.chi2 += w * off[a] * off[b];
             for (int u = 0; u < M; ++u) {
-                at.gradient[u] += h[a * M + u] * w * off[b];
+                at.gradient[u] -= h[a * M + u] * w * off[b];
                 for (int v = 0; v <= u; ++v) at.information[u * M + v] += h[a * M + u] * w * h[b * M + v];
             }
         }
@@ -278,38 +278,23 @@ RoundState moved(const RoundTask& task, const RoundState& state, const double* s
     return next;
 }
 
-// The log likelihood of a round feature, -chi2 / 2, as a problem of `maximize`. The weights are held during a step, so that
-// chi2 may grow by as little as they change.
-struct RoundLikelihood {
-    using State = RoundState;
-    using Linear = RoundLinear;
-
-    const RoundTask& task;
-    double settled;
-
-    void linearize(const RoundState& state, RoundLinear& out) const { out = tanteo::linearize(task, state); }
-    void slope(const RoundLinear& at, double* g) const {
-        for (int i = 0; i < at.M; ++i) g[i] = -at.gradient[i];
-    }
-    double prior(int, double diagonal, double damping) const {
-        return diagonal > 0 ? ROUNDING * diagonal : damping + ROUNDING;
-    }
-    RoundState retract(const RoundState& state, const double* step) const { return moved(task, state, step); }
-    double gain(const RoundState&, const RoundLinear& at, const RoundState&, const RoundLinear& there) const {
-        return 0.5 * (at.chi2 - there.chi2);
-    }
-    bool accepts(const RoundLinear& at, double gain, double predicted) const {
-        return -2 * gain <= UPHILL * (1 + at.chi2) || predicted < NEAR;
-    }
-    bool converged(double, double predicted) const { return predicted < settled; }
-    void accepted(const RoundState&, const RoundLinear&) const {}
-};
-
 }  // namespace
 
 bool settle_round(const RoundTask& task, RoundState& state, RoundLinear& at, int passes, double settled) {
-    RoundLikelihood likelihood{task, settled};
-    return maximize(likelihood, state, at, {1e-4, 0.1, 0, 10, 1e-6, 1e8}, passes, 0);
+    const auto damped = [](int, double diagonal, double damping) {
+        return diagonal > 0 ? (damping + ROUNDING) * diagonal : damping + ROUNDING;
+    };
+    const Damping rule{1e-4, 0.1, 0, 10, 1e-6, 1e8};
+    return maximize(at, passes, rule, damped, [&](const double* step, double predicted, const double*) {
+        if (predicted < 0) return Attempt::LAST;
+        RoundState next = moved(task, state, step);
+        RoundLinear there = linearize(task, next);
+        // the weights are held during a step, so that chi2 may grow by as little as they change
+        if (!(there.chi2 - at.chi2 <= UPHILL * (1 + at.chi2) || predicted < NEAR)) return Attempt::REJECTED;
+        std::swap(state, next);
+        std::swap(at, there);
+        return predicted < settled ? Attempt::LAST : Attempt::TAKEN;
+    });
 }
 
 }  // namespace tanteo

@@ -62,7 +62,7 @@ struct RoundLinear {
     std::vector<double> h;     // of all residuals by the unknowns (n, 4, M)
     std::vector<Vec3> G;       // of all residuals by the points, in the world (n, 4)
     std::vector<double> each;  // weighted square of each point's residuals
-    std::vector<double> information, gradient;
+    std::vector<double> information, gradient;  // gradient of -chi2 / 2
     double chi2 = 0;
 };
 

@@ -15,8 +15,8 @@ Profile::At Profile::at(const Vec3& p, bool with_bends) const {
     At at;
     double by_out, by_axis, tube = 0;
     if (radius == 0) {
-        by_out = std::cos(slope);
-        by_axis = -std::sin(slope);
+        by_out = slope == 0 ? 1 : std::cos(slope);  // 0 for a cylinder: no sine is computed
+        by_axis = -(slope == 0 ? 0 : std::sin(slope));
         at.distance = sign * ((rho - offset) * by_out + height * by_axis);
     } else {
         const double beyond = rho - offset;

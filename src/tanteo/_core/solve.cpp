@@ -14,6 +14,7 @@ constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more of them tell no 
 constexpr int FIRST_STEPS = 6;        // until maxima are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double COARSE = 1;          // cells of the grid: at a larger scale the triangle next to a cell will do
+constexpr int MARGINAL_STEPS = 4;     // from the values at the maximum, near which most poses are
 constexpr double ROUGHLY = 0.1;       // a gain that ends a maximum that is not the last
 
 State stepped(const State& state, const double* step, const Vec3& centre) {
@@ -35,54 +36,44 @@ void shorten(double* step, int K, double turn, double shift) {
 
 namespace {
 
-// One robust step of a pose to the nearest surface at a scale; the cost before it. Without move: the cost alone.
-double settle_step(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale, bool move,
-                   Pose& pose) {
+void add_normal(NormalEquations<6>& at, const Vec3& n, const Vec3& m, double sd) {
+    const double info = 1 / (sd * sd), q = 2 * (1 - dot(m, n)) * info, kernel = 1 / (1 + q / 8), v = kernel * kernel * info;
+    const Vec3 tilt = cross(m, n);
+    at.cost += kernel * q;
+    for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
+        at.gradient[3 + i] -= v * tilt[i];
+        for (int l = 0; l <= i; ++l) at.information[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
+    }
+}
+
+// The distances of points to the nearest surface at a scale [m], under Geman and McClure's robust kernel (1987). The cost is
+// that of the kernel: 4 for a point that is far off.
+NormalEquations<6> surface_distances(const Shape& shape, const Problem& problem, const std::vector<int>& rows, double scale,
+                                     const Pose& pose) {
     const double per = 1 / scale;
-    double A[36] = {0}, b[6] = {0}, total = 0;
+    NormalEquations<6> at;
     for (const int j : rows) {
         const Factor& factor = *problem.factors[j];
         const Vec3 p = into_part(pose, factor.at);
         const NearestElement near = factor.nearest(shape, pose, p, scale > COARSE * shape.grid_step);
         if (!near.possible || near.contradicted) {
-            total += 4;
+            at.cost += 4;
             continue;
         }
         const Vec3& g = near.direction;
-        const double r = near.distance * per;
-        const Vec3 y = p - shape.centre, turn = cross(g, y);
+        const double r = near.distance * per, w = 1 / (1 + 0.25 * r * r);
+        const Vec3 turn = cross(g, p - shape.centre);
         // the point moves by -v + y x w
-        double row[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
-        double w = 1 / (1 + 0.25 * r * r);
-        total += w * r * r;
-        w *= w;
-        for (int i = 0; i < 6; ++i) {
-            b[i] -= w * row[i] * r;
-            for (int l = 0; l <= i; ++l) A[6 * i + l] += w * row[i] * row[l];
-        }
-        const Vec3& n = near.normal;
-        if (!(squared(n) > 0)) continue;
-        const Vec3 m = transposed_times(pose.R, factor.direction), tilt = cross(m, n);
-        const double sd = std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)), info = 1 / (sd * sd);
-        const double q = 2 * (1 - dot(m, n)) * info;
-        double v = 1 / (1 + q / 8);
-        total += v * q;
-        v *= v * info;
-        for (int i = 0; i < 3; ++i) {  // m turns by m x w: the tilt against n shrinks along n x m
-            b[3 + i] -= v * tilt[i];
-            for (int l = 0; l <= i; ++l) A[6 * (3 + i) + 3 + l] += v * ((i == l) - n[i] * n[l]);
-        }
+        const double J[6] = {-g.x * per, -g.y * per, -g.z * per, turn.x * per, turn.y * per, turn.z * per};
+        const double before = at.cost;
+        at.add(J, r, w * w);
+        at.cost = before + w * r * r;
+        const Vec3 m = transposed_times(pose.R, factor.direction);
+        if (squared(near.normal) > 0)
+            add_normal(at, near.normal, m, std::max(factor.direction_sd, scale / (0.25 * shape.diagonal)));
     }
-    if (!move) return total;
-    for (int i = 0; i < 6; ++i) {
-        const double soft = i < 3 ? 10 / shape.diagonal : 0.5;
-        A[7 * i] += 1e-3 * A[7 * i] + soft * soft;
-    }
-    if (!cholesky(A, 6)) return total;
-    solve_cholesky(A, 6, b);
-    shorten(b, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
-    pose = moved(pose, load(b), load(b + 3), shape.centre);
-    return total;
+    at.add_weak_prior(0.1 * shape.diagonal, 2, 1e-3);
+    return at;
 }
 
 }  // namespace
@@ -91,28 +82,35 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
                             const std::vector<double>& scales, const std::vector<Pose>& starts) {
     std::vector<Settled> all;
     for (size_t k = 0; k < starts.size(); ++k) all.push_back({starts[k], 0, static_cast<int>(k)});
-    for (size_t k = 0; k <= scales.size(); ++k) {
-        const bool last = k == scales.size();
+    // three steps, and those that are far behind are given up
+    for (size_t first = 0; first <= scales.size(); first += 3) {
+        const int steps = static_cast<int>(std::min<size_t>(3, scales.size() - first));
         for_all(all.size(), [&] {
             return [&](size_t i) {
-                all[i].cost = settle_step(shape, problem, rows, scales[last ? k - 1 : k], !last, all[i].pose);
+                auto& [pose, cost, from] = all[i];
+                const auto equations = [&, &pose = pose, &cost = cost](int k) {
+                    const auto at = surface_distances(shape, problem, rows, scales[first + k], pose);
+                    cost = at.cost;
+                    return at;
+                };
+                gauss_newton(steps, equations, [&, &pose = pose](double* step, const double*) {
+                    shorten(step, 6, 2 * LARGEST_TURN, 0.5 * shape.diagonal);
+                    pose = moved(pose, load(step), load(step + 3), shape.centre);
+                });
+                if (steps < 3) equations(steps - 1);  // the cost where it ends
             };
         });
         double best = 1e300;
         for (const Settled& one : all) best = std::min(best, one.cost);
-        if (k % 3 != 2 && !last) continue;
         all.erase(std::remove_if(all.begin(), all.end(), [&](const Settled& one) { return one.cost > best + HOPELESS; }),
                   all.end());
     }
     return all;
 }
 
-// The information of a weak prior on state i: a shift of a quarter of the diagonal and a turn of half a radian. It limits
-// steps along motions of the pose that no measurement constrains.
-static double weak_prior(int i, const Shape& shape) {
-    const double root = i < 3 ? 4 / shape.diagonal : (i < 6 ? 2.0 : 0.0);
-    return root * root;
-}
+// Limits steps along motions of the pose that no measurement constrains: a shift of a quarter of the diagonal, and a turn of
+// half a radian.
+static double weak_prior(int i, const Shape& shape) { return weak_prior(i, 0.25 * shape.diagonal, 0.5); }
 
 // How many of the other states the points tell, of those that the noise scale scales: the integral over them is in
 // proportion to so many powers of the scale. Their joint maximum has it too small, and of few points at nothing.
@@ -137,46 +135,19 @@ static double told_by_points(const Likelihood& likelihood, const std::vector<dou
 
 namespace {
 
-// The log density as a problem of `maximize`. The integral over the states that the points constrain is in proportion to
-// a power of the noise scale, so its log is added: a multiple of the scale that is held during a step.
-struct LogDensity {
-    using State = tanteo::State;
-    struct Linear {
-        double value = 0;
-        std::vector<double> gradient, information;
-    };
-
-    Likelihood& likelihood;
-    const Shape& shape;
-    const Problem& problem;
-    double enough;
-
-    void linearize(const State& state, Linear& out) {
-        out.value = likelihood.at(state, true);
-        std::swap(out.gradient, likelihood.gradient);
-        std::swap(out.information, likelihood.information);
-    }
-    void slope(const Linear& at, double* g) const {
-        std::copy(at.gradient.begin(), at.gradient.end(), g);
-        if (problem.scale_sd > 0) g[at.gradient.size() - 1] += told;
-    }
-    double prior(int i, double, double) const { return weak_prior(i, shape); }
-    State retract(const State& state, double* step) const {
-        shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
-        return stepped(state, step, shape.centre);
-    }
-    double gain(const State& from, const Linear& at, const State& to, const Linear& there) const {
-        const double by_scale = problem.scale_sd > 0 ? told * (to.z.back() - from.z.back()) : 0;
-        return there.value - at.value + by_scale;
-    }
-    bool accepts(const Linear&, double gain, double) const { return gain > 0; }
-    bool converged(double gain, double) const { return gain < enough; }
-    void accepted(const State&, const Linear& at) {
-        if (problem.scale_sd > 0) told = problem.scale_sd * told_by_points(likelihood, at.information, shape, problem);
-    }
-
-    double told = 0;
+// The log density at a state, its gradient and information over the states from the first on.
+struct Linear {
+    double value = 0, told = 0;
+    std::vector<double> gradient, information;
 };
+
+void linearize(Likelihood& likelihood, const State& state, int first, Linear& out) {
+    out.value = likelihood.at(state, true);
+    const int K = static_cast<int>(likelihood.gradient.size()), D = K - first;
+    out.gradient.assign(likelihood.gradient.begin() + first, likelihood.gradient.end());
+    out.information.resize(static_cast<size_t>(D) * D);
+    for (int i = 0; i < D; ++i) std::copy_n(&likelihood.information[(first + i) * K + first], i + 1, &out.information[i * D]);
+}
 
 }  // namespace
 
@@ -184,13 +155,32 @@ void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, 
             Maximum& maximum) {
     likelihood.blur = blur;
     likelihood.blur_turn = blur / (0.25 * shape.diagonal);
-    LogDensity density{likelihood, shape, problem, enough};
-    LogDensity::Linear at;
-    density.linearize(maximum.state, at);
-    density.accepted(maximum.state, at);
-    maximize(density, maximum.state, at, {1e-3, 0.1, 1e-6, 20, 0, 5}, steps, enough);
+    Linear at, there;
+    const bool scaled = problem.scale_sd > 0;
+    // the integral over the states that the points constrain is in proportion to a power of the noise scale, so its log is
+    // added: a multiple of the scale that is held during a step
+    const auto hold = [&](Linear& at) {
+        if (!scaled) return;
+        at.told = problem.scale_sd * told_by_points(likelihood, at.information, shape, problem);
+        at.gradient.back() += at.told;
+    };
+    const auto damped = [&](int i, double diagonal, double damping) { return damping * diagonal + weak_prior(i, shape); };
+    linearize(likelihood, maximum.state, 0, at);
+    hold(at);
+    const Damping rule{1e-3, 0.1, 1e-6, 20, 0, 5};
+    maximize(at, steps, rule, damped, [&](double* step, double predicted, const double*) {
+        if (predicted < enough) return Attempt::LAST;
+        shorten(step, problem.size(), LARGEST_TURN, 0.25 * shape.diagonal);
+        State next = stepped(maximum.state, step, shape.centre);
+        linearize(likelihood, next, 0, there);
+        const double gain = there.value - at.value + (scaled ? at.told * (next.z.back() - maximum.state.z.back()) : 0);
+        if (!(gain > 0)) return Attempt::REJECTED;
+        std::swap(maximum.state, next);
+        std::swap(at, there);
+        hold(at);
+        return gain < enough ? Attempt::LAST : Attempt::TAKEN;
+    });
     maximum.log = at.value;
-    std::swap(maximum.gradient, at.gradient);
     std::swap(maximum.information, at.information);
 }
 
@@ -245,35 +235,32 @@ std::vector<Maximum> maximize_all(const Shape& shape, const Problem& problem, co
     return maxima;
 }
 
+// Newton's method with a line search. The determinant is that of the last step's factor: at the maximum itself the statistics
+// are the same, but other poses are drawn.
 double marginal(Likelihood& likelihood, const Problem& problem, State& state) {
-    const int K = problem.size(), D = K - 6;
+    const int D = problem.size() - 6;
     if (!D) return likelihood.at(state, false);
-    std::vector<double> L(static_cast<size_t>(D) * D), step(D);
-    double log = likelihood.at(state, true), log_det = 0;
-    for (int k = 0; k < 4; ++k) {
-        for (int i = 0; i < D; ++i) {
-            step[i] = likelihood.gradient[6 + i];
-            for (int l = 0; l <= i; ++l) L[i * D + l] = likelihood.information[(6 + i) * K + 6 + l];
-        }
-        if (!cholesky(L.data(), D)) break;
+    Linear at, there;
+    linearize(likelihood, state, 6, at);
+    double log_det = 0;
+    const auto undamped = [](int, double, double) { return 0.0; };
+    maximize(at, MARGINAL_STEPS, {}, undamped, [&](const double* step, double predicted, const double* L) {
         log_det = 0;
         for (int i = 0; i < D; ++i) log_det += 2 * std::log(L[i * D + i]);
-        solve_cholesky(L.data(), D, step.data());
-        double size = 0;
-        for (int i = 0; i < D; ++i) size += step[i] * likelihood.gradient[6 + i];
-        if (size < 1e-2) break;  // twice what is left to gain
-        State next = state;
-        double gain = -1, there = log, share = 1;
-        for (int tries = 0; tries < 4 && gain < 0; ++tries, share *= 0.3) {
-            for (int i = 0; i < D; ++i) next.z[i] = state.z[i] + share * step[i];
-            there = likelihood.at(next, true);
-            gain = there - log;
+        if (predicted < 1e-2) return Attempt::LAST;
+        double share = 1;
+        for (int tries = 0; tries < 4; ++tries, share *= 0.3) {
+            State next = state;
+            for (int i = 0; i < D; ++i) next.z[i] += share * step[i];
+            linearize(likelihood, next, 6, there);
+            if (there.value < at.value) continue;
+            std::swap(state, next);
+            std::swap(at, there);
+            return Attempt::TAKEN;
         }
-        if (gain < 0) break;
-        state = next;
-        log = there;
-    }
-    return log - 0.5 * log_det;
+        return Attempt::LAST;
+    });
+    return at.value - 0.5 * log_det;
 }
 
 }  // namespace tanteo

@@ -21,11 +21,11 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
 struct Maximum {
     State state;
     double log = 0;
-    std::vector<double> gradient, information;
+    std::vector<double> information;
     int from = 0;  // which of the starts
 };
 
-// Levenberg-Marquardt steps with that much blur, until one shared_jacobian less than enough.
+// Levenberg-Marquardt steps with that much blur, until one gains less than enough.
 void ascend(Likelihood& likelihood, const Shape& shape, const Problem& problem, double blur, int steps, double enough,
             Maximum& maximum);
 

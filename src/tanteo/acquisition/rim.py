@@ -135,20 +135,23 @@ def disc_through(places: Sequence[Place], face: Feature, start: Disc) -> Disc | 
     """The circle in the face through three places or more, from a circle near it; None if they do not determine it."""
     if len(places) < 3:
         return None
+    from scipy.optimize import least_squares  # slow to import
+
     centre, axes = start.centre, face.T_world_feature[:3, :2]
-    x, r = np.zeros(2), start.radius
     points = (np.array([p.point for p in places]) - centre) @ axes
     weights = 1 / np.sqrt([p.variance for p in places])
-    for _ in range(30):
-        A, residual = _rows(points, x, r)
-        step, _, rank, values = np.linalg.lstsq(A * weights[:, None], residual * weights, rcond=None)
-        if rank < 3 or values[-1] < 0.05 * values[0]:
-            return None
-        x, r = x + step[:2], r + float(step[2])
-        if np.abs(step).max() < 1e-9:
-            break
+    found = least_squares(
+        lambda x: -_rows(points, x[:2], x[2])[1] * weights,
+        [0.0, 0.0, start.radius],
+        lambda x: _rows(points, x[:2], x[2])[0] * weights[:, None],
+        method="lm",
+    )
+    values = np.linalg.svd(found.jac, compute_uv=False)
+    if values[-1] < 0.05 * values[0]:
+        return None
+    x, r = found.x[:2], float(found.x[2])
     near = np.linalg.norm(x) < 2 * start.radius + 0.01 and 0.3 * start.radius < r < 3 * start.radius
-    return replace(start, centre=centre + axes @ x, radius=float(r)) if near else None
+    return replace(start, centre=centre + axes @ x, radius=r) if near else None
 
 
 def _rows(points: FloatArray, x: FloatArray, r: float) -> tuple[FloatArray, FloatArray]:

@@ -15,7 +15,8 @@ from tanteo.constraints.joint import JointTest, joint_test
 from tanteo.errors import InputError
 from tanteo.features import Feature, collect_shared
 from tanteo.lie import SE3, SO3
-from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.lie.maximize import maximize
+from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PASSES = 20
 
@@ -59,15 +60,18 @@ def relate_pattern(features: Sequence[Feature], model: Vectors) -> JointTest:
     sensed = np.stack([feature.T_world_feature[:3, 3] for feature in features])
     S = _covariance(features)
     middle = sensed.mean(axis=0)
-    T = _first(sensed, points)
-    for _ in range(_PASSES):
+    whiten = np.linalg.inv(np.linalg.cholesky(S))
+
+    def linearize(T: Transforms) -> tuple[FloatArray, FloatArray]:
         placed = SE3.apply(T, points)
-        test = joint_test((sensed - placed).ravel(), _by_motion(placed - middle), S)
-        step = np.r_[test.xi[:3] + np.cross(middle, test.xi[3:]), test.xi[3:]]
-        T = SE3.exp(step) @ T
-        if np.abs(test.xi[3:]).max() < 1e-12 and np.abs(test.xi[:3]).max() < 1e-15:
-            break
-    return test
+        G = whiten @ _by_motion(placed - middle)
+        return G.T @ G, -G.T @ (whiten @ (sensed - placed).ravel())
+
+    def moved(T: Transforms, step: FloatArray) -> Transforms:
+        return SE3.exp(np.r_[step[:3] + np.cross(middle, step[3:]), step[3:]]) @ T
+
+    placed = SE3.apply(maximize(_first(sensed, points), linearize, moved, _PASSES)[0], points)
+    return joint_test((sensed - placed).ravel(), _by_motion(placed - middle), S)
 
 
 def _by_motion(arms: Vectors) -> FloatArray:

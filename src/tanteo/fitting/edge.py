@@ -20,6 +20,7 @@ from tanteo.fitting.estimate import (
 )
 from tanteo.fitting.flatness import refuse_narrow
 from tanteo.lie import SE3, SO3
+from tanteo.lie.maximize import maximize
 from tanteo.typing import Covariances, FloatArray, Vectors
 
 _SHORT = (
@@ -27,7 +28,7 @@ _SHORT = (
     "further along {along} or on the other side."
 )
 _PASSES = 100
-_SETTLED = 1e-13
+_SETTLED = 1e-20
 
 
 def edge_ml(points: Vectors, covs: Covariances) -> Estimate:
@@ -45,24 +46,21 @@ def edge_ml(points: Vectors, covs: Covariances) -> Estimate:
         DegenerateError: if the points of some fit coincide or are too near each other for their noise.
     """
     points, covs = check_points(points, covs, 2, "edge")
-    R = SO3.frame_from_axis(_first_directions(points), 0)
-    c = points.mean(axis=-2)
-    for _ in range(_PASSES):
-        local, W, shift = _local(points, covs, R, c)
-        r = local[..., 1:]
+
+    def linearize(frame: tuple[FloatArray, Vectors]) -> tuple[FloatArray, FloatArray]:
+        local, W, shift = _local(points, covs, *frame)
         H, Hc = _design(local[..., 0]), _design(local[..., 0] - shift)
-        WH = W @ H
-        information = np.sum(np.swapaxes(H, -1, -2) @ WH, axis=-3)
-        gradient = np.sum(np.swapaxes(Hc, -1, -2) @ (W @ r[..., None]), axis=-3)
-        p = -np.linalg.solve(information, gradient)[..., 0]
-        c = c + (R[..., :, 1:] @ p[..., :2, None])[..., 0]
-        turn = np.zeros((*p.shape[:-1], 3))
-        turn[..., 1:] = p[..., 2:]
-        R = R @ SO3.exp(turn)
-        c = _to_centroid(points, W, R, c)
-        if np.abs(turn).max(initial=0.0) < _SETTLED:
-            break
-    check_settled(turn, "edge")
+        information = np.sum(np.swapaxes(H, -1, -2) @ W @ H, axis=-3)
+        return information, -np.sum(np.swapaxes(Hc, -1, -2) @ (W @ local[..., 1:, None]), axis=-3)[..., 0]
+
+    def moved(frame: tuple[FloatArray, Vectors], p: FloatArray) -> tuple[FloatArray, Vectors]:
+        turn = np.concatenate([np.zeros_like(p[..., :1]), p[..., 2:]], axis=-1)
+        return frame[0] @ SO3.exp(turn), frame[1] + (frame[0][..., :, 1:] @ p[..., :2, None])[..., 0]
+
+    start = SO3.frame_from_axis(_first_directions(points), 0), points.mean(axis=-2)
+    (R, c), steps = maximize(start, linearize, moved, _PASSES, _SETTLED)
+    check_settled(steps, "edge")
+    c = _to_centroid(points, _local(points, covs, R, c)[1], R, c)
     return _finish(points, covs, R, c)
 
 

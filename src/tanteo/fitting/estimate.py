@@ -106,13 +106,13 @@ def check_points(points: Vectors, covs: Covariances, least: int, what: str) -> t
     return points, np.broadcast_to(covs, (*points.shape, 3))
 
 
-def check_settled(turn: FloatArray, what: str) -> None:
-    """Refuse a fit whose last step still turned it.
+def check_settled(steps: FloatArray, what: str) -> None:
+    """Refuse a fit whose last step still moved it.
 
     Raises:
-        DegenerateError: if it did, by more than 1e-9 rad.
+        DegenerateError: if a squared length, in standard deviations, is above 1e-10.
     """
-    if not np.abs(turn).max(initial=0.0) < 1e-9:
+    if not np.all(steps < 1e-10):
         raise DegenerateError(
             f"{what}: expected points that determine it, got a fit that does not settle: the noise is as large as the "
             "spread of the points. Add points further apart, or check the covariances."

@@ -25,6 +25,7 @@ from tanteo.fitting.estimate import (
 )
 from tanteo.fitting.flatness import refuse_narrow
 from tanteo.lie import SE3, SO3
+from tanteo.lie.maximize import maximize
 from tanteo.typing import Covariances, FloatArray, Vectors
 
 _NARROW = (
@@ -35,7 +36,7 @@ _ALONG = 0.05
 """A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""
 
 _PASSES = 100
-_SETTLED = 1e-13
+_SETTLED = 1e-20
 
 
 def plane_ml(points: Vectors, covs: Covariances) -> Estimate:
@@ -53,20 +54,19 @@ def plane_ml(points: Vectors, covs: Covariances) -> Estimate:
         DegenerateError: if the points of some fit are collinear, coincident or too near each other for their noise.
     """
     points, covs = check_points(points, covs, 3, "plane")
-    R = _first_frames(points, covs)
-    for _ in range(_PASSES):
+
+    def linearize(R: FloatArray) -> tuple[FloatArray, FloatArray]:
         local, w, Sa = _local(points, covs, R)
         z = local[..., 2]
         # corrected abscissae: the exact gradient of the profile likelihood
         x, y = (local[..., k] - Sa[..., k] * z * w for k in (0, 1))
-        g = np.stack([-np.sum(w * z * y, axis=-1), np.sum(w * z * x, axis=-1)], axis=-1)
-        M = _tilt_information(local, w)
-        turn = np.zeros((*g.shape[:-1], 3))
-        turn[..., :2] = -np.linalg.solve(M, g[..., None])[..., 0]
-        R = R @ SO3.exp(turn)
-        if np.abs(turn).max(initial=0.0) < _SETTLED:
-            break
-    check_settled(turn, "plane")
+        return _tilt_information(local, w), np.stack([np.sum(w * z * y, axis=-1), -np.sum(w * z * x, axis=-1)], axis=-1)
+
+    def moved(R: FloatArray, tilt: FloatArray) -> FloatArray:
+        return R @ SO3.exp(np.concatenate([tilt, np.zeros_like(tilt[..., :1])], axis=-1))
+
+    R, steps = maximize(_first_frames(points, covs), linearize, moved, _PASSES, _SETTLED)
+    check_settled(steps, "plane")
     R = R @ _to_principal(points, covs, R)
     return _finish(points, covs, R)
 

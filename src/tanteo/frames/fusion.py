@@ -10,6 +10,7 @@ from tanteo.errors import CovarianceError, InputError
 from tanteo.frames.covariances import symmetrised, unit_diagonal
 from tanteo.frames.uncertain import UncertainFrame
 from tanteo.lie import SE3
+from tanteo.lie.maximize import maximize
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms
 
 _CONVERGED = 1e-12
@@ -53,14 +54,13 @@ def fuse(estimates: UncertainFrame) -> Fusion:
     if not estimates.batch or estimates.batch[-1] == 0:
         raise InputError(f"estimates: expected at least one along the last batch axis, got batch {estimates.batch}.")
     W = _information("estimates", estimates.C)
-    T, delta = estimates.T[..., 0, :, :], np.full(estimates.batch[:-1], np.inf)
-    for _ in range(_ITERATIONS):
+
+    def linearize(T: Transforms) -> tuple[FloatArray, FloatArray]:
         H, gradient, _ = _normal_equations(estimates.T, W, T)
-        step = -_solve(H, gradient)
-        T = T @ SE3.exp(step)
-        delta = np.asarray(np.einsum("...i,...ij,...j->...", step, H, step))
-        if np.all(delta < _CONVERGED):
-            break
+        return H, -gradient
+
+    start = estimates.T[..., 0, :, :]
+    T, delta = maximize(start, linearize, lambda T, step: T @ SE3.exp(step), _ITERATIONS, _CONVERGED)
     H, _, chi2 = _normal_equations(estimates.T, W, T)
     frame = UncertainFrame(T, _information("fused", H))
     return Fusion(frame, chi2, 6 * (estimates.batch[-1] - 1), delta < _CONVERGED)
@@ -74,11 +74,6 @@ def _normal_equations(Ts: Transforms, W: FloatArray, T: Transforms) -> tuple[Flo
     Wr = np.einsum("...ij,...j->...i", W, r)
     gradient = np.einsum("...nij,...nj->...i", np.swapaxes(J, -1, -2), Wr)
     return np.sum(JW @ J, axis=-3), gradient, np.einsum("...ni,...ni->...", r, Wr)
-
-
-def _solve(H: FloatArray, b: FloatArray) -> FloatArray:
-    unit, d = unit_diagonal(H)
-    return np.linalg.solve(unit, (b / d)[..., None])[..., 0] / d
 
 
 def _information(name: str, C: Covariances) -> FloatArray:

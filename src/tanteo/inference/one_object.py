@@ -9,6 +9,7 @@ import numpy as np
 
 from tanteo.inference.labels import Facets
 from tanteo.lie import SO3
+from tanteo.lie.maximize import maximize
 from tanteo.special import log_sum
 from tanteo.typing import Covariances, FloatArray, Vectors
 
@@ -95,8 +96,8 @@ def _maximized(
 ) -> tuple[FloatArray, FloatArray]:
     """Axes at their peaks and the log of the integral about each, over the density of any directions."""
     W, log_det = np.linalg.inv(S), np.linalg.slogdet(S)[1]
-    log = np.zeros(len(frames))
-    for step in range(_STEPS):
+
+    def evaluate(frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         along = np.einsum("fia,ki->fka", frames, normals)
         nearest = np.argmax(np.abs(along), axis=2)
         sign = np.sign(np.take_along_axis(along, nearest[..., None], 2))
@@ -109,8 +110,9 @@ def _maximized(
         weight = np.exp(on - total)
         J = -np.swapaxes(tangents, 1, 2) @ SO3.hat(a)  # the axis moves by phi x a
         H = np.einsum("fk,fkai,kab,fkbj->fij", weight, J, W, J) + 2 * np.pi / _FREE ** (2 / 3) * np.eye(3)
+        g = -np.einsum("fk,fkai,fka->fi", weight, J, pulls)
         log = total.sum(axis=1) + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - np.log(_FREE)
-        if step < _STEPS - 1:
-            g = np.einsum("fk,fkai,fka->fi", weight, J, pulls)
-            frames = SO3.exp(-np.linalg.solve(H, g[..., None])[..., 0]) @ frames
-    return log, frames
+        return H, g, log
+
+    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, _STEPS - 1)
+    return evaluate(frames)[2], frames

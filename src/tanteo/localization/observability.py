@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from tanteo.lie import SE3, SO3
+from tanteo.lie.maximize import maximize
 from tanteo.localization.solve import Block, assemble, pose_information
 from tanteo.typing import FloatArray, Tangents, Transforms
 from tanteo.words import Motion
@@ -32,11 +34,15 @@ def at_exact_pairings(blocks: Sequence[Block], T_world_part: Transforms) -> list
     for block in blocks:
         to_world = T_world_part[..., None, :, :] @ block.Ts_part_model
         T = SE3.inverse(to_world) @ block.Ts_world_feature
-        for _ in range(3):
-            f, D = block.relation.linearize(T, block.radii)
-            T = T @ SE3.exp(-(np.linalg.pinv(D) @ f[..., None])[..., 0])
+        T, _ = maximize(T, partial(_onto, block), lambda T, step: T @ SE3.exp(step), 3)
         out.append(replace(block, Ts_world_feature=to_world @ T))
     return out
+
+
+def _onto(block: Block, T: Transforms) -> tuple[FloatArray, FloatArray]:
+    """Return the shortest motions that take sensed frames onto their model features, with unit information."""
+    f, D = block.relation.linearize(T, block.radii)
+    return np.eye(6), -(np.linalg.pinv(D) @ f[..., None])[..., 0]
 
 
 def unobserved_directions(

@@ -7,11 +7,12 @@ prior is the unit normal. Every block holds pairings of one relation; blocks of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tanteo.lie import SE3
+from tanteo.lie.maximize import maximize
 from tanteo.localization.relations import Relation
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms
 
@@ -152,14 +153,6 @@ def _add_prior(
     return np.asarray(np.einsum("...i,...ij,...j->...", e, L0, e))
 
 
-def scaled_solve(A: FloatArray, b: FloatArray) -> FloatArray:
-    """Solve ``A x = b`` for positive semidefinite ``A``; along directions that ``A`` does not see ``x`` is about 0."""
-    d = np.diagonal(A, axis1=-2, axis2=-1)
-    s = 1 / np.sqrt(np.where(d > 0, d, 1.0))
-    scaled = A * s[..., :, None] * s[..., None, :] + 1e-11 * np.eye(A.shape[-1])
-    return s * np.linalg.solve(scaled, (s * b)[..., None])[..., 0]
-
-
 def gauss_newton(
     blocks: Sequence[Block],
     T_start: Transforms,
@@ -176,22 +169,22 @@ def gauss_newton(
     ``hold`` ``(6, 6)`` is information that damps the steps (not the answer): it keeps the pose from drifting along
     motions that nothing resists.
     """
-    T, z = np.array(T_start), np.zeros((*T_start.shape[:-2], n_shared))
-    steps = np.full(T.shape[:-2], np.inf)
     inverses = [SE3.inverse(block.Ts_part_model) for block in blocks]
-    for _ in range(iterations):
-        at = assemble(blocks, T, z, prior, inverses=inverses, determinants=False)
-        damped = at.information.copy()
-        damped[..., :6, :6] += 0.0 if hold is None else hold
-        step = scaled_solve(damped, at.gradient)
+    damping = np.zeros((6 + n_shared, 6 + n_shared))
+    damping[:6, :6] = 0.0 if hold is None else hold
+
+    def linearize(state: tuple[Transforms, FloatArray]) -> tuple[FloatArray, FloatArray]:
+        at = assemble(blocks, *state, prior, inverses=inverses, determinants=False)
+        return at.information + damping, at.gradient
+
+    def moved(state: tuple[Transforms, FloatArray], step: FloatArray) -> tuple[Transforms, FloatArray]:
         # a step is at most about a radian: far starts come in, near ones are untouched
-        step *= np.minimum(1.0, 1.0 / np.maximum(np.linalg.norm(step[..., 3:6], axis=-1), 1e-300))[..., None]
-        T, z = T @ SE3.exp(step[..., :6]), z + step[..., 6:]
-        steps = np.einsum("...i,...ij,...j->...", step, at.information, step)
-        if np.all(steps < tolerance):
-            break
-    at = assemble(blocks, T, z, prior, inverses=inverses)
-    return Solution(T, z, at.information, at.gradient, at.chi2, at.equations, at.log_det, steps)
+        step = step * np.minimum(1.0, 1.0 / np.maximum(np.linalg.norm(step[..., 3:6], axis=-1), 1e-300))[..., None]
+        return state[0] @ SE3.exp(step[..., :6]), state[1] + step[..., 6:]
+
+    start = np.array(T_start), np.zeros((*T_start.shape[:-2], n_shared))
+    (T, z), steps = maximize(start, linearize, moved, iterations, tolerance)
+    return replace(assemble(blocks, T, z, prior, inverses=inverses), steps=steps)
 
 
 def pose_information(information: FloatArray) -> FloatArray:

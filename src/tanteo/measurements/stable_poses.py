@@ -59,6 +59,19 @@ class OnTable(PoseFactor):
             self.area,
         )  # fmt: skip
 
+    def log_probability(self, part: Part, T_world_part: Transforms) -> float:
+        """Return the log probability of the stable pose that is nearest to a pose ``(4, 4)``."""
+        rests, symmetry = known_rests(part), part.symmetry
+        up = T_world_part[:3, :3].T @ self.T_world_table[:3, 2]
+        nearest = np.zeros(len(rests))
+        if symmetry.axis is not None:
+            axis = symmetry.axis[1]
+            ups = [symmetry.Ts[:, :3, :3] @ rest.T_table_part[2, :3] @ axis for rest in rests]
+            nearest = np.array([np.abs(own - up @ axis).min() for own in ups])
+        elif not symmetry.spherical:
+            nearest = np.array([-(_images(part, rest.T_table_part[2, :3]) @ up).max() for rest in rests])
+        return float(np.log(rests[int(np.argmin(nearest))].probability))
+
 
 def _images(part: Part, up: FloatArray) -> FloatArray:
     """Directions of the part that its symmetry maps one direction to, each once ``(k, 3)``; of a spin only one."""

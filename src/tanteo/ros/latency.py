@@ -13,6 +13,7 @@ import numpy as np
 
 from tanteo.answers import Hypothesis
 from tanteo.lie import SE3
+from tanteo.lie.maximize import maximize
 from tanteo.parts import Part
 from tanteo.sensors import PointMeasurements, Readings
 from tanteo.shapes import Surface
@@ -22,6 +23,8 @@ STEP = 2e-3
 """By how much readings are shifted to see how they move [s]."""
 _LEAST, _TRIALS = 10, 12
 """Readings that are needed, and steps of the fit at most."""
+_SETTLED = 1e-6
+"""Squared length of a step, in standard deviations, that ends the fit."""
 _SDS, _WORTH = 4.0, 5e-4
 """A latency counts from so many standard deviations on, and from so much on [s]."""
 _TOLD = 0.1
@@ -96,12 +99,12 @@ def _fitted(
     points: Vectors, velocity: Vectors, covs: Covariances, radii: FloatArray, T: Transforms, part: Part
 ) -> Latency | None:
     """Gauss-Newton over the latency and six motions of the part."""
-    surface, t = Surface(part.vertices, part.triangles), 0.0
+    surface = Surface(part.vertices, part.triangles)
     prior = np.diag([1e-9, *[_SHIFT**-2] * 3, *[_TURN**-2] * 3])
-    P, cost = prior, np.inf
-    for _ in range(_TRIALS):
-        inverse = SE3.inverse(T)
-        local, moving = SE3.apply(inverse, points + t * velocity), velocity @ T[:3, :3]
+
+    def equations(state: tuple[float, Transforms]) -> tuple[FloatArray, FloatArray, float]:
+        t, T = state
+        local, moving = SE3.apply(SE3.inverse(T), points + t * velocity), velocity @ T[:3, :3]
         near = surface.closest(local)
         normals = surface.normals[near.triangles]
         along = normals @ T[:3, :3].T
@@ -109,13 +112,17 @@ def _fitted(
         r = (np.einsum("ni,ni->n", normals, local - near.points) - radii) / sds
         weights = 1 / np.maximum(1.0, np.abs(r) / 3)  # of Huber: a reading beside an edge may have another face
         J = np.c_[np.einsum("ni,ni->n", normals, moving), -normals, -np.cross(local, normals)] / sds[:, None]
-        P = J.T @ (weights[:, None] * J) + prior
-        step = np.linalg.solve(P, -J.T @ (weights * r))
-        t, T = t + float(step[0]), T @ SE3.exp(step[1:])
-        cost = float(weights @ r**2)
-        if abs(step[0]) < 1e-7:
-            break
-    else:
+        return J.T @ (weights[:, None] * J) + prior, -J.T @ (weights * r), float(weights @ r**2)
+
+    (t, T), steps = maximize(
+        (0.0, T),
+        lambda state: equations(state)[:2],
+        lambda state, step: (state[0] + float(step[0]), state[1] @ SE3.exp(step[1:])),
+        _TRIALS,
+        _SETTLED,
+    )
+    if steps >= _SETTLED:
         return None
+    P, _, cost = equations((t, T))
     spread = np.sqrt(max(cost / max(len(points) - 7, 1), 1.0))
     return Latency(t, float(spread * np.sqrt(np.linalg.inv(P)[0, 0])))

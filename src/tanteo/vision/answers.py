@@ -14,7 +14,7 @@ from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.image_edges import ImageEdges, standing
 from tanteo.vision.models import VisionModel
-from tanteo.vision.posterior import ImagePosterior, sums_at
+from tanteo.vision.posterior import ImagePosterior
 from tanteo.words import message_of
 
 _LIKE = (
@@ -55,7 +55,7 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
         lying: whether the part lies on a table.
     """
     part = mode.prepared.part
-    sums = sums_at(image, mode.prepared, mode.T_peak[None], mode.z[None])
+    sums = image.sums_at(part, mode.T_peak[None], mode.z[None])
     dof = max(round(float(sums.freedom[0])) - (3 if lying else 6), 1)
     chi2 = float(sums.chi2[0])
     fit = goodness_of_fit(mode)

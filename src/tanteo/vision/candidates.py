@@ -98,7 +98,7 @@ def candidates_in(
         start = lie_down(model, rests[keep], T[keep], T_camera_table)
         prior = _lying(model, T_camera_table, start, table)
         found = refine(model.frame, camera, edges, start, prior=prior, reaches=REACHES[3:])
-        log = image.sums(model, found).log + _log_priors(model, rests[keep])
+        log = image.sums(model, found).there + _log_priors(model, rests[keep])
         out.append(PoseCandidates(model, found, rests[keep], log))
     best = max((float(c.log.max()) for c in out), default=0.0)
     return [_with_beside(c, image, T_camera_table, table, best) for c in out]
@@ -120,7 +120,7 @@ def _first_poses(
         proposal = propose(model, own, camera, T_camera_table, distances, places)
         prior = _lying(model, T_camera_table, proposal.T_camera_part, table)
         T = refine(model.coarse, camera, edges, proposal.T_camera_part, prior=prior, reaches=_QUICK)
-        score = image.sums(model, T, coarse=True).log + _log_priors(model, proposal.rests)
+        score = image.sums(model, T, coarse=True).there + _log_priors(model, proposal.rests)
         out.append((T, proposal.rests, np.where(_distinct(model, T, score), score, -np.inf)))
     return out
 
@@ -144,7 +144,7 @@ def _with_beside(
         Ts.append(near)
         rests.append(np.full(len(near), c.rests[k]))
     T, rest = np.concatenate(Ts), np.concatenate(rests)
-    return PoseCandidates(c.model, T, rest, image.sums(c.model, T).log + _log_priors(c.model, rest))
+    return PoseCandidates(c.model, T, rest, image.sums(c.model, T).there + _log_priors(c.model, rest))
 
 
 def _poses_beside(

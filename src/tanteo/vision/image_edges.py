@@ -16,7 +16,7 @@ from tanteo.measurements import PoseFactor
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.camera import Camera, opencv
-from tanteo.vision.edges import BY_DRIFT, CHANNELS, FLOOR, EdgeMap, EdgePoints
+from tanteo.vision.edges import BY_DRIFT, CHANNELS, CORRELATION, FLOOR, EdgeMap, EdgePoints
 from tanteo.vision.models import VisionModel, prepare_vision
 
 REACH = 2.5
@@ -35,9 +35,12 @@ _RIM_SHOWS, _CREASE_SHOWS = 0.85, 0.65
 _DISPLACED, _DISPLACED_SD = 0.3, 0.8
 """Share of edges that shadows, occluders and roundings displace, and by how much [px] (decision 23)."""
 
-LOCATED = 1.4
-"""Weight of where an edge is, over that it is there (``python benchmarks/vision_poses.py 12`` and
-``pytest tests/vision/test_posterior.py`` chose it, decision 87)."""
+_SPREAD = 0.15
+"""Offsets of edges from a pose that is about right, those of displaced ones apart [px] (decision 23)."""
+
+ASTRAY = 0.02
+"""Density of an edge that is another's, relative to that of the part's own at its place: three in ten edges are
+another's, a pixel off (decision 32), where own ones are some hundredths (``python benchmarks/vision_poses.py 12``)."""
 
 _OF_LENS = np.sqrt(0.5)
 """Share of a lens's error, as a deviation, that shifts all edges alike; the same share is each edge's own
@@ -52,6 +55,9 @@ their directions [px] (decision 38)."""
 
 _MOST_PULLED = 0.5
 """The displacement of a blurred rim is corrected up to this: beyond, the formula does not hold [px] (decision 73)."""
+
+
+_NO_LEVELS = np.zeros((0, 4, 4)), np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,15 +81,16 @@ class Weights:
     base: float = 1.065
     spilled: float = -0.624
 
-    def rules(self, located: float = LOCATED) -> FloatArray:
-        """Return all constants of the formula, in the order of ``EdgeRules`` ``(14,)``.
+    def rules(self, *, located: bool = True) -> FloatArray:
+        """Return all constants of the formula, in the order of ``EdgeRules`` ``(16,)``.
 
         Args:
-            located: weight of where an edge is, over that it is there.
+            located: whether there is a sum of where edges are.
         """
         return np.array([
-            STRETCH, _WHOLE, _RIM_SHOWS, _CREASE_SHOWS, REACH, _DISPLACED, _DISPLACED_SD, located,
-            self.hits, self.misses, self.spilled, _BESIDE, _ALONG, _MOST_PULLED,
+            STRETCH, _WHOLE, _RIM_SHOWS, _CREASE_SHOWS, REACH, _SPREAD, _DISPLACED, _DISPLACED_SD,
+            self.hits, self.misses, self.spilled, _BESIDE, _ALONG, _MOST_PULLED, CORRELATION,
+            ASTRAY if located else 0.0,
         ])  # fmt: skip
 
 
@@ -100,6 +107,8 @@ class ImageEdges(PoseFactor):
         weights: weights of the sums.
         log_unknown: log density of the image if the object is unknown.
         proposed: poses ``T_world_part`` of each part that the image suggests, by the name of the part.
+        levels: poses ``T_world_part`` of each part and the log of the constant that is taken from the density about
+            each of them, by the name of the part; none if not given.
     """
 
     camera: Camera
@@ -109,16 +118,20 @@ class ImageEdges(PoseFactor):
     weights: Weights = field(default_factory=Weights)
     log_unknown: float = 0.0
     proposed: Mapping[str, Transforms] = field(default_factory=dict)
+    levels: Mapping[str, tuple[Transforms, FloatArray]] = field(default_factory=dict)
     image: _core.EdgeImage = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         points, camera = self.edges.points, self.camera
         root = np.zeros((0, 6)) if camera.covariance is None else _root(camera.covariance)
         shift = float(_OF_LENS * camera.edge_sd)
-        own = np.sqrt(points.sds**2 + FLOOR**2 + (BY_DRIFT * points.drifts) ** 2 + shift**2)
+        # half of the variance of what misplaces a point is common to its edge, half is its own (decision 32)
+        misplaced = 0.5 * (FLOOR**2 + (BY_DRIFT * points.drifts) ** 2)
+        own, common = np.sqrt(points.sds**2 + FLOOR**2 + misplaced), np.sqrt(misplaced + shift**2)
         image = _core.make_edge_image(
             camera.numbers, np.ascontiguousarray(standing(camera)), root, shift if shift > _EXACT else 0.0,
-            self.edges.nearest, points.pixels, own, points.widths, np.ascontiguousarray(self.chance, dtype=np.float32),
+            self.edges.nearest, points.pixels, own, common, points.widths,
+            np.ascontiguousarray(self.chance, dtype=np.float32),
             np.zeros((0, 0), dtype=np.bool_) if self.bare is None else np.ascontiguousarray(self.bare),
         )  # fmt: skip
         object.__setattr__(self, "image", image)
@@ -130,14 +143,21 @@ class ImageEdges(PoseFactor):
 
     def term(self, part: Part, first: int) -> _core.ImageEdges:
         """Compile the factor for one part."""
-        return _core.image_edges(prepare_vision(part).seen, self.image, self.weights.rules(), REACH, first)
+        level_poses, levels = self.levels.get(part.name, _NO_LEVELS)
+        return _core.image_edges(
+            prepare_vision(part).seen, self.image, self.weights.rules(), level_poses, levels, REACH, first
+        )
 
     def poses(self, part: Part) -> Transforms:
         """Return the poses of a part that the image suggests ``(k, 4, 4)``."""
         return self.proposed.get(part.name, np.zeros((0, 4, 4)))
 
+    def sums_at(self, part: Part, Ts: Transforms, zs: FloatArray) -> Sums:
+        """Evaluate poses ``T_world_part`` of a part ``(B, 4, 4)`` and shared errors of the image ``(B, states)``."""
+        return Sums(*_core.image_sums(self.term(part, 0), np.ascontiguousarray(Ts), np.ascontiguousarray(zs)).T)
+
     def sums(self, model: VisionModel, T_camera_part: Transforms, *, coarse: bool = False) -> Sums:
-        """Evaluate poses of a part that are not maxima yet: where an edge is counts as much as that it is there.
+        """Evaluate poses of a part that are not maxima yet: that edges are there, not exactly where.
 
         Args:
             model: the part.
@@ -145,7 +165,7 @@ class ImageEdges(PoseFactor):
             coarse: with few samples of its edges, and edge points at twice the distance.
         """
         seen, reach = (model.seen_coarsely, 2 * REACH) if coarse else (model.seen, REACH)
-        term = _core.image_edges(seen, self.image, self.weights.rules(1.0), reach, 0)
+        term = _core.image_edges(seen, self.image, self.weights.rules(located=False), *_NO_LEVELS, reach, 0)
         Ts = np.ascontiguousarray(standing(self.camera) @ T_camera_part)
         return Sums(*_core.image_sums(term, Ts, np.zeros((len(Ts), self.states))).T)
 
@@ -156,19 +176,23 @@ class Sums:
 
     Attributes:
         log: log density.
+        there: the part of it that says that edges are there.
         hits: sum over edges of the part that meet edges of the image.
         misses: sum over those that do not.
         spilled: area of the silhouette on bare table [px^2].
-        chi2: chi-square of the offsets of edges that are not displaced.
+        located: sum of where edges are.
+        chi2: chi-square of the offsets of edges that are the part's own.
         freedom: number of independent offsets in it.
         squares: sum of the squares of all offsets [px^2].
         met: number of samples that meet an edge point.
     """
 
     log: FloatArray
+    there: FloatArray
     hits: FloatArray
     misses: FloatArray
     spilled: FloatArray
+    located: FloatArray
     chi2: FloatArray
     freedom: FloatArray
     squares: FloatArray

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.lie import SE3, SO3
+from tanteo.lie.maximize import maximize
 from tanteo.parts import Part, near_groups
 from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
@@ -160,7 +161,8 @@ def _newton(T: Transforms, rays: Vectors, models: Vectors) -> Transforms:
     T, models = T @ T_part_middle, models - middle[:, None]
     size = float(np.linalg.norm(models[:, 1] - models[:, 0], axis=-1).mean())
     scale = np.r_[np.full(3, size), np.ones(3)]
-    for _ in range(_NEWTON):
+
+    def linearize(T: Transforms) -> tuple[FloatArray, FloatArray]:
         local = SE3.apply(T[..., None, :, :], models)
         z = np.where(np.abs(local[..., 2]) > 1e-9, local[..., 2], 1e-9)
         x, y = local[..., 0] / z, local[..., 1] / z
@@ -172,7 +174,10 @@ def _newton(T: Transforms, rays: Vectors, models: Vectors) -> Transforms:
         Jt = np.swapaxes(J, -1, -2)
         A = Jt @ J
         A = A + 1e-9 * np.trace(A, axis1=-2, axis2=-1)[..., None, None] * np.eye(6) + 1e-15 * np.eye(6)
-        step = np.linalg.solve(A, (Jt @ off[..., None]))[..., 0]
+        return A, (Jt @ off[..., None])[..., 0]
+
+    def moved(T: Transforms, step: FloatArray) -> Transforms:
         step = step * np.minimum(1.0, 0.5 / np.maximum(np.linalg.norm(step, axis=-1), 1e-12))[..., None]
-        T = T @ SE3.exp(step * scale)
-    return np.asarray(T @ SE3.inverse(T_part_middle))
+        return np.asarray(T @ SE3.exp(step * scale))
+
+    return np.asarray(maximize(T, linearize, moved, _NEWTON)[0] @ SE3.inverse(T_part_middle))

@@ -9,20 +9,25 @@ leaves to that pose (decision 87).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo import _core
 from tanteo.answers import Priors, sized
-from tanteo.inference import Mode, PartSearch, PreparedPart, Problem, prepare, search_about, weigh
+from tanteo.inference import Mode, PartSearch, Posterior, Problem, prepare, search_about, weigh
+from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays, OnTable
+from tanteo.parts import Part
+from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Transforms
 from tanteo.vision.image_edges import ImageEdges, Sums, standing
 from tanteo.vision.models import VisionModel
 
 MISSED = 0.04
 """Probability that the true pose is not among those proposed: 3 of 74 (``python benchmarks/vision_fit.py 102``)."""
+
+_MERGE_TURN, _MERGE_SHIFT = 0.04, 0.02
+"""Poses nearer than this are one that the image suggests [rad, diagonals]."""
 
 _SEED = 0
 """Seed of the samples: the same image gives the same answer."""
@@ -49,21 +54,71 @@ class ImagePosterior:
 
 
 def searched(
-    image: ImageEdges, proposals: Sequence[tuple[VisionModel, Transforms]], lying: OnTable | None = None
-) -> tuple[Problem, list[PartSearch]]:
-    """Return the question of an image, and the maxima of parts to which poses lead.
+    images: Sequence[ImageEdges],
+    proposals: Sequence[tuple[Part, Transforms]],
+    priors: Priors,
+    lying: OnTable | None = None,
+) -> tuple[tuple[ImageEdges, ...], Problem, list[PartSearch]]:
+    """Return images with the levels of their parts, their question, and the maxima of parts to which poses lead.
 
     Args:
-        image: the edges of the image.
-        proposals: parts that are looked for, with poses ``T_camera_part`` from which maximizations start.
+        images: edges of images of the object.
+        proposals: parts that are looked for, with poses ``T_world_part`` from which maximizations start.
+        priors: what is assumed beforehand.
         lying: prior of the pose on a table; any pose if not given.
     """
-    priors = sized(Priors(), max(0.5 * model.part.diagonal for model, _ in proposals))
-    factors = (image,) if lying is None else (image, lying)
-    problem = Problem(ContactPoints.none(), FreeRays.none(), priors, pose_factors=tuple(factors))
-    T_world_camera = standing(image.camera)
-    proposed = [(prepare(model.part), np.ascontiguousarray(T_world_camera @ Ts)) for model, Ts in proposals]
-    return problem, search_about(problem, proposed, np.random.default_rng(_SEED))
+    others = () if lying is None else (lying,)
+
+    def search(images: Sequence[ImageEdges], poses: Sequence[Transforms]) -> tuple[Problem, list[PartSearch]]:
+        problem = Problem(ContactPoints.none(), FreeRays.none(), priors, pose_factors=(*images, *others))
+        proposed = [(prepare(part), Ts) for (part, _), Ts in zip(proposals, poses, strict=True)]
+        return problem, search_about(problem, proposed, np.random.default_rng(_SEED))
+
+    poses = [np.ascontiguousarray(Ts) for _, Ts in proposals]
+    known = {part.name: _first_levels(images, part, Ts) for (part, _), Ts in zip(proposals, poses, strict=True)}
+    begun = (replace(images[0], levels=known), *images[1:])
+    _, first = search(begun, poses)
+    levels = {one.objective.prepared.part.name: _levels(begun, one, lying) for one in first if len(one.peaks)}
+    levelled = (replace(images[0], levels=levels), *images[1:])
+    return levelled, *search(levelled, [one.peaks.Ts for one in first])
+
+
+def _first_levels(images: Sequence[ImageEdges], part: Part, Ts: Transforms) -> tuple[Transforms, FloatArray]:
+    """Return poses of a part, and the most that where edges are adds to the density about each."""
+    sums = [image.sums_at(part, Ts, np.zeros((len(Ts), image.states))) for image in images]
+    located = sum((one.located for one in sums), start=np.zeros(len(Ts)))
+    groups = _near(part, Ts, sum((one.there for one in sums), start=np.zeros(len(Ts))))
+    levels = np.array([located[members].max() for members in groups])
+    return np.ascontiguousarray(Ts[[members[0] for members in groups]]), levels
+
+
+def _levels(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | None) -> tuple[Transforms, FloatArray]:
+    """Return poses of a part, and what makes the integral of the density about each that its edges are there."""
+    part, peaks = search.objective.prepared.part, search.peaks
+    first, *others = sums_at(images, search)
+    wanted = _there(part, peaks.Ts, first, lying) + sum(sums.there for sums in others)
+    taken = first.there + first.located - first.log  # by the first constants
+    evidence = peaks.evidence + taken + search.log_evidence - log_sum(peaks.evidence)
+    groups = _near(part, peaks.Ts, wanted)
+    levels = [float(log_sum(evidence[members])) - wanted[members[0]] for members in groups]
+    return np.ascontiguousarray(peaks.Ts[[members[0] for members in groups]]), np.array(levels)
+
+
+def _near(part: Part, Ts: Transforms, log: FloatArray) -> list[list[int]]:
+    """Return groups of poses near one another, the most probable of each first."""
+    groups: list[list[int]] = []
+    for k in np.argsort(-log, kind="stable"):
+        for members in groups:
+            gap = SE3.inverse(Ts[members[0]]) @ Ts[k]
+            shift = np.linalg.norm(SE3.apply(gap, part.centroid) - part.centroid)
+            # the norm of R - 1 is 2 sqrt(2) times the sine of half the turn
+            turn = np.linalg.norm(gap[:3, :3] - np.eye(3))
+            if shift < _MERGE_SHIFT * part.diagonal and turn < np.sqrt(8) * np.sin(_MERGE_TURN / 2):
+                members.append(int(k))
+                break
+        else:
+            groups.append([int(k)])
+    return groups
 
 
 def infer(
@@ -88,9 +143,11 @@ def infer(
     """
     if not any(len(Ts) for _, Ts in proposals):
         return ImagePosterior(count=left_out)
-    problem, searches = searched(image, proposals, lying)
-    best = max(searches, key=lambda search: search.log_evidence)
-    unknown = image.log_unknown + log_share(image, best)
+    priors = sized(Priors(), max(0.5 * model.part.diagonal for model, _ in proposals))
+    T_world_camera = standing(image.camera)
+    poses = [(model.part, T_world_camera @ Ts) for model, Ts in proposals]
+    (image,), problem, searches = searched((image,), poses, priors, lying)
+    unknown = image.log_unknown
     known = float(np.log1p(-problem.priors.unknown))
     prior = known - float(np.log(count))
     evidence = np.array([search.log_evidence + prior for search in searches])
@@ -98,19 +155,59 @@ def infer(
         problem, searches, np.full(len(searches), prior), float(np.log(problem.priors.unknown)) + unknown,
         np.random.default_rng(_SEED), log_left_out=log_left_out(evidence, unknown + known),
     )  # fmt: skip
+    modes, log_evidence = _weighed(image, found, lying, prior)
+    log_left = float(np.log(found.left_out)) + found.log_evidence if found.left_out else -np.inf
+    left = float(np.exp(log_left - log_evidence))
+    none = float(np.exp(np.log(found.unknown) + found.log_evidence - log_evidence)) if found.unknown else 0.0
     # that none of the poses holds is a strange part's doing, or of the proposals that missed the true one
     strange = problem.priors.unknown / (problem.priors.unknown + (1 - problem.priors.unknown) * MISSED)
-    none = strange * (found.unknown - found.left_out) + found.left_out
-    return ImagePosterior(found.modes, none, found.left_out, left_out, unknown)
+    return ImagePosterior(modes, strange * (none - left) + left, left, left_out, unknown)
 
 
-def log_share(image: ImageEdges, search: PartSearch) -> float:
-    """Return the log of the share of the prior that an image leaves of the pose of a part, at its best maximum."""
-    at_best = sums_at(image, search.objective.prepared, search.peaks.Ts[:1], search.peaks.zs[:1])
-    return search.log_evidence - float(at_best.log[0])
+def _weighed(
+    image: ImageEdges, found: Posterior, lying: OnTable | None, prior: float
+) -> tuple[tuple[Mode, ...], float]:
+    """Return modes with probabilities by that their edges are there, and the log evidence of the image.
+
+    The constants about poses are those of a normal density about each maximum, and the integral of the density differs
+    from that. So modes count by the density that edges are there, and those near one another count as one.
+
+    Args:
+        image: the edges of the image.
+        found: the posterior.
+        lying: prior of the pose on a table; any pose if not given.
+        prior: log probability of each part beforehand.
+    """
+    masses: dict[int, float] = {}
+    for name in {mode.prepared.part.name for mode in found.modes}:
+        rows = [k for k, mode in enumerate(found.modes) if mode.prepared.part.name == name]
+        some = [found.modes[k] for k in rows]
+        part, Ts = some[0].prepared.part, np.stack([mode.T_peak for mode in some])
+        sums = image.sums_at(part, Ts, np.stack([mode.z for mode in some]))
+        wanted = _there(part, Ts, sums, lying) + prior
+        for members in _near(part, Ts, wanted):
+            total = float(log_sum(wanted[members])) - wanted[members[0]]
+            masses |= {rows[k]: float(wanted[k] - total) for k in members}
+    log_none = float(np.log(found.unknown)) + found.log_evidence if found.unknown else -np.inf
+    total = float(log_sum([log_none, *masses.values()]))
+    modes = [
+        replace(mode, log_mass=masses[k], probability=float(np.exp(masses[k] - total)))
+        for k, mode in enumerate(found.modes)
+    ]
+    return tuple(sorted(modes, key=lambda mode: -mode.probability)), total
 
 
-def sums_at(image: ImageEdges, prepared: PreparedPart, Ts: Transforms, zs: FloatArray) -> Sums:
-    """Return the sums of an image at poses ``T_world_part`` and shared errors, those of the image first."""
-    term = image.term(prepared.part, 0)
-    return Sums(*_core.image_sums(term, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)).T)
+def _there(part: Part, Ts: Transforms, sums: Sums, lying: OnTable | None) -> FloatArray:
+    """Return the log density that edges are there at poses ``(k,)``, the probability of the stable pose included."""
+    rests = 0.0 if lying is None else np.array([lying.log_probability(part, T) for T in Ts])
+    return np.asarray(sums.there + rests)
+
+
+def sums_at(images: Sequence[ImageEdges], search: PartSearch) -> list[Sums]:
+    """Return the sums of each image at the maxima of a part."""
+    out, first = [], 0
+    for image in images:
+        zs = search.peaks.zs[:, first : first + image.states]
+        out.append(image.sums_at(search.objective.prepared.part, search.peaks.Ts, zs))
+        first += image.states
+    return out

@@ -126,7 +126,7 @@ def propose_anywhere(
             T = refine(model.frame, camera, edges, T[np.argsort(-score)[:KEPT]], reaches=REACHES[2:])
             T = _ahead(model.part, T)
         out.append((model, T))
-        logs.append(seen.sums(model, T).log)
+        logs.append(seen.sums(model, T).there)
     best = max((float(log.max()) for log in logs if len(log)), default=0.0)
     kept = [np.flatnonzero((log > best - FAINT) | (log == log.max(initial=-np.inf))) for log in logs]
     return [(model, T[rows]) for (model, T), rows in zip(out, kept, strict=True)], tried

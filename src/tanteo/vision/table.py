@@ -153,19 +153,23 @@ def _starts(directions: Vectors, points: Vectors) -> list[Transforms]:
 def _improve(
     camera: Camera, pixels: FloatArray, points: Vectors, T: Transforms
 ) -> tuple[Transforms, FloatArray, float]:
-    """Gauss-Newton on the pixels; information for unit deviation, and the sum of squares."""
-    for _ in range(40):
-        local = SE3.apply(T, points)
-        seen, D = project_linearized(camera, local)
-        off = pixels - seen
-        if not np.all(np.isfinite(off)):
-            return T, np.eye(6), np.inf
-        JR = D @ T[:3, :3]
+    """Return the pose that fits the pixels best, the information for unit deviation, and the sum of squares.
+
+    The unknowns are a motion ``x`` of the start, ``T exp(x)``.
+    """
+    from scipy.optimize import least_squares  # slow to import
+
+    def residuals(x: FloatArray) -> FloatArray:
+        return (project(camera, SE3.apply(T @ SE3.exp(x), points)) - pixels).ravel()
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        here = T @ SE3.exp(x)
+        JR = project_linearized(camera, SE3.apply(here, points))[1] @ here[:3, :3]
         J = np.concatenate([JR, np.cross(points[:, None], JR)], axis=-1).reshape(-1, 6)
-        A = J.T @ J
-        step = np.linalg.solve(A + 1e-12 * np.trace(A) * np.eye(6), J.T @ off.ravel())
-        T = T @ SE3.exp(step * min(1.0, 0.5 / max(float(np.linalg.norm(step[3:])), 1e-12)))
-        if np.linalg.norm(step) < 1e-12:
-            break
-    off = pixels - project_linearized(camera, SE3.apply(T, points))[0]
-    return T, A, float(np.sum(off**2))
+        return np.asarray(J @ SE3.right_jacobian(x))
+
+    if not np.all(np.isfinite(residuals(np.zeros(6)))):
+        return T, np.eye(6), np.inf
+    found = least_squares(residuals, np.zeros(6), jacobian, x_scale="jac", ftol=1e-15, xtol=1e-12, gtol=None)
+    J = found.jac @ SE3.right_jacobian_inverse(found.x)
+    return T @ SE3.exp(found.x), J.T @ J, float(2 * found.cost)

@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.answers import Priors
-from tanteo.inference import Problem, prepare, search_about
 from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
@@ -18,12 +16,9 @@ from tanteo.vision.candidates import candidates_in
 from tanteo.vision.edges import find_edges, map_edges
 from tanteo.vision.image_edges import ImageEdges, Weights, standing
 from tanteo.vision.outlines import region_of_readings
-from tanteo.vision.posterior import sums_at
+from tanteo.vision.posterior import searched
 from tanteo.vision.sight import check_place, image_of_region, prepared
 from tanteo.vision.table import TableErrors, seen_table
-
-_SEED = 0
-"""Seed of the search about proposed poses, which draws nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,23 +70,7 @@ def view_factors(
             Ts = standing(view.camera) @ found.T_camera_part
             proposed.setdefault(found.model.part.name, []).append(Ts)
         images.append(image)
-    suggested = {name: np.ascontiguousarray(np.concatenate(Ts)) for name, Ts in proposed.items()}
-    first = replace(images[0], proposed=suggested)
-    share = _log_share((first, *images[1:]), parts, priors)
-    return replace(first, log_unknown=first.log_unknown + share), *images[1:]
-
-
-def _log_share(images: tuple[ImageEdges, ...], parts: Sequence[Part], priors: Priors) -> float:
-    """Return the log of the share of the prior that all images leave of the pose of the best part; 0 without poses."""
-    problem = Problem(ContactPoints.none(), FreeRays.none(), priors, pose_factors=images)
-    proposed = [(prepare(part), images[0].poses(part)) for part in parts]
-    searches = search_about(problem, proposed, np.random.default_rng(_SEED))
-    best = max(searches, key=lambda search: search.log_evidence)
-    if not len(best.peaks):
-        return 0.0
-    share, first = best.log_evidence, 0
-    for image in images:
-        zs = best.peaks.zs[:1, first : first + image.states]
-        share -= float(sums_at(image, best.objective.prepared, best.peaks.Ts[:1], zs).log[0])
-        first += image.states
-    return share
+    suggested = [(part, np.concatenate(proposed.get(part.name, [np.zeros((0, 4, 4))]))) for part in parts]
+    (first, *others), _, _ = searched(images, suggested, priors)
+    poses = {part.name: np.ascontiguousarray(Ts) for part, Ts in suggested}
+    return replace(first, proposed=poses), *others

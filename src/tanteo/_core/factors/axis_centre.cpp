@@ -15,6 +15,6 @@ class AxisCentre final : public RoundCentre {
     bool is_line() const override { return true; }
 };
 
-static const RegisteredKind registered("axis_centre", made_round_centres<AxisCentre>, AxisCentre::LANDMARK);
+static const RegisteredKind registered("axis_centre", factors_from_columns<AxisCentre>, AxisCentre::LANDMARK);
 
 }  // namespace tanteo

@@ -16,6 +16,6 @@ class ConeApex final : public RoundCentre {
     bool size_is_angle() const override { return true; }
 };
 
-static const RegisteredKind registered("cone_apex", made_round_centres<ConeApex>, ConeApex::LANDMARK);
+static const RegisteredKind registered("cone_apex", factors_from_columns<ConeApex>, ConeApex::LANDMARK);
 
 }  // namespace tanteo

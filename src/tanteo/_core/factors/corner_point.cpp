@@ -23,6 +23,6 @@ class CornerPoint final : public OnSurface {
     }
 };
 
-static const RegisteredKind registered("corner_point", made_on_surface<CornerPoint>);
+static const RegisteredKind registered("corner_point", factors_from_columns<CornerPoint>);
 
 }  // namespace tanteo

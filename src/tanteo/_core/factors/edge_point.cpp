@@ -26,6 +26,6 @@ class EdgePoint final : public OnSurface {
     }
 };
 
-static const RegisteredKind registered("edge_point", made_on_surface<EdgePoint>);
+static const RegisteredKind registered("edge_point", factors_from_columns<EdgePoint>);
 
 }  // namespace tanteo

@@ -16,22 +16,24 @@ constexpr size_t MOST_VIEWS = 4096;
 
 constexpr int MOST_COLUMNS = 14;
 
-struct MetSample {
-    EdgeMet at;
-    size_t sample;
-    int edge;
-    double seen, offset;
-};
-
 double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd * sd)) / (std::sqrt(2 * PI) * sd); }
 
 }  // namespace
 
+// A sample that the camera sees.
+struct ImageEdges::Met {
+    EdgeMet at;
+    int edge;
+    double seen, offset;
+    std::array<double, MOST_COLUMNS> row;  // derivative of the offset by the states
+};
+
 ImageEdges::ImageEdges(std::shared_ptr<const EdgePart> part_, std::shared_ptr<const EdgeImage> image_,
-                       const EdgeRules& rules_, double reach_, int first_)
+                       const EdgeRules& rules_, std::vector<PoseLevel> levels_, double reach_, int first_)
     : part(std::move(part_)),
       image(std::move(image_)),
       rules(rules_),
+      levels(std::move(levels_)),
       reach(reach_),
       first(first_),
       points{image->nearest.data(), static_cast<int64_t>(image->sds.size()), image->rows, image->columns,
@@ -79,6 +81,21 @@ double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
     return area;
 }
 
+// Of the nearest pose, by the motion of points as far from the origin as the part is large.
+double ImageEdges::level_at(const Pose& T) const {
+    const double size = part->frame->diagonal;
+    double best = 1e300, level = 0;
+    for (const PoseLevel& one : levels) {
+        double apart = squared(one.T_world_part.t - T.t);
+        for (int i = 0; i < 9; ++i) apart += size * size * std::pow(one.T_world_part.R.m[i] - T.R.m[i], 2);
+        if (apart < best) {
+            best = apart;
+            level = one.level;
+        }
+    }
+    return level;
+}
+
 ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) const {
     const EdgeFrame& frame = *part->frame;
     const double* z = state.z.data() + first;
@@ -98,8 +115,10 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     const Pose pose{transposed(camera.R) * state.pose.R, into_part(camera, state.pose.t)};  // of the part in the camera
     const std::shared_ptr<const View> view = view_from(into_part(pose, {}));
 
-    std::vector<MetSample> met;
-    std::vector<EdgePlace> places;
+    int columns[MOST_COLUMNS];
+    for (int c = 0; c < 6 + states; ++c) columns[c] = c < 6 ? c : first + c;
+    std::vector<Met> all, met;
+    std::vector<EdgePlace> everywhere, places;
     std::vector<double> missed(part->edges), missed_log(part->edges);
     for (size_t k = 0; k < frame.size(); ++k) {
         if (!view->shown[k]) continue;
@@ -107,6 +126,8 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         if (!m.inside) continue;
         const double seen = view->rims[k] ? rules.rim_seen : rules.crease_seen;
         const int edge = part->groups[k];
+        all.push_back({m, edge, seen, 0, {}});
+        everywhere.push_back({m.x, m.y, m.nx, m.ny, m.span, 0, edge});
         if (m.point < 0) {
             missed[edge] += m.span;
             missed_log[edge] += m.span * std::log1p(-seen);
@@ -117,7 +138,28 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         const double curvature = dot(load(m.slope), part->bends[k]) / std::max(scale * scale, 1e-300);
         const double pulled = 0.5 * width * width * curvature;
         const double offset = m.offset - std::min(std::max(pulled, -rules.most_pulled), rules.most_pulled);
-        met.push_back({m, k, edge, seen, offset});
+        all.back().offset = offset;
+        if (slope) {
+            // the offset shrinks by m.slope along motions of the part about its origin; about c they are (v + c x w, w)
+            double* row = all.back().row.data();
+            const Vec3 by = load(m.slope), turn = load(m.slope + 3) + cross(by, slope->centre);
+            store(-by, row);
+            store(-turn, row + 3);
+            if (of_camera) {  // with the camera, a point of its frame moves by -v - w x p
+                const Vec3 by_point = pose.R * by, by_turn = cross(pose.R * frame.samples[k].at + pose.t, by_point);
+                for (int c = 0; c < 6; ++c) {
+                    row[6 + c] = 0;
+                    for (int i = 0; i < 3; ++i)
+                        row[6 + c] += by_point[i] * image->camera_root[6 * i + c] +
+                                      by_turn[i] * image->camera_root[6 * (3 + i) + c];
+                }
+            }
+            if (states > of_camera) {
+                row[6 + of_camera] = -image->shift_sd * m.nx;
+                row[7 + of_camera] = -image->shift_sd * m.ny;
+            }
+        }
+        met.push_back(all.back());
         places.push_back({m.x + offset * m.nx, m.y + offset * m.ny, m.nx, m.ny, std::max(m.span, rules.beside),
                           std::fabs(offset), edge});
     }
@@ -127,58 +169,86 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
         if (own[k]) length[met[k].edge] += met[k].at.span;
 
     Sums sums;
-    int columns[MOST_COLUMNS];
-    for (int c = 0; c < 6 + states; ++c) columns[c] = c < 6 ? c : first + c;
+    const double spread = 1 / (rules.spread * rules.spread), wide = 1 / (rules.displaced_sd * rules.displaced_sd);
     for (size_t k = 0; k < met.size(); ++k) {
         if (!own[k]) continue;
-        const MetSample& one = met[k];
-        const EdgeMet& m = one.at;
+        const EdgeMet& m = met[k].at;
         size_t cell = 0;
         if (image->chance.size() > 1)
             cell = (points.channels.of(m.nx, m.ny) * image->rows + static_cast<int64_t>(m.y + 0.5)) * image->columns +
                    static_cast<int64_t>(m.x + 0.5);
-        const double d = one.offset, scale = one.seen * 2 * rules.reach / image->chance[cell];
-        const double near = (1 - rules.displaced) * scale * normal_density(d, m.sd);
+        const double d = met[k].offset, scale = met[k].seen * 2 * rules.reach / image->chance[cell];
+        const double near = (1 - rules.displaced) * scale * normal_density(d, rules.spread);
         const double far = rules.displaced * scale * normal_density(d, rules.displaced_sd);
-        const double all = near + far + 1 - one.seen;
-        const double at_peak = (1 - rules.displaced) * scale * normal_density(0, m.sd) +
-                               rules.displaced * scale * normal_density(0, rules.displaced_sd) + 1 - one.seen;
-        const double weight = m.span / rules.stretch / (1 + length[one.edge] / rules.whole);
-        sums.hits += weight * ((1 - rules.located) * std::log(at_peak) + rules.located * std::log(all));
-        const double draws = rules.located * rules.hits * weight * near / all, precision = 1 / (m.sd * m.sd);
-        sums.chi2 += draws * d * d * precision;
-        sums.draws += draws;
+        const double total = near + far + 1 - met[k].seen;
+        const double weight = m.span / rules.stretch / (1 + length[met[k].edge] / rules.whole);
+        sums.hits += weight * std::log(total);
         sums.squares += d * d;
         sums.met += 1;
         if (!slope) continue;
-        const double displaced = rules.located * rules.hits * weight * far / all;
-        const double information = draws * precision + displaced / (rules.displaced_sd * rules.displaced_sd);
-        // the offset shrinks by m.slope along motions of the part about its origin; about c they are (v + c x w, w)
-        double row[MOST_COLUMNS];
-        const Vec3 by = load(m.slope), turn = load(m.slope + 3) + cross(by, slope->centre);
-        store(-by, row);
-        store(-turn, row + 3);
-        if (of_camera) {  // with the camera, a point of its frame moves by -v - w x p
-            const Vec3 by_point = pose.R * by, by_turn = cross(pose.R * frame.samples[one.sample].at + pose.t, by_point);
-            for (int c = 0; c < 6; ++c) {
-                row[6 + c] = 0;
-                for (int i = 0; i < 3; ++i)
-                    row[6 + c] += by_point[i] * image->camera_root[6 * i + c] +
-                                  by_turn[i] * image->camera_root[6 * (3 + i) + c];
-            }
-        }
-        if (states > of_camera) {
-            row[6 + of_camera] = -image->shift_sd * m.nx;
-            row[7 + of_camera] = -image->shift_sd * m.ny;
-        }
-        slope->add(-information * d, information, row, columns, 6 + states);
+        const double information = rules.hits * weight * (near * spread + far * wide) / total;
+        slope->add(-information * d, information, met[k].row.data(), columns, 6 + states);
     }
     for (int e = 0; e < part->edges; ++e)
         if (missed[e] > 0) sums.misses += missed_log[e] / rules.stretch / (1 + missed[e] / rules.whole);
     sums.spilled = spilled_area(pose, lens);
-    sums.log = rules.hits * sums.hits + rules.misses * sums.misses +
-               rules.spilled * sums.spilled / (rules.stretch * rules.stretch);
+    if (rules.astray > 0) locate(all, crowded(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
+    sums.there = rules.hits * sums.hits + rules.misses * sums.misses +
+                 rules.spilled * sums.spilled / (rules.stretch * rules.stretch);
+    sums.log = sums.there + sums.located - level_at(state.pose);
     return sums;
+}
+
+// The sum S: where edges are. Samples that have another edge of the part beside them are left out, and of those of one edge
+// all that are far from its median. With independent variances W^-1 and a common error of deviations b, the inverse of
+// W^-1 + b b' is by Woodbury.
+void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
+                        const int* columns, int count) const {
+    std::vector<std::vector<const Met*>> edges(part->edges);
+    std::vector<char> visible(part->edges);
+    for (size_t k = 0; k < all.size(); ++k) {
+        if (beside[k]) continue;
+        visible[all[k].edge] = 1;
+        if (all[k].at.point >= 0) edges[all[k].edge].push_back(&all[k]);
+    }
+    for (int e = 0; e < part->edges; ++e) {
+        if (!visible[e]) continue;
+        std::vector<const Met*>& own = edges[e];
+        if (own.empty()) {
+            sums.located += std::log(rules.astray);
+            continue;
+        }
+        std::sort(own.begin(), own.end(), [](const Met* a, const Met* b) { return a->offset < b->offset; });
+        const double median = 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
+        double square = 0, along = 0, total = 1, draws = 0;
+        std::array<double, MOST_COLUMNS> common{};
+        std::vector<double> weights;
+        for (const Met*& one : own) {
+            const double sd = image->sds[one->at.point], b = image->commons[one->at.point], d = one->offset;
+            const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b * b + rules.spread * rules.spread);
+            const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;
+            const double w = share / (sd * sd);
+            weights.push_back(w);
+            square += w * d * d;
+            along += w * b * d;
+            total += w * b * b;
+            draws += share;
+            if (slope)
+                for (int c = 0; c < count; ++c) common[c] += w * b * one->row[c];
+        }
+        const double chi2 = square - along * along / total;
+        const double is_own = (1 - rules.astray) * std::exp(-0.5 * chi2), density = is_own + rules.astray;
+        const double probability = is_own / density;
+        sums.located += std::log(density);
+        sums.chi2 += probability * chi2;
+        sums.draws += probability * draws;
+        if (!slope) continue;
+        for (size_t k = 0; k < own.size(); ++k) {
+            const double w = probability * weights[k];
+            slope->add(-w * own[k]->offset, w, own[k]->row.data(), columns, count);
+        }
+        slope->add(probability * along / total, -probability / total, common.data(), columns, count);
+    }
 }
 
 }  // namespace tanteo

@@ -5,18 +5,24 @@
 // missed if not. Of edges that meet the same place of the image the nearest explains it; the others count as neither.
 // Relative to an image in which edges come by chance, the log density is
 //
-//   log L = h sum_e 1 / (1 + H_e / w) sum_{i met} s_i / l {r_i(0) + k [r_i(d_i) - r_i(0)]}
-//         + m sum_e 1 / (1 + M_e / w) sum_{i missed} s_i / l log(1 - q_i)  +  b B / l^2,
+//   log L = h sum_e 1 / (1 + H_e / w) sum_{i met} s_i / l log [q_i p(d_i) / c_i + 1 - q_i]
+//         + m sum_e 1 / (1 + M_e / w) sum_{i missed} s_i / l log(1 - q_i)  +  b B / l^2  +  S - S_0,
 //
-//   r_i(d) = log [q_i p_i(d) / c_i + 1 - q_i],   p_i(d) = (1 - a) N(d; 0, sigma_i^2) + a N(d; 0, sigma_a^2).
+//   p(d) = (1 - a) N(d; 0, sigma) + a N(d; 0, sigma_a),     S = sum_e log [(1 - g) exp(-chi2_e / 2) + g].
 //
-// q_i is the probability that an edge shows (a rim of the part, a crease inside of it), c_i = chance_i / (2 reach) the
-// density of an edge by chance, and a the share of edges that shadows, occluders and roundings displace. sigma_i is
-// the error of the edge point: noise, its neighbours, and the share of the lens's error that is an edge's own. H_e and
-// M_e are the lengths of edge e that are met and missed, l is the length of one observation, and w the length from which
-// more of one edge adds little: an edge is met or missed as a whole. k is the weight of where an edge is, over that
-// it is there. B is the area [px^2] of the part's silhouette that lies where the image shows bare table. h, m and b
-// are fitted to rendered scenes (benchmarks/vision_fit.py; decisions 23, 38 and 86).
+// The first three sums say that edges are there. q_i is the probability that an edge shows (a rim of the part, a crease
+// inside of it), c_i = chance_i / (2 reach) the density of an edge by chance, and a the share of edges that shadows,
+// occluders and roundings displace. H_e and M_e are the lengths of edge e that are met and missed, l is the length of one
+// observation, and w the length from which more of one edge adds little: an edge is met or missed as a whole. B is the
+// area [px^2] of the part's silhouette that lies where the image shows bare table. h, m and b are fitted to rendered
+// scenes (benchmarks/vision_fit.py; decisions 23, 38 and 87).
+//
+// S says where they are. chi2_e is that of the offsets of edge e, of samples that no other edge of the part is beside and
+// that run with the rest of their edge: noise of each edge point, independent over a correlation length, and an error that
+// is common to the edge (its neighbours in the image, the lens). An edge that is another's has the density g, relative
+// to that of the part's own at its place. S_0, a constant about each
+// pose that the image suggests, makes the integral of the whole there that of the first three sums at that pose: where
+// edges are tells poses, not parts, because edges are more exact than models of parts and of light are (decision 87).
 //
 // Shared errors: the camera's pose, T_world_camera exp(S z) with S S' its covariance, and a shift of all edges in the image.
 #pragma once
@@ -39,7 +45,7 @@ struct EdgeImage {
     double shift_sd = 0;              // of all edges together along each axis [px]; 0: no state
     int64_t rows = 0, columns = 0, channels = 0;
     std::vector<int32_t> nearest;     // channels x rows x columns: the nearest edge point of a direction; -1 for none
-    std::vector<double> pixels, sds, widths;  // of the edge points: n x 2, n, blur n [px]
+    std::vector<double> pixels, sds, commons, widths;  // of the edge points: n x 2, n, error common to an edge n, blur n [px]
     std::vector<float> chance;        // channels x rows x columns, or one value for all
     std::vector<char> bare;           // rows x columns; empty where bare table is not known
 
@@ -51,11 +57,18 @@ struct EdgeRules {
     double stretch, whole;                // l, w [px]
     double rim_seen, crease_seen;         // q
     double reach;                         // [px], of the chance density
-    double displaced, displaced_sd;       // a, sigma_a [px]
-    double located;                       // k
+    double spread, displaced, displaced_sd;  // sigma, a, sigma_a [px]
     double hits, misses, spilled;         // h, m, b
     double beside, along;                 // samples meet one place within this [px] and this cosine of their normals
     double most_pulled;                   // the displacement of a blurred rim is corrected up to this [px]
+    double correlation;                   // noise of edge points is one draw over this length [px]
+    double astray;                        // g; 0 leaves S out
+};
+
+// S_0 of poses that are nearest to this one.
+struct PoseLevel {
+    Pose T_world_part;
+    double level;
 };
 
 // The part as the camera may see it.
@@ -70,18 +83,20 @@ struct EdgePart {
 
 class ImageEdges : public PoseTerm {
   public:
-    // `first`: where the shared errors of the image begin in z; `reach`: how far an edge point may be [px].
+    // `first`: where the shared errors of the image begin in z; `reach`: how far an edge point may be [px]; `levels`: S_0
+    // is 0 where there are none.
     ImageEdges(std::shared_ptr<const EdgePart> part, std::shared_ptr<const EdgeImage> image, const EdgeRules& rules,
-               double reach, int first);
+               std::vector<PoseLevel> levels, double reach, int first);
 
     double add(const State& state, const Slope* slope) const override;
     int columns() const override { return first + image->states(); }
 
     // The sums behind the density at a state.
     struct Sums {
-        double log = 0;
+        double log = 0, there = 0;  // log density, and that part of it that says that edges are there
         double hits = 0, misses = 0, spilled = 0;  // before h, m and b; spilled in [px^2]
-        double chi2 = 0, draws = 0;  // of the offsets of edges that are not displaced, and how many independent ones
+        double located = 0;          // S
+        double chi2 = 0, draws = 0;  // of the offsets of edges that are the part's own, and how many independent ones
         double squares = 0, met = 0;  // of all offsets [px^2], and how many there are
     };
     Sums sums(const State& state) const { return evaluate(state, nullptr); }
@@ -90,13 +105,18 @@ class ImageEdges : public PoseTerm {
     struct View {
         std::vector<char> shown, rims;
     };
+    struct Met;
     Sums evaluate(const State& state, const Slope* slope) const;
+    void locate(const std::vector<Met>& met, const std::vector<char>& clear, Sums& sums, const Slope* slope,
+                const int* columns, int count) const;
     std::shared_ptr<const View> view_from(const Vec3& eye) const;
     double spilled_area(const Pose& pose, const Lens& lens) const;
+    double level_at(const Pose& T_world_part) const;
 
     std::shared_ptr<const EdgePart> part;
     std::shared_ptr<const EdgeImage> image;
     EdgeRules rules;
+    std::vector<PoseLevel> levels;
     double reach;
     int first;
     EdgePoints points;

@@ -26,16 +26,4 @@ class OnSurface : public Factor {
     bool is_blocked(const Placement& at) const;
 };
 
-// Factors of a kind that is on the surface, of the columns of many.
-template <class Kind>
-Factors made_on_surface(const Columns& columns) {
-    Factors out;
-    for (size_t k = 0; k < columns.rows(); ++k) {
-        auto factor = std::make_unique<Kind>();
-        factor->fill(columns, k);
-        out.push_back(std::move(factor));
-    }
-    return out;
-}
-
 }  // namespace tanteo

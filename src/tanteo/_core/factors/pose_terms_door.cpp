@@ -16,7 +16,7 @@ namespace {
 using namespace nb::literals;
 
 std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camera, Doubles camera_root, double shift_sd,
-                                           Ints nearest, Doubles pixels, Doubles sds, Doubles widths,
+                                           Ints nearest, Doubles pixels, Doubles sds, Doubles commons, Doubles widths,
                                            Floats chance, Flags bare) {
     auto image = std::make_shared<EdgeImage>();
     image->lens = lens_of(camera);
@@ -33,6 +33,7 @@ std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camer
     const size_t count = expect(pixels, "pixels", {ANY, 2});
     image->pixels.assign(pixels.data(), pixels.data() + pixels.size());
     image->sds = doubles(sds, "sds", {count});
+    image->commons = doubles(commons, "commons", {count});
     image->widths = doubles(widths, "widths", {count});
     for (const double sd : image->sds)
         if (!(sd > 0)) refuse("sds", "expected standard deviations above zero");
@@ -62,37 +63,43 @@ std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints 
 }
 
 std::shared_ptr<ImageEdges> image_edges(std::shared_ptr<EdgePart> part, std::shared_ptr<EdgeImage> image, Doubles rules,
-                                        double reach, int first) {
-    expect(rules, "rules", {14});
-    if (rules.size() == 0) refuse("rules", "expected 14 numbers");
+                                        Doubles level_poses, Doubles levels, double reach, int first) {
+    expect(rules, "rules", {16});
+    if (rules.size() == 0) refuse("rules", "expected 16 numbers");
     const double* r = rules.data();
-    const EdgeRules all{r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13]};
-    for (const int k : {0, 1, 4, 6, 7}) expect(r[k], "rules", 1e-9, 1e9);
-    for (const int k : {2, 3, 5}) expect(r[k], "rules, probabilities", 0, 1 - 1e-12);
-    return std::make_shared<ImageEdges>(std::move(part), std::move(image), all, expect(reach, "reach", 1e-9, 1e9),
+    const EdgeRules all{r[0], r[1],  r[2],  r[3],  r[4],  r[5],  r[6],  r[7], r[8],
+                        r[9], r[10], r[11], r[12], r[13], r[14], r[15]};
+    for (const int k : {0, 1, 4, 5, 7, 14}) expect(r[k], "rules", 1e-9, 1e9);
+    for (const int k : {2, 3, 6, 15}) expect(r[k], "rules, probabilities", 0, 1 - 1e-12);
+    const std::vector<Pose> at = poses(level_poses, "level_poses");
+    expect(levels, "levels", {at.size()});
+    std::vector<PoseLevel> known;
+    for (size_t k = 0; k < at.size(); ++k) known.push_back({at[k], levels.data()[k]});
+    return std::make_shared<ImageEdges>(std::move(part), std::move(image), all, std::move(known), expect(reach, "reach", 1e-9, 1e9),
                                         static_cast<int>(expect(first, "first", 0, 1e3)));
 }
 
-// The sums behind the density at states, a row each: log density, hits, misses, spilled area [px^2], chi-square of
-// offsets, independent ones in it, squares of offsets [px^2], samples met.
+// The sums behind the density at states, a row each: log density, that edges are there, hits, misses, spilled area [px^2], log of where edges
+// are, chi-square of offsets, independent ones in it, squares of offsets [px^2], samples met.
 Out image_sums(const ImageEdges& term, Doubles Ts, Doubles shared) {
     const std::vector<Pose> all = poses(Ts);
     const size_t D = shared.ndim() == 2 ? shared.shape(1) : 0;
     expect(shared, "shared", {all.size(), D});
     if (D < static_cast<size_t>(term.columns())) refuse("shared", "expected the shared errors of the image");
-    std::vector<double> out(8 * all.size());
+    std::vector<double> out(10 * all.size());
     {
         nb::gil_scoped_release release;
         for_all(all.size(), [&] {
             return [&](size_t k) {
                 const double* z = shared.data() + D * k;
                 const ImageEdges::Sums s = term.sums({all[k], std::vector<double>(z, z + D)});
-                const double values[8] = {s.log, s.hits, s.misses, s.spilled, s.chi2, s.draws, s.squares, s.met};
-                std::copy(values, values + 8, &out[8 * k]);
+                const double values[10] = {s.log, s.there, s.hits,  s.misses,  s.spilled, s.located,
+                                          s.chi2, s.draws, s.squares, s.met};
+                std::copy(values, values + 10, &out[10 * k]);
             };
         });
     }
-    return array_of(std::move(out), {all.size(), 8});
+    return array_of(std::move(out), {all.size(), 10});
 }
 
 std::shared_ptr<StablePoses> stable_poses(Doubles ups, Doubles heights, Doubles log_weights, Doubles centroid, int freedom,
@@ -144,10 +151,11 @@ void offer_pose_terms(nb::module_& m) {
     nb::class_<ImageEdges, PoseTerm>(m, "ImageEdges");
     nb::class_<StablePoses, PoseTerm>(m, "StablePoses");
     m.def("make_edge_image", &make_edge_image, "camera"_a, "T_world_camera"_a, "camera_root"_a, "shift_sd"_a, "nearest"_a,
-          "pixels"_a, "sds"_a, "widths"_a, "chance"_a, "bare"_a);
+          "pixels"_a, "sds"_a, "commons"_a, "widths"_a, "chance"_a, "bare"_a);
     m.def("make_edge_part", &make_edge_part, "frame"_a, "groups"_a, "bends"_a, "cover"_a, "cover_normals"_a,
           "cover_area"_a);
-    m.def("image_edges", &image_edges, "part"_a, "image"_a, "rules"_a, "reach"_a, "first"_a);
+    m.def("image_edges", &image_edges, "part"_a, "image"_a, "rules"_a, "level_poses"_a, "levels"_a,
+          "reach"_a, "first"_a);
     m.def("image_sums", &image_sums, "term"_a, "poses"_a, "shared"_a);
     m.def("stable_poses", &stable_poses, "ups"_a, "heights"_a, "log_weights"_a, "centroid"_a, "freedom"_a, "axis"_a,
           "T_world_table"_a, "height_sd"_a, "tilt_sd"_a, "area"_a);

@@ -43,6 +43,18 @@ struct RegisteredKind {
     RegisteredKind(const char* name, FactorMaker make, int landmark = 0);
 };
 
+// Return the factors of a kind that has fill(columns, row).
+template <class Kind>
+Factors factors_from_columns(const Columns& columns) {
+    Factors out;
+    for (size_t k = 0; k < columns.rows(); ++k) {
+        auto factor = std::make_unique<Kind>();
+        factor->fill(columns, k);
+        out.push_back(std::move(factor));
+    }
+    return out;
+}
+
 // Throws std::invalid_argument for a kind that is not registered, naming those that are.
 Factors make_factors(const std::string& kind, const Columns& columns);
 

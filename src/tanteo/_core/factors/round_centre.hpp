@@ -35,15 +35,4 @@ class RoundCentre : public Factor {
     int nearest_landmark(const Shape& shape, const Vec3& p, Vec3& off) const;
 };
 
-template <class Kind>
-Factors made_round_centres(const Columns& columns) {
-    Factors out;
-    for (size_t k = 0; k < columns.rows(); ++k) {
-        auto factor = std::make_unique<Kind>();
-        factor->fill(columns, k);
-        out.push_back(std::move(factor));
-    }
-    return out;
-}
-
 }  // namespace tanteo

@@ -14,6 +14,6 @@ class SphereCentre final : public RoundCentre {
     bool axis_is_signed() const override { return true; }  // a sphere has none; one that is given is compared as it is
 };
 
-static const RegisteredKind registered("sphere_centre", made_round_centres<SphereCentre>, SphereCentre::LANDMARK);
+static const RegisteredKind registered("sphere_centre", factors_from_columns<SphereCentre>, SphereCentre::LANDMARK);
 
 }  // namespace tanteo

@@ -318,6 +318,6 @@ void SurfacePoint::evaluate_convex_vertices(const Ball& ball, std::vector<Tip>& 
     }
 }
 
-static const RegisteredKind registered("surface_point", made_on_surface<SurfacePoint>);
+static const RegisteredKind registered("surface_point", factors_from_columns<SurfacePoint>);
 
 }  // namespace tanteo

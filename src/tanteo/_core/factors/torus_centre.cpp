@@ -13,6 +13,6 @@ class TorusCentre final : public RoundCentre {
     int landmark() const override { return LANDMARK; }
 };
 
-static const RegisteredKind registered("torus_centre", made_round_centres<TorusCentre>, TorusCentre::LANDMARK);
+static const RegisteredKind registered("torus_centre", factors_from_columns<TorusCentre>, TorusCentre::LANDMARK);
 
 }  // namespace tanteo
