@@ -17,9 +17,8 @@ from tanteo.measurements import ContactPoints, FreeRays, OnTable
 from tanteo.parts import read_part
 from tanteo.vision import find_regions
 from tanteo.vision.candidates import own_edges
-from tanteo.vision.edges import CORRELATION
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import ASTRAY, REACH, ImageEdges, Sums, Weights, chance_hits
+from tanteo.vision.image_edges import ASTRAY, CORRELATION, REACH, ImageEdges, Sums, Weights, chance_hits
 from tanteo.vision.regions import bare_table
 from tanteo.vision.wireframe import see_edges
 from vision_scenes import PARTS, bracket, seen_alone

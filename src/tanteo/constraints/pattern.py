@@ -14,8 +14,7 @@ import numpy as np
 from tanteo.constraints.joint import JointTest, joint_test
 from tanteo.errors import InputError
 from tanteo.features import Feature, collect_shared
-from tanteo.lie import SE3, SO3
-from tanteo.lie.maximize import maximize
+from tanteo.lie import SE3, SO3, maximize
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PASSES = 20

@@ -24,8 +24,7 @@ from tanteo.fitting.estimate import (
     shared_terms,
 )
 from tanteo.fitting.flatness import refuse_narrow
-from tanteo.lie import SE3, SO3
-from tanteo.lie.maximize import maximize
+from tanteo.lie import SE3, SO3, maximize
 from tanteo.typing import Covariances, FloatArray, Vectors
 
 _NARROW = (

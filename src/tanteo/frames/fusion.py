@@ -9,8 +9,7 @@ import numpy as np
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames.covariances import symmetrised, unit_diagonal
 from tanteo.frames.uncertain import UncertainFrame
-from tanteo.lie import SE3
-from tanteo.lie.maximize import maximize
+from tanteo.lie import SE3, maximize
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms
 
 _CONVERGED = 1e-12

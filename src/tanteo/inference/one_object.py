@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.inference.labels import Facets
-from tanteo.lie import SO3
-from tanteo.lie.maximize import maximize
+from tanteo.lie import SO3, maximize
 from tanteo.special import log_sum
 from tanteo.typing import Covariances, FloatArray, Vectors
 

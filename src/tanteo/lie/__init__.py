@@ -1,4 +1,4 @@
-"""Rigid motions without uncertainty, as array functions: ``SO3`` and ``SE3`` are the two modules of this room.
+"""Rigid motions without uncertainty, as array functions: modules ``SO3`` and ``SE3``; ``maximize`` fits states on them.
 
 Rotations are ``(*batch, 3, 3)`` and rigid motions ``(*batch, 4, 4)`` arrays, so composition is ``@`` and frames
 cancel by eye: ``T_world_part = T_world_hand @ T_hand_sensor @ T_sensor_part``. Tangents are ``[v, w]``, translation
@@ -7,5 +7,6 @@ first, and perturb on the right: ``T = T_mean @ SE3.exp(xi)``.
 
 from tanteo.lie import se3 as SE3
 from tanteo.lie import so3 as SO3
+from tanteo.lie.maximize import maximize
 
-__all__ = ["SE3", "SO3"]
+__all__ = ["SE3", "SO3", "maximize"]

@@ -8,8 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3
-from tanteo.lie.maximize import maximize
+from tanteo.lie import SE3, SO3, maximize
 from tanteo.localization.solve import Block, assemble, pose_information
 from tanteo.typing import FloatArray, Tangents, Transforms
 from tanteo.words import Motion

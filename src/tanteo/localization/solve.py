@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.lie import SE3
-from tanteo.lie.maximize import maximize
+from tanteo.lie import SE3, maximize
 from tanteo.localization.relations import Relation
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.answers import Hypothesis
-from tanteo.lie import SE3
-from tanteo.lie.maximize import maximize
+from tanteo.lie import SE3, maximize
 from tanteo.parts import Part
 from tanteo.sensors import PointMeasurements, Readings
 from tanteo.shapes import Surface

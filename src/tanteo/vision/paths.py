@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3
-from tanteo.lie.maximize import maximize
+from tanteo.lie import SE3, SO3, maximize
 from tanteo.parts import Part, near_groups
 from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
