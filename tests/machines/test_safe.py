@@ -155,6 +155,25 @@ def test_a_driver_that_hangs_is_stopped():
         one.move(at(30, 20, 60))
 
 
+def test_a_driver_that_errs_stops_the_machine_in_one_sentence():
+    class Erring(DirectMachine):
+        stops = 0
+
+        def move(self, T, speed, seconds):
+            raise KeyError("axis")
+
+        def abort(self):
+            self.stops += 1
+
+    machine = Erring(world(), START)
+    one = SafeMachine(machine, MachineLimits(ROOM))
+    with pytest.raises(StoppedError, match="KeyError: 'axis'"):
+        one.move(at(0, 0, 110))
+    assert machine.stops
+    with pytest.raises(StoppedError, match="has stopped"):
+        one.move(at(0, 0, 100))
+
+
 def test_a_controller_that_falls_silent_is_stopped():
     class Silent(Hangs):
         def status(self):

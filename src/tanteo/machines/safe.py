@@ -12,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from tanteo.errors import TanteoError
 from tanteo.lie import SE3
 from tanteo.machines.limits import MachineLimits
 from tanteo.machines.protocol import (
@@ -206,6 +207,11 @@ class SafeMachine:
             raise
         if (error := motion.exception()) is not None:
             self._latch(error)
+            if not isinstance(error, TanteoError):
+                raise StoppedError(
+                    f"{self.facts.name}: expected its driver to end a motion or to say why not, got "
+                    f"{type(error).__name__}: {error}. It was told to stop: look at it, and at the driver."
+                ) from error
         return motion.result()
 
     def _wait(self, motion: futures.Future[_T], seconds: float) -> None:
