@@ -23,6 +23,7 @@ NOT_FOR_PROGRAMS = {
     "__main__",
     "_core",
     "cli",
+    "defaults",
     "demo",
     "lazy",
     "limits",

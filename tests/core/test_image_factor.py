@@ -102,7 +102,8 @@ def where_edges_are(groups, met, sds, commons):
         d, sd, b, rows = d[with_the_rest], sd[with_the_rest], b[with_the_rest], rows[with_the_rest]
         covariance = np.diag(sd**2 / np.minimum(met.spans[rows] / CORRELATION, 1.0)) + np.outer(b, b)
         chi2 = d @ np.linalg.solve(covariance, d)
-        total += np.log((1 - ASTRAY) * np.exp(-chi2 / 2) + ASTRAY)
+        draws = np.minimum(met.spans[rows] / CORRELATION, 1.0).sum()
+        total += np.log((1 - ASTRAY) * np.exp((draws - chi2) / 2) + ASTRAY)
     return total
 
 

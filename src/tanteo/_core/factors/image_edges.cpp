@@ -237,7 +237,7 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
                 for (int c = 0; c < count; ++c) common[c] += w * b * one->row[c];
         }
         const double chi2 = square - along * along / total;
-        const double is_own = (1 - rules.astray) * std::exp(-0.5 * chi2), density = is_own + rules.astray;
+        const double is_own = (1 - rules.astray) * std::exp(0.5 * (draws - chi2)), density = is_own + rules.astray;
         const double probability = is_own / density;
         sums.located += std::log(density);
         sums.chi2 += probability * chi2;
