@@ -148,7 +148,7 @@ def test_a_constant_is_taken_about_each_pose(scene):
     model, camera, _, _, factor, T = scene
     near_it, far = T @ SE3.exp(np.r_[1e-4, 0, 0, 0, 0, 0]), T @ SE3.exp(np.r_[0, 0, 0, 0, 0, 1.0])
     about = np.ascontiguousarray(camera.T_world_camera @ np.stack([T, far]))
-    levelled = replace(factor, levels={model.part.name: (about, np.array([3.0, -2.0]))})
+    levelled = replace(factor, levels={model.part: (about, np.array([3.0, -2.0]))})
     before, after = (summed(one, model, np.stack([near_it, far])).log for one in (factor, levelled))
     np.testing.assert_allclose(before - after, [3.0, -2.0])
 

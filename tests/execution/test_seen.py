@@ -41,7 +41,7 @@ def steps():
 def twins(steps):
     """An image of a part whose silhouette is its twin's: a step that a camera above hardly sees discriminates them.
 
-    A table that is known to 0.2 mm makes one of them much the more probable: its twin would have to float above it.
+    A table that is known to 0.2 mm makes one of them far more probable: the twin would have to float above it.
     """
     image = read_image(EXAMPLES / "images" / "twins.png")
     return see_table(image, camera(), [target.part for target in steps], top=20)

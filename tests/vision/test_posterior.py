@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tanteo.answers import Priors
-from tanteo.lie import SE3
+from tanteo import part_from_mesh
+from tanteo.answers import Priors, sized
+from tanteo.lie import SE3, SO3
 from tanteo.measurements import OnTable
-from tanteo.vision import TableErrors, map_edges, prepare_vision, project
+from tanteo.parts import read_part
+from tanteo.vision import TableErrors, View, map_edges, prepare_vision, project, see_table, view_factors
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.fit import meet
 from tanteo.vision.image_edges import ImageEdges, Weights
-from tanteo.vision.posterior import MISSED, infer
-from vision_scenes import bracket, seen_alone
+from tanteo.vision.posterior import MISSED, infer, searched
+from vision_scenes import PARTS, bracket, seen_alone
 
 ERRORS = TableErrors()
 LYING = OnTable(np.eye(4), ERRORS.height, ERRORS.tilt, 1e-2)
@@ -121,7 +123,7 @@ def test_the_table_counts_as_three_equations(seen):
 def test_probabilities_weigh_parts_and_the_unknown_object(seen):
     """A part counts by that its edges are there at its best pose, and by the probability of its stable pose."""
     model, camera, points, T = seen
-    other = prepare_vision(replace(model.part, name="other"))
+    other = prepare_vision(replace(model.part))
     base = ImageEdges(camera, map_edges(points), np.array([0.05]))
     log = float(base.sums(model, T[None]).there[0])
     image = replace(base, log_unknown=log)
@@ -144,3 +146,64 @@ def test_without_edges_of_the_part_nothing_is_known(seen):
     found = infer(image, [(model, T[None])], 1, lying=LYING)
     assert not found.modes or found.unknown > 0.0
     assert infer(image, [(model, np.zeros((0, 4, 4)))], 1).unknown == 1.0
+
+
+def scene(part):
+    """A camera, its image of a part that lies alone on a table, and the pose of the part in the world."""
+    camera, image, _, T = seen_alone(prepare_vision(part), 0.5)
+    return camera, image, camera.T_world_camera @ T
+
+
+def test_parts_of_one_name_keep_their_own_constants():
+    wedge, step = (read_part(PARTS / f"{name}.step") for name in ("wedge", "step_12mm"))
+    camera, image, T = scene(wedge)
+    points, found = SE3.apply(T, prepare_vision(wedge).inner), []
+    for other in (step, replace(step, name="wedge")):
+        (factor,) = view_factors([View(image, camera)], points, [wedge, other], sized(Priors(), wedge.radius))
+        answer = see_table(image, camera, [wedge, other]).objects[0].answer
+        log = factor.sums_at(wedge, T[None], np.zeros((1, factor.states))).log[0]
+        found.append((log, len(factor.poses(wedge)), answer.hypotheses[0].probability, answer.unknown_probability))
+        assert answer.hypotheses[0].file == wedge.source
+    assert found[0] == pytest.approx(found[1], abs=1e-6)
+
+
+def cone_frustum():
+    """A frustum of a cone of 40 mm, of 48 facets."""
+    angles = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    rings = [np.c_[r * np.cos(angles), r * np.sin(angles), np.full(48, z)] for r, z in ((0.02, 0.0), (0.012, 0.04))]
+    k, following = np.arange(48), (np.arange(48) + 1) % 48
+    sides = np.concatenate([np.c_[k, following, following + 48], np.c_[k, following + 48, k + 48]])
+    caps = np.concatenate([np.c_[np.full(48, 96), following, k], np.c_[np.full(48, 97), k + 48, following + 48]])
+    ends = np.array([[0, 0, 0], [0, 0, 0.04]])
+    return part_from_mesh(np.concatenate([*rings, ends]), np.concatenate([sides, caps]), name="frustum", unit="m")
+
+
+@pytest.mark.parametrize("name", ["square_post", "flange", "frustum"])
+def test_poses_that_symmetry_makes_the_same_have_one_constant(name):
+    part = cone_frustum() if name == "frustum" else read_part(PARTS / f"{name}.step")
+    assert (part.symmetry.axis is not None) == (name == "frustum")
+    camera, image, T = scene(part)
+    if name != "frustum":  # an image of another part leaves several poses
+        image = scene(read_part(PARTS / "bracket_left.step"))[1]
+    model = prepare_vision(part)
+    (factor,) = view_factors([View(image, camera)], SE3.apply(T, model.inner), [part], sized(Priors(), part.radius))
+    # the same place, in all stable poses and yaws
+    middle = SE3.from_parts(np.eye(3), SE3.apply(T, part.centroid))
+    back = SE3.from_parts(np.eye(3), -part.centroid)
+    yaws = [SE3.from_parts(SO3.axis_rotation(2, a), np.zeros(3)) for a in np.linspace(0, 6, 12)]
+    rests = [SE3.from_parts(rest.T_table_part[:3, :3], np.zeros(3)) for rest in model.rests]
+    start = [(part, np.stack([T, *(middle @ yaw @ rest @ back for rest in rests for yaw in yaws)]))]
+    (levelled,), _, _ = searched((replace(factor, levels={}, proposed={}),), start, sized(Priors(), part.radius))
+    turns = part.symmetry.Ts
+    if part.symmetry.axis is not None:
+        point, axis = part.symmetry.axis
+        spins = [SE3.from_parts(SO3.exp(a * axis), point - SO3.exp(a * axis) @ point) for a in (0.7, 2.0, 3.0, 4.5)]
+        turns = np.concatenate([turns @ spin for spin in spins])
+    Ts, _ = levelled.levels[part]
+    found = []
+    for pose in Ts:
+        sums = levelled.sums_at(part, pose @ turns, np.zeros((len(turns), levelled.states)))
+        found.append(sums.there + sums.located - sums.log)
+    levels = np.array(found)
+    assert np.ptp(levels) > 1  # not all poses have the same
+    np.testing.assert_allclose(levels, np.broadcast_to(levels[:, :1], levels.shape), atol=1e-6)

@@ -341,6 +341,7 @@ def make_edge_part(
     cover: FloatArray,
     cover_normals: FloatArray,
     cover_area: float,
+    marks: FloatArray,
 ) -> EdgePart: ...
 def image_edges(
     part: EdgePart,

@@ -210,7 +210,7 @@ class SafeMachine:
             if not isinstance(error, TanteoError):
                 raise StoppedError(
                     f"{self.facts.name}: expected its driver to end a motion or to say why not, got "
-                    f"{type(error).__name__}: {error}. It was told to stop: look at it, and at the driver."
+                    f"{type(error).__name__}: {error}. A stop was sent: check the machine, then the driver."
                 ) from error
         return motion.result()
 

@@ -106,9 +106,9 @@ class ImageEdges(PoseFactor):
         bare: pixels that show bare table ``(rows, columns)``; None where there is no table.
         weights: weights of the sums.
         log_unknown: log density of the image if the object is unknown.
-        proposed: poses ``T_world_part`` of each part that the image suggests, by the name of the part.
-        levels: poses ``T_world_part`` of each part and the log of the constant that is taken from the density about
-            each of them, by the name of the part; none if not given.
+        proposed: poses ``T_world_part`` of each part that the image suggests.
+        levels: of each part, poses ``T_world_part`` and the constant that is taken from the log density of poses that
+            are nearest to each; none if not given.
     """
 
     camera: Camera
@@ -117,8 +117,8 @@ class ImageEdges(PoseFactor):
     bare: BoolArray | None = None
     weights: Weights = field(default_factory=Weights)
     log_unknown: float = 0.0
-    proposed: Mapping[str, Transforms] = field(default_factory=dict)
-    levels: Mapping[str, tuple[Transforms, FloatArray]] = field(default_factory=dict)
+    proposed: Mapping[Part, Transforms] = field(default_factory=dict)
+    levels: Mapping[Part, tuple[Transforms, FloatArray]] = field(default_factory=dict)
     image: _core.EdgeImage = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -143,14 +143,14 @@ class ImageEdges(PoseFactor):
 
     def term(self, part: Part, first: int) -> _core.ImageEdges:
         """Compile the factor for one part."""
-        level_poses, levels = self.levels.get(part.name, _NO_LEVELS)
+        level_poses, levels = self.levels.get(part, _NO_LEVELS)
         return _core.image_edges(
             prepare_vision(part).seen, self.image, self.weights.rules(), level_poses, levels, REACH, first
         )
 
     def poses(self, part: Part) -> Transforms:
         """Return the poses of a part that the image suggests ``(k, 4, 4)``."""
-        return self.proposed.get(part.name, np.zeros((0, 4, 4)))
+        return self.proposed.get(part, np.zeros((0, 4, 4)))
 
     def sums_at(self, part: Part, Ts: Transforms, zs: FloatArray) -> Sums:
         """Evaluate poses ``T_world_part`` of a part ``(B, 4, 4)`` and shared errors of the image ``(B, states)``."""

@@ -78,8 +78,18 @@ def _seen(frame: Wireframe, part: Part) -> _core.EdgePart:
     """Compile the edges of a part, and places of its surface, for the image factor."""
     cover, normals = spread(part, COVER)
     return _core.make_edge_part(
-        frame.compiled, frame.groups.astype(np.int32), frame.bends, cover, normals, part.area / COVER
+        frame.compiled, frame.groups.astype(np.int32), frame.bends, cover, normals, part.area / COVER, _marks(part)
     )
+
+
+def _marks(part: Part) -> Vectors:
+    """Return points ``(k, 3)`` that a motion moves unless it is a turn that maps the part onto itself."""
+    symmetry, size = part.symmetry, part.diagonal
+    if symmetry.spherical:
+        return np.ascontiguousarray(part.centroid[None])
+    if symmetry.axis is not None:
+        return np.ascontiguousarray(symmetry.axis[0] + size * np.outer([-0.5, 0.5], symmetry.axis[1]))
+    return np.ascontiguousarray(part.centroid + size * np.concatenate([np.zeros((1, 3)), np.eye(3)]))
 
 
 def spread(part: Part, count: int = INNER) -> tuple[Vectors, Vectors]:

@@ -1,9 +1,8 @@
 """The posterior of what an image shows, asked of the one engine (``inference``).
 
 An image proposes poses; the engine maximizes, samples and weighs them with the image's factor. An unknown object has
-edges, too, and a pose of its own that they determine as sharply as the best part's: its evidence is the log density
-that its edges have without a model (``Weights.unknown``, ``Weights.base``), times the share of the prior that the image
-leaves to that pose (decision 87).
+edges, too: its log evidence is the log density that they have without a model (``Weights.unknown``, ``Weights.base``).
+Neither it nor a part pays for how sharply the image fixes the pose (decision 87).
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class ImagePosterior:
             to the parts in poses that were not proposed.
         left_out: probability of the parts that were not looked for, at most.
         count: number of these.
-        log_unknown: log density of the image if the object is unknown, the share of its prior included.
+        log_unknown: log density of the image if the object is unknown.
     """
 
     modes: tuple[Mode, ...] = ()
@@ -75,25 +74,25 @@ def searched(
         return problem, search_about(problem, proposed, np.random.default_rng(_SEED))
 
     poses = [np.ascontiguousarray(Ts) for _, Ts in proposals]
-    known = {part.name: _first_levels(images, part, Ts) for (part, _), Ts in zip(proposals, poses, strict=True)}
+    known = {part: _first_levels(images, part, Ts) for (part, _), Ts in zip(proposals, poses, strict=True)}
     begun = (replace(images[0], levels=known), *images[1:])
     _, first = search(begun, poses)
-    levels = {one.objective.prepared.part.name: _levels(begun, one, lying) for one in first if len(one.peaks)}
+    levels = {one.objective.prepared.part: _levels(begun, one, lying) for one in first if len(one.peaks)}
     levelled = (replace(images[0], levels=levels), *images[1:])
     return levelled, *search(levelled, [one.peaks.Ts for one in first])
 
 
 def _first_levels(images: Sequence[ImageEdges], part: Part, Ts: Transforms) -> tuple[Transforms, FloatArray]:
-    """Return poses of a part, and the most that where edges are adds to the density about each."""
+    """Return poses of a part, and the largest sum of where edges are about each."""
     sums = [image.sums_at(part, Ts, np.zeros((len(Ts), image.states))) for image in images]
     located = sum((one.located for one in sums), start=np.zeros(len(Ts)))
     groups = _near(part, Ts, sum((one.there for one in sums), start=np.zeros(len(Ts))))
     levels = np.array([located[members].max() for members in groups])
-    return np.ascontiguousarray(Ts[[members[0] for members in groups]]), levels
+    return _images(part, Ts[[members[0] for members in groups]], levels)
 
 
 def _levels(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | None) -> tuple[Transforms, FloatArray]:
-    """Return poses of a part, and what makes the integral of the density about each that its edges are there."""
+    """Return poses of a part, and constants that make the integral about each the density that edges are there."""
     part, peaks = search.objective.prepared.part, search.peaks
     first, *others = sums_at(images, search)
     wanted = _there(part, peaks.Ts, first, lying) + sum(sums.there for sums in others)
@@ -101,7 +100,13 @@ def _levels(images: Sequence[ImageEdges], search: PartSearch, lying: OnTable | N
     evidence = peaks.evidence + taken + search.log_evidence - log_sum(peaks.evidence)
     groups = _near(part, peaks.Ts, wanted)
     levels = [float(log_sum(evidence[members])) - wanted[members[0]] for members in groups]
-    return np.ascontiguousarray(peaks.Ts[[members[0] for members in groups]]), np.array(levels)
+    return _images(part, peaks.Ts[[members[0] for members in groups]], np.array(levels))
+
+
+def _images(part: Part, Ts: Transforms, levels: FloatArray) -> tuple[Transforms, FloatArray]:
+    """Return poses and their constants, with all poses that the symmetry of the part makes the same."""
+    turns = part.symmetry.Ts
+    return np.ascontiguousarray((Ts[:, None] @ turns).reshape(-1, 4, 4)), np.repeat(levels, len(turns))
 
 
 def _near(part: Part, Ts: Transforms, log: FloatArray) -> list[list[int]]:
@@ -133,12 +138,12 @@ def infer(
     """Return the posterior of the object that an image shows.
 
     Args:
-        image: the edges of the image; their ``log_unknown`` is that of an unknown object whose pose is known.
+        image: the edges of the image; their ``log_unknown`` is that of an unknown object.
         proposals: parts that are looked for, with poses ``T_camera_part`` from which maximizations start.
         count: number of all parts.
         lying: prior of the pose on a table; any pose if not given.
         log_left_out: log evidence of parts that are not looked for, from that of each part that is, priors included,
-            and that of a part that explains no edge, its share of the prior excluded.
+            and that of a part that explains no edge.
         left_out: number of parts that are not looked for.
     """
     if not any(len(Ts) for _, Ts in proposals):
@@ -167,7 +172,7 @@ def infer(
 def _weighed(
     image: ImageEdges, found: Posterior, lying: OnTable | None, prior: float
 ) -> tuple[tuple[Mode, ...], float]:
-    """Return modes with probabilities by that their edges are there, and the log evidence of the image.
+    """Return modes with their probabilities, by the density that edges are there, and the log evidence of the image.
 
     The constants about poses are those of a normal density about each maximum, and the integral of the density differs
     from that. So modes count by the density that edges are there, and those near one another count as one.
@@ -179,10 +184,10 @@ def _weighed(
         prior: log probability of each part beforehand.
     """
     masses: dict[int, float] = {}
-    for name in {mode.prepared.part.name for mode in found.modes}:
-        rows = [k for k, mode in enumerate(found.modes) if mode.prepared.part.name == name]
+    for part in dict.fromkeys(mode.prepared.part for mode in found.modes):
+        rows = [k for k, mode in enumerate(found.modes) if mode.prepared.part is part]
         some = [found.modes[k] for k in rows]
-        part, Ts = some[0].prepared.part, np.stack([mode.T_peak for mode in some])
+        Ts = np.stack([mode.T_peak for mode in some])
         sums = image.sums_at(part, Ts, np.stack([mode.z for mode in some]))
         wanted = _there(part, Ts, sums, lying) + prior
         for members in _near(part, Ts, wanted):

@@ -58,7 +58,7 @@ def view_factors(
     """
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     models = [prepared(part) for part in parts]
-    images, proposed = [], dict[str, list[Transforms]]()
+    images, proposed = [], dict[Part, list[Transforms]]()
     for view in views:
         edges = find_edges(view.pixels)
         region, _, _ = region_of_readings(view.pixels, view.camera, points, edges)
@@ -68,9 +68,9 @@ def view_factors(
         errors = seen_table(TableErrors(), view.camera, T_world_table)
         for found in candidates_in(models, image, T_camera_table, region, errors):
             Ts = standing(view.camera) @ found.T_camera_part
-            proposed.setdefault(found.model.part.name, []).append(Ts)
+            proposed.setdefault(found.model.part, []).append(Ts)
         images.append(image)
-    suggested = [(part, np.concatenate(proposed.get(part.name, [np.zeros((0, 4, 4))]))) for part in parts]
+    suggested = [(part, np.concatenate(proposed.get(part, [np.zeros((0, 4, 4))]))) for part in parts]
     (first, *others), _, _ = searched(images, suggested, priors)
-    poses = {part.name: np.ascontiguousarray(Ts) for part, Ts in suggested}
+    poses = {part: np.ascontiguousarray(Ts) for part, Ts in suggested}
     return replace(first, proposed=poses), *others

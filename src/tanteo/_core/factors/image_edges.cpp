@@ -81,17 +81,14 @@ double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
     return area;
 }
 
-// Of the nearest pose, by the motion of points as far from the origin as the part is large.
+// The level of the nearest pose, by the sum of squared distances of the part's marks.
 double ImageEdges::level_at(const Pose& T) const {
-    const double size = part->frame->diagonal;
     double best = 1e300, level = 0;
     for (const PoseLevel& one : levels) {
-        double apart = squared(one.T_world_part.t - T.t);
-        for (int i = 0; i < 9; ++i) apart += size * size * std::pow(one.T_world_part.R.m[i] - T.R.m[i], 2);
-        if (apart < best) {
-            best = apart;
-            level = one.level;
-        }
+        double apart = 0;
+        for (const Vec3& p : part->marks)
+            apart += squared(one.T_world_part.R * p + one.T_world_part.t - (T.R * p + T.t));
+        if (apart < best) best = apart, level = one.level;
     }
     return level;
 }

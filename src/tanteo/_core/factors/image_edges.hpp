@@ -21,8 +21,8 @@
 // that run with the rest of their edge, n_e independent ones: noise of each edge point, independent over a correlation
 // length, and an error that is common to the edge (its neighbours in the image, the lens). An edge that is another's has
 // the density g, relative to that of the part's own with usual noise. S_0, a constant about each pose that the image
-// suggests, makes the integral of the whole there that of the first three sums at that pose: where edges are tells
-// poses, not parts, because edges are more exact than models of parts and of light are (decision 87).
+// suggests, makes the integral of the whole there that of the first three sums at that pose: the places of
+// edges inform the pose and not the identity, because edges are more exact than models of parts and of light (decision 87).
 //
 // Shared errors: the camera's pose, T_world_camera exp(S z) with S S' its covariance, and a shift of all edges in the image.
 #pragma once
@@ -78,6 +78,7 @@ struct EdgePart {
     std::vector<Vec3> bends;       // from a sample to the middle of its rim, over the square of the radius [1/m]; or zero
     std::vector<Vec3> cover, cover_normals;  // places all over the surface
     double cover_area = 0;         // of the surface that each stands for [m^2]
+    std::vector<Vec3> marks;       // points that every motion moves, unless it is a turn that maps the part onto itself
     int edges = 0;
 };
 

@@ -48,7 +48,7 @@ std::shared_ptr<EdgeImage> make_edge_image(Doubles camera, Doubles T_world_camer
 }
 
 std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints groups, Doubles bends, Doubles cover,
-                                         Doubles cover_normals, double cover_area) {
+                                         Doubles cover_normals, double cover_area, Doubles marks) {
     auto part = std::make_shared<EdgePart>();
     part->groups = expect(groups, "groups", frame->size(), 0, int64_t(frame->size()));
     part->bends = vectors(bends, "bends");
@@ -56,6 +56,7 @@ std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints 
     part->cover = vectors(cover, "cover");
     part->cover_normals = vectors(cover_normals, "cover_normals");
     if (part->cover.size() != part->cover_normals.size()) refuse("cover_normals", "expected one for each place");
+    part->marks = vectors(marks, "marks");
     part->cover_area = expect(cover_area, "cover_area", 0, 1e12);
     for (const int group : part->groups) part->edges = std::max(part->edges, group + 1);
     part->frame = std::move(frame);
@@ -153,7 +154,7 @@ void offer_pose_terms(nb::module_& m) {
     m.def("make_edge_image", &make_edge_image, "camera"_a, "T_world_camera"_a, "camera_root"_a, "shift_sd"_a, "nearest"_a,
           "pixels"_a, "sds"_a, "commons"_a, "widths"_a, "chance"_a, "bare"_a);
     m.def("make_edge_part", &make_edge_part, "frame"_a, "groups"_a, "bends"_a, "cover"_a, "cover_normals"_a,
-          "cover_area"_a);
+          "cover_area"_a, "marks"_a);
     m.def("image_edges", &image_edges, "part"_a, "image"_a, "rules"_a, "level_poses"_a, "levels"_a,
           "reach"_a, "first"_a);
     m.def("image_sums", &image_sums, "term"_a, "poses"_a, "shared"_a);
