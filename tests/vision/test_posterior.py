@@ -184,7 +184,7 @@ def test_poses_that_symmetry_makes_the_same_have_one_constant(name):
     assert (part.symmetry.axis is not None) == (name == "frustum")
     camera, image, T = scene(part)
     if name != "frustum":  # an image of another part leaves several poses
-        image = scene(read_part(PARTS / "bracket_left.step"))[1]
+        image = scene(read_part(PARTS / "wedge.step"))[1]
     model = prepare_vision(part)
     (factor,) = view_factors([View(image, camera)], SE3.apply(T, model.inner), [part], sized(Priors(), part.radius))
     # the same place, in all stable poses and yaws

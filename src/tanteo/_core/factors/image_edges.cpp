@@ -16,6 +16,10 @@ constexpr size_t MOST_VIEWS = 4096;
 
 constexpr int MOST_COLUMNS = 14;
 
+constexpr int CASES = 3;  // of the error that is common to an edge: as stated, and two larger ones
+
+double squared(double x) { return x * x; }
+
 double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd * sd)) / (std::sqrt(2 * PI) * sd); }
 
 }  // namespace
@@ -196,55 +200,89 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     return sums;
 }
 
-// The sum S: where edges are. Samples that have another edge of the part beside them are left out, and of those of one edge
+// The sum S: where edges are. Samples that have another edge of the part beside them are excluded, and of those of one edge
 // all that are far from its median. With independent variances W^-1 and a common error of deviations b, the inverse of
-// W^-1 + b b' is by Woodbury.
+// W^-1 + b b' is by Woodbury, and its determinant is that of W^-1 times 1 + b' W b.
 void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
                         const int* columns, int count) const {
-    std::vector<std::vector<const Met*>> edges(part->edges);
+    struct Edge {
+        std::vector<const Met*> own;
+        std::vector<double> weights;
+        double draws = 0;
+        std::array<double, CASES> along{}, total{}, chi2{}, probability{};
+    };
+    const double variances[CASES] = {0, 0.25 * squared(rules.displaced_sd), squared(rules.displaced_sd)};
+    const double shares[CASES] = {1 - rules.displaced, 0.5 * rules.displaced, 0.5 * rules.displaced};
+    const auto common_error = [&](const Met& one, int k) {
+        return std::sqrt(squared(image->commons[one.at.point]) + variances[k]);
+    };
+    std::vector<Edge> edges(part->edges);
     std::vector<char> visible(part->edges);
     for (size_t k = 0; k < all.size(); ++k) {
         if (beside[k]) continue;
         visible[all[k].edge] = 1;
-        if (all[k].at.point >= 0) edges[all[k].edge].push_back(&all[k]);
+        if (all[k].at.point >= 0) edges[all[k].edge].own.push_back(&all[k]);
     }
+    std::array<double, CASES> log{}, weight{};
     for (int e = 0; e < part->edges; ++e) {
         if (!visible[e]) continue;
-        std::vector<const Met*>& own = edges[e];
+        Edge& edge = edges[e];
+        std::vector<const Met*>& own = edge.own;
         if (own.empty()) {
-            sums.located += std::log(rules.astray);
+            for (double& one : log) one += std::log(rules.astray);
             continue;
         }
         std::sort(own.begin(), own.end(), [](const Met* a, const Met* b) { return a->offset < b->offset; });
         const double median = 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
-        double square = 0, along = 0, total = 1, draws = 0;
-        std::array<double, MOST_COLUMNS> common{};
-        std::vector<double> weights;
+        double square = 0;
+        edge.total.fill(1);
         for (const Met*& one : own) {
-            const double sd = image->sds[one->at.point], b = image->commons[one->at.point], d = one->offset;
-            const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b * b + rules.spread * rules.spread);
+            const double sd = image->sds[one->at.point], d = one->offset;
+            const double usual = sd * sd + squared(image->commons[one->at.point]) + rules.spread * rules.spread;
+            const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(usual);
             const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;
             const double w = share / (sd * sd);
-            weights.push_back(w);
+            edge.weights.push_back(w);
+            edge.draws += share;
             square += w * d * d;
-            along += w * b * d;
-            total += w * b * b;
-            draws += share;
-            if (slope)
-                for (int c = 0; c < count; ++c) common[c] += w * b * one->row[c];
+            for (int k = 0; k < CASES; ++k) {
+                const double b = common_error(*one, k);
+                edge.along[k] += w * b * d;
+                edge.total[k] += w * b * b;
+            }
         }
-        const double chi2 = square - along * along / total;
-        const double is_own = (1 - rules.astray) * std::exp(0.5 * (draws - chi2)), density = is_own + rules.astray;
-        const double probability = is_own / density;
-        sums.located += std::log(density);
-        sums.chi2 += probability * chi2;
-        sums.draws += probability * draws;
+        for (int k = 0; k < CASES; ++k) {
+            edge.chi2[k] = square - edge.along[k] * edge.along[k] / edge.total[k];
+            const double is_own = (1 - rules.astray) * std::exp(0.5 * (edge.draws - edge.chi2[k])) *
+                                  std::sqrt(edge.total[0] / edge.total[k]);
+            edge.probability[k] = is_own / (is_own + rules.astray);
+            log[k] += std::log(is_own + rules.astray);
+        }
+    }
+    double sum = 0;
+    const double most = *std::max_element(log.begin(), log.end());
+    for (int k = 0; k < CASES; ++k) sum += weight[k] = shares[k] * std::exp(log[k] - most);
+    sums.located += most + std::log(sum);
+    for (const Edge& edge : edges) {
+        double whole = 0;
+        for (int k = 0; k < CASES; ++k) {
+            const double probability = weight[k] / sum * edge.probability[k];
+            whole += probability;
+            sums.chi2 += probability * edge.chi2[k];
+            if (!slope || probability == 0) continue;
+            std::array<double, MOST_COLUMNS> common{};
+            for (size_t i = 0; i < edge.own.size(); ++i)
+                for (int c = 0; c < count; ++c)
+                    common[c] += edge.weights[i] * common_error(*edge.own[i], k) * edge.own[i]->row[c];
+            slope->add(probability * edge.along[k] / edge.total[k], -probability / edge.total[k], common.data(), columns,
+                       count);
+        }
+        sums.draws += whole * edge.draws;
         if (!slope) continue;
-        for (size_t k = 0; k < own.size(); ++k) {
-            const double w = probability * weights[k];
-            slope->add(-w * own[k]->offset, w, own[k]->row.data(), columns, count);
+        for (size_t i = 0; i < edge.own.size(); ++i) {
+            const double w = whole * edge.weights[i];
+            slope->add(-w * edge.own[i]->offset, w, edge.own[i]->row.data(), columns, count);
         }
-        slope->add(probability * along / total, -probability / total, common.data(), columns, count);
     }
 }
 
