@@ -15,7 +15,7 @@ from tanteo.features import CIRCLE, Feature, feature_covariance
 from tanteo.hand import Hand
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules
-from tanteo.sensors import CENTRE, Readings, concatenate
+from tanteo.sensors import Readings, concatenate, reading_kind
 from tanteo.session import Action
 from tanteo.typing import FloatArray
 
@@ -104,7 +104,7 @@ def readings_of(got: Acquired) -> Readings:
     """
     assert got.feature is not None
     assert got.readings is not None
-    raw = got.readings.take(np.flatnonzero(np.array(got.readings.kinds) != CIRCLE.name))
+    raw = got.readings.take(np.flatnonzero([reading_kind(kind).is_on_face for kind in got.readings.kinds]))
     rims = [f for f in (got.feature, *got.others) if f.kind is CIRCLE]
     return concatenate([raw, *(_centre(rim) for rim in rims)])
 
@@ -114,7 +114,7 @@ def _centre(rim: Feature) -> Readings:
     C, T = feature_covariance(rim), rim.T_world_feature
     across, tilt = (np.sqrt(np.linalg.eigvalsh(C[some, some])[-1:]) for some in (slice(0, 2), slice(3, 5)))
     return Readings.from_columns(
-        T[None, :3, 3], normals=T[None, :3, 2], normal_sds=tilt, ids=[rim.label], features=[rim.label], kinds=[CENTRE],
-        sds=across, hole_radii=np.array([rim.radius]),
+        T[None, :3, 3], normals=T[None, :3, 2], normal_sds=tilt, ids=[rim.label], features=[rim.label],
+        kinds=["centre"], sds=across, hole_radii=np.array([rim.radius]),
         material_sides=["boss" if rim.convex else "hole"], source="acquisition",
     )  # fmt: skip
