@@ -104,7 +104,7 @@ def readings_of(got: Acquired) -> Readings:
     """
     assert got.feature is not None
     assert got.readings is not None
-    raw = got.readings.take(np.flatnonzero([reading_kind(kind).is_on_face for kind in got.readings.kinds]))
+    raw = got.readings.take(np.flatnonzero([not reading_kind(kind).is_between_faces for kind in got.readings.kinds]))
     rims = [f for f in (got.feature, *got.others) if f.kind is CIRCLE]
     return concatenate([raw, *(_centre(rim) for rim in rims)])
 

@@ -49,9 +49,9 @@ class ReadingKind:
         return self.centre_of is not None
 
     @property
-    def is_on_face(self) -> bool:
-        """Whether a reading is inside a face, not where faces meet."""
-        return self.feature is not None and self.feature.faces == 1
+    def is_between_faces(self) -> bool:
+        """Whether a reading is where faces of the part meet."""
+        return self.feature is not None and self.feature.faces > 1
 
 
 _POINT = "the centre of a sphere or the apex of a cone ({})."
