@@ -18,7 +18,7 @@ COLUMNS = "id,x_mm,y_mm,z_mm,radius_mm,dx,dy,dz"
 """Columns of the readings file that the log becomes."""
 
 TRAVEL = 0.1
-"""Speed between touches [m/s]; a deliberately slow default that the operator may raise."""
+"""Speed between touches [m/s]."""
 
 
 def robot_header(job: Job, log: list[str]) -> list[str]:

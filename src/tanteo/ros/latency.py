@@ -1,7 +1,7 @@
-"""How much older readings are than their stamps, from the motion of the sensor and a part that stands still.
+"""Estimate the latency of readings relative to their stamps, from the motion of the sensor and a part at rest.
 
-A sensor that moves by ``v`` and is late by ``t`` says points that are off by ``v t``. Where readings were made in
-motion in several directions, no pose of the part explains that, and ``t`` is estimated together with it.
+With sensor velocity ``v`` and latency ``t``, points are displaced by ``v t``. If the sensor moved in several
+directions, no pose of the part explains that, and ``t`` is estimated jointly with the pose.
 """
 
 from __future__ import annotations
