@@ -49,19 +49,19 @@ def sense_circle(
     """Acquire the rim of a bore or a boss as a circle; its face is acquired with it (:attr:`Acquired.others`).
 
     Args:
-        robot: The hand, some way before the face, so that its beams reach it.
-        guess: About where the bore or boss is, and how large.
-        standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
-        rules: What to keep to.
-        label: Of the readings and the feature; the face's is ``<label> face``.
-        errors: Of the robot's poses, for the covariance.
+        robot: robot with the hand in front of the face, within the range of its beams.
+        guess: approximate position, axis and radius of the bore or boss.
+        standoff: distance of the hand's front from the face [m], at least 1.25 times the clearance of the rules.
+        rules: limits of the motions.
+        label: label of the readings and the feature; the face's is ``<label> face``.
+        errors: error model of the reported poses, for the covariance.
 
     Returns:
         ``acquired``; ``nothing`` where the beams show no such rim; ``unclear`` where the places of the rim are too few,
         or not on one circle; or the ending of the motion that could not do its part.
 
     Raises:
-        InputError: A stand-off too near to the clearance of the rules.
+        InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
     status, message, feature, _ = acquire_circle(run, guess, label)
@@ -69,7 +69,7 @@ def sense_circle(
 
 
 def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Attempt, Feature | None]:
-    """The same within a run; besides, the face."""
+    """Acquire the rim within a running acquisition; return also its face."""
     status, message, face = acquire_plane(run, guess.face(), face_label(label))
     if face is None:
         return status, f"the face of the rim: {message}", None, None
@@ -90,7 +90,7 @@ def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Att
 
 
 def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
-    """Where the beams show the rim, after more looks if need be."""
+    """Return the rim as the beams show it, after additional scans if it is unclear."""
     disc = seen_disc(run, face, guess)
     for _ in range(_LOOKS):
         if disc.gain >= 2 * LEAST_GAIN and disc.inside > 20:
@@ -127,7 +127,7 @@ def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> t
 
 
 def _fitted(run: SensingRun, places: list[Place], face: Feature, guess: RoundGuess, label: str) -> Attempt:
-    """The circle of the places, and its readings in the record."""
+    """Fit the circle and add its readings to the record of the run."""
     events = [e for place in places for e in place.events]
     readings = labelled_readings(run.hand, events, label, "circle")
     try:

@@ -41,18 +41,18 @@ def sense_cylinder(
     The hand stays over the face, and its beams come over the rim at a slant: nothing enters a bore.
 
     Args:
-        robot: The hand, some way before the face, so that its beams reach it.
-        guess: About where the bore or boss is, and how large.
-        standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
-        rules: What to keep to.
-        label: Of the readings and the feature; the rim's is ``<label> rim``, the face's ``<label> rim face``.
-        errors: Of the robot's poses, for the covariance.
+        robot: robot with the hand in front of the face, within the range of its beams.
+        guess: approximate position, axis and radius of the bore or boss.
+        standoff: distance of the hand's front from the face [m], at least 1.25 times the clearance of the rules.
+        rules: limits of the motions.
+        label: label of the readings and the feature; the rim's is ``<label> rim``, the face's ``<label> rim face``.
+        errors: error model of the reported poses, for the covariance.
 
     Returns:
         As :func:`sense_circle`; besides, ``unclear`` where a ring has too few places, or is too near the other one.
 
     Raises:
-        InputError: A stand-off too near to the clearance of the rules.
+        InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
     status, message, circle, _ = acquire_circle(run, guess, f"{label} rim")
@@ -84,7 +84,7 @@ def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
 
 
 def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallReading], str]:
-    """What was read of one ring, and why the last place that failed did."""
+    """Read the wall in one ring; return the readings and the reason of the last failure."""
     out, found, why = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair, list[WallReading](), ""
     for number, angle in enumerate(ANGLES):
         if number == LEAST_RING and not found:
@@ -102,7 +102,7 @@ def _met(ring: Sequence[WallReading], depth: float) -> str:
 
 
 def _fitted(run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[float, ...], label: str) -> Attempt:
-    """The cylinder of two rings, and its readings in the record."""
+    """Fit the cylinder to two rings and add its readings to the record of the run."""
     readings = labelled_readings(run.hand, [r for ring in found for r in ring], label, "cylinder")
     feature, doubt = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is None or doubt:
