@@ -1,4 +1,4 @@
-"""The rim of a bore or a boss: its face first, then crossings of the rim along several radii; fit."""
+"""Acquisition of the rim of a bore or boss: face, crossings of the rim along several radii, fit of a circle."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from tanteo.motion import Rules
 from tanteo.sensors import RobotPreset
 
 ANGLES = tuple(k * 160.0 for k in range(9)) + tuple(k * 160.0 + 20.0 for k in range(9))
-"""Radii along which the rim is crossed, in order [deg]: ninths of a turn. At sevenths a hexagon looks like a circle a
-little aside (its sixth harmonic is the first one there), at eighths a square may look like one."""
+"""Directions of the crossings, in order [deg]: ninths of a turn. With sevenths a hexagon could pass for a displaced
+circle (its sixth harmonic aliases to the first), and with eighths a square could."""
 
 ENOUGH = 9
-"""Places of the rim that are enough, if they control each other."""
+"""Sufficient number of positions on the rim, if they verify each other."""
 
 _FIRST, _AGAIN = 0.006, 0.003
-"""How far the rim may be from where the beams show it, and from the circle through three places or more [m]."""
+"""Largest deviation of the rim from its scanned position, and from the circle through the positions so far [m]."""
 
 _OTHER = 5.0
-"""A rim that is more standard deviations off the idea is another one."""
+"""Deviation from the guess, in standard deviations, beyond which a rim is a different one."""
 
 _LOOKS = 2
-"""More looks from over the place, where the beams so far do not show a rim."""
+"""Number of additional scans from above if the rim is not clear."""
 
 
 def sense_circle(
@@ -108,7 +108,7 @@ def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
 
 
 def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> tuple[list[Place], str]:
-    """Places of the rim, crossed until they are enough; and why the last radius failed, if one did."""
+    """Cross the rim until there are enough positions; return them and the reason of the last failure."""
     first = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair
     places, slack, why = list[Place](), _FIRST, ""
     for angle in ANGLES:
@@ -146,7 +146,7 @@ def _fitted(run: SensingRun, places: list[Place], face: Feature, guess: RoundGue
 
 
 def _another(rim: Feature, guess: RoundGuess) -> str:
-    """What is to be said of a rim that is too far off the idea to be the one that was meant; empty if it is not."""
+    """Return a message if the rim deviates too much from the guess, else an empty string."""
     gap = rim.T_world_feature[:3, 3] - guess.point
     away = float(np.linalg.norm(gap - (gap @ guess.axis) * guess.axis))
     radius, own = float(rim.radius or 0.0), float(np.linalg.eigvalsh(feature_covariance(rim)[:3, :3])[-1])

@@ -1,4 +1,4 @@
-"""A bore or a boss as a cylinder: its rim first, then two rings of readings of the wall below it; fit."""
+"""Acquisition of a bore or boss as a cylinder: rim, two rings of readings of the wall below it, fit."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tanteo.motion import Rules
 from tanteo.sensors import RobotPreset
 
 ANGLES = 0, 120, 240, 60, 180, 300
-"""Where the wall is read, in each ring [deg]."""
+"""Directions of the readings of the wall in each ring [deg]."""
 
 FARTHER = 0.008, 0.012
-"""The second ring is a radius below the first, at least and at most this far [m]."""
+"""Smallest and largest distance of the second ring below the first [m]; between them it is the radius."""
 
 LEAST_RING, LEAST_GAP = 3, 0.003
-"""Places that each ring needs, and how far one ring has to be from the other [m]."""
+"""Smallest number of readings per ring, and smallest distance between the rings [m]."""
 
 
 def sense_cylinder(
@@ -38,7 +38,7 @@ def sense_cylinder(
 ) -> Acquired:
     """Acquire the wall of a bore or a boss as a cylinder; face and rim are acquired with it.
 
-    The hand stays over the face, and its beams come over the rim at a slant: nothing enters a bore.
+    The hand stays above the face and measures the wall obliquely over the rim: nothing enters a bore.
 
     Args:
         robot: robot with the hand in front of the face, within the range of its beams.
@@ -64,9 +64,10 @@ def sense_cylinder(
 
 
 def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
-    """The same within a run that has the rim.
+    """Acquire the wall within a running acquisition that has the rim.
 
-    The second ring is as deep as beams reach; where that is below the end of the wall, half as far from the first.
+    The second ring is a radius below the first, within the reach of the beams. If it misses the wall, its distance from
+    the first is halved.
     """
     first, deepest = depths(run, circle)
     second = min(first + min(max(FARTHER[0], circle.radius or 0.0), FARTHER[1]), deepest)
