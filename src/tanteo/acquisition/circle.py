@@ -57,8 +57,8 @@ def sense_circle(
         errors: error model of the reported poses, for the covariance.
 
     Returns:
-        ``acquired``; ``nothing`` where the beams show no such rim; ``unclear`` where the places of the rim are too few,
-        or not on one circle; or the ending of the motion that could not do its part.
+        ``acquired``; ``nothing`` if the beams show no such rim; ``unclear`` if the positions on the rim are too few, or
+        not on one circle; otherwise the status of the motion that failed.
 
     Raises:
         InputError: The stand-off is too small for the clearance of the rules.

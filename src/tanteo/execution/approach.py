@@ -42,7 +42,7 @@ def back(Ts_world_hand: Transforms, distance: float) -> Transforms:
 
 
 def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> BoolArray:
-    """Return which candidate beams the hand can take and approach from behind ``(C,)``.
+    """Return which candidate beams the hand can take and reach by a straight approach, as flags ``(C,)``.
 
     Args:
         hand: sensors and body of the hand.

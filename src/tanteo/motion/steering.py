@@ -169,7 +169,7 @@ class Steering:
         return self._within(twist, share, why)
 
     def _within(self, twist: Tangents, share: float, why: str) -> tuple[float, str]:
-        """Return the same with the bounds and forbidden boxes of the workspace, for the whole body."""
+        """Reduce the fraction of :meth:`_slowed` further where the body nears a bound or forbidden box."""
         if not self._limits:
             return share, why
         T, body = self.sensed.T_world_hand, self.hand.body
