@@ -1,7 +1,7 @@
-"""A session carried out by a hand: the whole loop from a rough idea of some part to its name and place.
+"""Carry out a sensing session with a robot hand: from a rough initial idea of a part to its identity and pose.
 
-The hand touches nothing: it keeps clear of every pose that the belief still allows, of the bounds of its workspace and,
-by its sensors, of what it meets on the way. This room knows no simulator.
+The hand must not touch anything. It keeps clear of every pose that the belief still allows, of the bounds of its
+workspace and, by its sensors, of obstacles on the way. The package does not import the simulator.
 """
 
 from tanteo.execution.approach import approach_poses

@@ -1,4 +1,4 @@
-"""With what a session of a hand begins: its frontal sensor as a probe, and what an image leaves open."""
+"""Start of a session with a hand: its frontal sensor as a probe, and the initial poses from an image."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ from tanteo.sensors import NoiseLaw, RobotPreset, error_model
 from tanteo.vision import Sight, Sighting
 
 _CONE = float(np.radians(70.0))
-"""How far from straight down a hand looks whose workspace has a floor."""
+"""Largest angle from straight down of a beam if the workspace has a lower bound [rad]."""
 
 REPEATS = 10
-"""Readings at rest that are averaged."""
+"""Number of readings at rest that are averaged."""
 
 LEAST_STANDOFF = 1.25
-"""Stand-off in clearances: below, the guard of the motions would hold the hand before it arrives."""
+"""Smallest stand-off in clearances; below it the steering would stop the hand before it arrives."""
 
 _RETREAT = 0.05
-"""From how far behind it comes to a reading [m]."""
+"""Length of the straight final approach to a reading [m]."""
 
 _FAR = 0.8
-"""Share of its range from which a sensor may look: what may stand about keeps the hand away at first."""
+"""Fraction of the sensor's range at which the hand may stop, if possible parts keep it from the stand-off."""
 
 _SECONDS = 0.5
-"""Of one reading, beside travelling [s]."""
+"""Duration of one reading without travel [s]."""
 
 
 def hand_probe(
     hand: Hand, rules: Rules, standoff: float, robot: RobotPreset | None = None, *, repeats: int = REPEATS
 ) -> Probe:
-    """What a session needs to know of the hand that carries it out.
+    """Return the probe model of a hand for the planner of a session.
 
     Args:
-        hand: the hand; its first frontal sensor stands for both.
-        rules: what its motions keep to.
-        standoff: of the sensor over what it reads [m].
-        robot: errors of the robot's poses.
-        repeats: readings at rest that are averaged.
+        hand: sensors and body of the hand; its first frontal sensor represents both.
+        rules: limits of its motions.
+        standoff: distance of the sensor from the surface that it reads [m].
+        robot: error model of the reported poses.
+        repeats: number of readings at rest that are averaged.
 
     Raises:
-        InputError: The stand-off is too near to the clearance of the rules, or out of the sensor's range.
+        InputError: The stand-off is too small for the clearance of the rules, or out of the sensor's range.
     """
     if not standoff >= LEAST_STANDOFF * rules.clearance:
         raise InputError(
@@ -88,21 +88,24 @@ def hand_probe(
 
 
 HYPOTHESES = 20
-"""Answers of an image that are worth asking for: the true one is often not among the first five."""
+"""Number of hypotheses to request from an image; the true one is often not among the first five."""
 
 _LEAST, _HALF = 0.02, 0.5
-"""Probability that the image is wrong, at least and at most, whatever it says."""
+"""Smallest and largest probability that the image is wrong."""
 
 _FORGOTTEN = 1e-4
-"""Answers of the image less probable than this are left out."""
+"""Smallest probability of an image hypothesis that is used."""
 
 
 def part_seen(sight: Sight, prior: Start | None = None) -> Sighting | None:
-    """The object that is meant: the one nearest to where the part roughly is, else the largest; None without any.
+    """Return the object nearest to the prior position of the part, or the largest one without a prior.
 
     Args:
-        sight: of an image, known furniture left out (``see_table(..., ignore=)``).
-        prior: where the part is expected.
+        sight: evaluation of an image without known furniture (``see_table(..., ignore=)``).
+        prior: prior poses of the part.
+
+    Returns:
+        The object, or None if there is none.
     """
     some = [seen for seen in sight.objects if seen.answer.hypotheses]
     if not some or prior is None:
@@ -120,18 +123,18 @@ def part_seen(sight: Sight, prior: Start | None = None) -> Sighting | None:
 def seen_start(
     seen: Sighting | None, targets: Sequence[PreparedPart] | Sequence[Part], prior: Start | None = None
 ) -> Start:
-    """The start of a session from what an image shows.
+    """Return the start of a session from an image.
 
-    The image's answers are prior poses with its probabilities. Where it is wrong, which is as probable as all else than
-    its answers and 2 % at least, the prior pose holds; without one, the session may find that it is an unknown object.
+    The hypotheses of the image become initial poses with its probabilities. With the probability that the image is
+    wrong (the rest, at least 2 %), the prior poses hold, or without them an unknown object.
 
     Args:
-        seen: the object; None if nothing was seen.
+        seen: object in the image; None if nothing was recognized.
         targets: all parts that it may be.
-        prior: where each part may be without the image, of the same targets.
+        prior: prior poses of the same targets without the image.
 
     Raises:
-        InputError: nothing was seen, and there is no prior pose either.
+        InputError: The image shows no known part, and there are no prior poses.
     """
     answers = [] if seen is None else [h for h in seen.answer.hypotheses if h.probability > _FORGOTTEN]
     if not answers:
