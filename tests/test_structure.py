@@ -14,7 +14,7 @@ import structure
 ROOT = Path(__file__).parents[1]
 
 MOST = {
-    "iterative pose fits": 3,
+    "iterative pose fits": 2,
     "iterative pose fits in C++": 1,
     "tuned numbers in inference": 206,
     "tuned numbers in vision": 206,
