@@ -24,7 +24,7 @@ MOST = {
     "kinds asked for in Python": 80,
     "files that ask for kinds in Python": 35,
     "code lines of Python in the judged packages": 9770,
-    "code lines of C++": 9450,
+    "code lines of C++": 9405,
 }
 """Largest accepted figures: the numbers may fall."""
 
