@@ -42,6 +42,13 @@ ASTRAY = 0.02
 """Density of an edge that is another's, relative to that of the part's own at its place: three in ten edges are
 another's, a pixel off (decision 32), where own ones are some hundredths (``python benchmarks/vision_poses.py 12``)."""
 
+SAME_TURN, SAME_SHIFT = 0.04, 0.02
+"""Poses nearer than this are one that the image suggests [rad, diagonals]."""
+
+_NEAR = 4 * (SAME_SHIFT + 0.5 * SAME_TURN) / 2
+"""Motion of the part's points, over their spread, up to which a pose has the constant of one that the image suggests:
+points half a diagonal from the middle move by so much where two poses are just one, twice over."""
+
 _OF_LENS = np.sqrt(0.5)
 """Share of a lens's error, as a deviation, that shifts all edges alike; the same share is each edge's own
 (decision 43)."""
@@ -82,7 +89,7 @@ class Weights:
     spilled: float = -0.624
 
     def rules(self, *, located: bool = True) -> FloatArray:
-        """Return all constants of the formula, in the order of ``EdgeRules`` ``(16,)``.
+        """Return all constants of the formula, in the order of ``EdgeRules`` ``(17,)``.
 
         Args:
             located: whether there is a sum of where edges are.
@@ -90,7 +97,7 @@ class Weights:
         return np.array([
             STRETCH, _WHOLE, _RIM_SHOWS, _CREASE_SHOWS, REACH, _SPREAD, _DISPLACED, _DISPLACED_SD,
             self.hits, self.misses, self.spilled, _BESIDE, _ALONG, _MOST_PULLED, CORRELATION,
-            ASTRAY if located else 0.0,
+            ASTRAY if located else 0.0, _NEAR,
         ])  # fmt: skip
 
 
@@ -142,11 +149,14 @@ class ImageEdges(PoseFactor):
         return self.image.states
 
     def term(self, part: Part, first: int) -> _core.ImageEdges:
-        """Compile the factor for one part."""
+        """Compile the factor for one part.
+
+        Of a part for which the image suggests no pose, only that its edges are there counts: where they are has no
+        constant.
+        """
         level_poses, levels = self.levels.get(part, _NO_LEVELS)
-        return _core.image_edges(
-            prepare_vision(part).seen, self.image, self.weights.rules(), level_poses, levels, REACH, first
-        )
+        rules = self.weights.rules(located=not self.levels or part in self.levels)
+        return _core.image_edges(prepare_vision(part).seen, self.image, rules, level_poses, levels, REACH, first)
 
     def poses(self, part: Part) -> Transforms:
         """Return the poses of a part that the image suggests ``(k, 4, 4)``."""

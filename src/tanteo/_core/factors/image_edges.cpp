@@ -81,8 +81,10 @@ double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
     return area;
 }
 
-// The level of the nearest pose, by the sum of squared distances of the part's marks.
+// The level of the nearest pose, by the mean squared distance of the part's marks. Farther off than `near` of their
+// spread it is 0 at least: the constants of poses at which few edges are met hold for no others.
 double ImageEdges::level_at(const Pose& T) const {
+    if (levels.empty()) return 0;
     double best = 1e300, level = 0;
     for (const PoseLevel& one : levels) {
         double apart = 0;
@@ -90,7 +92,11 @@ double ImageEdges::level_at(const Pose& T) const {
             apart += squared(one.T_world_part.R * p + one.T_world_part.t - (T.R * p + T.t));
         if (apart < best) best = apart, level = one.level;
     }
-    return level;
+    Vec3 middle;
+    for (const Vec3& p : part->marks) middle += (1.0 / part->marks.size()) * p;
+    double spread = 0;
+    for (const Vec3& p : part->marks) spread += squared(p - middle);
+    return best < rules.near * rules.near * spread ? level : std::max(level, 0.0);
 }
 
 ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) const {
@@ -202,19 +208,11 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
 void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
                         const int* columns, int count) const {
     std::vector<std::vector<const Met*>> edges(part->edges);
-    std::vector<char> visible(part->edges);
-    for (size_t k = 0; k < all.size(); ++k) {
-        if (beside[k]) continue;
-        visible[all[k].edge] = 1;
-        if (all[k].at.point >= 0) edges[all[k].edge].push_back(&all[k]);
-    }
+    for (size_t k = 0; k < all.size(); ++k)
+        if (!beside[k] && all[k].at.point >= 0) edges[all[k].edge].push_back(&all[k]);
     for (int e = 0; e < part->edges; ++e) {
-        if (!visible[e]) continue;
         std::vector<const Met*>& own = edges[e];
-        if (own.empty()) {
-            sums.located += std::log(rules.astray);
-            continue;
-        }
+        if (own.empty()) continue;
         std::sort(own.begin(), own.end(), [](const Met* a, const Met* b) { return a->offset < b->offset; });
         const double median = 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
         double square = 0, along = 0, total = 1, draws = 0;
@@ -236,7 +234,7 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
         const double chi2 = square - along * along / total;
         const double is_own = (1 - rules.astray) * std::exp(0.5 * (draws - chi2)), density = is_own + rules.astray;
         const double probability = is_own / density;
-        sums.located += std::log(density);
+        sums.located += std::log(density / rules.astray);
         sums.chi2 += probability * chi2;
         sums.draws += probability * draws;
         if (!slope) continue;
