@@ -82,8 +82,8 @@ double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
 }
 
 // The level of the nearest pose, by the mean squared distance of the part's marks. Farther off than `near` of their
-// spread it is 0 at least: the constants of poses at which few edges are met hold for no others.
-double ImageEdges::level_at(const Pose& T) const {
+// spread it is `least` at least: the constants of poses at which few edges are met hold for no others.
+double ImageEdges::level_at(const Pose& T, double least) const {
     if (levels.empty()) return 0;
     double best = 1e300, level = 0;
     for (const PoseLevel& one : levels) {
@@ -96,7 +96,7 @@ double ImageEdges::level_at(const Pose& T) const {
     for (const Vec3& p : part->marks) middle += (1.0 / part->marks.size()) * p;
     double spread = 0;
     for (const Vec3& p : part->marks) spread += squared(p - middle);
-    return best < rules.near * rules.near * spread ? level : std::max(level, 0.0);
+    return best < rules.near * rules.near * spread ? level : std::max(level, least);
 }
 
 ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) const {
@@ -198,7 +198,7 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     if (rules.astray > 0) locate(all, crowded(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
     sums.there = rules.hits * sums.hits + rules.misses * sums.misses +
                  rules.spilled * sums.spilled / (rules.stretch * rules.stretch);
-    sums.log = sums.there + sums.located - level_at(state.pose);
+    sums.log = sums.there + sums.located - level_at(state.pose, sums.astray);
     return sums;
 }
 
@@ -208,11 +208,20 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
 void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
                         const int* columns, int count) const {
     std::vector<std::vector<const Met*>> edges(part->edges);
-    for (size_t k = 0; k < all.size(); ++k)
-        if (!beside[k] && all[k].at.point >= 0) edges[all[k].edge].push_back(&all[k]);
+    std::vector<char> visible(part->edges);
+    for (size_t k = 0; k < all.size(); ++k) {
+        if (beside[k]) continue;
+        visible[all[k].edge] = 1;
+        if (all[k].at.point >= 0) edges[all[k].edge].push_back(&all[k]);
+    }
     for (int e = 0; e < part->edges; ++e) {
+        if (!visible[e]) continue;
         std::vector<const Met*>& own = edges[e];
-        if (own.empty()) continue;
+        sums.astray += std::log(rules.astray);
+        if (own.empty()) {
+            sums.located += std::log(rules.astray);
+            continue;
+        }
         std::sort(own.begin(), own.end(), [](const Met* a, const Met* b) { return a->offset < b->offset; });
         const double median = 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
         double square = 0, along = 0, total = 1, draws = 0;
@@ -234,7 +243,7 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
         const double chi2 = square - along * along / total;
         const double is_own = (1 - rules.astray) * std::exp(0.5 * (draws - chi2)), density = is_own + rules.astray;
         const double probability = is_own / density;
-        sums.located += std::log(density / rules.astray);
+        sums.located += std::log(density);
         sums.chi2 += probability * chi2;
         sums.draws += probability * draws;
         if (!slope) continue;

@@ -8,7 +8,7 @@
 //   log L = h sum_e 1 / (1 + H_e / w) sum_{i met} s_i / l log [q_i p(d_i) / c_i + 1 - q_i]
 //         + m sum_e 1 / (1 + M_e / w) sum_{i missed} s_i / l log(1 - q_i)  +  b B / l^2  +  S - S_0,
 //
-//   p(d) = (1 - a) N(d; 0, sigma) + a N(d; 0, sigma_a),     S = sum_e log [1 + (1 - g) / g exp((n_e - chi2_e) / 2)].
+//   p(d) = (1 - a) N(d; 0, sigma) + a N(d; 0, sigma_a),     S = sum_e log [(1 - g) exp((n_e - chi2_e) / 2) + g].
 //
 // The first three sums say that edges are there. q_i is the probability that an edge shows (a rim of the part, a crease
 // inside of it), c_i = chance_i / (2 reach) the density of an edge by chance, and a the share of edges that shadows,
@@ -20,11 +20,10 @@
 // S says where they are. chi2_e is that of the offsets of edge e, of samples that no other edge of the part is beside and
 // that run with the rest of their edge, n_e independent ones: noise of each edge point, independent over a correlation
 // length, and an error that is common to the edge (its neighbours in the image, the lens). An edge that is another's has
-// the density g, relative to that of the part's own with usual noise; S is relative to that. S_0, a constant about each
-// pose that the image suggests, makes the integral of the whole there that of the first three sums at that pose: the
-// places of edges inform the pose and not the identity, because edges are more exact than models of parts and of light
-// (decision 87). Farther from these poses S_0 is 0 at least: where all edges are another's, S is 0, and the image says
-// nothing of the pose.
+// the density g, relative to that of the part's own with usual noise. S_0, a constant about each pose that the image
+// suggests, makes the integral of the whole there that of the first three sums at that pose: the places of
+// edges inform the pose and not the identity, because edges are more exact than models of parts and of light (decision 87).
+// Farther from these poses S_0 is S of edges that are all another's, at least: there the image says nothing of the pose.
 //
 // Shared errors: the camera's pose, T_world_camera exp(S z) with S S' its covariance, and a shift of all edges in the image.
 #pragma once
@@ -100,6 +99,7 @@ class ImageEdges : public PoseTerm {
         double log = 0, there = 0;  // log density, and that part of it that says that edges are there
         double hits = 0, misses = 0, spilled = 0;  // before h, m and b; spilled in [px^2]
         double located = 0;          // S
+        double astray = 0;           // S if all edges are another's
         double chi2 = 0, draws = 0;  // of the offsets of edges that are the part's own, and how many independent ones
         double squares = 0, met = 0;  // of all offsets [px^2], and how many there are
     };
@@ -115,7 +115,7 @@ class ImageEdges : public PoseTerm {
                 const int* columns, int count) const;
     std::shared_ptr<const View> view_from(const Vec3& eye) const;
     double spilled_area(const Pose& pose, const Lens& lens) const;
-    double level_at(const Pose& T_world_part) const;
+    double level_at(const Pose& T_world_part, double least) const;
 
     std::shared_ptr<const EdgePart> part;
     std::shared_ptr<const EdgeImage> image;
