@@ -48,7 +48,7 @@ class ImageTable:
         return cls(
             image.camera, image.edges.points, chance if chance.size == 1 else np.zeros(0),
             None if image.bare is None else _runs(image.bare), image.weights, float(image.log_unknown),
-            tuple(PoseConstants(index[part], *known) for part, known in image.levels.items() if part in index),
+            tuple(PoseConstants(index[part], *known) for part, known in (image.levels or {}).items() if part in index),
         )  # fmt: skip
 
     def image(self, targets: Sequence[PreparedPart]) -> ImageEdges:

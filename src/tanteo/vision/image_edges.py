@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
+from tanteo.lie import SE3
 from tanteo.measurements import PoseFactor
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Transforms
@@ -66,6 +67,9 @@ _MOST_PULLED = 0.5
 
 _NO_LEVELS = np.zeros((0, 4, 4)), np.zeros(0)
 
+_AWAY = SE3.from_parts(np.eye(3), np.full(3, 1e6))[None]
+"""A pose that no other is near."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weights:
@@ -115,7 +119,7 @@ class ImageEdges(PoseFactor):
         log_unknown: log density of the image if the object is unknown.
         proposed: poses ``T_world_part`` of each part that the image suggests.
         levels: of each part, poses ``T_world_part`` and the constant that is taken from the log density of poses that
-            are nearest to each; none if not given.
+            are nearest to each; None if there are none yet.
     """
 
     camera: Camera
@@ -125,7 +129,7 @@ class ImageEdges(PoseFactor):
     weights: Weights = field(default_factory=Weights)
     log_unknown: float = 0.0
     proposed: Mapping[Part, Transforms] = field(default_factory=dict)
-    levels: Mapping[Part, tuple[Transforms, FloatArray]] = field(default_factory=dict)
+    levels: Mapping[Part, tuple[Transforms, FloatArray]] | None = None
     image: _core.EdgeImage = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -151,12 +155,16 @@ class ImageEdges(PoseFactor):
     def term(self, part: Part, first: int) -> _core.ImageEdges:
         """Compile the factor for one part.
 
-        Of a part for which the image suggests no pose, only that its edges are there counts: where they are has no
-        constant.
+        Of a part for which the image suggests no pose, the constant is the largest of all: the image fixes its pose as
+        exactly as those of others, where it shows the part. If it suggests no pose of any part, where edges are does
+        not count.
         """
-        level_poses, levels = self.levels.get(part, _NO_LEVELS)
-        rules = self.weights.rules(located=not self.levels or part in self.levels)
-        return _core.image_edges(prepare_vision(part).seen, self.image, rules, level_poses, levels, REACH, first)
+        known = self.levels
+        at, constants = _NO_LEVELS if known is None else known.get(part, _NO_LEVELS)
+        if known and part not in known:
+            at, constants = _AWAY, np.array([max(own.max() for _, own in known.values())])
+        rules = self.weights.rules(located=known is None or len(known) > 0)
+        return _core.image_edges(prepare_vision(part).seen, self.image, rules, at, constants, REACH, first)
 
     def poses(self, part: Part) -> Transforms:
         """Return the poses of a part that the image suggests ``(k, 4, 4)``."""

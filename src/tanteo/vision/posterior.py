@@ -86,7 +86,7 @@ def corrected(
         lying: prior of the pose on a table; any pose if not given.
         prior: log probability of each part beforehand.
     """
-    levels = dict(images[0].levels)
+    levels = dict(images[0].levels or {})
     for part in dict.fromkeys(mode.prepared.part for mode in found.modes):
         own = [mode for mode in found.modes if mode.prepared.part is part]
         Ts, zs = np.stack([mode.T_peak for mode in own]), np.stack([mode.z for mode in own])
@@ -222,7 +222,7 @@ def infer(
     strange = problem.priors.unknown / (problem.priors.unknown + (1 - problem.priors.unknown) * MISSED)
     log_known = float(log_sum([mode.log_mass for mode in modes])) - known
     (image,) = corrected((image,), found, lying, prior)
-    proposed = {part: at for part, (at, _) in image.levels.items()}
+    proposed = {part: at for part, (at, _) in (image.levels or {}).items()}
     return ImagePosterior(
         modes, strange * (none - left) + left, left, left_out, unknown, log_known, replace(image, proposed=proposed)
     )  # fmt: skip
