@@ -1,7 +1,8 @@
 """The belief while sensing goes on: the posterior of all readings, under the prior poses of a start.
 
-Before the first reading it is the start itself, or the posterior of its factors. After that :func:`tanteo.inference.update.update` leads from one
-posterior to the next, and what is asked of a belief are its modes, as normal densities or by their samples.
+Before the first reading it is the start itself, or the posterior of its factors. After that
+:func:`tanteo.inference.update_posterior` leads from one posterior to the next, and what is asked of a belief are its
+modes, as normal densities or by their samples.
 """
 
 from __future__ import annotations

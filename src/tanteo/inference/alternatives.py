@@ -1,7 +1,8 @@
 """Factors of the pose of which one or another group holds, and normal densities of the pose as one of them.
 
 An image may show something else than the part that is sensed. Then its factor does not hold, and what was known of the
-pose without the image does. ``Alternatives`` is the mixture of both; the formula is in ``_core/factors/alternatives.hpp``.
+pose without the image does. ``Alternatives`` is the mixture of both; its formula is in
+``_core/factors/alternatives.hpp``.
 """
 
 from __future__ import annotations

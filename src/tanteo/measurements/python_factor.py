@@ -89,9 +89,7 @@ class PythonFactor(PoseFactor):
             self.outlier_rate,
         )
 
-    def _called(
-        self, what: str, function: PoseFunction, Ts: Transforms, part: Part, *, finite: bool
-    ) -> FloatArray:
+    def _called(self, what: str, function: PoseFunction, Ts: Transforms, part: Part, *, finite: bool) -> FloatArray:
         """Call a function of the user and check what it returns.
 
         Raises:

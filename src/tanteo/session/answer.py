@@ -70,8 +70,7 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
         return Answer.of("unknown", (NoPartLeft(),), (), state.unknown, seed=seed, significance=significance)
     found = [goodness_of_fit(mode) for mode in state.modes[:top]]
     hypotheses = tuple(
-        as_hypothesis(touches, one, start.stated(row))
-        for one, row in zip(found, state.rows, strict=False)
+        as_hypothesis(touches, one, start.stated(row)) for one, row in zip(found, state.rows, strict=False)
     )
     shares = [(mode.prepared.part.name, mode.probability) for mode in state.modes]
     enough = bool(stop.reached(state))

@@ -44,13 +44,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "CirclePose",
-    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "ImageEdges", "Look", "Narrowed", "OutlineOfReadings",
-    "Question", "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "View", "VisionModel", "Weights",
-    "chance_map", "circle_poses", "describe", "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions",
-    "find_segments", "fit_camera", "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner",
-    "image_edge", "map_edges", "narrowed", "on_plane", "opencv", "outline_of_readings", "prepare_vision", "project",
-    "project_circle", "rays", "render", "rigid", "see", "see_anywhere", "see_table", "seen_outline", "silhouette",
-    "thing", "view_factors", "without_distortion",
+    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "ImageEdges", "Look", "Narrowed",
+    "OutlineOfReadings", "Question", "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing",
+    "View", "VisionModel", "Weights", "chance_map", "circle_poses", "describe", "draw_sight", "find_corners",
+    "find_edges", "find_ellipses", "find_regions", "find_segments", "fit_camera", "fit_ellipse", "follow",
+    "image_centre", "image_circle", "image_corner", "image_edge", "map_edges", "narrowed", "on_plane", "opencv",
+    "outline_of_readings", "prepare_vision", "project", "project_circle", "rays", "render", "rigid", "see",
+    "see_anywhere", "see_table", "seen_outline", "silhouette", "thing", "view_factors", "without_distortion",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
