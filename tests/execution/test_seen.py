@@ -55,7 +55,8 @@ def test_the_first_reading_is_the_one_that_the_image_cannot_make(twins, steps):
     assert 0.5 < seen.answer.hypotheses[0].probability < 0.8
     probe = replace(LASER, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(80.0))
     sd = float(probe.law.const)
-    session = Session(seen_start(seen, steps), probe, Sensing(sd=sd))
+    start = replace(seen_start(seen, steps), priors=Priors(unknown=0.02))
+    session = Session(start, probe, Sensing(sd=sd))
     action = session.ask()
     ranges = [true_range(target, best_of(seen, target.part.name).T_world_part, action) for target in steps]
     assert abs(ranges[0] - ranges[1]) > 2e-3  # of the 3 mm by which the steps differ
