@@ -12,6 +12,7 @@
 #include "axes.hpp"
 #include "door.hpp"
 #include "factors/registry.hpp"
+#include "factors/normal_poses_door.hpp"
 #include "likelihood.hpp"
 #include "normal.hpp"
 #include "overlaps.hpp"
@@ -201,16 +202,7 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
     }
     problem->ray_shifts = doubles(ray_shifts, "ray_shifts", {m, 3, D});
     problem->ray_turns = doubles(ray_turns, "ray_turns", {m, 3, D});
-    const std::vector<Pose> means = poses(prior_means, "prior_means");
-    expect(prior_roots, "prior_roots", {means.size(), 6, 6});
-    expect(prior_log_weights, "prior_log_weights", {means.size()});
-    for (size_t k = 0; k < means.size(); ++k) {
-        PosePrior prior;
-        prior.mean = means[k];
-        std::copy_n(prior_roots.data() + 36 * k, 36, prior.root);
-        prior.log_weight = prior_log_weights.data()[k];
-        problem->priors.push_back(prior);
-    }
+    problem->priors = pose_priors(prior_means, prior_roots, prior_log_weights);
     if (table.size()) {
         expect(table, "table", {7});
         problem->has_table = true;

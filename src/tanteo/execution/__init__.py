@@ -8,10 +8,10 @@ from tanteo.execution.approach import approach_poses
 from tanteo.execution.loop import Executed, Visit, reachable, sense_part
 from tanteo.execution.possible import Possible, Room
 from tanteo.execution.resting import Furniture
-from tanteo.execution.start import HYPOTHESES, hand_probe, part_seen, seen_start
+from tanteo.execution.start import HYPOTHESES, hand_probe, part_seen, prior_poses, seen_start
 from tanteo.execution.whole import acquirable
 
 __all__ = [
     "HYPOTHESES", "Executed", "Furniture", "Possible", "Room", "Visit", "acquirable", "approach_poses",
-    "hand_probe", "part_seen", "reachable", "seen_start", "sense_part",
+    "hand_probe", "part_seen", "prior_poses", "reachable", "seen_start", "sense_part",
 ]  # fmt: skip

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tanteo.active import Probe, Start, from_hypotheses
-from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.hand import Hand
-from tanteo.inference import PreparedPart
+from tanteo.inference import Alternatives, NormalPoses, PoseMixture, PreparedPart
 from tanteo.lie import SE3
 from tanteo.motion import Rules
 from tanteo.parts import Part
 from tanteo.sensors import NoiseLaw, RobotPreset, error_model
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.vision import Sight, Sighting
 
 _CONE = float(np.radians(70.0))
@@ -125,8 +126,8 @@ def seen_start(
 ) -> Start:
     """Return the start of a session from an image.
 
-    The hypotheses of the image become initial poses with its probabilities. With the probability that the image is
-    wrong (the rest, at least 2 %), the prior poses hold, or without them an unknown object.
+    The session has the image as a factor of its one posterior. With the probability that the image is wrong (the rest
+    beside its answers, at least 2 %), the prior poses hold (decision 29), or without them an unknown object.
 
     Args:
         seen: object in the image; None if nothing was recognized.
@@ -144,10 +145,10 @@ def seen_start(
             )
         return prior
     assert seen is not None
-    wrong = float(np.clip(1 - sum(h.probability for h in seen.answer.hypotheses), _LEAST, _HALF))
-    image = from_hypotheses(answers, targets, Priors(unknown=wrong))
+    image = from_hypotheses(answers, targets)
     if prior is None:
-        return image
+        return replace(image, factors=seen.factors, suggested=len(image))
+    wrong = float(np.clip(1 - sum(h.probability for h in seen.answer.hypotheses), _LEAST, _HALF))
     return Start(
         image.targets,
         np.concatenate([image.part, prior.part]),
@@ -155,4 +156,42 @@ def seen_start(
         np.concatenate([image.covariances, prior.covariances]),
         np.concatenate([(1 - wrong) * image.weights, wrong * prior.weights]),
         prior.priors,
+        (_right_or_wrong(seen, prior, wrong),),
+        len(image),
     )
+
+
+def _right_or_wrong(seen: Sighting, prior: Start, wrong: float) -> Alternatives:
+    """Return that the image shows the part that is sensed, or else that the prior pose holds.
+
+    An image of something else has a density that makes this as probable as was said, given the image alone; the same
+    holds for an unknown object.
+    """
+    elsewhere = np.log(wrong) + seen.log_known
+    unknown = sum(factor.log_unknown for factor in seen.factors)
+    poses = prior_poses(prior.targets, prior.part, prior.Ts, prior.covariances, prior.weights)
+    return Alternatives(
+        (seen.factors, (poses,)),
+        np.array([np.log1p(-wrong), elsewhere]),
+        float(np.logaddexp(np.log1p(-wrong) + unknown, elsewhere)),
+    )
+
+
+def prior_poses(
+    targets: Sequence[PreparedPart], part: IntArray, Ts: Transforms, covariances: Covariances, weights: FloatArray
+) -> NormalPoses:
+    """Return prior poses as a factor, relative to equally probable parts.
+
+    Args:
+        targets: the parts.
+        part: index of the part of each pose ``(A,)``.
+        Ts: poses ``T_world_part`` ``(A, 4, 4)``.
+        covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame [m, rad].
+        weights: their probabilities, up to a factor ``(A,)``.
+    """
+    shares, equal = weights / weights.sum(), np.log(len(targets))
+    mixtures = {}
+    for k in np.unique(part[shares > 0]):
+        own = np.flatnonzero((part == k) & (shares > 0))
+        mixtures[targets[k].part] = PoseMixture(Ts[own], covariances[own], np.log(shares[own]) + equal)
+    return NormalPoses(mixtures)
