@@ -191,7 +191,7 @@ def test_vectors_that_point_inwards_are_asked_about(tmp_path):
     away = P - P.mean(axis=0)
     inwards = -away / np.linalg.norm(away, axis=1, keepdims=True)
     path = save(tmp_path, rows(np.c_[P, inwards]))
-    with pytest.raises(ReadingsError, match="say --direction ijk"):
+    with pytest.raises(ReadingsError, match="--direction ijk; otherwise"):
         read_readings(path, units="mm")
     np.testing.assert_allclose(read_readings(path, units="mm", direction="-ijk").directions, -inwards, atol=1e-5)
 
@@ -236,12 +236,12 @@ def test_what_was_left_out_is_said(tmp_path, case, notes):
         (
             "linuxcnc",
             {},
-            "expected --units and --radius with a LinuxCNC probe log (PROBEOPEN), got none. Say",
+            "expected --units and --radius with a LinuxCNC probe log (PROBEOPEN), got none. Use",
         ),
         ("linuxcnc", MM, "expected --radius with a LinuxCNC"),
-        ("grbl", {}, "Say --radius 1.5mm (of the tip's ball; 0mm of a sharp tip)"),
-        ("ply", {}, "expected --units with a PLY point cloud, got none. Say --units mm."),
-        ("csv without units", {}, "Add it, or say --units mm."),
+        ("grbl", {}, "Use --radius 1.5mm (of the tip's ball; 0mm of a sharp tip)"),
+        ("ply", {}, "expected --units with a PLY point cloud, got none. Use --units mm."),
+        ("csv without units", {}, "Add it, or use --units mm."),
         ("qif", {"units": "in"}, "expected lengths in mm, as the file says, got --units in"),
         ("fusion", {"units": "mm", "radius": 0.001}, "got 1.5 mm in the file and --radius"),
         ("pcd", {"units": "mm", "direction": "ijk"}, "expected vectors I J K"),

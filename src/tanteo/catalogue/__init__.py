@@ -1,4 +1,4 @@
-"""Many parts: read in parallel, survive what crashes or never ends, remember what was read, keep it as a catalogue."""
+"""Read many CAD files in parallel, cache the parts, and store them as a catalogue on disk."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any

@@ -1,8 +1,9 @@
-"""Axes of cylinders, cones and circles: angle, distance, coaxiality; angle and distance to a plane, squareness.
+"""Compute constraints of axes of cylinders, cones and circles.
 
-An axis is a line, so that the formulas are those of edges (``math.md`` sections 4.1 to 4.6) but for three things: it
-has no direction, so angles are from 0 to a right one; it has no corner to point away from; and it is square to a plane
-more often than in it. Section 4.8 has what is different.
+Angles, distances, coaxiality, perpendicularity to planes.
+
+An axis is a line, so the formulas are those of edges (``math.md`` sections 4.1 to 4.6), with three differences: an axis
+has no direction, so angles are from 0 to pi/2; it has no corner; and it is often normal to a plane (section 4.8).
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ AXIS_PLANE_DISTANCE = ConstraintKind("axis_plane_distance", ("m",), "height of a
 
 
 def _fill_plane_axis(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
-    """Rows: rise, two tilts against the normal, sine of the rise, height."""
+    """Fill the rows elevation, two tilts against the normal, sine of the elevation, height."""
     value[:, 0], _, r[:, 0] = edge_plane_partials(n)
     sign = sign_of(n[:, 2])
     value[:, 1:3] = n[:, :2] * sign[:, None]

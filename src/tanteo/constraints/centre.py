@@ -1,7 +1,7 @@
-"""Centres of circles and spheres, apexes of cones: their distances to all else, concentricity.
+"""Compute constraints of centres of circles and spheres and apexes of cones: distances and concentricity.
 
-A centre is a point, so that the formulas are those of vertices (``math.md`` sections 4.3 and 12). A distance too short
-to be normal is absent; what it is the length of is tested itself, with its own degrees of freedom (section 4.8).
+A centre is a point, so the formulas are those of vertices (``math.md`` sections 4.3 and 12). A distance too short to be
+normally distributed is absent; its offset vector is tested instead, with its own degrees of freedom (section 4.8).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def _cut_height(group: PairGroup) -> list[ConstraintColumn]:
 def _cut_apart(
     kind: ConstraintKind, together: ConstraintKind, sigmas: float, group: PairGroup
 ) -> list[ConstraintColumn]:
-    """The distance where it is clear of zero, and whether there is none."""
+    """Return the distance where it is clearly positive, and the test that it is zero."""
     (distance,) = cut_distance(kind, sigmas, group)
     return [distance, group.column(together, group.value, group.S)]
 

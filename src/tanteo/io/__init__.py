@@ -1,12 +1,12 @@
-"""Border formats: readings, rigs, results, brand poses. Units are explicit here and SI inside.
+"""Read and write file formats: readings, rigs, results, robot poses. Units are explicit in files and SI in memory.
 
-``read_readings`` and ``write_readings`` for readings files, ``read_rig`` and ``write_rig`` for rig files,
-``read_prior`` for what is known of a pose,
-``recognition_json`` for results, ``read_camera``, ``read_marks`` and ``read_image`` for what a camera saw and
-``sight_json`` for what was made of it, ``pose_from_brand`` and ``pose_as_brand`` for poses, ``write_pose`` and
-``write_work_frame`` for the text of controllers, ``parse_length`` for quantities with units, ``read_record`` and
-``write_record`` for sessions. Documents are classes (``schema``), which one reader fills (``document``). Nothing is
-loaded before it is asked for.
+``read_readings`` and ``write_readings`` handle readings files; ``read_rig`` and ``write_rig`` handle rig files.
+``read_prior`` reads a pose prior. ``recognition_json`` writes results. ``read_camera``, ``read_marks`` and
+``read_image`` read what an image contributes, and ``sight_json`` writes what was recognized in it.
+``pose_from_brand`` and ``pose_as_brand`` convert poses between robot conventions; ``write_pose`` and
+``write_work_frame`` write controller code. ``parse_length`` reads quantities with units. ``read_record`` and
+``write_record`` handle sessions. Document layouts are classes (``schema``) that one reader fills (``document``).
+Submodules are imported on first use.
 """
 
 from collections.abc import Callable

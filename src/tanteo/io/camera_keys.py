@@ -1,4 +1,4 @@
-"""What programs call a lens's distortion and a camera's place, and which of these names say the inverse."""
+"""Recognize the names that programs use for lens distortion and camera poses, and which of them mean the inverse."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ DISTORTION: Mapping[str, str] = MappingProxyType(
         "d1": "OpenCV's stereo sample: M1, D1",
     }
 )
-"""Names of the distortion in small letters without signs, and who writes them."""
+"""Known names of the distortion, in lower case without punctuation, and the programs that write them."""
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "taux", "tauy")
-"""In OpenCV's order; files of single numbers name them."""
+"""Names of single distortion coefficients, in OpenCV's order."""
 
 WRITE_IT = "distortion_coefficients: [k1, k2, p1, p2, k3], in this order (OpenCV's)"
-"""How a distortion is written, for messages."""
+"""Correct form of a distortion entry, for messages."""
 
 POSES = ("T_world_camera", "T_world_cam")
 INVERSES = ("T_camera_world", "T_cam_world")
@@ -58,15 +58,16 @@ _EXTRINSICS = ("extrinsic", "extrinsics", "extrinsicmatrix", "extrinsicsmatrix",
 
 
 def distortion(document: Mapping[str, Any], path: Path, known: Mapping[str, Any]) -> list[float] | None:
-    """The coefficients in OpenCV's order, under whatever known name; None if the file has none.
+    """Return the distortion coefficients in OpenCV's order, from any known name; None if the file has none.
 
     Args:
-        document: as read.
-        path: of the file, for messages.
-        known: keys that are something else, whatever they are called.
+        document: keys and values of the file.
+        path: file name for messages.
+        known: keys that are reserved for other entries.
 
     Raises:
-        InputError: Numbers that are none, two names with different numbers, or a name that nobody knows.
+        InputError: a coefficient is not a finite number, two names disagree, or a name looks like an unknown
+            distortion.
     """
     given: dict[str, list[float]] = {}
     for key, value in document.items():
@@ -88,10 +89,14 @@ def distortion(document: Mapping[str, Any], path: Path, known: Mapping[str, Any]
 
 
 def check_place(document: Mapping[str, Any], path: Path) -> None:
-    """Refuse what may be the camera's place, or its inverse, under another name than those that say which.
+    """Refuse entries that may be a camera pose or its inverse under an ambiguous name.
+
+    Args:
+        document: keys and values of the file.
+        path: file name for messages.
 
     Raises:
-        InputError: It says which of the two it is, as far as that is known, and how it is written.
+        InputError: such a key exists; the message states its usual meaning and the key to write.
     """
     given = [key for key in (*POSES, *INVERSES) if key in document]
     if len(given) > 1:
@@ -108,25 +113,30 @@ def check_place(document: Mapping[str, Any], path: Path) -> None:
 
 
 def near(name: str, key: str) -> bool:
-    """Whether a name has the same words in another order, other letters, or another unit."""
+    """Return whether a name is nearly a key: the same words in another order, other spelling, or another unit.
+
+    Args:
+        name: name found in a file.
+        key: correct key.
+    """
     words = (sorted(re.findall("[a-z0-9]+", text.lower())) for text in (name, key))
     one, other = (" ".join(w for w in some if w not in ("px", "mm", "m", "pixels")) for some in words)
     return difflib.SequenceMatcher(None, one, other).ratio() > _ALIKE
 
 
 def plain(key: Any) -> str:
-    """A name in small letters without signs."""
+    """Return a name in lower case without punctuation."""
     return re.sub("[^a-z0-9]", "", str(key).lower())
 
 
 def flat(value: Any) -> Any:
-    """The numbers of a matrix, as OpenCV, ROS or lists of lists have them, in one row; anything else as it is."""
+    """Return the numbers of a matrix (OpenCV, ROS or nested lists) as one flat list; other values unchanged."""
     value = value.get("data") if isinstance(value, Mapping) else value
     return np.array(value, dtype=object).ravel().tolist() if isinstance(value, list) else value
 
 
 def _said_of(key: str, value: Any) -> str:
-    """What a name says of a camera's place, and what to write; empty if it is something else."""
+    """Return the usual meaning of a camera-pose name and what to write instead; empty for other names."""
     name, numbers = plain(key), flat(value)
     bare = name[1:] if name.startswith("t") and name[1:] in (*_WORLD_TO_CAMERA, *_CAMERA_TO_WORLD) else name
     if name in _VECTORS and isinstance(numbers, list) and len(numbers) == 3:
@@ -161,7 +171,7 @@ def _coefficients(key: str, value: Any, path: Path) -> list[float]:
 
 
 def _named(values: Mapping[Any, float]) -> list[float]:
-    """Coefficients by their names, zero where one is not given, in OpenCV's order."""
+    """Return coefficients given by name as a list in OpenCV's order, with zeros where one is missing."""
     by_name = {plain(key): float(value) for key, value in values.items()}
     last = max(COEFFICIENTS.index(name) for name in by_name)
     return [by_name.get(name, 0.0) for name in COEFFICIENTS[: next(n for n in _COUNTS if n > last)]]

@@ -1,6 +1,6 @@
-"""Layouts of calibration files, brought to one: keys and values, as ROS and OpenCV name them.
+"""Convert the layouts of calibration files to one: keys and values as ROS and OpenCV name them.
 
-Read for it: Kalibr's wiki, "yaml formats" (``cam0``, ``intrinsics`` of a pinhole ``fu fv pu pv``, ``resolution``);
+Sources: Kalibr's wiki, "yaml formats" (``cam0``, ``intrinsics`` of a pinhole ``fu fv pu pv``, ``resolution``);
 ``sensor.yaml`` of EuRoC; OpenCV's FileStorage as XML; ROS ``camera_calibration_parsers`` for the Videre INI format;
 ``sensor_msgs/CameraInfo`` for binning and region of interest.
 """
@@ -31,16 +31,20 @@ _SINGLE = ("image_width", "image_height")
 
 
 def is_ini(text: str) -> bool:
-    """Whether this is the INI format of Videre: sections, and a line that says ``camera matrix``."""
+    """Return whether a text is in the Videre INI format: it has sections and a line ``camera matrix``."""
     lines = text.splitlines()
     return any(map(_SECTION.match, lines)) and any(plain(line) == "cameramatrix" for line in lines)
 
 
 def read_ini(text: str, path: Path) -> dict[str, Any]:
-    """Keys and values of the INI format: a name on a line of its own, numbers below.
+    """Return keys and values of a Videre INI file, where each name stands on its own line above its numbers.
+
+    Args:
+        text: content of the file.
+        path: file name for messages.
 
     Raises:
-        InputError: Two cameras in one file.
+        InputError: the file describes two cameras.
     """
     found: dict[str, list[Any]] = {}
     name = ""
@@ -57,10 +61,14 @@ def read_ini(text: str, path: Path) -> dict[str, Any]:
 
 
 def read_xml(text: str, path: Path) -> dict[str, Any]:
-    """Keys and values of OpenCV's XML.
+    """Return keys and values of an OpenCV XML file.
+
+    Args:
+        text: content of the file.
+        path: file name for messages.
 
     Raises:
-        InputError: It is no XML, has a document type of its own, or another root.
+        InputError: the text is not XML, declares a document type, or has another root element.
     """
     if "<!" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL):
         raise InputError(f"{path}: expected the XML of OpenCV, got a document type of its own. Leave it out.")
@@ -91,15 +99,15 @@ def _number(word: str) -> Any:
 
 
 def one_layout(document: Mapping[str, Any], path: Path, names: Iterable[str]) -> dict[str, Any]:
-    """A document with the camera's keys on top: out of ``cam0``, and ``intrinsics`` as a camera matrix.
+    """Return a document with the camera's keys at the top level, unpacked from ``cam0`` and from ``intrinsics``.
 
     Args:
-        document: as read.
-        path: of the file, for messages.
-        names: of a camera matrix, beside which ``intrinsics`` are not looked at.
+        document: keys and values of the file.
+        path: file name for messages.
+        names: names of a camera matrix; if one is present, ``intrinsics`` are ignored.
 
     Raises:
-        InputError: Several cameras, or a camera of Kalibr that is no pinhole.
+        InputError: the file has several cameras, or a Kalibr camera that is not a pinhole.
     """
     flat = dict(_only_camera(document, path))
     if "resolution" in flat and isinstance(flat["resolution"], list):
@@ -127,7 +135,7 @@ def _in_a_row(value: Any) -> list[Any]:
 
 
 def _only_camera(document: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
-    """That of a chain of one camera, or of one table in a file."""
+    """Return the table of the only camera of a Kalibr chain or of a nested file."""
     chain = {k: v for k, v in document.items() if re.fullmatch(r"cam(era)?_?\d+", str(k)) and isinstance(v, Mapping)}
     if len(chain) > 1:
         raise InputError(f"{path}: expected one camera, got {', '.join(chain)}. Keep the one that took the image.")
@@ -139,7 +147,7 @@ def _only_camera(document: Mapping[str, Any], path: Path) -> Mapping[str, Any]:
 
 
 def _four(flat: dict[str, Any], path: Path) -> list[Any] | None:
-    """Focal lengths and centre, from ``intrinsics`` or single keys, which are taken out."""
+    """Return focal lengths and principal point from ``intrinsics`` or single keys."""
     given = flat.get("intrinsics")
     if isinstance(given, list) and all(isinstance(v, int | float) for v in given):
         model = str(flat.get("camera_model", "pinhole"))
@@ -158,7 +166,14 @@ def _four(flat: dict[str, Any], path: Path) -> list[Any] | None:
 
 
 def region(document: Mapping[str, Any]) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float] | None]:
-    """Binning, offset and size of the region of interest of a ``CameraInfo`` message; size None for the whole image."""
+    """Return binning, offset and size of the region of interest of a ``CameraInfo`` message.
+
+    Args:
+        document: keys and values of the message.
+
+    Returns:
+        Binning (x, y), offset [px], and size [px], which is None for the whole image.
+    """
     bins = tuple(max(float(_whole(document.get(f"binning_{axis}"))), 1.0) for axis in "xy")
     roi = document.get("roi")
     table = roi if isinstance(roi, Mapping) else {}

@@ -1,4 +1,4 @@
-"""The text of a calibration file, YAML, JSON, XML or INI, as one document."""
+"""Parse the text of a calibration file (YAML, JSON, XML or INI) into one document."""
 
 from __future__ import annotations
 
@@ -14,15 +14,19 @@ from tanteo.errors import InputError, MissingExtraError
 from tanteo.io.camera_layouts import is_ini, read_ini, read_xml
 
 _ALIAS, _MOST_ALIASES = re.compile(r"(?:^|[\s\[,:])\*\w", re.MULTILINE), 20
-"""References of YAML, and how many there may be: references to references grow without end."""
+"""Pattern of YAML references, and their largest number: nested references expand exponentially."""
 
 
 def parse_document(text: str, path: Path) -> Mapping[str, Any]:
-    """What the file says, by its keys.
+    """Return keys and values of a calibration file.
+
+    Args:
+        text: content of the file.
+        path: file name for messages.
 
     Raises:
-        InputError: another format, or no keys and values.
-        MissingExtraError: YAML, and no package that reads it.
+        InputError: the format is unknown, or the text has no keys and values.
+        MissingExtraError: the text is YAML and PyYAML is not installed.
     """
     if is_ini(text):
         return read_ini(text, path)
@@ -39,7 +43,7 @@ def parse_document(text: str, path: Path) -> Mapping[str, Any]:
             raise InputError(
                 f"{path}: expected YAML, got more than {_MOST_ALIASES} references (*name). Write them out."
             )
-        # OpenCV writes a directive that YAML does not know
+        # OpenCV writes a directive that is not valid YAML
         lines = [line for line in text.splitlines() if not line.startswith(("%YAML", "---"))]
         try:
             document = yaml.load("\n".join(lines), Loader=_loader(yaml))
@@ -61,7 +65,7 @@ def _yaml() -> ModuleType:
 
 
 def _loader(yaml: Any) -> Any:
-    """The safe loader, taking OpenCV's matrices for the mappings that they are."""
+    """Return PyYAML's safe loader, extended to read OpenCV's matrices as mappings."""
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
         pass

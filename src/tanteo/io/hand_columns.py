@@ -1,4 +1,4 @@
-"""The columns of the hand's pose: place, and rotation in the way of quaternions, vectors, brands or matrices."""
+"""Read the hand's pose from table columns: position, and rotation as quaternion, vector, brand angles or matrix."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ PLACE = ("hand_x", "hand_y", "hand_z")
 MATRIX = tuple(f"hand_r{i}{j}" for i in "123" for j in "123")
 QUATERNION = ("hand_qw", "hand_qx", "hand_qy", "hand_qz")
 _SLACK = 1e-2
-"""How far a matrix may be from a rotation, by rounding."""
+"""Largest deviation of ``R' R`` from the identity that rounding explains."""
 
 ABB = ("hand_q1", "hand_q2", "hand_q3", "hand_q4")
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A way to write a rotation.
+    """Notation of a rotation in table columns.
 
     Attributes:
-        names: The columns.
-        brands: Who writes it so, the one that is meant unless another is named first; ``""`` if nobody is meant.
-        words: For messages.
+        names: column names without units.
+        brands: robot brands that use this notation, the default first; an empty first entry means that the brand must
+            be stated. Empty for notations without a brand.
+        words: description for messages.
     """
 
     names: tuple[str, ...]
@@ -50,7 +51,7 @@ WAYS = (
     Way(ABB, ("abb",), "hand_q1 .. hand_q4 (ABB)"),
     Way(MATRIX, (), "hand_r11 .. hand_r33 (a matrix)"),
 )  # fmt: skip
-"""In the order in which they are preferred where two have as many of their columns."""
+"""Rotation notations, in the order of preference where a table matches two equally well."""
 
 ANGLES = tuple(
     dict.fromkeys(n for way in WAYS for n in way.names if way.names not in (QUATERNION, MATRIX) and "q" not in n)
@@ -62,13 +63,21 @@ _ELEMENTS = {f"m{i}{j}": f"hand_r{i}{j}" for i in "123" for j in "123"} | {
 
 
 def way_of(names: Iterable[str]) -> Way:
-    """The way that most of the names are of; the first if none is."""
+    """Return the rotation notation that most of the names belong to; the first notation if none does.
+
+    Args:
+        names: column names without units.
+    """
     given = set(names)
     return max(WAYS, key=lambda way: (len(given.intersection(way.names)), given >= set(way.names)))
 
 
 def as_hand(names: list[str]) -> list[str]:
-    """Names with ``hand_`` before a pose that is written without it: X, Y, Z, W, P, R or the elements of a matrix."""
+    """Return column names with ``hand_`` added to a pose written without it: X, Y, Z, W, P, R or matrix elements.
+
+    Args:
+        names: canonical column names, with units.
+    """
     names = [f"hand_{n}" if n in ("qw", "qx", "qy", "qz") else n for n in names]
     bases = [_base(n) for n in names]
     if not set(PLACE).isdisjoint(bases):
@@ -96,10 +105,18 @@ def _renamed(name: str, base: str, new: str) -> str:
 
 
 def stated_brand(names: Iterable[str], stated: str | None, place: str) -> str:
-    """Who writes the rotation of these columns so: the brand that was stated, else the one that is meant without.
+    """Return the brand whose notation the rotation columns follow: the stated one, or the default of the notation.
+
+    Args:
+        names: column names without units.
+        stated: brand that the user states; None if not stated.
+        place: file name and line for messages.
+
+    Returns:
+        Name of the brand; empty where the notation has none.
 
     Raises:
-        ReadingsError: It is open whose they are, or another brand was stated.
+        ReadingsError: the notation needs a brand and none is stated, or the stated brand does not use it.
     """
     given = set(names)
     way = way_of(given)
@@ -109,16 +126,20 @@ def stated_brand(names: Iterable[str], stated: str | None, place: str) -> str:
         return str(stated)
     if (stated is None and way.brands and not way.brands[0]) or stated is not None:
         listed = ", ".join(b for b in way.brands if b) or "no brand"
-        advice = next((f"Say --brand {b}." for b in way.brands if b), "Drop --brand.")
+        advice = next((f"Use --brand {b}." for b in way.brands if b), "Drop --brand.")
         raise ReadingsError(
-            f"{place}: expected whose pose the columns {', '.join(way.names)} are ({listed}), got {stated or 'none'}. "
+            f"{place}: expected the brand of the columns {', '.join(way.names)} ({listed}), got {stated or 'none'}. "
             f"{advice}"
         )
     return way.brands[0] if way.brands else ""
 
 
 def skewed_row(values: Mapping[str, FloatArray]) -> int | None:
-    """The first row whose matrix scales, shears or mirrors; None without."""
+    """Return the index of the first row whose rotation matrix scales, shears or mirrors; None if all are rotations.
+
+    Args:
+        values: numbers by column name without unit.
+    """
     if MATRIX[0] not in values:
         return None
     R = np.stack([values[name] for name in MATRIX], axis=-1).reshape(-1, 3, 3)
@@ -132,7 +153,12 @@ def skewed_row(values: Mapping[str, FloatArray]) -> int | None:
 
 
 def hand_poses(values: Mapping[str, FloatArray], brand: str) -> Transforms | None:
-    """Poses ``(n, 4, 4)`` of columns in metres and radians, NaN where a row has none; None without columns."""
+    """Return the hand's poses in the world ``(n, 4, 4)``, NaN where a row has none; None if the columns are missing.
+
+    Args:
+        values: numbers by column name without unit [m, rad].
+        brand: name of the brand whose notation the rotation follows; empty for quaternions and matrices.
+    """
     if PLACE[0] not in values:
         return None
     way = way_of(values)
@@ -150,6 +176,12 @@ def hand_poses(values: Mapping[str, FloatArray], brand: str) -> Transforms | Non
 
 
 def nearest_rotation(matrices: FloatArray) -> FloatArray:
-    """Rotations nearest to matrices that were rounded when they were written."""
+    """Return the rotations nearest to rounded rotation matrices ``(*batch, 3, 3)`` in the Frobenius norm.
+
+    Source: orthogonal Procrustes problem by SVD (Schönemann 1966).
+
+    Args:
+        matrices: matrices close to rotations ``(*batch, 3, 3)``.
+    """
     u, _, v = np.linalg.svd(matrices)
     return np.asarray(u @ v)

@@ -1,4 +1,4 @@
-"""What a rig that could be read may still have wrong: places, directions, sensors that are there twice."""
+"""Check a rig for implausible positions, directions and duplicate sensors."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from tanteo.errors import InputError, UnitError
 from tanteo.sensors import Rig, RigSensor
 
 _FARTHEST = 2.0
-"""A sensor farther than this from the hand's origin [m] is a wrong unit."""
+"""Largest accepted distance of a sensor from the hand's origin [m]; larger values indicate a wrong unit."""
 
 _NEAREST = 0.5e-3
-"""One that is nearer, but not there, may be in metres [m]."""
+"""Distance from the hand's origin [m] below which a sensor's position may have been written in metres."""
 
 _WIDEST = np.pi / 3
-"""A cone wider than this [rad] is a wrong unit."""
+"""Largest accepted half angle of a beam [rad]; larger values indicate a wrong unit."""
 
 _INTO = 0.5
-"""A beam that comes back to within this share of its start's distance from the hand's origin runs into the hand."""
+"""Fraction of the sensor's distance from the hand's origin within which a beam counts as running into the hand."""
 
 _SAME = 1e-6
 
 
 def check_beam(sensor: RigSensor, place: str) -> None:
-    """Check that a beam starts at the hand and does not run into it.
+    """Check that a beam starts near the hand and does not run into it.
 
     Args:
-        sensor: The sensor.
-        place: File and sensor, for messages.
+        sensor: sensor to check.
+        place: file and sensor for messages.
 
     Raises:
-        UnitError: It is so far or so wide that a unit must be wrong.
-        InputError: Its beam runs through the middle of the hand.
+        UnitError: the distance or the beam's width indicates a wrong unit.
+        InputError: the beam passes through the middle of the hand.
     """
     origin, beam = sensor.T_hand_sensor[:3, 3], sensor.T_hand_sensor[:3, 2]
     away = float(np.linalg.norm(origin))
@@ -55,7 +55,11 @@ def check_beam(sensor: RigSensor, place: str) -> None:
 
 
 def suspect_metres(rig: Rig) -> str:
-    """A question where a sensor sits so near to the hand's origin that its place may be in metres; else empty."""
+    """Return a question if a sensor is so close to the hand's origin that its unit is doubtful; otherwise empty.
+
+    Args:
+        rig: rig to check.
+    """
     for sensor in rig.sensors:
         away = float(np.linalg.norm(sensor.T_hand_sensor[:3, 3]))
         if 0 < away < _NEAREST:
@@ -67,15 +71,19 @@ def suspect_metres(rig: Rig) -> str:
 
 
 def _reach(sensor: RigSensor) -> float:
-    """Farthest range of a sensor [m], infinite for unknown."""
+    """Return the largest range of a sensor [m]; infinite if unknown."""
     return float(np.nan_to_num(sensor.max_range, nan=np.inf))
 
 
 def check_twins(rig: Rig, place: str) -> None:
-    """Check that no two sensors have one beam.
+    """Check that no two sensors have the same beam.
+
+    Args:
+        rig: rig to check.
+        place: file name for messages.
 
     Raises:
-        InputError: Two do; the message names them.
+        InputError: two sensors have the same beam; the message names them.
     """
     for i, one in enumerate(rig.sensors):
         for other in rig.sensors[:i]:

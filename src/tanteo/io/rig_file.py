@@ -1,4 +1,4 @@
-"""Rig files: where the range sensors sit on the hand (TOML, ``docs/formats.md``)."""
+"""Read rig files: the poses of range sensors on the hand (TOML, ``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SAME = {
     "bias_sd": "bias_sd", "bias": "bias", "scale": "scale", "scale_sd": "scale_sd",
     "scale_covariance_m_rad": "cov_scale",
 }  # fmt: skip
-"""Keys of a table and the fields of a sensor that they are."""
+"""Field of :class:`RigSensor` for each table key."""
 
 
 def _per_axis(sds: FloatArray) -> FloatArray | None:
@@ -41,7 +41,7 @@ _FIELD_WORDS = "field_deg = [height, width] below 180, or one number for both"
 
 
 class SensorTable(Table, frozen=True, kw_only=True, eq=False):
-    """The table of a sensor, or of all the zones of one."""
+    """Table of a sensor, or of all zones of a multi-zone sensor."""
 
     preset: Annotated[str, Meta(description="a name")] | None = None
     position: Point
@@ -70,7 +70,11 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
     scale_covariance_m_rad: Annotated[FloatArray, Numbers("plain", ((6,),), digits=17)] | None = None
 
     def sensors(self, name: str) -> tuple[RigSensor, ...]:
-        """The sensor, or its zones ``NAME.row.column``."""
+        """Return the sensor, or its zones named ``NAME.row.column``.
+
+        Args:
+            name: name of the table.
+        """
         preset = self._preset()
         if preset is None and (self.sd is None or self.beam_half_angle is None):
             raise self.at.error("expected a preset, or sd_mm and beam_half_angle_deg, got neither. Add them.")
@@ -99,7 +103,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         return preset
 
     def _rotation(self) -> Rotations:
-        """Sensor axes on the hand, from a quaternion or from the direction of the beam (turn about it arbitrary)."""
+        """Return the sensor's axes in the hand frame, from a quaternion or a beam direction with arbitrary roll."""
         if self.direction is not None and self.quaternion_wxyz is None:
             return SO3.frame_from_axis(self.direction, 2)
         if self.quaternion_wxyz is None or self.direction is not None:
@@ -107,7 +111,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         return SO3.from_quaternion(self.quaternion_wxyz)
 
     def _unit(self) -> Transforms | None:
-        """Pose of the device that the beam is one of; None for a device of its own."""
+        """Return the pose of the device that the beam belongs to; None for a separate device."""
         given = self.at.has("unit", "unit_position", "unit_quaternion_wxyz")
         if not given:
             return None
@@ -119,7 +123,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         return SE3.from_parts(SO3.from_quaternion(self.unit_quaternion_wxyz), self.unit_position)
 
     def _mount(self) -> Covariances:
-        """Covariance of the mounting: from standard deviations, or whole as a calibration writes it."""
+        """Return the covariance of the mounting pose, from standard deviations or from a calibration's full matrix."""
         if self.mount_covariance_m_rad is None:
             sds = [np.zeros(3) if sds is None else sds for sds in (self.mount_sd, self.mount_turn_sd)]
             return np.diag(np.concatenate(sds) ** 2)
@@ -131,10 +135,12 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
             raise InputError(f"{error} Copy it as the calibration wrote it.") from None
 
     def _zones(self, device: RigSensor) -> tuple[RigSensor, ...]:
-        """The beams of a multi-zone device, rows along its y, columns along its x, even in angle over the field.
+        """Return the beams of a multi-zone device, evenly spaced in angle.
 
-        They share the device's bias, scale and mounting. A device that reports the distance along its optical axis
-        (``range_kind`` perpendicular) does so in every zone.
+        Rows along its y axis, columns along its x axis.
+
+        All zones share the device's bias, scale and mounting. If the device reports the distance along its optical axis
+        (``range_kind`` perpendicular), every zone does.
         """
         if self.zones is None or math.prod(self.zones) > _MOST_ZONES:
             raise self.at.refused("zones", "[rows, columns]", "Write zones = [8, 8].")
@@ -161,7 +167,11 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
 
     @classmethod
     def of(cls, sensor: RigSensor) -> SensorTable:
-        """The table of a sensor."""
+        """Return the table of a sensor.
+
+        Args:
+            sensor: sensor to write.
+        """
         T, U, c = sensor.T_hand_sensor, sensor.T_hand_unit, sensor.axis_cosine
         values: dict[str, Any] = {
             ours: got for ours, theirs in _SAME.items() if not np.isnan(got := getattr(sensor, theirs)).any()
@@ -187,7 +197,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
 
 
 class RigTable(Table, frozen=True, kw_only=True, eq=False):
-    """A rig file."""
+    """Content of a rig file."""
 
     sensors: Annotated[
         Mapping[str, SensorTable], Meta(title="sensor", min_length=1, description="tables [sensors.NAME], one a sensor")
@@ -195,15 +205,15 @@ class RigTable(Table, frozen=True, kw_only=True, eq=False):
 
 
 def read_rig(path: str | Path) -> Rig:
-    """Read a rig file: one table ``[sensors.NAME]`` a sensor.
+    """Read a rig file with one table ``[sensors.NAME]`` for each sensor.
 
     Args:
-        path: The file, or the name of a rig that comes with tanteo (:func:`shipped_rigs`).
+        path: file, or name of a rig shipped with tanteo (:func:`shipped_rigs`).
 
     Raises:
-        InputError: The file cannot be read, is not TOML, or a key or value is not one of a rig; the message names
-            file, sensor, key and value.
-        UnitError: A unit in a key is missing, unknown or contradictory.
+        InputError: the file cannot be read, is not TOML, or has an invalid key or value; the message names file,
+            sensor, key and value.
+        UnitError: a unit in a key is missing, unknown or contradictory.
 
     Example:
         >>> rig = tanteo.read_rig("readings/laser_rig.toml")
@@ -221,7 +231,7 @@ def read_rig(path: str | Path) -> Rig:
 
 @cache
 def shipped_rigs() -> Mapping[str, str]:
-    """The rigs that come with tanteo: name to text."""
+    """Return the rigs shipped with tanteo: file content by name."""
     folder = resources.files("tanteo.sensors")
     files = [f for f in folder.iterdir() if f.name.endswith(".toml")]
     return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in sorted(files, key=lambda f: f.name)}

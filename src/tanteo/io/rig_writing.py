@@ -1,4 +1,4 @@
-"""A rig as the file that :func:`read_rig` reads."""
+"""Write a rig file that :func:`read_rig` reads."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def write_rig(rig: Rig, path: str | Path, *, comment: str = "") -> None:
-    """Write a rig file, lengths in millimetres and angles in degrees.
+    """Write a rig file with lengths in millimetres and angles in degrees.
 
     Args:
-        rig: What to write.
-        path: The file; replaced if it exists.
-        comment: Lines for its beginning.
+        rig: rig to write.
+        path: file to write; replaced if it exists.
+        comment: comment lines for the start of the file.
 
     Raises:
-        OSError: The file cannot be written.
+        OSError: the file cannot be written.
     """
     text = rig_text(rig, comment=comment)
     with replaced(path) as file:
@@ -31,7 +31,12 @@ def write_rig(rig: Rig, path: str | Path, *, comment: str = "") -> None:
 
 
 def rig_text(rig: Rig, *, comment: str = "") -> str:
-    """The text of a rig file."""
+    """Return the text of a rig file.
+
+    Args:
+        rig: rig to write.
+        comment: comment lines for the start of the file.
+    """
     blocks = ["\n".join(f"# {line}".rstrip() for line in comment.splitlines())] if comment else []
     for sensor in rig.sensors:
         name = sensor.name if _BARE.fullmatch(sensor.name) else json.dumps(sensor.name, ensure_ascii=False)

@@ -1,9 +1,10 @@
-"""QIF documents (ISO 23952): measured points with their normals, and measured round features.
+"""Read QIF documents (ISO 23952): measured points with their normals, and measured round features.
 
-``PointFeatureMeasurement`` and ``EdgePointFeatureMeasurement`` of version 3, the same as ``...Actual`` of version 2,
-with ``Location`` and ``Normal``, and the ``Points`` of ``MeasuredPointSet``; circles, cylinders, spheres and cones as
-``qif_features`` reads them. Where there are point sets, those are not read: they were fitted to the points. The unit is
-that of ``FileUnits``, the standard deviation of a point ``combinedUncertainty`` of its ``Location``.
+Points are ``PointFeatureMeasurement`` and ``EdgePointFeatureMeasurement`` of version 3, or the ``...Actual`` elements
+of
+version 2, with ``Location`` and ``Normal``, and the ``Points`` of ``MeasuredPointSet``. ``qif_features`` reads circles,
+cylinders, spheres and cones; they are ignored if the document has point sets, because they were fitted to those points.
+The unit is that of ``FileUnits``; the standard deviation of a point is ``combinedUncertainty`` of its ``Location``.
 """
 
 from __future__ import annotations
@@ -24,12 +25,23 @@ _OTHER = ("FeatureMeasurement", "FeatureActual")
 
 
 def recognise(contents: Contents) -> bool:
-    """The root element."""
+    """Return whether the file contains the QIF root element.
+
+    Args:
+        contents: file to test.
+    """
     return _ROOT.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
-    """Measured points and round features of all results in the document."""
+    """Return the measured points and round features of all results in the document.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: the file has no measured points, or is malformed.
+    """
     document = Document(contents)
     rows, in_sets, others = list[RoundRow](), list[RoundRow](), 0
     for element in document.root.iter("{*}*"):

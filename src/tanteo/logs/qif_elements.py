@@ -1,4 +1,4 @@
-"""Elements of a QIF document: by name, by the number that others refer to, with their numbers and units."""
+"""Access elements of a QIF document by name and by identifier, with their numbers and units."""
 
 from __future__ import annotations
 
@@ -16,12 +16,21 @@ _ANGLES = {"degree": np.pi / 180, "deg": np.pi / 180, "radian": 1.0, "rad": 1.0}
 
 
 def tag(element: Any) -> str:
-    """Name of an element without its namespace."""
+    """Return the name of an element without its namespace.
+
+    Args:
+        element: XML element.
+    """
     return str(element.tag).rpartition("}")[2]
 
 
 def child(element: Any, *path: str) -> Any:
-    """The first child of that name, and its of the next; None if there is none, or of None."""
+    """Return the descendant at a path of names, taking the first child of each name; None if there is none.
+
+    Args:
+        element: XML element; None is accepted.
+        path: names of the children, outermost first.
+    """
     for name in path:
         if element is None:
             return None
@@ -30,12 +39,12 @@ def child(element: Any, *path: str) -> Any:
 
 
 class Document:
-    """A parsed document with what is said of it where it is wrong."""
+    """Parsed QIF document, with error messages that name file and line."""
 
     def __init__(self, contents: Contents) -> None:
         from lxml import etree
 
-        if b"<!DOCTYPE" in contents.data or b"<!ENTITY" in contents.data:  # which can make a small file large
+        if b"<!DOCTYPE" in contents.data or b"<!ENTITY" in contents.data:  # entities can expand exponentially
             contents.fail("a QIF document without DTD", "one with", "Remove the DOCTYPE.")
         parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
         self._contents = contents
@@ -47,13 +56,24 @@ class Document:
     def fail(self, expected: str, got: str, do: str, element: Any = None) -> NoReturn:
         """Refuse the document.
 
+        Args:
+            expected: accepted content, in words.
+            got: found content, in words.
+            do: correction to suggest, as a sentence.
+            element: element with the error; None for the document as a whole.
+
         Raises:
             ReadingsError: always.
         """
         self._contents.fail(expected, got, do, None if element is None else element.sourceline)
 
     def by_id(self, element: Any, name: str) -> Any:
-        """What the child of that name refers to; None if it refers to nothing."""
+        """Return the element that a child refers to; None if there is none.
+
+        Args:
+            element: parent element.
+            name: name of the child that contains the identifier.
+        """
         reference = child(element, name)
         return None if reference is None else self._numbered.get((reference.text or "").strip())
 
@@ -62,12 +82,29 @@ class Document:
         return {element.get("id"): element for element in self.root.iter("{*}*") if element.get("id")}
 
     def number(self, element: Any, text: str | None, name: str) -> float:
-        """A finite number, of an element or an attribute of it."""
+        """Return a finite number of an element or of one of its attributes.
+
+        Args:
+            element: element, for the unit and the line number.
+            text: text of the number.
+            name: name of the number, for messages.
+
+        Raises:
+            ReadingsError: the text is not a finite number, or the element has another unit than the file.
+        """
         self._check_unit(element)
         return float(self._contents.numbers([[(text or "").strip()]], [element.sourceline], name)[0, 0])
 
     def three(self, element: Any, name: str) -> FloatArray:
-        """Three numbers of a child, or of the XYZ in it ``(3,)``; NaN without one."""
+        """Return three numbers of a child, or of the ``XYZ`` in it, as ``(3,)``; NaN if the child is missing.
+
+        Args:
+            element: parent element.
+            name: name of the child.
+
+        Raises:
+            ReadingsError: there are not three finite numbers.
+        """
         one = child(element, name)
         if one is None:
             return np.full(3, np.nan)
@@ -85,7 +122,14 @@ class Document:
             self.fail("lengths in the unit of the file", f"linearUnit '{word}'", "Export it in one unit.", element)
 
     def block(self, element: Any) -> list[FloatArray]:
-        """The points of a set."""
+        """Return the points of a point set.
+
+        Args:
+            element: element of the set.
+
+        Raises:
+            ReadingsError: the numbers are not a multiple of three.
+        """
         points = child(element, "Points")
         words = [] if points is None else (points.text or "").split()
         if len(words) % 3:
@@ -94,7 +138,11 @@ class Document:
         return list(self._contents.numbers(rows, [points.sourceline] * len(rows), "Points")) if rows else []
 
     def unit(self) -> str | None:
-        """The length unit of the file, if it says one that is known."""
+        """Return the length unit of the file; None if it is not stated.
+
+        Raises:
+            ReadingsError: the unit is unknown.
+        """
         linear = child(self.root, "FileUnits", "PrimaryUnits", "LinearUnit")
         if linear is None:
             return None
@@ -111,7 +159,7 @@ class Document:
 
     @cached_property
     def angle(self) -> float:
-        """Radians of an angle of one; radians are meant where the file says nothing."""
+        """Radians per angle unit of the file; 1 if it is not stated."""
         angular = child(self.root, "FileUnits", "PrimaryUnits", "AngularUnit")
         factor = child(angular, "UnitConversion", "Factor")
         if factor is not None:

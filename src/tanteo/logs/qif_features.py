@@ -1,10 +1,10 @@
-"""Measured circles, cylinders, spheres and cones of QIF documents, as their centres and apexes.
+"""Read measured circles, cylinders, spheres and cones of QIF documents as their centres and apexes.
 
-``CircleFeatureMeasurement`` (``Location``, ``Normal``, ``Diameter``), ``CircularArc...`` (``Radius``), ``Cylinder...``
-(``Axis`` of a point and a direction), ``Sphere...`` and ``Cone...`` (``Axis`` into the expanding end, the diameter at
-its point, ``HalfAngle`` or ``FullAngle``) of version 3, the same as ``...Actual`` of version 2 (Features.xsd of
-``QualityInformationFramework/qif-community``). The side of the material is ``InternalExternal`` of the definition that
-the feature's item refers to, through its nominal. ``combinedUncertainty`` is a standard deviation.
+Elements of version 3 are ``CircleFeatureMeasurement`` (``Location``, ``Normal``, ``Diameter``), ``CircularArc...``
+(``Radius``), ``Cylinder...`` (``Axis`` with a point and a direction), ``Sphere...`` and ``Cone...`` (``Axis`` towards
+the wide end, diameter at its point, ``HalfAngle`` or ``FullAngle``); version 2 has ``...Actual`` instead (Features.xsd
+of ``QualityInformationFramework/qif-community``). ``InternalExternal`` of the definition, found through the feature's
+item and its nominal, states the material side. ``combinedUncertainty`` is a standard deviation.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ _KINDS = {"Circle": "circle", "CircularArc": "circle", "Cylinder": "cylinder", "
 _ENDINGS = ("FeatureMeasurement", "FeatureActual")
 _SIDES = {"INTERNAL": "hole", "EXTERNAL": "boss"}
 _SHARPEST = 1e-6
-"""A cone has a half angle above this [rad]: the apex of another is nowhere."""
+"""Smallest accepted half angle of a cone [rad]; the apex of a sharper one is not determined."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoundRow:
-    """One round feature: where its centre or apex is, along what, how large, on which side.
+    """Measured point or round feature.
 
     Attributes:
-        name: of the feature.
-        kind: circle, cylinder, sphere or cone.
-        point: centre, any point of a cylinder's axis, or apex ``(3,)``; NaN if it was not measured.
-        axis: ``(3,)``; NaN without one.
-        size: radius, or half angle of a cone [rad]; NaN if it was not measured.
-        side: ``hole``, ``boss`` or nothing.
-        sd: of the point; NaN if it is not said.
+        name: name of the feature.
+        kind: ``point``, ``circle``, ``cylinder``, ``sphere`` or ``cone``.
+        point: centre, any point of a cylinder's axis, or apex ``(3,)`` [file units]; NaN if not measured.
+        axis: direction of the axis or normal ``(3,)``; NaN if there is none.
+        size: radius [file units], or half angle of a cone [rad]; NaN if not measured.
+        side: ``hole``, ``boss`` or empty.
+        sd: standard deviation of the point [file units]; NaN if unknown.
     """
 
     name: str
@@ -48,14 +48,27 @@ class RoundRow:
 
 
 def round_kind(element: Any) -> str | None:
-    """What round feature an element is a measurement of; None if of none."""
+    """Return the kind of round feature that an element measures; None for other elements.
+
+    Args:
+        element: XML element.
+    """
     name = tag(element)
     ending = next((end for end in _ENDINGS if name.endswith(end)), None)
     return None if ending is None else _KINDS.get(name.removesuffix(ending))
 
 
 def round_row(document: Document, element: Any, kind: str) -> RoundRow | None:
-    """A round feature that was measured; None of one that was set, not measured."""
+    """Return a measured round feature; None if the feature was set instead of measured.
+
+    Args:
+        document: parsed document.
+        element: element of the feature.
+        kind: kind of the feature, see :func:`round_kind`.
+
+    Raises:
+        ReadingsError: a number is malformed, or the diameter is not positive.
+    """
     item = document.by_id(element, "FeatureItemId")
     mode = child(item, "DeterminationMode")
     if mode is not None and child(mode, "Set") is not None:
@@ -72,7 +85,7 @@ def round_row(document: Document, element: Any, kind: str) -> RoundRow | None:
 
 
 def _placed(document: Document, element: Any) -> tuple[FloatArray, FloatArray, float]:
-    """Centre or a point of the axis, the axis, and the standard deviation of the point."""
+    """Return the centre or a point of the axis, the axis, and the standard deviation of the point."""
     axis = child(element, "Axis")
     holder, names = (element, ("Location", "Normal")) if axis is None else (axis, ("AxisPoint", "Direction"))
     point, direction = (document.three(holder, name) for name in names)
@@ -83,7 +96,12 @@ def _placed(document: Document, element: Any) -> tuple[FloatArray, FloatArray, f
 
 
 def uncertainty(document: Document, place: Any) -> float:
-    """Standard deviation of a measured point in any one direction, as its attributes say it; NaN where none does."""
+    """Return the standard deviation of a measured point per direction from its attributes; NaN if there is none.
+
+    Args:
+        document: parsed document.
+        place: element of the point.
+    """
     whole = ("combinedUncertainty", "xCombinedUncertainty", "yCombinedUncertainty", "zCombinedUncertainty")
     values = [document.number(place, place.get(name), name) for name in whole if place.get(name) is not None]
     values = [value for value in (values[1:] if len(values) == 4 else values) if value > 0]
@@ -101,7 +119,7 @@ def _radius(document: Document, element: Any) -> float:
 def _cone(
     document: Document, element: Any, point: FloatArray, axis: FloatArray, radius: float
 ) -> tuple[FloatArray, float]:
-    """Apex and half angle: its point has a radius, from which the apex is one over the slope away."""
+    """Return apex and half angle: the apex is ``radius / tan(half angle)`` behind the axis point."""
     for name, share in (("HalfAngle", 1.0), ("FullAngle", 0.5)):
         angle = child(element, name)
         if angle is not None:
@@ -116,7 +134,7 @@ def _cone(
 
 
 def _side(document: Document, item: Any) -> str:
-    """On which side of the wall the material is, as the definition says."""
+    """Return the material side of the feature's definition; empty if it is not stated."""
     nominal = document.by_id(item, "FeatureNominalId")
     definition = document.by_id(nominal, "FeatureDefinitionId")
     side = child(definition, "InternalExternal")

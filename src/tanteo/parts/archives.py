@@ -1,4 +1,4 @@
-"""Zip archives that may be damaged, or made to fill the memory: what is read is counted while it is unpacked."""
+"""Read zip archives with limits on the unpacked size, against damaged or malicious files."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from collections.abc import Iterator
 from tanteo.errors import PartError
 
 LARGEST = 512_000_000
-"""Bytes that are unpacked of one archive at most."""
+"""Largest total size that is unpacked from one archive [bytes]."""
 
 SMALL, RATIO = 32_000_000, 200
-"""More than the first has to be packed into no less than a share of this: text of meshes is, to a tenth or so."""
+"""Unpacked size [bytes] above which the compression ratio is limited, and its limit; text of meshes has about 10."""
 
 _CHUNK = 1 << 20
 
 
 class Archive:
-    """The files of a zip archive, by name without regard to case; what it says of their sizes does not count."""
+    """Files of a zip archive by name, ignoring case; the sizes stated in the archive are not trusted."""
 
     def __init__(self, file: zipfile.ZipFile, packed: int, label: str) -> None:
         self._file, self._packed, self._label = file, packed, label
@@ -33,8 +33,11 @@ class Archive:
     def read(self, name: str) -> bytes:
         """Unpack one file.
 
+        Args:
+            name: name of the file, ignoring case.
+
         Raises:
-            PartError: it is not there, or unpacks to very much; a damaged one raises what ``zipfile`` does.
+            PartError: the file does not exist, or exceeds the limits; damaged archives raise the errors of ``zipfile``.
         """
         info = self._names.get(name.lower())
         if info is None:

@@ -1,4 +1,4 @@
-"""STEP and IGES files -> a mesh whose triangles are sorted into the faces of the B-rep, through OpenCASCADE."""
+"""Read STEP and IGES files as a mesh whose triangles are assigned to the faces of the B-rep, by OpenCASCADE."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from tanteo.parts.surfaces import merge_faces, surface_offsets
 from tanteo.parts.topology import Draft, mesh_edges, volume_and_centroid
 
 FLATNESS = 2e-4
-"""How thick the mesh of a planar face may be, relative to the diagonal."""
+"""Largest thickness of the mesh of a planar face, relative to the diagonal."""
 
 ROUNDNESS = 1e-3
-"""How far the mesh of a cylinder, cone, sphere or torus may lie off it, relative to the diagonal."""
+"""Largest distance of the mesh of a cylinder, cone, sphere or torus from its surface, relative to the diagonal."""
 
 _MM = 1e-3
 
@@ -33,11 +33,15 @@ _MM = 1e-3
 def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
     """Read a STEP or IGES file.
 
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
+
     Returns:
-        The mesh in metres with the faces of the B-rep, the short name of the file's unit, and repairs.
+        Mesh in metres with the faces of the B-rep, short name of the file's unit, and repairs.
 
     Raises:
-        PartError: not such a file, no face in it, or faces that contradict themselves.
+        PartError: the file is not STEP or IGES, has no face, or has contradictory faces.
     """
     with reader_of_others(path, label):
         shape, unit, notes = read_shape(path, label)
@@ -46,7 +50,7 @@ def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
 
 
 def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
-    """Mesh every body of a shape and sort the triangles into the faces of the B-rep."""
+    """Mesh every body of a shape, and assign the triangles to the faces of the B-rep."""
     given = tessellated(shape)
     if given and len(given) == len(explore(shape, TopAbs_FACE)):
         return _of_triangles(given, label)
@@ -79,7 +83,7 @@ def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
 
 
 def _exact(shape: Any) -> Any:
-    """What is left of a shape without bodies, shells and faces that have triangles alone."""
+    """Return a shape without bodies, shells and faces that have only triangles."""
     every = [
         *explore(shape, TopAbs_SOLID),
         *explore(shape, TopAbs_SHELL, TopAbs_SOLID),
@@ -89,7 +93,7 @@ def _exact(shape: Any) -> Any:
 
 
 def _beside(meshes: list[BrepMesh], given: list[Any], label: str) -> tuple[list[BrepMesh], list[str]]:
-    """Put faces of triangles beside those with surfaces, but for those that are the same body over again."""
+    """Add tessellated faces to those with surfaces, unless they repeat the same body."""
     draft, said = _of_triangles(given, label)
     exact = joined(meshes)
     volumes = [volume_and_centroid(exact.vertices * _MM, exact.triangles)[0]]
@@ -106,7 +110,7 @@ def _beside(meshes: list[BrepMesh], given: list[Any], label: str) -> tuple[list[
 
 
 def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
-    """Tessellated faces, as a mesh file has them."""
+    """Return tessellated faces as those of a mesh file."""
     pieces = [face_mesh(TopoDS.Face(face)) for face in faces]
     starts = np.cumsum([0] + [len(points) for points, _ in pieces])[:-1]
     triangles = np.concatenate([t + start for (_, t), start in zip(pieces, starts, strict=True)])
@@ -115,7 +119,7 @@ def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
 
 
 def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
-    """Refuse planes whose border is not in them: the file contradicts itself."""
+    """Refuse planes whose border does not lie in them."""
     normals, points = face_normals(draft)[draft.triangle_face], draft.vertices[draft.triangles]
     offsets = np.einsum("tki,ti->tk", points, normals)
     low, high = np.full(len(draft.kinds), np.inf), np.full(len(draft.kinds), -np.inf)
@@ -131,7 +135,7 @@ def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
 
 
 def _check_curved(draft: Draft, diagonal: float, label: str) -> None:
-    """Refuse cylinders, cones, spheres and tori whose mesh is elsewhere: the file contradicts itself."""
+    """Refuse cylinders, cones, spheres and tori whose mesh does not lie on them."""
     order = np.argsort(draft.triangle_face, kind="stable")
     starts = np.searchsorted(draft.triangle_face[order], np.arange(len(draft.kinds) + 1))
     for face, (kind, fields) in enumerate(draft.kinds):

@@ -1,8 +1,9 @@
-"""The rotations that map a part onto itself.
+"""Find the rotations that map a part onto itself.
 
-Candidates come from labelled vectors that any symmetry must permute: the normals of planes, and the arms from the
-centroid to the centroids of faces and to corners. Two that are not parallel fix a rotation, so every symmetry shows up
-among the maps of the rarest such pair to its equals. Each candidate is then checked against the whole surface.
+Every symmetry permutes labelled vectors: the normals of planes, and the vectors from the centroid to the centroids of
+faces and to corners. Two nonparallel vectors determine a rotation, so every symmetry is among the maps of the rarest
+such
+pair to equal pairs. Each candidate is then checked on the whole surface.
 """
 
 from __future__ import annotations
@@ -19,35 +20,35 @@ from tanteo.parts.topology import components
 from tanteo.typing import FloatArray, IntArray
 
 LOOSE = 5e-3
-"""How far labels of equal vectors may differ, relative to the part's size."""
+"""Largest difference of the labels of equal vectors, relative to the part's size."""
 
 _FEW = 500
-"""Vectors up to this number are compared each with each."""
+"""Number of vectors up to which all pairs are compared directly."""
 
 _MOST_PAIRS = 20_000_000
-"""Pairs of equal vectors that are listed; of more, cells of a grid are enough."""
+"""Largest number of listed pairs of equal vectors; beyond it grid cells are used."""
 
 MOST_CANDIDATES = 4000
-"""Pairs of vectors that are tried at most."""
+"""Largest number of vector pairs that are tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Vectors:
-    """Vectors about the centroid that a symmetry permutes; those with one label may be exchanged."""
+    """Vectors from the centroid that a symmetry permutes among those with the same label."""
 
     directions: FloatArray
     labels: IntArray
 
 
 def find_symmetry(part: Part) -> SymmetryGroup:
-    """Find the rotation group of a part.
+    """Return the rotation group of a part.
 
     Args:
-        part: with its mesh, faces, planes and corners; its own ``symmetry`` is not looked at.
+        part: part with its mesh, faces, planes and corners; its own ``symmetry`` is ignored.
 
     Returns:
-        The finite group, or the axis and what maps it onto itself for a solid of revolution. Rotations that fit to
-        0.02 % of the part's diagonal (plus the sagitta of tessellated faces) count as symmetries.
+        Finite group, or for a solid of revolution its axis and the motions that preserve the axis. Rotations that fit
+        to 0.02 % of the part's diagonal (plus the sagitta of tessellated faces) count as symmetries.
     """
     probe = SymmetryProbe.of(part)
     centres = [
@@ -77,7 +78,7 @@ def _about(centre: FloatArray, R: FloatArray) -> FloatArray:
 
 
 def _revolution_axis(part: Part, probe: SymmetryProbe) -> tuple[FloatArray, FloatArray] | None:
-    """Find the axis of a solid of revolution from its faces; None where it is not one."""
+    """Return the axis of a solid of revolution from its faces; None if the part is not one."""
     slack = 10.0 * TOLERANCE * part.diagonal
     round_faces = [face for face in part.faces if face.surface in ("cylinder", "cone", "torus")]
     if round_faces:
@@ -98,7 +99,7 @@ def _revolution_axis(part: Part, probe: SymmetryProbe) -> tuple[FloatArray, Floa
             turned = face.axis_direction is not None and abs(face.axis_direction @ direction) < 1.0 - 1e-5
             if turned or _off(face.axis_point, point, direction) > sagitta:
                 return None
-    # Turns by angles that no finite symmetry has in common.
+    # angles that no finite rotation group has in common
     turns = [_about(part.centroid, SO3.exp(angle * direction)) for angle in (0.37, 1.0, 2.3)]
     if not all(probe.accepts(T) for T in turns):
         return None
@@ -110,7 +111,7 @@ def _off(where: FloatArray, point: FloatArray, direction: FloatArray) -> float:
 
 
 def _inertia_axis(part: Part) -> FloatArray | None:
-    """Return the axis of a surface whose two other principal moments are equal; None where there is none."""
+    """Return the axis of a surface whose two other principal moments are equal; None if there is none."""
     a, b, c = (part.vertices[part.triangles[:, k]] - part.centroid for k in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
     sums = a + b + c
@@ -149,7 +150,7 @@ def _candidates(part: Part) -> list[FloatArray]:
 
 
 def _principal_candidates(part: Part) -> list[FloatArray]:
-    """Half turns about the principal axes, and small fractions of a turn, for parts without usable features."""
+    """Return rotations by fractions of a turn about the principal axes, for parts without usable features."""
     local = part.vertices[part.triangles].mean(axis=1) - part.centroid
     a, b, c = (part.vertices[part.triangles[:, k]] for k in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -189,14 +190,14 @@ def _labelled(part: Part) -> _Vectors:
 
 
 def _clusters(marks: FloatArray) -> IntArray:
-    """Label rows that are equal to within the loose tolerance (chains of them too)."""
+    """Label rows that are equal within the loose tolerance, including chains."""
     if len(marks) <= _FEW:  # SciPy takes longer to import
         pairs = np.argwhere(np.abs(marks[:, None] - marks).max(axis=2) <= LOOSE)
     else:
         from scipy.spatial import cKDTree  # slow to import
 
         tree = cKDTree(marks)
-        if tree.count_neighbors(tree, LOOSE, p=np.inf) > _MOST_PAIRS:  # of a heap of triangles
+        if tree.count_neighbors(tree, LOOSE, p=np.inf) > _MOST_PAIRS:  # meshes with very many equal facets
             return np.unique(np.rint(marks / LOOSE), axis=0, return_inverse=True)[1].reshape(-1)
         pairs = tree.query_pairs(LOOSE, p=np.inf, output_type="ndarray")
     return components(len(marks), pairs[:, 0], pairs[:, 1])
@@ -209,7 +210,7 @@ def _pair_frame(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _refined(part: Part, R: FloatArray) -> FloatArray:
-    """Fit the rotation again to all planes it permutes, then give it an exact angle."""
+    """Refine a rotation on all planes that it permutes, then round its angle to a fraction of a turn."""
     normals = part.planes.normals
     if len(normals) and np.linalg.matrix_rank(normals, tol=0.1) >= 2:
         moved = normals @ R.T
@@ -228,5 +229,5 @@ def _refined(part: Part, R: FloatArray) -> FloatArray:
 
 
 def _ordered(rotations: list[FloatArray]) -> list[FloatArray]:
-    """Identity first, then by angle."""
+    """Return the rotations with the identity first, then by angle."""
     return sorted(rotations, key=lambda R: -round(float(np.trace(R)), 6))

@@ -1,4 +1,4 @@
-"""Whether a motion maps a part onto itself: its planes to planes, and points of its surface to the surface."""
+"""Test whether a motion maps a part onto itself: planes to planes, and surface points to the surface."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from tanteo.shapes import Surface
 from tanteo.typing import FloatArray
 
 TOLERANCE = 2e-4
-"""How far a mapped point may lie off the surface, relative to the diagonal of the part's box."""
+"""Largest distance of a mapped point from the surface, relative to the diagonal of the part's box."""
 
 FREEFORM_SLACK = 1e-3
-"""Most that the mesh of a free form may lie off the part it stands for, relative to the diagonal."""
+"""Largest assumed error of the mesh of a free form, relative to the diagonal."""
 
 PROBES = 4000
-"""Points at most."""
+"""Largest number of test points."""
 
 
 _FEW = 64
-"""Planes up to this number are compared before any point."""
+"""Number of planes up to which planes are compared before points."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SymmetryProbe:
-    """Points of the surface and what it takes for their images to count as points of the surface.
+    """Test points of a part's surface with their tolerances.
 
     Attributes:
-        part: whose.
-        surface: of it.
-        points: on it ``(n, 3)`` [m].
-        slack: how far the mesh may lie off the true surface there ``(n,)`` [m].
-        face_slack: the same of each face.
-        base: how far an image may lie off the surface in any case [m].
+        part: part to test.
+        surface: surface of the part.
+        points: points on the surface ``(n, 3)`` [m].
+        slack: largest error of the mesh at the points ``(n,)`` [m].
+        face_slack: largest error of the mesh of each face ``(F,)`` [m].
+        base: tolerance for mapped points in addition to the mesh error [m].
     """
 
     part: Part
@@ -46,7 +46,11 @@ class SymmetryProbe:
 
     @staticmethod
     def of(part: Part) -> SymmetryProbe:
-        """Vertices of the part and middles of its triangles, or some of them if they are many."""
+        """Return the probe of a part: its vertices and triangle centroids, or a random subset of them.
+
+        Args:
+            part: the part.
+        """
         most = np.array([np.inf if face.surface != "freeform" else FREEFORM_SLACK for face in part.faces])
         slacks = np.minimum([face.sagitta for face in part.faces], most * part.diagonal)
         sagitta = slacks[part.triangle_face]
@@ -62,10 +66,14 @@ class SymmetryProbe:
         return SymmetryProbe(part, surface, points, slack, slacks, TOLERANCE * part.diagonal)
 
     def accepts(self, T: FloatArray) -> bool:
-        """Whether the motion maps planes to planes and the surface to itself."""
+        """Return whether a motion maps planes to planes and the surface to itself.
+
+        Args:
+            T: motion of the part frame ``(4, 4)`` [m].
+        """
         if len(self.part.planes) <= _FEW and not self._planes_match(T):
             return False
-        # A few points decide most refusals.
+        # a few points reject most candidates
         few, every = slice(None, None, 1 + len(self.points) // 64), slice(None)
         return self._on_surface(T, few) and self._planes_match(T) and self._on_surface(T, every)
 

@@ -1,7 +1,7 @@
-"""3MF files -> vertices and triangles: what is built, with components, and parts of the package in files of their own.
+"""Read 3MF files as vertices and triangles: the build items with their components, also from several model files.
 
-Core specification 1.3 and production extension 1.1 of the 3MF Consortium (https://3mf.io/spec). What only supports the
-build, or is stored beside it, is no part of the part.
+Sources: core specification 1.3 and production extension 1.1 of the 3MF Consortium (https://3mf.io/spec). Support
+structures and objects outside the build are ignored.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from tanteo.typing import FloatArray, IntArray
 UNITS = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft", "meter": "m"}
 
 _READ = ("/production/", "/material/", "/trianglesets/", "/core/")
-"""Namespaces of extensions that are read, or change no surface."""
+"""Namespaces of extensions that are supported, or that change no surface."""
 
 _DEEPEST, _MOST_COPIES, _MOST_TRIANGLES = 32, 20_000, 5_000_000
 
 
 @dataclass(slots=True)
 class _Object:
-    """A mesh, or components: other objects with their transforms."""
+    """Mesh, or components: other objects with their transforms."""
 
     kind: str
     vertices: FloatArray | None = None
@@ -40,7 +40,7 @@ class _Object:
 
 @dataclass(slots=True)
 class _Model:
-    """One model file of the package: its objects by id, what is built, and its unit."""
+    """Model file of the package: its objects by identifier, the build items, and its unit."""
 
     unit: str
     objects: dict[str, _Object] = field(default_factory=dict)
@@ -48,20 +48,24 @@ class _Model:
 
 
 def read_3mf(path: Path, label: str) -> tuple[FloatArray, IntArray, str, list[str]]:
-    """Read what a 3MF file says is to be built.
+    """Read the build items of a 3MF file.
+
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
 
     Returns:
-        Vertices, triangles, the short name of the unit, and a sentence for what was left out.
+        Vertices, triangles, short name of the unit, and sentences about what was left out.
 
     Raises:
-        PartError: it is damaged, is not what the specification says, or needs an extension that is not read.
+        PartError: the file is damaged, violates the specification, or needs an unsupported extension.
     """
     with reader_of_others(path, label), zipfile.ZipFile(path) as file:
         return _Package(Archive(file, path.stat().st_size, label), label).built()
 
 
 class _Package:
-    """The models of a file, each parsed when it is first needed."""
+    """Models of a file, each parsed at first use."""
 
     def __init__(self, archive: Archive, label: str) -> None:
         self._archive, self._label = archive, label
@@ -93,7 +97,7 @@ class _Package:
     def _meshes(
         self, path: str, index: str, T: FloatArray, above: tuple[tuple[str, str], ...]
     ) -> Iterator[tuple[FloatArray, IntArray]]:
-        """Meshes of an object and of its components, in metres."""
+        """Yield meshes of an object and of its components, in metres."""
         if (path, index) in above or len(above) > _DEEPEST:
             raise PartError(f"{self._label}: expected objects made of others, got object {index} made of itself.")
         self._copies += 1
@@ -128,7 +132,7 @@ class _Package:
         return self._models[path]
 
     def _root(self) -> str:
-        """The model that the package begins with."""
+        """Return the name of the root model of the package."""
         if "_rels/.rels" in self._archive:
             for relation in _tree(self._archive.read("_rels/.rels"), self._label).iter("{*}Relationship"):
                 if relation.get("Type", "").endswith("/3dmodel"):
@@ -146,7 +150,7 @@ def _plain(path: str) -> str:
 
 
 def _tree(data: bytes, label: str) -> Any:
-    """Parse XML: no entities, nothing from elsewhere. Prefixes that nobody declares are of extensions."""
+    """Parse XML without entities and external content; undeclared prefixes are accepted as those of extensions."""
     from lxml import etree  # slow to import
 
     parser = etree.XMLParser(
@@ -208,7 +212,7 @@ def _object(element: Any, label: str) -> _Object:
 
 
 def _placed(element: Any, label: str) -> tuple[str, str, FloatArray]:
-    """File (or none), object and transform, for row vectors, of an item or a component."""
+    """Return file (or empty), object and transform (for row vectors) of an item or a component."""
     path = next((value for name, value in element.attrib.items() if name.rsplit("}", 1)[-1] == "path"), "")
     T = np.eye(4)
     if "transform" in element.attrib:

@@ -1,4 +1,4 @@
-"""What every set of readings must satisfy."""
+"""Check the validity of a set of readings."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ _ARRAYS = (
     "max_ranges", "hole_radii",
 )  # fmt: skip
 WALLS, CENTRE, BALL, APEX = ("circle", "cylinder"), "centre", "sphere_centre", "apex"
-"""Kinds of contacts on the wall of a hole or boss; of the centre of a circle, of a sphere, and the apex of a cone."""
+"""Reading kinds: contacts on the wall of a hole or boss; centre of a circle; centre of a sphere; apex of a cone."""
 
 CENTRES = {CENTRE: 2, BALL: 3, APEX: 3}
-"""Kinds of readings that are in the middle of a round feature, not on it, and in how many directions these are held."""
+"""Reading kinds that locate the centre of a round feature, with the number of directions that they constrain."""
 
 CENTRE_OF = {"circle": CENTRE, "cylinder": CENTRE, "sphere": BALL, "cone": APEX}
-"""What is in the middle of each round kind of feature."""
+"""Reading kind of the centre for each round kind of feature."""
 
 _LEAST_ON_WALL = 3
-"""Contacts of one wall: of fewer nobody knows whether they are contacts."""
+"""Smallest number of contacts on one wall; fewer do not determine a circle."""
 
 _SIDES = "", "hole", "boss"
 
@@ -40,16 +40,25 @@ _LENGTHS = "points", "ranges", "max_ranges", "radii", "hole_radii", "sds", "acro
 
 
 def reading_kinds() -> tuple[str, ...]:
-    """What a reading can be taken on: a kind of feature, any ``point``; ``free`` is a beam without echo."""
+    """Return all kinds of readings.
+
+    Kinds of features, ``point`` for any surface point, ``free`` for a beam without echo.
+    """
     labelled = (kind.name for kind in KINDS.values() if kind.min_readings)
     return tuple(dict.fromkeys((*labelled, *WALLS, *CENTRES, "point", "free")))
 
 
 def check_readings(readings: Readings) -> None:
-    """Names unique, kinds known, numbers finite, directions unit, labels of one kind, every row located.
+    """Check that a set of readings is valid.
+
+    Names must be unique, kinds known, numbers finite, directions unit; a label must have one kind, and every row a
+    position.
+
+    Args:
+        readings: readings to check.
 
     Raises:
-        ReadingsError: The first thing that is wrong, with the reading's name.
+        ReadingsError: a check fails; the message names the reading.
     """
     _check_ids(readings.ids)
     _check_kinds(readings)
@@ -62,10 +71,13 @@ def check_readings(readings: Readings) -> None:
 
 
 def check_features(readings: Readings) -> None:
-    """Check that every labelled plane has three readings and every edge two.
+    """Check that every labelled feature has the number of readings that its kind requires, such as three for a plane.
+
+    Args:
+        readings: readings to check.
 
     Raises:
-        ReadingsError: A label has too few readings of its kind; the message names label and readings.
+        ReadingsError: a label has too few readings; the message names label and readings.
     """
     counts = Counter(zip(readings.features, readings.kinds, strict=True))
     for (label, kind), count in counts.items():
@@ -129,7 +141,7 @@ def _check_numbers(readings: Readings) -> None:
 
 
 def _check_tilts(readings: Readings) -> None:
-    """The spread of a sensed normal is one that a device can have and that still says where the normal looks."""
+    """Check that standard deviations of sensed normals are possible for a device and still determine a direction."""
     sds = readings.normal_sds
     wrong = (sds < LEAST_TILT_SD) | (sds > LARGEST_TILT_SD * (1 + 1e-9))
     if who := _first_bad(readings, wrong):
@@ -169,7 +181,7 @@ def _check_labels(readings: Readings) -> None:
 
 
 def _check_centres(readings: Readings) -> None:
-    """Only centres of round features have the size and the side of a hole or boss, and they have no ball."""
+    """Check that only centres of round features have a hole's size and side, and that they have no tip radius."""
     if strange := set(readings.material_sides) - set(_SIDES):
         raise ReadingsError(f"material_sides: expected hole, boss or nothing, got '{min(strange)}'. Correct it.")
     centre = np.array([kind in CENTRES for kind in readings.kinds], dtype=bool)
@@ -193,7 +205,7 @@ def _check_centres(readings: Readings) -> None:
 
 
 def _check_located(readings: Readings) -> None:
-    """Every row says where something is: a point, or a range with the hand's pose; a free-space ray also where to."""
+    """Check that every row has a point, or a range with hand pose; a free-space ray also needs direction and length."""
     by_rig = readings.has_hand & np.fromiter(map(bool, readings.sensors), dtype=bool, count=len(readings))
     ranged = by_rig & ~np.isnan(readings.ranges)
     if who := _first_bad(readings, ~readings.is_free & ~readings.has_point & ~ranged):

@@ -1,4 +1,4 @@
-"""What is given as the columns of readings, in whatever form, as arrays and names that stay."""
+"""Convert columns of readings from any accepted form to read-only arrays and names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,16 @@ from tanteo.typing import BoolArray, FloatArray, Vectors
 
 
 def frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """A read-only float64 copy of the right shape; broadcast columns of NaN stay one number in memory."""
+    """Return a read-only float64 copy with the required shape; broadcast columns of NaN are not expanded in memory.
+
+    Args:
+        name: name of the column, for messages.
+        value: numbers of the column.
+        shape: required shape.
+
+    Raises:
+        ReadingsError: the values are not real numbers, or the shape differs.
+    """
     array = _numbers(name, value)
     if array.shape != shape:
         raise ReadingsError(f"{name}: expected shape {shape}, got {array.shape}. Give one row a reading.")
@@ -23,8 +32,8 @@ def frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:
 
 
 def _numbers(name: str, value: FloatArray) -> FloatArray:
-    """Real numbers as float64: of masked or complex ones a part would go unsaid."""
-    if "numpy.ma" in sys.modules and np.ma.is_masked(value):  # asking for it would import it
+    """Return real numbers as float64; refuse masked and complex arrays, whose conversion would lose information."""
+    if "numpy.ma" in sys.modules and np.ma.is_masked(value):  # the attribute access alone would import numpy.ma
         raise ReadingsError(f"{name}: expected numbers, got a masked array. Fill it with NaN, or leave the rows out.")
     try:
         if np.iscomplexobj(value):
@@ -37,12 +46,23 @@ def _numbers(name: str, value: FloatArray) -> FloatArray:
 
 
 def names_of(values: Sequence[object]) -> tuple[str, ...]:
-    """Names as text; None and NaN, which tables have in empty cells, are none."""
+    """Return names as text; None and NaN, which tables have in empty cells, become empty.
+
+    Args:
+        values: names of any type.
+    """
     return tuple("" if v is None or v != v else str(v) for v in values)
 
 
 def flags_of(value: BoolArray) -> BoolArray:
-    """A copy; words would all be true."""
+    """Return a boolean copy; refuse words, which would all be true.
+
+    Args:
+        value: flags as booleans or integers.
+
+    Raises:
+        ReadingsError: the values are neither booleans nor integers.
+    """
     flags = np.array(value)
     if flags.dtype.kind not in "bui" and flags.size:
         raise ReadingsError(f"is_free: expected true or false, got '{flags.flat[0]}'. Compare the words first.")
@@ -50,7 +70,15 @@ def flags_of(value: BoolArray) -> BoolArray:
 
 
 def frozen_flags(value: BoolArray, n: int) -> BoolArray:
-    """The same, read-only, one a reading."""
+    """Return a read-only boolean copy with one flag per reading.
+
+    Args:
+        value: flags as booleans or integers.
+        n: number of readings.
+
+    Raises:
+        ReadingsError: the values are not flags, or their number differs.
+    """
     flags = flags_of(value)
     if flags.shape != (n,):
         raise ReadingsError(f"is_free: expected shape {(n,)}, got {flags.shape}. Give one flag a reading.")
@@ -59,7 +87,16 @@ def frozen_flags(value: BoolArray, n: int) -> BoolArray:
 
 
 def filled_kinds(kinds: Sequence[str] | None, free: BoolArray, n: int) -> tuple[str, ...]:
-    """A kind for every reading; what is said to be free of either is marked in both."""
+    """Return a kind for every reading, and mark rows of kind ``free`` in ``free``.
+
+    Args:
+        kinds: kinds of the readings; None for the default.
+        free: mask of free-space rays ``(n,)``; updated in place.
+        n: number of readings.
+
+    Raises:
+        ReadingsError: the number of kinds differs.
+    """
     if kinds is None:
         return tuple("free" if f else "point" for f in free) if free.any() else ("point",) * n
     if len(kinds) != n:
@@ -69,7 +106,15 @@ def filled_kinds(kinds: Sequence[str] | None, free: BoolArray, n: int) -> tuple[
 
 
 def units_of(name: str, vectors: Vectors | None) -> Vectors | None:
-    """Vectors scaled to length one; NaN rows stay."""
+    """Return vectors scaled to length one, with NaN rows unchanged; None for None.
+
+    Args:
+        name: name of the column, for messages.
+        vectors: vectors ``(n, 3)``.
+
+    Raises:
+        ReadingsError: the shape is wrong, or a vector is zero or infinite.
+    """
     if vectors is None:
         return None
     vectors = _numbers(name, vectors)
@@ -81,5 +126,5 @@ def units_of(name: str, vectors: Vectors | None) -> Vectors | None:
     short = np.flatnonzero(norms < 1e-9)
     if len(short):
         raise ReadingsError(f"{name}: expected a vector that is not zero, got zero in row {short[0] + 1}.")
-    # a row that is partly NaN stays as it is, for the check of numbers to name
+    # the check of numbers reports rows that are partly NaN
     return np.asarray(vectors / np.where(np.isnan(norms), 1.0, norms)[:, None])

@@ -1,4 +1,4 @@
-"""Readings: what the device said, before anything is made of it. World frame, metres and radians."""
+"""Define readings: the unprocessed output of devices, in the world frame, in metres and radians."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ _NAMES = ("ids", "features", "kinds", "sensors", "material_sides")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """``n`` readings as a struct of arrays; NaN stands for "not given" and ``''`` for "no name".
+    """``n`` readings as a structure of arrays; NaN stands for a missing number and ``''`` for a missing name.
 
-    Build it with :meth:`from_columns`, which fills what is missing, normalises directions and checks everything.
+    Use :meth:`from_columns`, which fills missing columns, normalizes directions and checks everything.
 
     Attributes:
-        ids: Names of the readings, unique.
-        points: Sensed points in the world [m], or centres of the tip's ball where ``radii`` is positive. For a free
-            beam the point is where the beam starts. A row of NaN where the device gave a range only.
-        directions: Unit directions in which the sensor looked or the tip moved, world.
-        normals: Unit outward surface normals, world, where they were sensed.
-        normal_sds: Standard deviation of the normal about each of its two tilts [rad].
-        sds: One standard deviation along the beam or normal [m].
-        across_sds: One standard deviation across the beam [m], where it is known better than by the beam's cone: how
-            well an edge was placed by crossing it.
-        radii: Radius of the tip's ball [m], 0 for none.
-        features: Labels: rows with one label were taken on one feature.
-        kinds: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder`` (contacts on the wall of a hole or boss),
-            ``sphere``, ``cone``, ``centre``, ``sphere_centre``, ``apex``, ``point`` or ``free``, one a row. A
-            ``centre`` is that of a circle, on the axis of a hole or boss at any height; its normal, if given, is the
-            axis with either sign; that of an ``apex`` is the axis into the cone. They have no ball.
-        Ts_world_hand: Pose of the hand at the reading.
-        ranges: Raw ranges along the beam [m].
-        sensors: Name of the sensor of the rig that gave the range.
-        is_free: The beam met nothing (status ``none``).
-        max_ranges: How far a free-space ray was free [m].
-        hole_radii: Radius of the hole, boss or sphere of which the row gives the centre [m]; half angle of a cone of
-            which it gives the apex [rad].
-        material_sides: ``hole``, ``boss`` or ``''`` of the same.
-        source: Where the readings come from (a file name), for messages.
-        notes: What was left out or taken as something when they were read, a sentence each.
+        ids: unique names of the readings.
+        points: sensed points in the world, or centres of the tip's ball where ``radii`` is positive ``(n, 3)`` [m];
+            start of the beam for a free-space ray; NaN where the device reported only a range.
+        directions: unit viewing or approach directions in the world ``(n, 3)``.
+        normals: sensed unit outward surface normals in the world ``(n, 3)``.
+        normal_sds: standard deviations of the normals for each of the two tilt components ``(n,)`` [rad].
+        sds: standard deviations along the beam or normal ``(n,)`` [m].
+        across_sds: standard deviations across the beam ``(n,)`` [m], where better known than by the beam's cone, as for
+            an edge located by crossing it.
+        radii: radii of the tip's ball ``(n,)`` [m]; 0 for none.
+        features: labels; rows with one label lie on one feature.
+        kinds: kind of each row: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder`` (contacts on the wall of a
+            hole or boss), ``sphere``, ``cone``, ``centre``, ``sphere_centre``, ``apex``, ``point`` or ``free``. A
+            ``centre`` lies on the axis of a hole or boss at any height; its normal, if given, is the axis with either
+            sign. The normal of an ``apex`` is the axis into the cone. Centres and apexes have no tip radius.
+        Ts_world_hand: poses of the hand at the readings ``(n, 4, 4)`` [m].
+        ranges: reported ranges along the beam ``(n,)`` [m].
+        sensors: names of the rig's sensors that measured the ranges.
+        is_free: mask of beams that hit nothing (status ``none``) ``(n,)``.
+        max_ranges: free lengths of free-space rays ``(n,)`` [m].
+        hole_radii: radii of the holes, bosses or spheres whose centre a row states [m]; half angles of the cones whose
+            apex a row states [rad] ``(n,)``.
+        material_sides: ``hole``, ``boss`` or ``''`` for rows that state a centre.
+        source: origin of the readings (a file name), for messages.
+        notes: sentences about assumptions and ignored content of the file.
 
     Example:
         >>> readings = tanteo.Readings.from_columns(points=[[0.1, 0.0, 0.02], [0.12, 0.01, 0.02]], sds=[3e-4, 3e-4])
@@ -117,13 +117,16 @@ class Readings:
         source: str = "readings",
         notes: Sequence[str] = (),
     ) -> Readings:
-        """Readings from the columns there are; the others are "not given". Units: metres, radians, world frame.
+        """Return readings from the given columns in metres and radians, world frame.
 
-        The columns are those of the class; ``n``, the number of readings, is needed only when neither ``points``
-        nor ``ranges`` nor ``ids`` is given. Directions and normals may have any length but zero.
+        The other columns are missing values.
+
+        The columns are those of the class. ``n``, the number of readings, is needed only if ``points``, ``ranges`` and
+        ``ids``
+        are all missing. Directions and normals may have any length except zero.
 
         Raises:
-            ReadingsError: Names the column, the reading and the value.
+            ReadingsError: a column is invalid; the message names column, reading and value.
         """
         first = next((c for c in (points, ranges, ids) if c is not None), None)
         if first is not None and not hasattr(first, "__len__"):
@@ -153,7 +156,11 @@ class Readings:
         )
 
     def take(self, rows: Sequence[int] | np.ndarray) -> Readings:
-        """The readings at these row numbers or where a boolean mask is true, in that order."""
+        """Return the readings at row numbers or where a mask is true, in that order.
+
+        Args:
+            rows: row numbers, or mask ``(n,)``.
+        """
         index = np.arange(len(self))[np.asarray(rows)]
         arrays = {k: getattr(self, k)[index] for k in _COLUMNS}
         names: dict[str, Any] = {k: tuple(getattr(self, k)[i] for i in index) for k in _NAMES}
@@ -161,50 +168,62 @@ class Readings:
 
     @property
     def has_point(self) -> BoolArray:
-        """Rows whose point is given."""
+        """Mask of rows with a point ``(n,)``."""
         return np.asarray(~np.isnan(self.points[:, 0]))
 
     @property
     def has_direction(self) -> BoolArray:
-        """Rows whose direction is given."""
+        """Mask of rows with a direction ``(n,)``."""
         return np.asarray(~np.isnan(self.directions[:, 0]))
 
     @property
     def has_normal(self) -> BoolArray:
-        """Rows whose surface normal was sensed."""
+        """Mask of rows with a sensed surface normal ``(n,)``."""
         return np.asarray(~np.isnan(self.normals[:, 0]))
 
     @property
     def has_hand(self) -> BoolArray:
-        """Rows whose hand pose is given."""
+        """Mask of rows with a hand pose ``(n,)``."""
         return np.asarray(~np.isnan(self.Ts_world_hand[:, 3, 3]))
 
 
 def check_readings_kind(name: str, value: object) -> None:
-    """Refuse what are no readings at all.
+    """Check that an argument is a :class:`Readings`.
+
+    Args:
+        name: name of the argument, for messages.
+        value: argument to check.
 
     Raises:
-        InputError: with what it is.
+        InputError: it is not; the message names its type.
     """
     how = "tanteo.read_readings(path) reads a file, tanteo.Readings.from_columns(points, sds=..) takes arrays."
     check_kind(name, value, Readings, how)
 
 
 ENOUGH = 5000
-"""More readings tell nothing: a pose is then known seventy times better than one of them, and no part is made so."""
+"""Number of readings above which the pose gains nothing: its error is then below one seventieth of a reading's."""
 
 
 def thinned(readings: Readings, most: int = ENOUGH) -> Readings:
-    """As many of the readings as are enough, spread evenly over all of them; all, if they are no more."""
+    """Return at most ``most`` readings, spread evenly over all of them.
+
+    Args:
+        readings: readings in order.
+        most: largest number to keep.
+    """
     n = len(readings)
     return readings if n <= most else readings.take(np.linspace(0, n - 1, most).round().astype(int))
 
 
 def concatenate(parts: Sequence[Readings]) -> Readings:
-    """Several sets of readings as one, in order; their names must differ.
+    """Return several sets of readings as one, in order.
+
+    Args:
+        parts: sets of readings; their names must differ.
 
     Raises:
-        ReadingsError: nothing to join, or a name comes twice.
+        ReadingsError: there is no set, or a name occurs twice.
     """
     if not parts:
         raise ReadingsError("readings: expected at least one set to join, got none.")

@@ -1,7 +1,7 @@
-"""Queries on a triangle mesh: closest points, inside or outside, rays, where its faces end, and the surfaces behind it.
+"""Query a triangle mesh: closest points, inside or outside, rays, borders of faces, and exact surfaces.
 
-Wraps libigl (double precision) and Embree (single precision, hits refined in double). Everything is in the
-frame of the mesh and in metres; points carry leading batch axes.
+The package wraps libigl (double precision) and Embree (single precision, hits refined in double). All data is in the
+mesh frame in metres; points have leading batch axes.
 """
 
 from tanteo.shapes.ball import ball_contact

@@ -1,4 +1,4 @@
-"""How far a ball moves until it meets a surface."""
+"""Compute the path of a ball until it touches a surface."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ from tanteo.shapes.surface import Surface
 from tanteo.typing import Vectors
 
 _STEPS, _NEAR = 200, 1e-7
-"""Of the ball towards the surface, and how near it is then [m]."""
+"""Largest number of steps, and the distance that counts as contact [m]."""
 
 
 def ball_contact(surface: Surface, origin: Vectors, direction: Vectors, radius: float, reach: float = np.inf) -> float:
-    """The way of a ball's centre along a direction until the ball touches [m]; infinite where it does not.
+    """Return the path length of a ball's centre along a direction until contact [m]; infinite without contact.
+
+    The steps are as long as the distance to the surface (sphere tracing, Hart 1996).
 
     Args:
-        surface: the body, in its own frame.
-        origin: centre of the ball at the start ``(3,)``, same frame.
-        direction: unit ``(3,)``.
-        radius: of the ball [m]; 0 for a sharp tip.
-        reach: where it is given up [m].
+        surface: body, in its own frame.
+        origin: centre of the ball at the start, same frame ``(3,)`` [m].
+        direction: unit direction ``(3,)``.
+        radius: radius of the ball [m]; 0 for a sharp tip.
+        reach: path length at which the search ends [m].
     """
     way = 0.0
-    for _ in range(_STEPS):  # by steps as long as the ball has room for
+    for _ in range(_STEPS):
         gap = float(signed_distance(surface, (origin + way * direction)[None])[0][0]) - radius
         way += gap
         if gap < _NEAR:

@@ -1,4 +1,4 @@
-"""What a caller may give: a mesh, points, rays; with words about what is wrong with them."""
+"""Check the arguments of mesh queries: a mesh, points, rays."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ from tanteo.typing import FloatArray, IntArray
 
 
 def checked_mesh(vertices: npt.ArrayLike, triangles: npt.ArrayLike) -> tuple[FloatArray, IntArray]:
-    """Copies of vertices ``(V, 3)`` and triangles ``(T, 3)``.
+    """Return copies of vertices ``(V, 3)`` and triangles ``(T, 3)``.
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
 
     Raises:
-        InputError: one has the wrong shape, is empty, not finite, or points past the vertices.
+        InputError: an array has the wrong shape, is empty, not finite, or has an index out of range.
     """
     points = np.array(vertices, dtype=np.float64, order="C")
     if points.ndim != 2 or points.shape[-1] != 3 or len(points) < 3:
@@ -32,10 +36,14 @@ def checked_mesh(vertices: npt.ArrayLike, triangles: npt.ArrayLike) -> tuple[Flo
 
 
 def checked_points(name: str, values: npt.ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
-    """Points in one row ``(n, 3)``, and the shape of their batch.
+    """Return points as ``(n, 3)``, and the shape of their batch.
+
+    Args:
+        name: name of the argument, for messages.
+        values: points ``(*batch, 3)``.
 
     Raises:
-        InputError: their last axis is not 3, or a coordinate is not finite.
+        InputError: the last axis is not 3, or a coordinate is not finite.
     """
     points = np.asarray(values, dtype=np.float64)
     if points.ndim < 1 or points.shape[-1] != 3:
@@ -46,10 +54,14 @@ def checked_points(name: str, values: npt.ArrayLike) -> tuple[FloatArray, tuple[
 
 
 def checked_rays(origins: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
-    """Origins and unit directions in one row ``(n, 3)``, and the shape of their batch.
+    """Return origins and unit directions as ``(n, 3)``, and the shape of their batch.
+
+    Args:
+        origins: origins ``(*batch, 3)``.
+        directions: directions ``(*batch, 3)`` of any length except zero.
 
     Raises:
-        InputError: they are no points and directions, do not broadcast, or a direction has no length.
+        InputError: the arrays are not points and directions, do not broadcast, or a direction is zero.
     """
     checked_points("origins", origins)
     checked_points("directions", directions)

@@ -1,4 +1,7 @@
-"""Normals at edges and corners of a mesh, weighted by angle: their sign tells inside from outside (Baerentzen 2005)."""
+"""Compute angle-weighted normals at edges and vertices, whose sign separates inside from outside.
+
+Source: Baerentzen and Aanaes 2005, "Signed distance computation using the angle weighted pseudonormal".
+"""
 
 from __future__ import annotations
 
@@ -9,17 +12,17 @@ import numpy as np
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 _ON_BORDER = 1e-6
-"""Barycentric coordinates below this put a point on an edge or corner of its triangle."""
+"""Barycentric coordinate below which a point counts as lying on an edge or vertex of its triangle."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pseudonormals:
-    """Per triangle: what gives barycentric coordinates, and a normal for the inside, three edges and three corners.
+    """Barycentric coordinates of each triangle, and normals for its interior, three edges and three vertices.
 
     Attributes:
-        slopes: gradients of the weights of the second and third corner ``(T, 2, 3)`` [1/m].
-        offsets: their values at the origin ``(T, 2)``.
-        table: unnormalised normals ``(T, 8, 3)``; bit ``k`` of the column says that the weight of corner ``k`` is zero.
+        slopes: gradients of the weights of the second and third vertex ``(T, 2, 3)`` [1/m].
+        offsets: values of these weights at the origin ``(T, 2)``.
+        table: unnormalized normals ``(T, 8, 3)``; bit ``k`` of the column is set if the weight of vertex ``k`` is zero.
     """
 
     slopes: FloatArray
@@ -27,7 +30,12 @@ class Pseudonormals:
     table: FloatArray
 
     def at(self, points: Vectors, triangles: IntArray) -> Vectors:
-        """Pseudonormals ``(*batch, 3)`` at surface points ``(*batch, 3)`` of triangles ``(*batch,)``."""
+        """Return pseudonormals ``(*batch, 3)`` at surface points.
+
+        Args:
+            points: points on the surface ``(*batch, 3)`` [m].
+            triangles: triangles of the points ``(*batch,)``.
+        """
         weights = (self.slopes[triangles] @ points[..., None])[..., 0] + self.offsets[triangles]
         first = 1.0 - weights[..., 0] - weights[..., 1] < _ON_BORDER
         border = first + 2 * (weights[..., 0] < _ON_BORDER) + 4 * (weights[..., 1] < _ON_BORDER)
@@ -35,11 +43,11 @@ class Pseudonormals:
 
 
 def pseudonormals(vertices: FloatArray, triangles: IntArray, normals: FloatArray) -> Pseudonormals | None:
-    """Of a mesh; none if it has an edge without exactly two triangles, where no such normal is defined.
+    """Return the pseudonormals of a mesh; None if an edge does not have exactly two triangles.
 
     Args:
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``.
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
         normals: unit normals of the triangles ``(T, 3)``.
     """
     edges = np.sort(triangles[:, [[1, 2], [2, 0], [0, 1]]], axis=2).reshape(-1, 2)
@@ -60,12 +68,12 @@ def pseudonormals(vertices: FloatArray, triangles: IntArray, normals: FloatArray
 
 
 def _angles(corners: FloatArray) -> FloatArray:
-    """Angles of triangles ``(T, 3)`` [rad]."""
+    """Return the angles of triangles ``(T, 3)`` [rad]."""
     a = np.roll(corners, -1, axis=1) - corners
     b = np.roll(corners, 1, axis=1) - corners
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
 def _sums(index: IntArray, rows: FloatArray, count: int = 0) -> FloatArray:
-    """Sums of rows ``(m, 3)`` by index."""
+    """Return sums of rows ``(m, 3)`` by index."""
     return np.stack([np.bincount(index, weights=rows[:, k], minlength=count) for k in range(3)], axis=1)

@@ -1,4 +1,4 @@
-"""One triangle mesh, ready to be asked for closest points, inside or outside, and rays."""
+"""Query a triangle mesh for closest points, inside or outside, and rays."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosestPoints:
-    """The closest surface point of each query point.
+    """Closest surface point of each query point.
 
     Attributes:
-        distances: ``(*batch,)``, unsigned [m].
-        points: ``(*batch, 3)``, on the surface, in its frame [m].
-        triangles: ``(*batch,)``, index of the triangle that holds the point.
+        distances: unsigned distances ``(*batch,)`` [m].
+        points: points on the surface, in its frame ``(*batch, 3)`` [m].
+        triangles: triangles that contain the points ``(*batch,)``.
     """
 
     distances: FloatArray
@@ -30,11 +30,11 @@ class ClosestPoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RayHits:
-    """The first hit of each ray.
+    """First hit of each ray.
 
     Attributes:
-        distances: ``(*batch,)``, along the unit direction [m]; ``inf`` where the ray misses.
-        triangles: ``(*batch,)``, index of the triangle that was hit; -1 where the ray misses.
+        distances: distances along the unit directions ``(*batch,)`` [m]; ``inf`` where the ray misses.
+        triangles: triangles that were hit ``(*batch,)``; -1 where the ray misses.
     """
 
     distances: FloatArray
@@ -43,14 +43,14 @@ class RayHits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """A triangle mesh with its search trees, built once and asked often.
+    """Triangle mesh with search trees that are built once.
 
     Attributes:
-        vertices: ``(V, 3)``, in the frame of the surface, which is the part's own [m].
-        triangles: ``(T, 3)``, corners counter-clockwise seen from outside.
+        vertices: vertices in the part frame ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``, counter-clockwise seen from outside.
 
     Raises:
-        InputError: an array has the wrong shape, is empty, not finite, or points past the vertices.
+        InputError: an array has the wrong shape, is empty, not finite, or has an index out of range.
     """
 
     vertices: FloatArray
@@ -80,21 +80,21 @@ class Surface:
 
     @property
     def normals(self) -> FloatArray:
-        """``(T, 3)``: unit outward normal of each triangle; zero for one without area."""
+        """Unit outward normal of each triangle ``(T, 3)``; zero for a triangle without area."""
         return self._normals
 
     @property
     def pseudonormals(self) -> Pseudonormals | None:
-        """Normals of edges and corners; none for a mesh that is open or has edges of more than two triangles."""
+        """Normals of edges and vertices; None if an edge does not have exactly two triangles."""
         if not self._pseudonormals:
             self._pseudonormals.append(pseudonormals(self.vertices, self.triangles, self._normals))
         return self._pseudonormals[0]
 
     def closest(self, points: npt.ArrayLike) -> ClosestPoints:
-        """Find the closest point of the surface to each query point.
+        """Return the closest point of the surface to each query point.
 
         Args:
-            points: ``(*batch, 3)`` in the frame of the surface [m].
+            points: query points in the surface frame ``(*batch, 3)`` [m].
 
         Returns:
             Distances, surface points and triangles with the batch axes of ``points``.
@@ -113,13 +113,13 @@ class Surface:
         )
 
     def inside(self, points: npt.ArrayLike) -> BoolArray:
-        """Tell whether each point lies in the material (winding number above one half).
+        """Return whether each point lies in the material (winding number above one half).
 
         Args:
-            points: ``(*batch, 3)`` in the frame of the surface [m].
+            points: query points in the surface frame ``(*batch, 3)`` [m].
 
         Returns:
-            ``(*batch,)``; undefined for points on the surface itself.
+            Mask ``(*batch,)``; undefined for points on the surface.
 
         Raises:
             InputError: the last axis is not 3 or a coordinate is not finite.
@@ -133,17 +133,17 @@ class Surface:
         return np.asarray(winding > 0.5, dtype=np.bool_).reshape(batch)
 
     def cast(self, origins: npt.ArrayLike, directions: npt.ArrayLike) -> RayHits:
-        """Cast rays and find the first triangle that each one meets, from either side.
+        """Return the first triangle that each ray hits, from either side.
 
         Args:
-            origins: ``(*batch, 3)`` in the frame of the surface [m]; broadcast against ``directions``.
-            directions: ``(*batch, 3)`` in the frame of the surface; any length but zero.
+            origins: starts of the rays in the surface frame ``(*batch, 3)`` [m]; broadcast against ``directions``.
+            directions: directions in the surface frame ``(*batch, 3)`` of any length except zero.
 
         Returns:
             Distances along the unit directions [m] and triangles.
 
         Raises:
-            InputError: the last axis is not 3, a value is not finite, or a direction has no length.
+            InputError: the last axis is not 3, a value is not finite, or a direction is zero.
         """
         starts, rays, batch = checked_rays(origins, directions)
         if not len(starts):
@@ -159,10 +159,10 @@ class Surface:
         return RayHits(distances.reshape(batch), triangles.reshape(batch))
 
     def cast_unit(self, starts: FloatArray, rays: FloatArray) -> tuple[FloatArray, IntArray]:
-        """:meth:`cast` for callers that ask many thousand times a second: nothing is checked or reshaped.
+        """Return :meth:`cast` without checks and reshaping, for callers with many thousand calls a second.
 
         Args:
-            starts: finite ``(n, 3)`` within a few times the size of the surface from it, in its frame [m].
+            starts: finite starts in the surface frame ``(n, 3)`` [m], within a few times the surface's size.
             rays: unit directions ``(n, 3)``.
 
         Returns:
@@ -171,7 +171,7 @@ class Surface:
         scene, centre, radius = self._embree()
         local = (starts - centre) * (1.0 / radius)
         triangles = scene.run(local.astype(np.float32), rays.astype(np.float32))
-        # a miss is number -1, whose offset is infinite
+        # a miss has index -1, the last row, whose offset is infinite
         normals, offsets = self._plane_table()
         normal = normals[triangles]
         approach = np.einsum("ij,ij->i", normal, rays)
@@ -181,7 +181,7 @@ class Surface:
         return np.where(steep, distances, np.inf), np.where(steep, triangles, -1)
 
     def _plane_table(self) -> tuple[FloatArray, FloatArray]:
-        """Normals and offsets of all triangles, and a last row for a ray that misses; kept beside the scene."""
+        """Return normals and offsets of all triangles, with a last row for a ray that misses."""
         if len(self._scene) < 2:
             offsets = np.sum(self._normals * self.vertices[self.triangles[:, 0]], axis=1)
             table = np.vstack([self._normals, np.zeros(3)]), np.append(offsets, np.inf)
@@ -213,14 +213,14 @@ class Surface:
         return scene, centre, radius
 
     def _refined(self, starts: FloatArray, rays: FloatArray, triangles: IntArray) -> FloatArray:
-        """Intersect each ray with the plane of the triangle it hit, in double precision."""
+        """Return distances to the planes of the hit triangles in double precision."""
         hit = triangles >= 0
         distances = np.full(len(starts), np.inf)
         normals = self._normals[triangles[hit]]
         corners = self.vertices[self.triangles[triangles[hit], 0]]
         approach = np.einsum("ni,ni->n", normals, rays[hit])
         offsets = np.einsum("ni,ni->n", normals, corners - starts[hit])
-        # A ray within its rounding of the triangle's plane cannot be told from one beside it: a miss.
+        # A ray parallel to the triangle's plane within rounding counts as a miss.
         steep = np.abs(approach) > 1e-9
         exact = np.divide(offsets, approach, out=np.full(len(offsets), np.inf), where=steep)
         distances[hit] = np.where(steep, np.maximum(exact, 0.0), np.inf)
