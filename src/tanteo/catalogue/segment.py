@@ -13,8 +13,8 @@ import numpy as np
 from tanteo.catalogue.archive import part_from_bytes
 from tanteo.catalogue.index import index_of
 from tanteo.catalogue.record import Record
-from tanteo.catalogue.resting import RESTS
 from tanteo.catalogue.shaping import SHAPE
+from tanteo.catalogue.stability import RESTS
 from tanteo.catalogue.store import Mapped, Packed, Table, damaged, new_name, write_table
 from tanteo.errors import InputError
 from tanteo.parts import Part

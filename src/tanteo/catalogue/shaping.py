@@ -37,7 +37,7 @@ def compiled_shape(part: Part) -> _core.Shape:
     profiles, profile_rows = np.zeros((0, 11)), np.full(len(corners), -1)
     if curved is not None:
         p = curved.profiles
-        columns = p.points, p.axes, p.offsets, p.slopes, p.radii, p.signs, curved.alike
+        columns = p.points, p.axes, p.offsets, p.slopes, p.radii, p.signs, curved.min_cosines
         profiles, profile_rows = np.column_stack(columns), curved.rows
     return _core.make_shape(
         _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),

@@ -14,7 +14,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.catalogue.cache import load_derived, store_derived
 from tanteo.catalogue.index import kinds
-from tanteo.catalogue.resting import hull_points, rest_rows
+from tanteo.catalogue.stability import hull_points, stable_pose_rows
 from tanteo.factors import landmark_rows
 from tanteo.parts import Face, Part
 from tanteo.shapes import ClosestPoints, Surface, as_signed
@@ -114,7 +114,7 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     return {
         "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "axes": _largest_axes(part),
         "same": same, "opposite": opposite, "angles": angles, "grid": grid, "field": field,
-        "hull": hull_points(part), "rests": rest_rows(part),
+        "hull": hull_points(part), "rests": stable_pose_rows(part),
     }  # fmt: skip
 
 

@@ -70,7 +70,7 @@ def read_record(key: str | None, path: str, *, unit: str | None, name: str) -> R
 def attempt(read: Callable[..., Read], path: str, unit: str | None, name: str, memory: int = 0) -> Read | str:
     """Read one file, and return the part or an error message.
 
-    A bad file affects only itself, whatever its reader raises. This function and ``reader_of_others`` are the only
+    A bad file affects only itself, whatever its reader raises. This function and ``third_party_reader`` are the only
     places
     that catch every exception (``docs/decisions/0067``).
 

@@ -192,7 +192,7 @@ def away_from_corner(direction: Vectors, centroid: Vectors, corner: Vectors) -> 
 NEARLY_PARALLEL = "the directions are parallel within 5 sigma, where the angle has no valid variance: see parallelism."
 
 
-def bent_pairs(group: PairGroup, row: int) -> BoolArray:
+def valid_angles(group: PairGroup, row: int) -> BoolArray:
     """Return the mask of pairs whose angle is a valid linear quantity.
 
     ``sin(alpha) > 5 sigma`` (``math.md`` section 12).
@@ -230,7 +230,7 @@ def _fill_planes(p: Vectors, a: Vectors, value: FloatArray, q: FloatArray, r: Fl
 
 def _cut_planes(group: PairGroup) -> list[ConstraintColumn]:
     bias = partial(angle_bias_of, group, Z_AXIS)
-    return [group.column(PLANE_ANGLE, group.value, group.S, bent_pairs(group, 0), NEARLY_PARALLEL, bias=bias)]
+    return [group.column(PLANE_ANGLE, group.value, group.S, valid_angles(group, 0), NEARLY_PARALLEL, bias=bias)]
 
 
 register_relation(PairRelation((PLANE_ANGLE,), ("plane", "plane"), 1, _fill_planes, _cut_planes))

@@ -128,7 +128,7 @@ def _cut_plane_point(group: PairGroup) -> list[ConstraintColumn]:
     return [group.column(POINT_PLANE_HEIGHT, group.value, group.S)]
 
 
-def fill_beside_line(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+def fill_line_offsets(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
     """Fill the rows with the two offsets from a line, see :class:`PairRelation`.
 
     Args:
@@ -180,5 +180,5 @@ def _cut_points(group: PairGroup) -> list[ConstraintColumn]:
 
 
 register_relation(PairRelation((POINT_PLANE_HEIGHT,), ("plane", "point"), 1, fill_height, _cut_plane_point))
-register_relation(PairRelation((POINT_EDGE_DISTANCE,), ("line", "point"), 2, fill_beside_line, _cut_line_point))
+register_relation(PairRelation((POINT_EDGE_DISTANCE,), ("line", "point"), 2, fill_line_offsets, _cut_line_point))
 register_relation(PairRelation((POINT_DISTANCE,), ("point", "point"), 3, fill_offsets, _cut_points))

@@ -64,7 +64,7 @@ if TYPE_CHECKING:
         RosMessages,
         RosOptions,
         Row,
-        says_something,
+        is_usable,
         wanted_topics,
     )
     from tanteo.io.ros_readings import placing, readings_of_messages
@@ -114,6 +114,7 @@ __all__ = [
     "executed_json",
     "explanation_document",
     "format_names",
+    "is_usable",
     "load_record",
     "marker_message",
     "parse_angle",
@@ -157,7 +158,6 @@ __all__ = [
     "rig_document",
     "rig_text",
     "ros_header",
-    "says_something",
     "sensed_json",
     "session_document",
     "shipped_rigs",
@@ -198,7 +198,7 @@ __getattr__, __dir__ = lazy(
         "rig_checks": "suspect_metres",
         "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose "
         "pose_message ros_header transform",
-        "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row says_something wanted_topics",
+        "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row is_usable wanted_topics",
         "ros_readings": "placing readings_of_messages",
         "rig_file": "read_rig shipped_rigs",
         "rig_writing": "rig_text write_rig",

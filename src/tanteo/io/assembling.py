@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
-from tanteo.io.centres import find_centres, know_axes
+from tanteo.io.centres import find_centres, set_axis_sds
 from tanteo.sensors import Readings, check_features
 from tanteo.typing import FloatArray, Vectors
 
@@ -48,7 +48,7 @@ def assemble(
     centres, outward = find_centres(columns, n, outward, source, notes)
     _give_directions(columns, n, outward, stated, source, notes)
     _give_normal_sds(columns, stated, source, notes)
-    know_axes(columns, centres, notes)
+    set_axis_sds(columns, centres, notes)
     _release_labels(columns, notes)
     n = _draw(columns, n, stated.max_points, notes)
     try:

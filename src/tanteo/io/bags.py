@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tanteo.errors import MissingExtraError, ReadingsError
-from tanteo.io.broken_bags import STARTS, Raw, files_of, until_broken
+from tanteo.io.broken_bags import STARTS, Raw, files_of, messages_until_damage
 from tanteo.io.ros_messages import RosMessages, RosOptions, check_topics, wanted_topics
 from tanteo.io.ros_readings import readings_at, readings_of_messages
 from tanteo.io.stated import Stated
@@ -133,7 +133,7 @@ def _of_whole(reader: Any, path: Path, options: RosOptions) -> RosMessages:
 
 def _of_broken(path: Path, options: RosOptions, why: str) -> tuple[RosMessages, list[str]]:
     """Return the readable messages of a damaged recording."""
-    raws = list(until_broken(path))
+    raws = list(messages_until_damage(path))
     if not raws:
         raise ReadingsError(
             f"{path}: expected a recording of ROS, got one that cannot be read: {why}. Record it again."

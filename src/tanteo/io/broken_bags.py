@@ -45,7 +45,7 @@ def files_of(path: Path) -> list[Path]:
     return [path]
 
 
-def until_broken(path: Path) -> Iterator[Raw]:
+def messages_until_damage(path: Path) -> Iterator[Raw]:
     """Yield the messages of a recording up to the first unreadable byte.
 
     Args:

@@ -15,7 +15,7 @@ import numpy as np
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.io.assembling import LARGEST
 from tanteo.io.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
-from tanteo.io.hand_columns import ABB, way_of
+from tanteo.io.hand_columns import ABB, notation_of
 from tanteo.io.poses import FULL_TURN, MANY_TURNS, in_radians
 from tanteo.logs import Lines, TableText
 from tanteo.typing import BoolArray, FloatArray
@@ -158,7 +158,7 @@ class Numbers:
         for column in angles:
             few = ~(np.abs(self.values[column.base]) > MANY_TURNS)
             self._require(few, column.base, "an angle of up to 36000 degrees")
-        turned = [column for column in angles if column.base in way_of(self.values).names]
+        turned = [column for column in angles if column.base in notation_of(self.values).names]
         degrees = [column for column in turned if column.factor != 1]
         if degrees and in_radians(np.concatenate([self.values[c.base] / c.factor for c in degrees])):
             sizes = [np.nanmax(np.abs(self.values[c.base]), initial=0) for c in degrees]

@@ -100,7 +100,7 @@ def _named(columns: dict[str, Any], rows: BoolArray) -> str:
     return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
-def know_axes(columns: dict[str, Any], rows: BoolArray, notes: list[str]) -> None:
+def set_axis_sds(columns: dict[str, Any], rows: BoolArray, notes: list[str]) -> None:
     """Set the standard deviation of axes that have none to one degree, and add a note.
 
     Args:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
 from tanteo.io.brands import BRANDS
 from tanteo.io.hand_columns import ANGLES as HAND_ANGLES
-from tanteo.io.hand_columns import PLACE, WAYS, as_hand, way_of
+from tanteo.io.hand_columns import NOTATIONS, PLACE, as_hand, notation_of
 from tanteo.io.hand_columns import PLAIN as HAND_PLAIN
-from tanteo.io.headers import advice, canonical, is_beside, with_id, with_unit
+from tanteo.io.headers import advice, canonical, is_unrelated, with_id, with_unit
 from tanteo.io.schema import show
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
@@ -25,10 +25,10 @@ POINT = ("x", "y", "z")
 DIRECTION = ("dx", "dy", "dz")
 NORMAL = ("nx", "ny", "nz")
 OUTWARD = ("i", "j", "k")
-QUATERNION = WAYS[0].names
+QUATERNION = NOTATIONS[0].names
 HAND = (*PLACE, *QUATERNION)
 ANGLES = ("normal_sd", "half_angle", *HAND_ANGLES)
-_OF_BRANDS = tuple(name for way in WAYS[3:] for name in way.names)
+_OF_BRANDS = tuple(name for notation in NOTATIONS[3:] for name in notation.names)
 
 
 def hand_group(names: Iterable[str]) -> tuple[str, ...]:
@@ -37,7 +37,7 @@ def hand_group(names: Iterable[str]) -> tuple[str, ...]:
     Args:
         names: column names without units.
     """
-    return (*PLACE, *way_of(names).names)
+    return (*PLACE, *notation_of(names).names)
 
 
 def groups(names: Iterable[str]) -> tuple[tuple[str, ...], ...]:
@@ -123,12 +123,12 @@ def read_header(
 
 def _brand_unit(name: str, brand: str | None, names: Sequence[str]) -> str | None:
     """Return the unit of a ``hand_`` column without one: that of the stated brand, or degrees in brand notations."""
-    way = way_of(names)
-    if name in way.names and name in ANGLES:
-        if brand in way.brands:
+    notation = notation_of(names)
+    if name in notation.names and name in ANGLES:
+        if brand in notation.brands:
             return "rad" if BRANDS[str(brand)].radian == 1 else "deg"
         return "deg" if name in _OF_BRANDS else None
-    if name in PLACE and brand in way.brands:
+    if name in PLACE and brand in notation.brands:
         return "m" if BRANDS[str(brand)].metre == 1 else "mm"
     return None
 
@@ -136,7 +136,7 @@ def _brand_unit(name: str, brand: str | None, names: Sequence[str]) -> str | Non
 def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
     if name in TEXTS:
         return Column(name, written, float("nan"))
-    if is_beside(name):
+    if is_unrelated(name):
         return Column(f"left out: {place}", written, float("nan"), left_out=True)
     if name in PLAIN:
         return Column(name, written, 1.0)
@@ -163,11 +163,11 @@ def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
 
 
 def _check_groups(columns: dict[str, Column], place: str) -> None:
-    way = way_of(columns)
-    others = [name for one in WAYS for name in one.names if name in columns and name not in way.names]
+    notation = notation_of(columns)
+    others = [name for one in NOTATIONS for name in one.names if name in columns and name not in notation.names]
     if others:
-        have = ", ".join(dict.fromkeys(columns[n].written for one in WAYS for n in one.names if n in columns))
-        listed = ", ".join(one.words for one in WAYS[:3])
+        have = ", ".join(dict.fromkeys(columns[n].written for one in NOTATIONS for n in one.names if n in columns))
+        listed = ", ".join(one.words for one in NOTATIONS[:3])
         raise ReadingsError(
             f"{place}: expected the hand's rotation in one way, got {have}. Keep one of {listed}, or of a brand."
         )
@@ -175,9 +175,9 @@ def _check_groups(columns: dict[str, Column], place: str) -> None:
         missing = [name for name in group if name not in columns]
         if missing and len(missing) < len(group):
             have = ", ".join(columns[name].written for name in group if name in columns)
-            turned = any(name in columns for name in way.names)
-            ways = ", ".join(one.words for one in WAYS[:2]) + f" or {WAYS[2].words}, or that of a brand"
-            instead = "" if group[0] != PLACE[0] or turned else f" The rotation may be {ways}."
+            turned = any(name in columns for name in notation.names)
+            notations = ", ".join(one.words for one in NOTATIONS[:2]) + f" or {NOTATIONS[2].words}, or that of a brand"
+            instead = "" if group[0] != PLACE[0] or turned else f" The rotation may be {notations}."
             raise ReadingsError(
                 f"{place}: expected {', '.join(group)} together, got only {have}. Add {', '.join(missing)} (with unit "
                 f"where it is a length or an angle).{instead}"

@@ -23,7 +23,7 @@ ABB = ("hand_q1", "hand_q2", "hand_q3", "hand_q4")
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class Notation:
     """Notation of a rotation in table columns.
 
     Attributes:
@@ -38,38 +38,43 @@ class Way:
     words: str
 
 
-WAYS = (
-    Way(QUATERNION, (), "hand_qw .. hand_qz (a unit quaternion)"),
-    Way(("hand_rx", "hand_ry", "hand_rz"), ("ur", "yaskawa", "staubli", "denso"),
+NOTATIONS = (
+    Notation(QUATERNION, (), "hand_qw .. hand_qz (a unit quaternion)"),
+    Notation(("hand_rx", "hand_ry", "hand_rz"), ("ur", "yaskawa", "staubli", "denso"),
         "hand_rx_rad .. hand_rz_rad (a rotation vector)"),
-    Way(("hand_roll", "hand_pitch", "hand_yaw"), ("paper",), "hand_roll_deg, hand_pitch_deg, hand_yaw_deg"),
-    Way(("hand_w", "hand_p", "hand_r"), ("fanuc",), "hand_w_deg, hand_p_deg, hand_r_deg (FANUC)"),
-    Way(("hand_a", "hand_b", "hand_c"), ("", "kuka", "mitsubishi", "doosan"),
+    Notation(("hand_roll", "hand_pitch", "hand_yaw"), ("paper",), "hand_roll_deg, hand_pitch_deg, hand_yaw_deg"),
+    Notation(("hand_w", "hand_p", "hand_r"), ("fanuc",), "hand_w_deg, hand_p_deg, hand_r_deg (FANUC)"),
+    Notation(("hand_a", "hand_b", "hand_c"), ("", "kuka", "mitsubishi", "doosan"),
         "hand_a_deg, hand_b_deg, hand_c_deg (KUKA ..)"),
-    Way(("hand_o", "hand_a", "hand_t"), ("kawasaki",), "hand_o_deg, hand_a_deg, hand_t_deg (Kawasaki)"),
-    Way(("hand_a", "hand_e", "hand_r"), ("comau",), "hand_a_deg, hand_e_deg, hand_r_deg (Comau)"),
-    Way(ABB, ("abb",), "hand_q1 .. hand_q4 (ABB)"),
-    Way(MATRIX, (), "hand_r11 .. hand_r33 (a matrix)"),
+    Notation(("hand_o", "hand_a", "hand_t"), ("kawasaki",), "hand_o_deg, hand_a_deg, hand_t_deg (Kawasaki)"),
+    Notation(("hand_a", "hand_e", "hand_r"), ("comau",), "hand_a_deg, hand_e_deg, hand_r_deg (Comau)"),
+    Notation(ABB, ("abb",), "hand_q1 .. hand_q4 (ABB)"),
+    Notation(MATRIX, (), "hand_r11 .. hand_r33 (a matrix)"),
 )  # fmt: skip
 """Rotation notations, in the order of preference where a table matches two equally well."""
 
 ANGLES = tuple(
-    dict.fromkeys(n for way in WAYS for n in way.names if way.names not in (QUATERNION, MATRIX) and "q" not in n)
+    dict.fromkeys(
+        n
+        for notation in NOTATIONS
+        for n in notation.names
+        if notation.names not in (QUATERNION, MATRIX) and "q" not in n
+    )
 )
-PLAIN = tuple(n for way in WAYS for n in way.names if n not in ANGLES)
+PLAIN = tuple(n for notation in NOTATIONS for n in notation.names if n not in ANGLES)
 _ELEMENTS = {f"m{i}{j}": f"hand_r{i}{j}" for i in "123" for j in "123"} | {
     f"m{i}4": place for i, place in zip("123", PLACE, strict=True)
 }
 
 
-def way_of(names: Iterable[str]) -> Way:
+def notation_of(names: Iterable[str]) -> Notation:
     """Return the rotation notation that most of the names belong to; the first notation if none does.
 
     Args:
         names: column names without units.
     """
     given = set(names)
-    return max(WAYS, key=lambda way: (len(given.intersection(way.names)), given >= set(way.names)))
+    return max(NOTATIONS, key=lambda notation: (len(given.intersection(notation.names)), given >= set(notation.names)))
 
 
 def as_hand(names: list[str]) -> list[str]:
@@ -86,7 +91,11 @@ def as_hand(names: list[str]) -> list[str]:
         return [_renamed(n, b, _ELEMENTS[b.removeprefix("hand_")]) if b.removeprefix("hand_") in _ELEMENTS else n
                 for n, b in zip(names, bases, strict=True)]  # fmt: skip
     found = next(
-        (w for w in WAYS if {n.removeprefix("hand_") for n in w.names} <= {b.removeprefix("hand_") for b in bases}),
+        (
+            w
+            for w in NOTATIONS
+            if {n.removeprefix("hand_") for n in w.names} <= {b.removeprefix("hand_") for b in bases}
+        ),
         None,
     )
     if found is None or not {"x", "y", "z"} <= set(bases):
@@ -119,19 +128,19 @@ def stated_brand(names: Iterable[str], stated: str | None, place: str) -> str:
         ReadingsError: the notation needs a brand and none is stated, or the stated brand does not use it.
     """
     given = set(names)
-    way = way_of(given)
-    if way.names[0] not in given:
+    notation = notation_of(given)
+    if notation.names[0] not in given:
         return ""
-    if stated in way.brands:
+    if stated in notation.brands:
         return str(stated)
-    if (stated is None and way.brands and not way.brands[0]) or stated is not None:
-        listed = ", ".join(b for b in way.brands if b) or "no brand"
-        advice = next((f"Use --brand {b}." for b in way.brands if b), "Drop --brand.")
+    if (stated is None and notation.brands and not notation.brands[0]) or stated is not None:
+        listed = ", ".join(b for b in notation.brands if b) or "no brand"
+        advice = next((f"Use --brand {b}." for b in notation.brands if b), "Drop --brand.")
         raise ReadingsError(
-            f"{place}: expected the brand of the columns {', '.join(way.names)} ({listed}), got {stated or 'none'}. "
-            f"{advice}"
+            f"{place}: expected the brand of the columns {', '.join(notation.names)} ({listed}), "
+            f"got {stated or 'none'}. {advice}"
         )
-    return way.brands[0] if way.brands else ""
+    return notation.brands[0] if notation.brands else ""
 
 
 def skewed_row(values: Mapping[str, FloatArray]) -> int | None:
@@ -161,14 +170,14 @@ def hand_poses(values: Mapping[str, FloatArray], brand: str) -> Transforms | Non
     """
     if PLACE[0] not in values:
         return None
-    way = way_of(values)
+    notation = notation_of(values)
     places = np.stack([values[name] for name in PLACE], axis=-1)
-    turns = np.stack([values[name] for name in way.names], axis=-1)
+    turns = np.stack([values[name] for name in notation.names], axis=-1)
     Ts = np.full((len(places), 4, 4), np.nan)
     given = ~np.isnan(places[:, 0])
-    if way.names == QUATERNION:
+    if notation.names == QUATERNION:
         Ts[given] = SE3.from_parts(SO3.from_quaternion(turns[given]), places[given])
-    elif way.names == MATRIX:
+    elif notation.names == MATRIX:
         Ts[given] = SE3.from_parts(nearest_rotation(turns[given].reshape(-1, 3, 3)), places[given])
     else:
         Ts[given] = pose_of(BRANDS[brand], places[given], turns[given])

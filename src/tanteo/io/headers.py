@@ -69,7 +69,7 @@ def canonical(cell: str) -> str:
     return f"{_GROUPS[whole[1]]}{whole[2]}{whole[3] or ''}" if whole else text
 
 
-def is_beside(name: str) -> bool:
+def is_unrelated(name: str) -> bool:
     """Return whether a column describes no position: time, remark, nominal value, deviation or tolerance.
 
     Args:

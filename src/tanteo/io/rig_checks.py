@@ -75,7 +75,7 @@ def _reach(sensor: RigSensor) -> float:
     return float(np.nan_to_num(sensor.max_range, nan=np.inf))
 
 
-def check_twins(rig: Rig, place: str) -> None:
+def check_duplicates(rig: Rig, place: str) -> None:
     """Check that no two sensors have the same beam.
 
     Args:

@@ -16,7 +16,7 @@ from msgspec import Meta
 from tanteo.errors import CovarianceError, InputError
 from tanteo.frames import check_covariance
 from tanteo.io.document import load_toml, made
-from tanteo.io.rig_checks import check_beam, check_twins
+from tanteo.io.rig_checks import check_beam, check_duplicates
 from tanteo.io.schema import Covariance, Direction, Length, Number, Numbers, Place, Point, Quaternion, Table
 from tanteo.lie import SE3, SO3
 from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
@@ -225,7 +225,7 @@ def read_rig(path: str | Path) -> Rig:
     document = load_toml(path, kinds, RigTable, None if path.exists() else shipped)
     found = [sensor for name, table in document.sensors.items() for sensor in table.sensors(name)]
     rig = Rig(tuple(found), str(path))
-    check_twins(rig, str(path))
+    check_duplicates(rig, str(path))
     return rig
 
 

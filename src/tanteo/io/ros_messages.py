@@ -232,7 +232,7 @@ def unique(rows: Sequence[Row]) -> Iterator[Row]:
             yield row
 
 
-def says_something(kind: str, row: Row) -> bool:
+def is_usable(kind: str, row: Row) -> bool:
     """Return whether a row is a usable reading.
 
     A range must be within the sensor's limits; an infinite range also needs a stated maximum.

@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.io.log_readings import readings_of
-from tanteo.io.ros_messages import POSE, RANGE, RosMessages, RosOptions, Row, pose_in, says_something, topics_of, unique
+from tanteo.io.ros_messages import POSE, RANGE, RosMessages, RosOptions, Row, is_usable, pose_in, topics_of, unique
 from tanteo.io.stated import Stated
 from tanteo.io.transforms import FrameTree, Track
 from tanteo.logs import RECORDING, Log, LogFormat
@@ -109,7 +109,7 @@ def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: li
             "their stamps came twice."
         )
         rows = [row for row, is_twice in zip(rows, twice, strict=True) if not is_twice]
-    said = [row for row in rows if says_something(messages.kinds[topics[0]], row)]
+    said = [row for row in rows if is_usable(messages.kinds[topics[0]], row)]
     if len(said) < len(rows):
         notes.append(f"{len(rows) - len(said)} of {len(rows)} ranges are too near or none, and were left out.")
         rows = said

@@ -13,7 +13,7 @@ from OCP.BRepTools import BRepTools
 from tanteo.errors import PartError
 from tanteo.parts.bodies import healed
 from tanteo.parts.brep import BrepFace, brep_faces
-from tanteo.parts.cuts import cut, wound_alike
+from tanteo.parts.cuts import consistently_wound, cut
 from tanteo.parts.gaps import open_edges
 from tanteo.parts.repair import merge_vertices
 from tanteo.parts.sides import with_sides
@@ -112,7 +112,7 @@ def _closed(faces: list[BrepFace], diagonal: float) -> BrepMesh | None:
         mesh = _welded(faces, weld * diagonal)
         _, ahead, back = edge_counts(mesh.triangles)
         if (ahead + back == 2).all():
-            return _outward(replace(mesh, triangles=wound_alike(mesh.triangles)))
+            return _outward(replace(mesh, triangles=consistently_wound(mesh.triangles)))
         if touching is None and ((ahead + back) % 2 == 0).all():
             touching = mesh
     return None if touching is None else _outward(_cut(touching))
@@ -141,7 +141,7 @@ def _outward(mesh: BrepMesh) -> BrepMesh | None:
 
 def _cut(mesh: BrepMesh) -> BrepMesh:
     """Cut a mesh at edges of more than two triangles, which bodies have that touch themselves."""
-    points, triangles, parents = cut(mesh.vertices, wound_alike(mesh.triangles))
+    points, triangles, parents = cut(mesh.vertices, consistently_wound(mesh.triangles))
     chords = _carried(mesh, points, triangles)
     return BrepMesh(points, triangles, mesh.owners[parents], mesh.kinds, chords)
 

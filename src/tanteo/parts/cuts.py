@@ -41,14 +41,14 @@ def cut(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray
         Vertices, some of them duplicated; triangles, which may be reversed; and the original triangle of each.
     """
     points, faces, parents = _parted(vertices, triangles, _pairs(vertices, triangles))
-    alike = wound_alike(faces)
+    alike = consistently_wound(faces)
     if (alike != faces).any():
         points, faces, again = _parted(points, alike, _pairs(points, alike))
         parents = parents[again]
     return points, faces, parents
 
 
-def wound_alike(triangles: IntArray) -> IntArray:
+def consistently_wound(triangles: IntArray) -> IntArray:
     """Return triangles with consistent winding across edges of two triangles, as far as possible.
 
     Args:

@@ -155,7 +155,7 @@ def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tup
     """Read a file with trimesh; ``data`` replaces the file's own bytes."""
     data = _old_text(path) if data is None else data
     source = str(path) if data is None else BytesIO(data)
-    with reader_of_others(path, label):
+    with third_party_reader(path, label):
         import trimesh  # slow to import
 
         logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it raises, with tracebacks
@@ -178,7 +178,7 @@ def _old_text(path: Path) -> bytes | None:
 
 
 @contextmanager
-def reader_of_others(path: Path, label: str) -> Iterator[None]:
+def third_party_reader(path: Path, label: str) -> Iterator[None]:
     """Convert every exception of a library that reads a file to an error message about the file.
 
     The exceptions that trimesh or a CAD kernel can raise are not documented, so this context catches all of them

@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.errors import PartError
 from tanteo.parts.crossings import crossings
-from tanteo.parts.cuts import crowded_edges, cut, wound_alike
+from tanteo.parts.cuts import consistently_wound, crowded_edges, cut
 from tanteo.parts.gaps import fill_holes, open_edges, split_sides
 from tanteo.parts.sides import outward, united, with_sides, without_loose
 from tanteo.parts.topology import directed_edges, edge_counts, near_groups, triangle_geometry, volume_and_centroid
@@ -78,7 +78,7 @@ def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: lis
     if ((ahead == 1) & (back == 1)).all():
         return points, faces
     crowded = crowded_edges(faces)
-    consistent = wound_alike(faces)
+    consistent = consistently_wound(faces)
     turned = (consistent != faces).any()
     points, faces, _ = cut(points, consistent)
     if crowded:

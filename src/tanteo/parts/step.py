@@ -14,7 +14,7 @@ from tanteo.parts.bodies import bodies_of, compound, diagonal_of, explore, tesse
 from tanteo.parts.brep import face_mesh
 from tanteo.parts.brep_mesh import BrepMesh, joined, meshed, surface_mesh
 from tanteo.parts.exchange import read_shape
-from tanteo.parts.files import reader_of_others
+from tanteo.parts.files import third_party_reader
 from tanteo.parts.mesh_faces import sort_faces
 from tanteo.parts.planes import face_normals
 from tanteo.parts.repair import sound_mesh
@@ -43,7 +43,7 @@ def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
     Raises:
         PartError: the file is not STEP or IGES, has no face, or has contradictory faces.
     """
-    with reader_of_others(path, label):
+    with third_party_reader(path, label):
         shape, unit, notes = read_shape(path, label)
         draft, repairs = _draft(shape, label)
     return draft, unit, notes + repairs

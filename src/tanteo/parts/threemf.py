@@ -17,7 +17,7 @@ import numpy as np
 
 from tanteo.errors import PartError
 from tanteo.parts.archives import Archive
-from tanteo.parts.files import METRES, reader_of_others
+from tanteo.parts.files import METRES, third_party_reader
 from tanteo.typing import FloatArray, IntArray
 
 UNITS = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft", "meter": "m"}
@@ -60,7 +60,7 @@ def read_3mf(path: Path, label: str) -> tuple[FloatArray, IntArray, str, list[st
     Raises:
         PartError: the file is damaged, violates the specification, or needs an unsupported extension.
     """
-    with reader_of_others(path, label), zipfile.ZipFile(path) as file:
+    with third_party_reader(path, label), zipfile.ZipFile(path) as file:
         return _Package(Archive(file, path.stat().st_size, label), label).built()
 
 

@@ -5,6 +5,7 @@
 the model that ``measure`` assumes. This package uses rays, ranges and covariances, and no part geometry.
 """
 
+from tanteo.sensors.anomalies import find_repeated, find_stuck
 from tanteo.sensors.checks import (
     APEX,
     BALL,
@@ -40,7 +41,6 @@ from tanteo.sensors.noise import (
     sensed_point,
     sensor_error_cov,
 )
-from tanteo.sensors.oddities import find_repeated, find_stuck
 from tanteo.sensors.presets import (
     NoiseLaw,
     RobotPreset,

@@ -24,7 +24,7 @@ from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.readings import Readings, check_readings_kind
 from tanteo.sensors.rig import Rig
-from tanteo.sensors.shared import Common, aims_of, base, of_devices, offset, tip
+from tanteo.sensors.shared import SharedEffect, aims_of, base, of_devices, offset, tip
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 _ACROSS_FLOOR = 1e-2
@@ -79,7 +79,7 @@ def measure(
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
     half_angles = np.where(np.isnan(half_angles), beam_half_angle, half_angles)
     covs, aims = _independent(readings, placed, half_angles, sds, radii), aims_of(readings, placed)
-    shared = list[Common]()
+    shared = list[SharedEffect]()
     if robot is not None:
         covs = covs + _repeatability(readings, points, robot)
         shared.append(base(points, placed, free, robot))
@@ -104,7 +104,7 @@ def measure(
         jacobians=tuple(one.points[hit] for one in shared),
         rows=np.flatnonzero(hit),
         free=_free_beams(readings, placed, devices, numbers, shared),
-        taken_off=(readings.radii - radii)[hit],
+        subtracted_radii=(readings.radii - radii)[hit],
         circles=_circles(readings)[hit],
     )
 
@@ -234,7 +234,7 @@ def _repeatability(readings: Readings, points: Vectors, robot: RobotPreset) -> C
 
 
 def _free_beams(
-    readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray, shared: Sequence[Common]
+    readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray, shared: Sequence[SharedEffect]
 ) -> FreeBeams:
     free = readings.is_free
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]

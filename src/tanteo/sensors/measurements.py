@@ -72,7 +72,7 @@ class PointMeasurements:
         jacobians: derivative of the points by each shared error, each ``(n, 3, d)``.
         rows: row of each point in the readings ``(n,)``.
         free: beams that hit nothing.
-        taken_off: tip radius subtracted along the sensed normal ``(n,)`` [m]; 0 if none was.
+        subtracted_radii: tip radius subtracted along the sensed normal ``(n,)`` [m]; 0 if none was.
         circles: for centres of round features: radius [m] or 0, and 1 for a hole, -1 for a boss, 0 if unknown
             ``(n, 2)``; zero for other rows.
     """
@@ -90,14 +90,14 @@ class PointMeasurements:
     jacobians: tuple[FloatArray, ...]
     rows: IntArray
     free: FreeBeams
-    taken_off: FloatArray
+    subtracted_radii: FloatArray
     circles: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
     def __post_init__(self) -> None:
         n = len(self.ids)
         circles = self.circles if len(self.circles) == n else np.zeros((n, 2))
         object.__setattr__(self, "circles", frozen_array(circles))
-        for name in ("points", "radii", "directions", "normals", "normal_sds", "taken_off"):
+        for name in ("points", "radii", "directions", "normals", "normal_sds", "subtracted_radii"):
             array = frozen_array(getattr(self, name))
             if array.shape[0] != n:
                 raise InputError(f"{name}: expected {n} rows, one a measurement, got {array.shape[0]}.")
@@ -139,12 +139,12 @@ class PointMeasurements:
             Centres of the tip's ball, or points of a sharp tip ``(n, 3)`` [m]; their independent covariances ``(n, 3,
             3)`` without the normals' tilt; and the distances of the surface ``(n,)`` [m].
         """
-        off = self.taken_off > 0
+        off = self.subtracted_radii > 0
         points, covs = np.array(self.points), np.array(self.covs)
-        points[off] += self.taken_off[off, None] * self.normals[off]
-        slip = (self.taken_off * np.nan_to_num(self.normal_sds))[off] ** 2
+        points[off] += self.subtracted_radii[off, None] * self.normals[off]
+        slip = (self.subtracted_radii * np.nan_to_num(self.normal_sds))[off] ** 2
         covs[off] -= beam_cov(self.normals[off], np.zeros_like(slip), slip)
-        return points, covs, self.radii + self.taken_off
+        return points, covs, self.radii + self.subtracted_radii
 
     def stacked(self) -> tuple[FloatArray, Covariances]:
         """Return all shared errors as one vector ``c``: Jacobians ``(n, 3, D)`` and covariance ``(D, D)``."""

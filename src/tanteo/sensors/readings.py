@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError, check_kind
 from tanteo.sensors.checks import check_readings
-from tanteo.sensors.given import filled_kinds, flags_of, frozen, frozen_flags, names_of, units_of
+from tanteo.sensors.column_arrays import filled_kinds, flags_of, frozen, frozen_flags, names_of, units_of
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _COLUMNS = {

@@ -24,7 +24,7 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Common:
+class SharedEffect:
     """Shared error ``c`` of ``d`` components, with its effect on all readings.
 
     Attributes:
@@ -38,7 +38,7 @@ class Common:
     turns: FloatArray
 
 
-def base(points: Vectors, placed: Placed, free: BoolArray, robot: RobotPreset) -> Common:
+def base(points: Vectors, placed: Placed, free: BoolArray, robot: RobotPreset) -> SharedEffect:
     """Return the absolute error of the robot, a rigid left error of the world.
 
     ``delta p = v + w x p`` (``math.md`` section 6).
@@ -54,10 +54,10 @@ def base(points: Vectors, placed: Placed, free: BoolArray, robot: RobotPreset) -
     J = np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=-1)
     turns = np.zeros_like(J)
     turns[free, :, 3:] = -SO3.hat(placed.directions[free])
-    return Common(error, J, turns)
+    return SharedEffect(error, J, turns)
 
 
-def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> Common:
+def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> SharedEffect:
     """Return the tip's offset in the hand frame, which moves a contact reading by ``R_world_hand c`` but not a range.
 
     Args:
@@ -88,10 +88,10 @@ def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> Common:
         )
     error = SharedError("tip offset", np.diag(tip_sd**2), "offset of the tip in the hand's frame [m]")
     J = np.where(touched[:, None, None], readings.Ts_world_hand[:, :3, :3], 0.0)
-    return Common(error, J, np.zeros_like(J))
+    return SharedEffect(error, J, np.zeros_like(J))
 
 
-def offset(aims: Vectors, rows: BoolArray, bias_sd: float) -> Common:
+def offset(aims: Vectors, rows: BoolArray, bias_sd: float) -> SharedEffect:
     """Return one error along all approach directions, such as of a ball's radius, a trigger point or a sensor's zero.
 
     Args:
@@ -117,7 +117,7 @@ def aims_of(readings: Readings, placed: Placed) -> Vectors:
 
 def of_devices(
     placed: Placed, aims: Vectors, devices: tuple[Device, ...], numbers: IntArray, free: BoolArray
-) -> list[Common]:
+) -> list[SharedEffect]:
     """Return bias, scale and mounting errors of every device; the zones of one device share them.
 
     Args:
@@ -127,7 +127,7 @@ def of_devices(
         numbers: device index of each reading ``(n,)``.
         free: mask of free-space rays ``(n,)``.
     """
-    out: list[Common] = []
+    out: list[SharedEffect] = []
     units: dict[str, Device] = {}
     for device in devices:
         units.setdefault(device.unit, device)
@@ -149,7 +149,7 @@ def of_devices(
         if device.mount is not None and device.mount.cov_mount.any() and mount.any():
             meaning = "mounting of the sensor on the hand, body error [m, rad]"
             error = SharedError(f"mounting of {unit}", device.mount.cov_mount, meaning)
-            out.append(Common(error, *_mounted(placed, mount, free)))
+            out.append(SharedEffect(error, *_mounted(placed, mount, free)))
     return out
 
 
@@ -162,7 +162,7 @@ def _mounted(placed: Placed, rows: BoolArray, free: BoolArray) -> tuple[FloatArr
     return J, turns
 
 
-def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: BoolArray) -> list[Common]:
+def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: BoolArray) -> list[SharedEffect]:
     """Return mounting and scale of a jointly calibrated sensor as one error of seven components."""
     if not rows.any():
         return []
@@ -171,8 +171,8 @@ def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: Bool
     nearer = np.where((rows & ~free)[:, None], -placed.ranges[:, None] * placed.directions, 0.0)[..., None]
     meaning = "mounting of the sensor on the hand, body error [m, rad], and scale error [1]"
     error = SharedError(f"mounting and scale of {device.unit}", device.cov_unit, meaning)
-    return [Common(error, np.concatenate([mounted, nearer], axis=2), np.pad(turns, [(0, 0), (0, 0), (0, 1)]))]
+    return [SharedEffect(error, np.concatenate([mounted, nearer], axis=2), np.pad(turns, [(0, 0), (0, 0), (0, 1)]))]
 
 
-def _one(name: str, sd: float, meaning: str, J: FloatArray) -> Common:
-    return Common(SharedError(name, np.array([[sd**2]]), meaning), J, np.zeros_like(J))
+def _one(name: str, sd: float, meaning: str, J: FloatArray) -> SharedEffect:
+    return SharedEffect(SharedError(name, np.array([[sd**2]]), meaning), J, np.zeros_like(J))

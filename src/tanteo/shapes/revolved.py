@@ -64,7 +64,7 @@ class Profiles:
         phi, n, _, _ = self._at(points)
         return phi, n
 
-    def bends(self, points: Vectors) -> tuple[FloatArray, Vectors, Vectors]:
+    def curvatures(self, points: Vectors) -> tuple[FloatArray, Vectors, Vectors]:
         """Return the principal curvatures at points: the derivative of the gradient is ``sum_i b_i e_i e_i'``.
 
         Args:
@@ -104,12 +104,12 @@ class Revolved:
     Attributes:
         profiles: exact surfaces.
         rows: surface of each triangle ``(T,)``; -1 where there is only the mesh.
-        alike: smallest cosine between the gradients of mesh and surface at which the surface is used ``(F,)``.
+        min_cosines: smallest cosine between the gradients of mesh and surface at which the surface is used ``(F,)``.
     """
 
     profiles: Profiles
     rows: IntArray
-    alike: FloatArray
+    min_cosines: FloatArray
 
     def replace(self, points: Vectors, triangles: IntArray, phi: FloatArray, g: Vectors) -> None:
         """Replace distances and gradients of a mesh by exact ones, in place, where the nearest triangle has a surface.
@@ -128,14 +128,14 @@ class Revolved:
             return
         rows = rows[index]
         exact, n = self.profiles.take(rows).distance(points[index])
-        ok = np.sum(n * g[index], axis=-1) > self.alike[rows]
+        ok = np.sum(n * g[index], axis=-1) > self.min_cosines[rows]
         index = tuple(axis[ok] for axis in index)
         phi[index], g[index] = exact[ok], n[ok]
 
-    def bends(
+    def curvatures(
         self, points: Vectors, triangles: IntArray, g: Vectors
     ) -> tuple[tuple[IntArray, ...], FloatArray, Vectors]:
-        """Return :meth:`Profiles.bends` of the points whose gradients are those of an exact surface.
+        """Return :meth:`Profiles.curvatures` of the points whose gradients are those of an exact surface.
 
         Args:
             points: points in the mesh frame ``(*batch, 3)`` [m].
@@ -148,7 +148,7 @@ class Revolved:
         """
         rows = self.rows[triangles]
         index = np.nonzero(rows >= 0)
-        b, e, n = self.profiles.take(rows[index]).bends(points[index])
+        b, e, n = self.profiles.take(rows[index]).curvatures(points[index])
         ok = np.sum(n * g[index], axis=-1) > 1 - _SAME
         return tuple(axis[ok] for axis in index), b[ok], e[ok]
 
@@ -179,8 +179,8 @@ def revolved(
     turns = _mostly(np.arccos(np.clip(cosines.min(axis=1, initial=1.0), -1.0, 1.0)), areas, row, count)
     good = (worst <= precision) & (turns < _COARSE)
     kept = np.where((rows >= 0) & good[rows], rows, -1)
-    alike = np.cos(np.minimum(_SLACK * turns + 1e-3, np.pi / 3))
-    return Revolved(replace(profiles, signs=signs), kept, alike) if np.any(kept >= 0) else None
+    min_cosines = np.cos(np.minimum(_SLACK * turns + 1e-3, np.pi / 3))
+    return Revolved(replace(profiles, signs=signs), kept, min_cosines) if np.any(kept >= 0) else None
 
 
 def _mostly(values: FloatArray, areas: FloatArray, row: IntArray, count: int) -> FloatArray:

@@ -29,7 +29,7 @@ to 0.5 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rest:
+class StablePose:
     """Stable pose on the plane z = 0.
 
     Attributes:
@@ -43,7 +43,7 @@ class Rest:
     height: float
 
 
-def rests(part: Part, least: float = 0.01) -> tuple[Rest, ...]:
+def stable_poses(part: Part, least: float = 0.01) -> tuple[StablePose, ...]:
     """Return the stable poses of a part, most probable first.
 
     A pose is stable if the centroid is above the face of the convex hull that the part rests on. A dropped part ends on
@@ -59,7 +59,7 @@ def rests(part: Part, least: float = 0.01) -> tuple[Rest, ...]:
     return _of_rows(part, _computed(part, least))
 
 
-def known_rests(part: Part) -> tuple[Rest, ...]:
+def known_stable_poses(part: Part) -> tuple[StablePose, ...]:
     """Return the stable poses of a part, most probable first, from the part, the cache or the catalogue if stored.
 
     Args:
@@ -71,11 +71,11 @@ def known_rests(part: Part) -> tuple[Rest, ...]:
             rows = _computed(part)
             cache.store_derived(part, RESTS, rows.tobytes())
         part.derived["rest_poses"] = _of_rows(part, rows)
-    found: tuple[Rest, ...] = part.derived["rest_poses"]
+    found: tuple[StablePose, ...] = part.derived["rest_poses"]
     return found
 
 
-def rest_rows(part: Part) -> np.ndarray:
+def stable_pose_rows(part: Part) -> np.ndarray:
     """Return downward direction in the part frame and probability of each stable pose ``(R, 4)``.
 
     Args:
@@ -166,18 +166,18 @@ def _equal(part: Part, first: FloatArray, second: FloatArray) -> bool:
     return bool(np.any(turned @ first > np.cos(_SAME)))
 
 
-def _of_rows(part: Part, rows: np.ndarray) -> tuple[Rest, ...]:
+def _of_rows(part: Part, rows: np.ndarray) -> tuple[StablePose, ...]:
     exact = rows.astype(np.float64)
     down = exact[:, :3] / np.linalg.norm(exact[:, :3], axis=1, keepdims=True)
     return tuple(_rest(part, d, float(p)) for d, p in zip(down, exact[:, 3] / exact[:, 3].sum(), strict=True))
 
 
-def _rest(part: Part, down: FloatArray, probability: float) -> Rest:
+def _rest(part: Part, down: FloatArray, probability: float) -> StablePose:
     R = _turn_down(down)
     low = (part.vertices @ R.T)[:, 2]
     p = -R @ part.centroid
     p[2] = -low.min()
-    return Rest(SE3.from_parts(R, p), probability, float(np.ptp(low)))
+    return StablePose(SE3.from_parts(R, p), probability, float(np.ptp(low)))
 
 
 def _turn_down(down: FloatArray) -> FloatArray:
