@@ -47,7 +47,9 @@ def part_to_bytes(part: Part) -> bytes:
         arrays.update({f"{group}.{name}": getattr(getattr(part, group), name) for name in names})
     arrays["symmetry.Ts"] = part.symmetry.Ts
     faces = json.dumps([_face_to_json(face) for face in part.faces]).encode()
-    parts, places, at = [faces], {}, len(faces)
+    parts = [faces]
+    places = {}
+    at = len(faces)
     for name, array in arrays.items():
         parts.append(bytes(-at % 8))
         at += -at % 8
@@ -64,7 +66,8 @@ def part_to_bytes(part: Part) -> bytes:
         "spherical": part.symmetry.spherical,
         "faces": len(faces),
     }
-    document, table = json.dumps(header).encode(), json.dumps(places).encode()
+    document = json.dumps(header).encode()
+    table = json.dumps(places).encode()
     table += b" " * (-(_HEAD.size + len(document) + len(table)) % 8)
     body = b"".join([document, table, *parts])
     return _HEAD.pack(_MAGIC, zlib.crc32(body), len(document), len(table), _HEAD.size + len(body)) + body

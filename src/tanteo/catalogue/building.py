@@ -218,13 +218,17 @@ def _read(plan: Plan, output: _Output, reader: _Reader) -> list[Failure]:
         if request is not None:
             record = replace(record, name=request.name, source=request.path)
         output.add(record, segment.key(row))
-    todo, waiting, failures = dict(plan.todo), dict[int, Record | str](), list[Failure]()
-    order, done = iter(sorted(todo)), len(plan.requests) - len(todo)
+    todo = dict(plan.todo)
+    waiting = dict[int, Record | str]()
+    failures = list[Failure]()
+    order = iter(sorted(todo))
+    done = len(plan.requests) - len(todo)
     following = next(order, None)
 
     def settle(index: int, result: Record | str) -> None:
         nonlocal following, done
-        waiting[index], done = result, done + 1
+        waiting[index] = result
+        done = done + 1
         while following in waiting:
             found = waiting.pop(following)
             if isinstance(found, str):

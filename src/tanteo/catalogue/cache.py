@@ -124,7 +124,8 @@ def load_derived(part: Part, kind: str) -> npt.NDArray[np.uint8] | None:
     Returns:
         Memory-mapped bytes ``(n,)``; None if there is no valid entry.
     """
-    key, stored = part.derived.get("key"), part.derived.get("stored")
+    key = part.derived.get("key")
+    stored = part.derived.get("stored")
     if stored is not None and (found := stored(kind)) is not None:
         return np.asarray(found)
     if key is None:

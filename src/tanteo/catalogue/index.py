@@ -35,11 +35,16 @@ def kinds(numbers: FloatArray) -> Indices:
     Args:
         numbers: column ``numbers`` of the signatures ``(n, 17)``.
     """
-    area, volume, centroid, box = numbers[:, 0], numbers[:, 1], numbers[:, 5:8], numbers[:, 8:14]
+    area = numbers[:, 0]
+    volume = numbers[:, 1]
+    centroid = numbers[:, 5:8]
+    box = numbers[:, 8:14]
     size = np.linalg.norm(box[:, 3:] - box[:, :3], axis=1)
     sizes = np.column_stack([np.sqrt(area / 6), np.cbrt(volume)])
     rows = np.column_stack([box, centroid, sizes])
-    order, out, heads = np.argsort(size, kind="stable"), np.full(len(numbers), -1, dtype=np.int32), list[int]()
+    order = np.argsort(size, kind="stable")
+    out = np.full(len(numbers), -1, dtype=np.int32)
+    heads = list[int]()
     for k in order:
         known = np.array(heads[-_HEADS:], dtype=np.int64)
         off = np.abs(rows[known] - rows[k]).max(axis=1, initial=0.0) if len(known) else np.zeros(0)

@@ -180,7 +180,9 @@ def _ask(
         size = int.from_bytes(head[1:], "big")
         reply = worker.stdout.read(size) if len(head) == 9 else b""
     except OSError:
-        head, size, reply = b"", 0, b""
+        head = b""
+        size = 0
+        reply = b""
     finally:
         timer.cancel()
     if late.is_set():

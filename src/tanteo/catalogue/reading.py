@@ -212,7 +212,8 @@ def _deeper(folder: Path) -> str:
 
 def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:
     """Return the readable files of a folder by real path, and the broken links and devices."""
-    root, readable = os.path.realpath(folder), readable_suffixes()
+    root = os.path.realpath(folder)
+    readable = readable_suffixes()
     with os.scandir(folder) as every:
         named = [e for e in every if os.path.splitext(e.name)[1].lower() in readable]
     entries = [e for e in named if not os.path.isdir(e.path)]
@@ -234,7 +235,8 @@ def _names(files: list[Path], others: set[str]) -> list[str]:
     names: dict[Path, str] = {}
     for naming in longer:
         waiting = {file: naming(file) for file in files if file not in names}
-        counts, taken = Counter(waiting.values()), others.union(names.values())
+        counts = Counter(waiting.values())
+        taken = others.union(names.values())
         names.update({file: name for file, name in waiting.items() if counts[name] == 1 and name not in taken})
     return [names.get(file) or str(file.resolve()) for file in files]
 

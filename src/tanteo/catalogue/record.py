@@ -56,7 +56,8 @@ def record_to_bytes(record: Record) -> bytes:
     Args:
         record: record to send.
     """
-    out, text = io.BytesIO(), "\0".join([record.name, record.source, record.unit])
+    out = io.BytesIO()
+    text = "\0".join([record.name, record.source, record.unit])
     blobs = {"text": text.encode(), "part": record.part, "shape": record.shape}
     arrays = {f".{name}": np.frombuffer(data, dtype=np.uint8) for name, data in blobs.items()}
     every: dict[str, Any] = {**arrays, **record.columns}

@@ -34,11 +34,13 @@ def compiled_shape(part: Part) -> _core.Shape:
     normals = across / np.maximum(lengths, 1e-300)[:, None]
     samples, rows = _spread(corners, lengths)
     curved = exact_faces(part, normals)
-    profiles, profile_rows = np.zeros((0, 11)), np.full(len(corners), -1)
+    profiles = np.zeros((0, 11))
+    profile_rows = np.full(len(corners), -1)
     if curved is not None:
         p = curved.profiles
         columns = p.points, p.axes, p.offsets, p.slopes, p.radii, p.signs, curved.min_cosines
-        profiles, profile_rows = np.column_stack(columns), curved.rows
+        profiles = np.column_stack(columns)
+        profile_rows = curved.rows
     return _core.make_shape(
         _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),
         _doubles(profiles), _doubles(part.edges.ends).reshape(-1, 6), _doubles(part.corners.points),

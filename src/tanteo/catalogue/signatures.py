@@ -49,7 +49,8 @@ _DIRECTIONS = 256
 def directions() -> Vectors:
     """Return directions evenly spaced on half of the sphere (spiral) ``(256, 3)``."""
     k = np.arange(_DIRECTIONS) + 0.5
-    z, turn = k / _DIRECTIONS, np.pi * (1 + np.sqrt(5)) * k
+    z = k / _DIRECTIONS
+    turn = np.pi * (1 + np.sqrt(5)) * k
     return np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
 
 
@@ -83,7 +84,9 @@ def faces_of(part: Part) -> dict[str, np.ndarray]:
     Args:
         part: the part.
     """
-    planes, rounds, numbers = _planes(part).astype(np.float32), rounds_of(part), np.zeros((1, 17))
+    planes = _planes(part).astype(np.float32)
+    rounds = rounds_of(part)
+    numbers = np.zeros((1, 17))
     numbers[0, 16] = _unseen_share(part)
     starts = {"planes_start": np.array([0, len(planes)]), "rounds_start": np.array([0, len(rounds)])}
     return {"planes": planes, "rounds": rounds, "numbers": numbers, **starts}
@@ -150,7 +153,8 @@ def rounds_of(part: Part) -> np.ndarray:
         assert face.axis_direction is not None
         along = (part.vertices[part.triangles[part.triangle_face == k]] - face.axis_point) @ face.axis_direction
         middle = face.axis_point + 0.5 * (along.min() + along.max()) * face.axis_direction
-        half, sign = 0.5 * np.ptp(along), 1.0 if face.convex else -1.0
+        half = 0.5 * np.ptp(along)
+        sign = 1.0 if face.convex else -1.0
         rows.append(np.r_[middle, face.axis_direction, face.radius, half, sign])
     return np.array(rows, dtype=np.float32).reshape(-1, 9)
 
@@ -191,12 +195,14 @@ def pairs_of(planes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         planes: normals, centroids and reach ``(M, 7)`` [m].
     """
     i, j = np.triu_indices(len(planes), 1)
-    n, c = planes[:, :3], planes[:, 3:6]
+    n = planes[:, :3]
+    c = planes[:, 3:6]
     angles = np.arctan2(np.linalg.norm(np.cross(n[i], n[j]), axis=1), np.sum(n[i] * n[j], axis=1))
     along = n[i] + np.sign(np.cos(angles))[:, None] * n[j]
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
     heights = np.sum(along * (c[j] - c[i]), axis=1)
-    same, opposite = angles < PARALLEL, angles > np.pi - PARALLEL
+    same = angles < PARALLEL
+    opposite = angles > np.pi - PARALLEL
     between = np.unique(np.round(angles[~same & ~opposite] / _APART)) * _APART
     # height of the second face above the first along its normal: positive where the faces bound a gap
     rows = np.abs(heights[same]), heights[opposite], between
@@ -228,7 +234,8 @@ def _stored_field(part: Part) -> tuple[np.ndarray, np.ndarray] | None:
     stored = load_derived(part, _FIELD)
     if stored is None or len(stored) < _GRID:
         return None
-    grid, levels = stored[:_GRID].view(np.float32), stored[_GRID:].view(np.int8)
+    grid = stored[:_GRID].view(np.float32)
+    levels = stored[_GRID:].view(np.int8)
     counts = grid[4:]
     whole = bool(np.isfinite(grid).all() and counts.min() >= 2 and np.prod(counts) == len(levels))
     return (grid, levels) if whole else None

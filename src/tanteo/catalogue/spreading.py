@@ -41,13 +41,16 @@ def read_on_cluster(
 
 def _batches(requests: Mapping[int, Request]) -> Iterator[Requests]:
     sizes = {index: _bytes(request.path) for index, request in requests.items()}
-    enough, held = max(SMALL, sum(sizes.values()) // BATCHES), 0
+    enough = max(SMALL, sum(sizes.values()) // BATCHES)
+    held = 0
     batch: Requests = {}
     for index, request in requests.items():
-        batch[index], held = request, held + sizes[index]
+        batch[index] = request
+        held = held + sizes[index]
         if held >= enough or len(batch) == MOST_FILES:
             yield batch
-            batch, held = {}, 0
+            batch = {}
+            held = 0
     if batch:
         yield batch
 

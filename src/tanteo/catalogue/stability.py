@@ -150,7 +150,8 @@ def _few(points: Vectors, most: int) -> Vectors:
     if len(points) <= most:
         return points
     k = np.arange(most) + 0.5
-    z, turn = 1 - 2 * k / most, np.pi * (1 + np.sqrt(5)) * k
+    z = 1 - 2 * k / most
+    turn = np.pi * (1 + np.sqrt(5)) * k
     ways = np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z])
     return points[np.unique(np.argmax(points @ ways, axis=0))]
 
@@ -183,7 +184,8 @@ def _rest(part: Part, down: FloatArray, probability: float) -> StablePose:
 def _turn_down(down: FloatArray) -> FloatArray:
     """Return the smallest rotation that maps a direction to -z."""
     axis = np.cross(down, [0.0, 0.0, -1.0])
-    sine, cosine = float(np.linalg.norm(axis)), -float(down[2])
+    sine = float(np.linalg.norm(axis))
+    cosine = -float(down[2])
     if sine < 1e-12:
         return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
     return SO3.exp(axis / sine * np.arctan2(sine, cosine))

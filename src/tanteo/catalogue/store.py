@@ -78,7 +78,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     content = read_whole(folder / MANIFEST, "the manifest of a catalogue", RECORD)
     try:
         manifest = json.loads(content)
-        known, total = manifest["schema"], manifest.pop("sha256")
+        known = manifest["schema"]
+        total = manifest.pop("sha256")
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise damaged(folder, f"a {MANIFEST} that is no manifest") from None
     if known != SCHEMA:
@@ -191,7 +192,8 @@ def write_table(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
         path: file to write.
         arrays: arrays by name.
     """
-    places, at = {}, 0
+    places = {}
+    at = 0
     with path.open("wb") as file:
         for name, given in arrays.items():
             array = np.ascontiguousarray(given)
@@ -261,7 +263,8 @@ class Table:
         file = self._file
         try:
             at, kind, shape, checksum = self._places[name]
-            dtype, count = np.dtype(kind), int(np.prod(shape, dtype=np.int64))
+            dtype = np.dtype(kind)
+            count = int(np.prod(shape, dtype=np.int64))
             array = np.frombuffer(file.data, dtype, count, at) if count else np.zeros(0, dtype)
         except (ValueError, TypeError, KeyError) as error:
             raise damaged(file.folder, f"a manifest that does not fit {file.name} ({error})") from None

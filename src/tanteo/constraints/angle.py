@@ -213,11 +213,16 @@ def angle_bias_of(group: PairGroup, axis: int) -> FloatArray:
     """
     arrays, (first, second) = group.arrays, group.pairs.T
     C12 = None
-    C1, C2 = arrays.C[first], arrays.C[second]
+    C1 = arrays.C[first]
+    C2 = arrays.C[second]
     if arrays.shared_jacobian is not None:
-        A1, A2 = arrays.shared_jacobian[first], arrays.shared_jacobian[second]
-        A1t, A2t = A1.swapaxes(1, 2), A2.swapaxes(1, 2)
-        C1, C2, C12 = C1 + A1 @ arrays.shared @ A1t, C2 + A2 @ arrays.shared @ A2t, A1 @ arrays.shared @ A2t
+        A1 = arrays.shared_jacobian[first]
+        A2 = arrays.shared_jacobian[second]
+        A1t = A1.swapaxes(1, 2)
+        A2t = A2.swapaxes(1, 2)
+        C1 = C1 + A1 @ arrays.shared @ A1t
+        C2 = C2 + A2 @ arrays.shared @ A2t
+        C12 = A1 @ arrays.shared @ A2t
     return angle_bias(group.pair, axis, (C1, C2, C12))[:, None]
 
 
@@ -243,7 +248,8 @@ def _fill_plane_line(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r
 
 
 def _cut_plane_line(group: PairGroup) -> list[ConstraintColumn]:
-    angle, sd = np.abs(group.value), np.sqrt(group.S[:, 0, 0])
+    angle = np.abs(group.value)
+    sd = np.sqrt(group.S[:, 0, 0])
     upright = np.cos(angle[:, 0]) > 5 * sd + RESOLUTION
     folded = angle[:, 0] < 2 * sd
     return [

@@ -40,7 +40,9 @@ def _crossing(of: str, meaning: str) -> tuple[ConstraintKind, ConstraintKind]:
 
 
 def _cut_crossing(kinds: tuple[ConstraintKind, ConstraintKind], group: PairGroup) -> list[ConstraintColumn]:
-    value, S, sd = group.value, group.S, np.sqrt(group.S[:, 0, 0])
+    value = group.value
+    S = group.S
+    sd = np.sqrt(group.S[:, 0, 0])
     sine = np.sqrt(group.b[:, 1] ** 2 + group.b[:, 2] ** 2)
     obtuse = value[:, :1] > np.pi / 2
     angle = np.where(obtuse, np.pi - value[:, :1], value[:, :1])
@@ -78,7 +80,8 @@ def _beside(of: str, together: str, meaning: str) -> tuple[ConstraintKind, Const
 def _cut_beside(
     kinds: tuple[ConstraintKind, ConstraintKind, ConstraintKind], group: PairGroup
 ) -> list[ConstraintColumn]:
-    value, S = group.value, group.S
+    value = group.value
+    S = group.S
     parallel = parallel_pairs(group)
     distance, variance, across = length_of(*condition_on_parallel(value[:, :2], value[:, 2:], S))
     apart = distance > 3 * np.sqrt(across)
@@ -94,7 +97,8 @@ def _cut_beside(
 
 
 def _register(shapes: tuple[Shape, Shape], of: str, together: str, meaning: str) -> None:
-    crossing, beside = _crossing(of, meaning), _beside(of, together, meaning)
+    crossing = _crossing(of, meaning)
+    beside = _beside(of, together, meaning)
     register_relation(PairRelation(crossing, shapes, 2, fill_crossing, partial(_cut_crossing, crossing)))
     register_relation(PairRelation(beside, shapes, 4, fill_lines, partial(_cut_beside, beside)))
 
@@ -120,8 +124,10 @@ def _fill_plane_axis(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r
 
 
 def _cut_plane_axis(group: PairGroup) -> list[ConstraintColumn]:
-    value, S = group.value, group.S
-    rise, sd = np.abs(value[:, :1]), np.sqrt(S[:, 0, 0])
+    value = group.value
+    S = group.S
+    rise = np.abs(value[:, :1])
+    sd = np.sqrt(S[:, 0, 0])
     upright = np.cos(rise[:, 0]) > 5 * sd + RESOLUTION
     tilt = S[:, 3, 3] + RESOLUTION**2
     along = value[:, 3] ** 2 <= chi2_limit(PARALLEL_ALPHA) * tilt

@@ -36,7 +36,8 @@ def coplanarity(
     """
     pair = relative(T_plane, T_edge)
     value = np.stack([pair.p[..., 2], pair.R[..., 2, 0]], axis=-1)  # (4) and (3)
-    q, r = np.broadcast_to(_Q, (*value.shape, 3)), np.broadcast_to(_R, (*value.shape, 3))
+    q = np.broadcast_to(_Q, (*value.shape, 3))
+    r = np.broadcast_to(_R, (*value.shape, 3))
     return vector_estimate(pair, X_AXIS, value, (q, r), (C_plane, C_edge, C12))
 
 

@@ -50,7 +50,8 @@ def edge_length(T_A: Transforms, T_E: Transforms, T_B: Transforms, C: Covariance
         DegenerateError: an adjacent edge is parallel to ``E``.
     """
     zero = np.zeros((6, 6))
-    start, end = intersect(T_A, zero, T_E, zero), intersect(T_B, zero, T_E, zero)
+    start = intersect(T_A, zero, T_E, zero)
+    end = intersect(T_B, zero, T_E, zero)
     difference = end.value - start.value
     sign = np.where(difference < 0, -1.0, 1.0)[..., None]
     gradient = np.concatenate([-start.g1, end.g2 - start.g2, end.g1], axis=-1) * sign
@@ -84,7 +85,8 @@ def relate_length(edge: Feature, first: Feature, second: Feature) -> Constraint:
     row = 0
     for k, feature in enumerate(features):
         block = slice(row, row + feature.kind.size)
-        B[block, 6 * k : 6 * k + 6], P[block, block] = feature.kind.B, feature.P
+        B[block, 6 * k : 6 * k + 6] = feature.kind.B
+        P[block, block] = feature.P
         row = block.stop
     T_A, T_E, T_B = (feature.T_world_feature for feature in features)
     length = edge_length(T_A, T_E, T_B, np.zeros((18, 18)))

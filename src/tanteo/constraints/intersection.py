@@ -26,7 +26,8 @@ def abscissa_partials(p: Vectors, n: Vectors) -> tuple[FloatArray, FloatArray, F
         p: origin of the second line in the first frame ``(*batch, 3)`` [m].
         n: direction of the second line in the first frame ``(*batch, 3)``.
     """
-    np_, pp = n * _PERP, p * _PERP
+    np_ = n * _PERP
+    pp = p * _PERP
     nn = np.maximum(np.sum(np_ * np_, axis=-1), np.finfo(float).tiny)[..., None]
     s = -np.sum(np_ * pp, axis=-1, keepdims=True) / nn
     return s[..., 0], -np_ / nn, -(pp + 2 * s * np_) / nn
@@ -127,7 +128,9 @@ def fill_crossing(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: F
 
 
 def _cut(group: PairGroup) -> list[ConstraintColumn]:
-    value, S, sd = group.value, group.S, np.sqrt(group.S[:, 0, 0])
+    value = group.value
+    S = group.S
+    sd = np.sqrt(group.S[:, 0, 0])
     sine = np.sqrt(group.b[:, 1] ** 2 + group.b[:, 2] ** 2)
     angle, unsure = _away(group, np.sqrt(S[:, 1, 1]) + 1e-12, np.where(sine > 0, sine, 1.0))
     return [
@@ -146,7 +149,9 @@ def _cut(group: PairGroup) -> list[ConstraintColumn]:
 
 def _away(group: PairGroup, sd: FloatArray, sine: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return the angle with both directions pointing away from the corner, and where a direction is undetermined."""
-    p, n, slide = group.pair.p, group.b, group.pair.slide[:, 0]
+    p = group.pair.p
+    n = group.b
+    slide = group.pair.slide[:, 0]
     s2 = -(p[:, 1] * n[:, 1] + p[:, 2] * n[:, 2]) / (sine * sine)  # abscissae of the feet
     s = np.empty((len(p), 2))
     s[:, 0], s[:, 1] = p[:, 0] + s2 * n[:, 0], s2 + slide

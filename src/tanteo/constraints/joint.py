@@ -67,11 +67,14 @@ def whitened_test(g: FloatArray, G: FloatArray) -> JointTest:
     scale = np.where(scale > 0, scale, 1.0)
     U, s, Vt = np.linalg.svd(G / scale, full_matrices=False)
     rank = int(np.count_nonzero(s > _RANK * s[0])) if len(s) and s[0] > 0 else 0
-    U, s, Vt = U[:, :rank], s[:rank], Vt[:rank]
+    U = U[:, :rank]
+    s = s[:rank]
+    Vt = Vt[:rank]
     along = U.T @ g
     rest = g - U @ along
     rest = rest - U @ (U.T @ rest)  # repeated projection: the residual may be far smaller than f
-    D2, dof = float(rest @ rest), len(g) - rank
+    D2 = float(rest @ rest)
+    dof = len(g) - rank
     return JointTest(D2, dof, -(Vt.T @ (along / s)) / scale, G.T @ G, _p_value(D2, dof))
 
 
@@ -97,7 +100,8 @@ def joint_update(first: JointTest, f: FloatArray, H: FloatArray, S: Covariances)
         ) from None
     r = f + H @ first.xi
     w = np.linalg.solve(S + H @ LHt, r)
-    D2, dof = first.D2 + float(r @ w), first.dof + len(f)
+    D2 = first.D2 + float(r @ w)
+    dof = first.dof + len(f)
     G = _whitening(S) @ H
     return JointTest(D2, dof, first.xi - LHt @ w, first.information + G.T @ G, _p_value(D2, dof))
 

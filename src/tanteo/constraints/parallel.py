@@ -63,7 +63,9 @@ def condition_on_parallel(v: FloatArray, d: FloatArray, S: Covariances) -> tuple
         d: distances ``(*batch, k)``.
         S: joint covariance ``(*batch, 2 + k, 2 + k)``; a singular tilt block (an exactly known feature) is ignored.
     """
-    a, b, c = S[..., 0, 0], S[..., 0, 1], S[..., 1, 1]
+    a = S[..., 0, 0]
+    b = S[..., 0, 1]
+    c = S[..., 1, 1]
     det = a * c - b * b
     usable = det > 1e-14 * a * c  # a singular block carries no information to condition on
     scale = 1 / np.where(usable, det, np.inf)
@@ -83,7 +85,8 @@ def _parallel(
     b = pair.R[..., :, axis]
     sign = sign_of(b[..., axis])
     value = np.stack([sign * b[..., across[0]], sign * b[..., across[1]], d], axis=-1)
-    q, r = np.zeros((*value.shape, 3)), np.zeros((*value.shape, 3))
+    q = np.zeros((*value.shape, 3))
+    r = np.zeros((*value.shape, 3))
     r[..., 0, across[0]] = r[..., 1, across[1]] = sign
     q[..., 2, :] = q_d
     joint = vector_estimate(pair, axis, value, (q, r), covariances)
@@ -167,7 +170,8 @@ def collinearity_partials(pair: Relative, sign: FloatArray) -> tuple[FloatArray,
     """
     n = pair.R[..., 1:, 0] * sign[..., None]
     value = np.concatenate([n, pair.p[..., 1:]], axis=-1)
-    q, r = np.zeros((*value.shape, 3)), np.zeros((*value.shape, 3))
+    q = np.zeros((*value.shape, 3))
+    r = np.zeros((*value.shape, 3))
     r[..., 0, 1] = r[..., 1, 2] = sign
     q[..., 2, 1] = q[..., 3, 2] = 1.0
     return value, q, r
@@ -185,9 +189,12 @@ def parallel_pairs(group: PairGroup) -> BoolArray:
     Args:
         group: pairs with their values.
     """
-    v1, v2 = group.value[:, 0], group.value[:, 1]
+    v1 = group.value[:, 0]
+    v2 = group.value[:, 1]
     S = group.S
-    a, b, c = S[:, 0, 0] + RESOLUTION**2, S[:, 0, 1], S[:, 1, 1] + RESOLUTION**2
+    a = S[:, 0, 0] + RESOLUTION**2
+    b = S[:, 0, 1]
+    c = S[:, 1, 1] + RESOLUTION**2
     return c * v1 * v1 - 2 * b * v1 * v2 + a * v2 * v2 <= _PARALLEL_LIMIT * (a * c - b * b)
 
 
@@ -206,7 +213,8 @@ def _fill_planes(p: Vectors, a: Vectors, value: FloatArray, q: FloatArray, r: Fl
 
 
 def _cut_planes(group: PairGroup) -> list[ConstraintColumn]:
-    value, S = group.value, group.S
+    value = group.value
+    S = group.S
     offset, variance = condition_on_parallel(value[:, :2], value[:, 2:], S)
     return [
         group.column(PLANE_PARALLELISM, value[:, :2], S[:, :2, :2]),
@@ -240,7 +248,8 @@ def fill_lines(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: Floa
 
 
 def _cut_lines(group: PairGroup) -> list[ConstraintColumn]:
-    value, S = group.value, group.S
+    value = group.value
+    S = group.S
     parallel = parallel_pairs(group)
     distance, variance, across = length_of(*condition_on_parallel(value[:, :2], value[:, 2:], S))
     apart = distance > 3 * np.sqrt(across)

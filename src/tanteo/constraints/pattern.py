@@ -84,9 +84,11 @@ def _covariance(features: Sequence[Feature]) -> Covariances:
     """Return the covariance of all centres in the world ``(3 n, 3 n)``, with shared errors."""
     n = len(features)
     _, C, gains = collect_shared(features)
-    S, A = np.zeros((n, 3, n, 3)), np.zeros((n, 3, C.shape[0]))
+    S = np.zeros((n, 3, n, 3))
+    A = np.zeros((n, 3, C.shape[0]))
     for k, (feature, gain) in enumerate(zip(features, gains, strict=True)):
-        rows, R = [feature.kind.rows.index(i) for i in range(3)], feature.T_world_feature[:3, :3]
+        rows = [feature.kind.rows.index(i) for i in range(3)]
+        R = feature.T_world_feature[:3, :3]
         S[k, :, k] = R @ feature.P[np.ix_(rows, rows)] @ R.T
         A[k] = R @ gain[rows]
     flat = A.reshape(3 * n, -1)
@@ -95,7 +97,8 @@ def _covariance(features: Sequence[Feature]) -> Covariances:
 
 def _first(sensed: Vectors, model: Vectors) -> FloatArray:
     """Return the least-squares rigid motion (Procrustes problem by SVD, Umeyama 1991)."""
-    a, b = model - model.mean(axis=0), sensed - sensed.mean(axis=0)
+    a = model - model.mean(axis=0)
+    b = sensed - sensed.mean(axis=0)
     U, _, Vt = np.linalg.svd(b.T @ a)
     R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
     return SE3.from_parts(R, sensed.mean(axis=0) - R @ model.mean(axis=0))

@@ -121,7 +121,8 @@ def fill_height(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: Flo
         q: derivatives by ``p`` ``(n, rows, 3)``; written.
         r: derivatives by the axis ``(n, rows, 3)``; written.
     """
-    value[:, 0], q[:, 0, 2] = p[:, 2], 1.0
+    value[:, 0] = p[:, 2]
+    q[:, 0, 2] = 1.0
 
 
 def _cut_plane_point(group: PairGroup) -> list[ConstraintColumn]:

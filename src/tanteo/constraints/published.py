@@ -48,8 +48,13 @@ def _scalar(value: FloatArray, F: FloatArray, x: LocationVectors, S: Covariances
 
 def _gradient(F: FloatArray, x: LocationVectors) -> FloatArray:
     """Return ``F* J2(+){x12, 0}``, ``J2 = diag(R, K)``, with ``cos(theta)`` times the rows psi and phi of ``K``."""
-    s_psi, c_psi, s_theta, c_theta = np.sin(x[..., 3]), np.cos(x[..., 3]), np.sin(x[..., 4]), np.cos(x[..., 4])
-    psi, theta, phi = F[..., 3], F[..., 4], F[..., 5]
+    s_psi = np.sin(x[..., 3])
+    c_psi = np.cos(x[..., 3])
+    s_theta = np.sin(x[..., 4])
+    c_theta = np.cos(x[..., 4])
+    psi = F[..., 3]
+    theta = F[..., 4]
+    phi = F[..., 5]
     g = np.empty_like(F)
     g[..., :3] = (F[..., None, :3] @ loc_to_matrix(x)[..., :3, :3])[..., 0, :]
     g[..., 3] = psi * c_theta
@@ -101,7 +106,8 @@ def abscissa_z(
         DegenerateError: both edges lie in the x-y plane of the first frame.
     """
     x, S = _relate(T1, C1, T2, C2, C12)
-    sine, cosine = np.sin(x[..., 4]), np.cos(x[..., 4])
+    sine = np.sin(x[..., 4])
+    cosine = np.cos(x[..., 4])
     if np.any(sine == 0):
         raise DegenerateError(
             "edge intersection as published: expected n_z other than 0 (equation 9), got 0: both edges lie in the "
@@ -133,7 +139,8 @@ def abscissa_y(
             "edge intersection as published: expected n_y other than 0 (equation 8), got 0: both edges lie in the "
             "x-z plane of the first. Turn that frame about its x axis, or use tanteo.constraints.intersect."
         )
-    d_theta, d_phi = -np.sin(x[..., 5]) * np.sin(x[..., 4]), np.cos(x[..., 5])
+    d_theta = -np.sin(x[..., 5]) * np.sin(x[..., 4])
+    d_phi = np.cos(x[..., 5])
     slope = x[..., 1] / n_y**2
     return _scalar(-x[..., 1] / n_y, _rows(x, py=-1 / n_y, theta=slope * d_theta, phi=slope * d_phi), x, S)
 
@@ -151,7 +158,8 @@ def edge_length(
         T_B: frames of the other adjacent edge.
         C_B: its body covariances.
     """
-    start, end = abscissa_z(T_A, C_A, T_E, C_E), abscissa_z(T_B, C_B, T_E, C_E)
+    start = abscissa_z(T_A, C_A, T_E, C_E)
+    end = abscissa_z(T_B, C_B, T_E, C_E)
     # P and P' lie on the x axis of E: F* of (13) is (+-1, 0, ..., 0) and selects the variance of each abscissa
     return Published(np.abs(end.value - start.value), start.variance + end.variance)
 
@@ -169,8 +177,10 @@ def edge_length_shared(
         T_B: frames of the other adjacent edge.
         C_B: its body covariances.
     """
-    start, end = abscissa_z(T_A, C_A, T_E, C_E), abscissa_z(T_B, C_B, T_E, C_E)
-    g_a, g_b = _gradient_z(T_A, T_E), _gradient_z(T_B, T_E)
+    start = abscissa_z(T_A, C_A, T_E, C_E)
+    end = abscissa_z(T_B, C_B, T_E, C_E)
+    g_a = _gradient_z(T_A, T_E)
+    g_b = _gradient_z(T_B, T_E)
     common = np.sum(g_a * (C_E @ g_b[..., None])[..., 0], axis=-1)
     return Published(np.abs(end.value - start.value), start.variance + end.variance - 2 * common)
 
@@ -178,7 +188,8 @@ def edge_length_shared(
 def _gradient_z(T1: Transforms, T2: Transforms) -> FloatArray:
     """Return ``F* J2`` of (11) over the error of the second edge."""
     x = matrix_to_loc(SE3.inverse(T1) @ T2)
-    sine, cosine = np.sin(x[..., 4]), np.cos(x[..., 4])
+    sine = np.sin(x[..., 4])
+    cosine = np.cos(x[..., 4])
     F = _rows(x, pz=1 / sine, theta=-x[..., 2] * cosine / sine**2)
     return _gradient(F, x)
 

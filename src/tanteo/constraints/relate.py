@@ -39,8 +39,11 @@ def relate_all(features: Sequence[Feature]) -> ConstraintTable:
     arrays = stack_features(features, aspects)
     pair, b = _geometry(arrays, plan)
     blocks = _blocks(plan)
-    n, rows = len(plan.first), max((block.stop for _, _, block in blocks), default=0)
-    value, q, r = np.zeros((n, rows)), np.zeros((n, rows, 3)), np.zeros((n, rows, 3))
+    n = len(plan.first)
+    rows = max((block.stop for _, _, block in blocks), default=0)
+    value = np.zeros((n, rows))
+    q = np.zeros((n, rows, 3))
+    r = np.zeros((n, rows, 3))
     for part, relation, block in blocks:
         relation.fill(pair.p[part], b[part], value[part, block], q[part, block], r[part, block])
     g1, g2 = pull_back(pair, plan.axis_hats, q, r)
@@ -76,7 +79,8 @@ def relate(first: Feature, second: Feature) -> tuple[Constraint, ...]:
 
 def _geometry(arrays: FeatureArrays, plan: PairPlan) -> tuple[Relative, FloatArray]:
     """Return the relative geometry of all pairs, re-framed to the middle, and the second axis in the first frame."""
-    R1, R2 = arrays.R[plan.first], arrays.R[plan.second]
+    R1 = arrays.R[plan.first]
+    R2 = arrays.R[plan.second]
     gap = arrays.c[plan.second] - arrays.c[plan.first]
     p = (gap[:, None] @ R1)[:, 0]
     pair = slide_to_middle(Relative(R1.swapaxes(1, 2) @ R2, p, p), plan.free)

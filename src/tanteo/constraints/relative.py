@@ -78,7 +78,8 @@ def relative(T1: Transforms, T2: Transforms) -> Relative:
         T1: frames of the first features ``(*batch, 4, 4)`` [m].
         T2: frames of the second features ``(*batch, 4, 4)`` [m].
     """
-    R1, R2 = T1[..., :3, :3], T2[..., :3, :3]
+    R1 = T1[..., :3, :3]
+    R2 = T2[..., :3, :3]
     gap = T2[..., :3, 3] - T1[..., :3, 3]
     p = (gap[..., None, :] @ R1)[..., 0, :]
     return Relative(np.swapaxes(R1, -1, -2) @ R2, p, np.zeros_like(p))
@@ -138,7 +139,8 @@ def propagate(
         C2: body covariances of the second features ``(*batch, 6, 6)``.
         C12: ``E[e1 e2']`` if the errors are correlated; None if independent.
     """
-    g1t, g2t = np.swapaxes(g1, -1, -2), np.swapaxes(g2, -1, -2)
+    g1t = np.swapaxes(g1, -1, -2)
+    g2t = np.swapaxes(g2, -1, -2)
     S = g1 @ C1 @ g1t + g2 @ C2 @ g2t
     if C12 is not None:
         cross = g1 @ C12 @ g2t

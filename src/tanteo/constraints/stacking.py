@@ -145,8 +145,12 @@ def stack_features(features: Sequence[Feature], aspects: tuple[Aspect, ...]) -> 
     """
     n = len(aspects)
     T = np.array([features[k].T_world_feature for k, _ in aspects]).reshape(n, 4, 4)
-    R, c, C = T[:, :3, :3], T[:, :3, 3], np.zeros((n, 6, 6))
-    shared_jacobian, shared, gains = None, np.zeros((0, 0)), None
+    R = T[:, :3, :3]
+    c = T[:, :3, 3]
+    C = np.zeros((n, 6, 6))
+    shared_jacobian = None
+    shared = np.zeros((0, 0))
+    gains = None
     if any(feature.shared for feature in features):
         _, shared, gains = collect_shared(features)
         shared_jacobian = np.zeros((n, 6, len(shared)))

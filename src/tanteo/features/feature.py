@@ -128,7 +128,8 @@ class Feature:
         """Covariance ``P``; for a round feature with its size as last row and column ``(size + 1, size + 1)``."""
         if self.size is None:
             return self.P
-        C, n = np.zeros((self.kind.size + 1, self.kind.size + 1)), self.kind.size
+        C = np.zeros((self.kind.size + 1, self.kind.size + 1))
+        n = self.kind.size
         C[:n, :n], C[n, n] = self.P, self.size.variance
         if len(self.size.covariance):
             C[:n, n] = C[n, :n] = self.size.covariance
@@ -212,9 +213,11 @@ def collect_shared(features: Sequence[Feature]) -> tuple[tuple[SharedError, ...]
     for feature in features:
         for term in feature.shared:
             errors.setdefault(term.error.name, term.error)
-    start, D = {}, 0
+    start = {}
+    D = 0
     for name, error in errors.items():
-        start[name], D = D, D + len(error.covariance)
+        start[name] = D
+        D = D + len(error.covariance)
     C = np.zeros((D, D))
     for name, error in errors.items():
         block = slice(start[name], start[name] + len(error.covariance))
@@ -235,10 +238,12 @@ def stacked_covariance(errors: Sequence[SharedError]) -> Covariances:
         errors: shared errors.
     """
     D = sum(len(error.covariance) for error in errors)
-    C, start = np.zeros((D, D)), 0
+    C = np.zeros((D, D))
+    start = 0
     for error in errors:
         stop = start + len(error.covariance)
-        C[start:stop, start:stop], start = error.covariance, stop
+        C[start:stop, start:stop] = error.covariance
+        start = stop
     return C
 
 

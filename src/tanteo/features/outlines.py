@@ -48,7 +48,8 @@ def outlines_off(feature: Feature, sds: float) -> FloatArray:
         feature: feature to draw.
         sds: number of standard deviations; large numbers make small errors visible.
     """
-    kind, m = feature.kind, len(feature.kind.rows)
+    kind = feature.kind
+    m = len(feature.kind.rows)
     C = np.zeros((m + 1, m + 1))
     C[:m, :m] = feature_covariance(feature)[np.ix_(kind.rows, kind.rows)]
     if feature.size is not None:
@@ -71,7 +72,8 @@ def _moved(feature: Feature, step: FloatArray) -> Feature:
     """Return the feature with perturbed frame and size."""
     xi = np.zeros(6)
     xi[list(feature.kind.rows)] = step[:-1]
-    T, move = feature.T_world_feature, SE3.exp(xi)
+    T = feature.T_world_feature
+    move = SE3.exp(xi)
     size = None if feature.size is None else replace(feature.size, value=max(feature.size.value + step[-1], 1e-9))
     moved = T @ move @ SE3.inverse(T)
     support = SE3.apply(moved, feature.support) if len(feature.support) else feature.support
@@ -86,7 +88,8 @@ def _circle(radius: float, height: float = 0.0) -> FloatArray:
 
 def _extent(values: FloatArray) -> tuple[float, float]:
     """Return the interval of the sensed positions, with a minimum length."""
-    low, high = float(values.min()), float(values.max())
+    low = float(values.min())
+    high = float(values.max())
     more = max(_LEAST - 0.5 * (high - low), 0.0)
     return low - more, high + more
 

@@ -46,7 +46,8 @@ def reframe(kind: FeatureKind, T: Transforms, P: Covariances, S: Transforms) -> 
 
 def _leaves(kind: FeatureKind, S: Transforms) -> bool:
     """Return whether ``S`` is in the continuous symmetry group, which maps free directions onto themselves."""
-    p, R = SE3.translation(S), SE3.rotation(S)
+    p = SE3.translation(S)
+    R = SE3.rotation(S)
     fixed = [i for i in kind.rows if i < 3]
     off_origin = np.abs(p[..., fixed]).max(initial=0.0) > 1e-9 * (1 + np.abs(p).max(initial=0.0))
     turns = [i - 3 for i in kind.free if i >= 3]

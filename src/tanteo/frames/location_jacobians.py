@@ -73,8 +73,10 @@ def compose_jacobians(x1: LocationVectors, x2: LocationVectors) -> tuple[Adjoint
         DegenerateError: the composition is in gimbal lock.
     """
     x1, x2 = np.broadcast_arrays(np.asarray(x1, dtype=np.float64), np.asarray(x2, dtype=np.float64))
-    R1, R2 = SE3.rotation(loc_to_matrix(x1)), SE3.rotation(loc_to_matrix(x2))
-    E1, K3 = E_r(x1), K_r(compose_locations(x1, x2))
+    R1 = SE3.rotation(loc_to_matrix(x1))
+    R2 = SE3.rotation(loc_to_matrix(x2))
+    E1 = E_r(x1)
+    K3 = K_r(compose_locations(x1, x2))
     identity = np.broadcast_to(np.eye(3), R1.shape)
     J1 = _blocks(identity, -R1 @ SO3.hat(x2[..., :3]) @ E1, K3 @ SO3.inverse(R2) @ E1)
     return J1, _blocks(R1, 0.0, K3 @ E_r(x2))
@@ -122,8 +124,10 @@ def J_ominus(x: LocationVectors) -> Adjoints:
     Raises:
         DegenerateError: ``(-) x`` is in gimbal lock.
     """
-    T, inverse = loc_to_matrix(x), invert_location(x)
-    R, E = SE3.rotation(T), E_r(x)
+    T = loc_to_matrix(x)
+    inverse = invert_location(x)
+    R = SE3.rotation(T)
+    E = E_r(x)
     return _blocks(-SO3.inverse(R), SO3.hat(inverse[..., :3]) @ E, -K_r(inverse) @ R @ E)
 
 

@@ -105,7 +105,8 @@ def convention_jacobian(T: Transforms, convention: CovarianceConvention) -> Adjo
         convention: meaning of the rows of ``e_named``.
     """
     T = np.asarray(T, dtype=np.float64)
-    left, world = convention.perturbation == "left", convention.frame == "world"
+    left = convention.perturbation == "left"
+    world = convention.frame == "world"
     R = SE3.rotation(T)
     if left and world:
         G = SE3.adjoint(T)
@@ -126,7 +127,8 @@ def _turn(R: FloatArray) -> Adjoints:
 
 def _jacobian_inverse(T: Transforms, convention: CovarianceConvention) -> Adjoints:
     """Return ``G^-1`` in closed form: ``diag(R', R')`` and ``Ad(T^-1)`` avoid the rounding of a solver."""
-    left, world = convention.perturbation == "left", convention.frame == "world"
+    left = convention.perturbation == "left"
+    world = convention.frame == "world"
     R = SE3.rotation(np.asarray(T, dtype=np.float64))
     if left:
         G = SE3.adjoint_inverse(T) if world else SE3.adjoint_inverse(T) @ _turn(R)

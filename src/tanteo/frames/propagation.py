@@ -80,13 +80,15 @@ def relate_arrays(
     T1, T2, C1, C2 = (np.asarray(a, dtype=np.float64) for a in (T1, T2, C1, C2))
     batch = np.broadcast_shapes(T1.shape[:-2], T2.shape[:-2], C1.shape[:-2], C2.shape[:-2])
     T1, C1, T2, C2 = (np.broadcast_to(a, (*batch, *a.shape[-2:])).reshape(-1, *a.shape[-2:]) for a in (T1, C1, T2, C2))
-    T12, C = np.empty((len(T1), 4, 4)), np.empty((len(T1), 6, 6))
+    T12 = np.empty((len(T1), 4, 4))
+    C = np.empty((len(T1), 6, 6))
     T12[:, 3] = 0.0, 0.0, 0.0, 1.0
     scratch = _Scratch(min(_CHUNK, len(T12)))
     for start in range(0, len(T12), _CHUNK):
         chunk = slice(start, start + _CHUNK)
         scratch.relate(T1[chunk], C1[chunk], T2[chunk], C2[chunk], T12[chunk], C[chunk])
-    T12, C = T12.reshape(*batch, 4, 4), C.reshape(*batch, 6, 6)
+    T12 = T12.reshape(*batch, 4, 4)
+    C = C.reshape(*batch, 6, 6)
     if cross is not None:
         shared = SE3.adjoint_inverse(T12) @ cross
         C = C - shared - np.swapaxes(shared, -1, -2)
@@ -111,7 +113,8 @@ class _Scratch:
         shifted[:, :, 3] -= T1[:, :3, 3]
         np.matmul(np.swapaxes(T1[:, :3, :3], -1, -2), shifted, out=T12[:, :3])
         # A = Ad(T12^-1) = [R', -R'[p]x; 0, R']
-        Rt, p = np.swapaxes(T12[:, :3, :3], -1, -2), T12[:, :3, 3]
+        Rt = np.swapaxes(T12[:, :3, :3], -1, -2)
+        p = T12[:, :3, 3]
         H[:, 0, 1], H[:, 1, 2], H[:, 2, 0] = p[:, 2], p[:, 0], p[:, 1]
         for i, j in ((0, 1), (1, 2), (2, 0)):
             np.negative(H[:, i, j], out=H[:, j, i])
@@ -171,5 +174,6 @@ def _bracket_moment(Q: Covariances, C: Covariances) -> FloatArray:
 
 def _cross_moment(S: FloatArray, U: FloatArray) -> FloatArray:
     """Return ``E[(a x b)(c x d)']`` with ``S = E[a c']``, ``U = E[b d']`` and ``(a, c)`` independent of ``(b, d)``."""
-    after, before = [1, 2, 0], [2, 0, 1]
+    after = [1, 2, 0]
+    before = [2, 0, 1]
     return np.cross(S[..., after], U[..., before], axis=-2) - np.cross(S[..., before], U[..., after], axis=-2)

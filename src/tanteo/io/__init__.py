@@ -39,9 +39,7 @@ if TYPE_CHECKING:
         recognition_json,
         sight_json,
     )
-    from tanteo.io.rig_checks import suspect_metres
-    from tanteo.io.rig_file import read_rig, shipped_rigs
-    from tanteo.io.rig_writing import rig_text, write_rig
+    from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, suspect_metres, write_rig
     from tanteo.io.ros_answers import (
         DIAGNOSTICS,
         MARKERS,
@@ -195,13 +193,11 @@ __getattr__, __dir__ = lazy(
         "stated": "Direction Stated as_pose parse_direction",
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",
-        "rig_checks": "suspect_metres",
         "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose "
         "pose_message ros_header transform",
         "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row is_usable wanted_topics",
         "ros_readings": "placing readings_of_messages",
-        "rig_file": "read_rig shipped_rigs",
-        "rig_writing": "rig_text write_rig",
+        "rig_file": "read_rig rig_text shipped_rigs suspect_metres write_rig",
         "scene_file": "SceneFile read_scene",
         "record_tables": "SessionRecord",
         "session_record": "load_record read_record resumed session_document write_record",

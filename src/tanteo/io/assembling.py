@@ -103,7 +103,8 @@ def _give_directions(
     columns: dict[str, Any], n: int, outward: Vectors | None, stated: Stated, source: str, notes: list[str]
 ) -> None:
     """Set the directions from the file, else from the stated option, else opposite to the outward vectors I, J, K."""
-    way, own = stated.direction, columns["directions"]
+    way = stated.direction
+    own = columns["directions"]
     vectors = outward is not None and way is not None and way.kind in ("ijk", "-ijk")
     if way is not None and own is not None:
         raise ReadingsError(
@@ -168,7 +169,8 @@ def _give_normal_sds(columns: dict[str, Any], stated: Stated, source: str, notes
 
 def _release_labels(columns: dict[str, Any], notes: list[str]) -> None:
     """Turn rows of a plane with fewer than three rows into unlabelled points: they do not determine a plane."""
-    features, kinds = columns["features"], columns["kinds"]
+    features = columns["features"]
+    kinds = columns["kinds"]
     if features is None or kinds is None:
         return
     counts = Counter(f for f, kind in zip(features, kinds, strict=True) if f and kind == "plane")

@@ -152,7 +152,8 @@ def _parsed(raws: list[Raw], messages: RosMessages) -> Iterator[tuple[Raw, Any]]
     """Yield messages as objects, decoded by the stored definitions, otherwise by those of ROS 2 Humble."""
     from rosbags.typesys import Stores, get_typestore
 
-    standard, readers = get_typestore(Stores.ROS2_HUMBLE), dict[str, Any]()
+    standard = get_typestore(Stores.ROS2_HUMBLE)
+    readers = dict[str, Any]()
     for raw in raws:
         if raw.topic not in messages.kinds:
             continue

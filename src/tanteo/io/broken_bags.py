@@ -63,7 +63,8 @@ def _nothing(path: Path) -> Iterator[Raw]:
 
 
 def _mcap(path: Path) -> Iterator[Raw]:
-    schemas, channels = dict[int, tuple[str, str, str]](), dict[int, tuple[int, str]]()
+    schemas = dict[int, tuple[str, str, str]]()
+    channels = dict[int, tuple[int, str]]()
     with path.open("rb") as file:
         file.read(8)
         for op, data in _mcap_records(file):
@@ -101,7 +102,8 @@ def _mcap_chunk(data: bytes) -> bytes:
     if len(data) < at + 4:
         return b""
     length = struct.unpack_from("<I", data, at)[0]
-    compression, packed = data[at + 4 : at + 4 + length], data[at + 4 + length + 8 :]
+    compression = data[at + 4 : at + 4 + length]
+    packed = data[at + 4 + length + 8 :]
     return _unpacked_bytes(compression, packed)
 
 
@@ -176,7 +178,8 @@ def _bag(path: Path) -> Iterator[Raw]:
 
 
 def _message(fields: dict[bytes, bytes], data: bytes, connections: dict[int, tuple[str, str, str]]) -> Iterator[Raw]:
-    op, conn = fields.get(b"op", b"\0")[0], fields.get(b"conn", b"")
+    op = fields.get(b"op", b"\0")[0]
+    conn = fields.get(b"conn", b"")
     if len(conn) != 4 or op not in (_MESSAGE, _CONNECTION):
         return
     number = struct.unpack("<I", conn)[0]
@@ -216,7 +219,8 @@ def _sized(file: BinaryIO) -> bytes:
 
 def _fields(data: bytes) -> dict[bytes, bytes]:
     """Return the ``name=value`` fields of a record header."""
-    out, at = dict[bytes, bytes](), 0
+    out = dict[bytes, bytes]()
+    at = 0
     while at + 4 <= len(data):
         length = struct.unpack_from("<I", data, at)[0]
         name, equals, value = data[at + 4 : at + 4 + length].partition(b"=")

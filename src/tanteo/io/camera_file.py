@@ -13,9 +13,19 @@ from typing import Annotated, Any
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.io.camera_keys import INVERSES, POSES, WRITE_IT, check_place, distortion, flat, near, plain
-from tanteo.io.camera_layouts import one_layout, region
-from tanteo.io.camera_text import parse_document
+from tanteo.io.camera_layouts import (
+    INVERSES,
+    POSES,
+    WRITE_IT,
+    check_place,
+    distortion,
+    flat,
+    near,
+    one_layout,
+    parse_document,
+    plain,
+    region,
+)
 from tanteo.io.document import made, table
 from tanteo.io.schema import Numbers, Place, Table, keys_of
 from tanteo.lie import SE3
@@ -59,7 +69,8 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
             shape: rows and columns of the image, used if the file has no size.
         """
         notes: list[str] = []
-        size, K = self._size(shape, notes), self._matrix(rectified, notes)
+        size = self._size(shape, notes)
+        K = self._matrix(rectified, notes)
         bins, offset, part = region(document)
         size = part or size
         K[:2, 2] -= offset
@@ -89,7 +100,8 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
 
     def _size(self, shape: tuple[int, ...] | None, notes: list[str]) -> tuple[float, float]:
         """Return width and height of the image [px]."""
-        width, height = self.image_width, self.image_height
+        width = self.image_width
+        height = self.image_height
         if width is None and self.image_size is not None:
             return float(self.image_size[0]), float(self.image_size[1])
         if width is not None and height is not None:
@@ -122,7 +134,8 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         """Return the distortion coefficients of the image."""
         if rectified:
             return np.zeros(0)
-        model, k = plain(self.distortion_model), self.distortion_coefficients
+        model = plain(self.distortion_model)
+        k = self.distortion_coefficients
         if model not in _MODELS:
             raise self.at.refused("distortion_model", "plumb_bob, rational_polynomial, radtan or none", _RECTIFY)
         if model == "none" and (k is None or not k.any()):
@@ -141,7 +154,8 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
 
     def _rectified_place(self) -> Transforms | None:
         """Return the pose of the rectified camera, whose axes are rotated by ``rectification_matrix``."""
-        T, R = self._place(), self.rectification_matrix
+        T = self._place()
+        R = self.rectification_matrix
         if T is None or R is None or not R.any():
             return T
         turn = SE3.from_parts(R.reshape(3, 3).T, np.zeros(3))

@@ -140,7 +140,8 @@ class Numbers:
     def _check_directions(self, group: tuple[str, ...]) -> None:
         """Refuse directions that are zero, or too large to be squared, naming the largest component."""
         each = np.abs(np.stack([self.values[name] for name in group]))
-        largest, which = each.max(axis=0), each.argmax(axis=0)
+        largest = each.max(axis=0)
+        which = each.argmax(axis=0)
         for good, expected in (
             (~(largest < _SHORTEST), "a direction that is not zero"),
             (~(largest > _LONGEST), f"components of a direction, up to {_LONGEST:g}"),

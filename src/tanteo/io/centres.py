@@ -57,9 +57,11 @@ def find_centres(
 
 def _rows(columns: dict[str, Any], n: int) -> BoolArray:
     """Return the mask of rows that state centres ``(n,)``."""
-    kinds, labels = columns["kinds"], columns["features"] or [""] * n
+    kinds = columns["kinds"]
+    labels = columns["features"] or [""] * n
     counts = Counter(labels)
-    radii, sides = columns.get("hole_radii"), columns.get("material_sides") or [""] * n
+    radii = columns.get("hole_radii")
+    sides = columns.get("material_sides") or [""] * n
     said = np.array([bool(side) for side in sides]) | (False if radii is None else ~np.isnan(radii))
     single = np.array([not label or counts[label] == 1 for label in labels])
     wall = np.array([kind in CENTRE_OF for kind in kinds])
@@ -84,7 +86,8 @@ def _without_ball(columns: dict[str, Any], rows: BoolArray, source: str) -> None
     radii = columns["radii"]
     if radii is None:
         return
-    own, others = radii[rows], radii[~rows]
+    own = radii[rows]
+    others = radii[~rows]
     if np.any(own > 0) and not np.any(others > 0):
         raise ReadingsError(
             f"{source}: expected no radius of a tip's ball (radius_mm, --radius) beside centres of circles alone, got "
@@ -94,7 +97,8 @@ def _without_ball(columns: dict[str, Any], rows: BoolArray, source: str) -> None
 
 
 def _named(columns: dict[str, Any], rows: BoolArray) -> str:
-    labels, ids = columns["features"], columns["ids"]
+    labels = columns["features"]
+    ids = columns["ids"]
     names = [(labels[k] if labels is not None else "") or str(ids[k] if ids is not None else k + 1)
              for k in np.flatnonzero(rows)]  # fmt: skip
     return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")

@@ -118,7 +118,8 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
         InputError: the value does not match the annotation.
     """
     hint, numbers, meta = unwrapped(hint)
-    origin, kinds = get_origin(hint), get_args(hint)
+    origin = get_origin(hint)
+    kinds = get_args(hint)
     if hint is object:
         return raw
     if origin in (Union, types.UnionType):

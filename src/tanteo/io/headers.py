@@ -56,7 +56,8 @@ def canonical(cell: str) -> str:
     match = _BRACKETS.fullmatch(text) or _SLASH.fullmatch(text)
     unit = ""
     if match:
-        text, unit = match[1], match[2].strip().strip(".")
+        text = match[1]
+        unit = match[2].strip().strip(".")
     text = _BLANKS.sub("_", text.strip()).strip("_")
     head, _, last = text.rpartition("_")
     if head and last in _UNIT_WORDS:

@@ -114,7 +114,8 @@ def brand_fields(name: str, frame: UncertainFrame) -> list[str]:
         name: name of the brand.
         frame: pose in its parent frame, with covariance.
     """
-    brand, values = BRANDS[name], pose_as_brand(name, frame.T)
+    brand = BRANDS[name]
+    values = pose_as_brand(name, frame.T)
     place, turn = _limits(frame)
     decimals = max(3 if brand.metre < 1 else 6, _decimals(place / brand.metre))
     for of_turn in range(5 if brand.rule == "euler" and brand.radian < 1 else 6, _MOST_DIGITS + 1):
@@ -147,7 +148,8 @@ def _no_minus_zero(field: str) -> str:
 
 def _matrix_rows(frame: UncertainFrame) -> list[list[str]]:
     place, turn = _limits(frame)
-    of_turn, of_place = _decimals(turn) + 1, max(6, _decimals(place))
+    of_turn = _decimals(turn) + 1
+    of_place = max(6, _decimals(place))
     rows = [[f"{v:.{of_turn}f}" for v in row[:3]] + [f"{row[3]:.{of_place}f}"] for row in frame.T[:3]]
     return [[_no_minus_zero(v) for v in row] for row in rows] + [["0", "0", "0", "1"]]
 

@@ -69,7 +69,8 @@ class _PoseTable(Posed, frozen=True, kw_only=True, eq=False):
 
     def to_frame(self) -> UncertainFrame:
         """Return the prior pose with its covariance."""
-        T, place = self._pose(), str(self.at)
+        T = self._pose()
+        place = str(self.at)
         covariances = self.at.has(*_COVARIANCES)
         given = ["sd_mm and turn_sd_deg"] * bool(self.at.has("sd", "turn_sd")) + covariances
         if len(given) != 1:

@@ -113,7 +113,8 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
         UnitError: a unit is unknown.
         OSError: the file cannot be written.
     """
-    metres, radians = units.length_unit(unit, "unit"), units.angle_unit(angle_unit, "angle_unit")
+    metres = units.length_unit(unit, "unit")
+    radians = units.angle_unit(angle_unit, "angle_unit")
     columns: dict[str, list[Any]] = {"id": list(readings.ids)}
     for group, vectors in (
         (POINT, readings.points / metres),

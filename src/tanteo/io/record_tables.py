@@ -23,7 +23,15 @@ HERE = Place("record")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePriors:
-    """Fields of a :class:`~tanteo.active.Start` without its parts."""
+    """Fields of a :class:`~tanteo.active.Start` without its parts.
+
+    Attributes:
+        part: index of the part of each prior pose ``(n,)``.
+        Ts: prior poses ``T_world_part`` ``(n, 4, 4)`` [m].
+        covariances: covariances of the poses ``(n, 6, 6)``.
+        weights: prior probabilities of the poses ``(n,)``.
+        priors: prior parameters of the recognition.
+    """
 
     part: IntArray
     Ts: Transforms
@@ -55,7 +63,8 @@ class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
         return Observation(self.asked, self._readings(), self.note)
 
     def _readings(self) -> Readings | None:
-        raw, place = self.readings, self.at.inside("readings")
+        raw = self.readings
+        place = self.at.inside("readings")
         if not isinstance(raw, dict):
             if raw is None:
                 return None
@@ -84,7 +93,9 @@ class SensingTable(Table, frozen=True, kw_only=True, eq=False):
         Args:
             sensing: noise model to store.
         """
-        sensor, robot, tip_sd = sensing.sensor, sensing.robot, sensing.tip_sd
+        sensor = sensing.sensor
+        robot = sensing.robot
+        tip_sd = sensing.tip_sd
         return cls(
             at=HERE,
             sensor=sensor_preset(sensor) if isinstance(sensor, str) else sensor,

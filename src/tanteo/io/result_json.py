@@ -90,7 +90,9 @@ def recognition_json(answer: Answer, warnings: Sequence[str] = ()) -> str:
 
 
 def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
-    T, axis, relative = np.asarray(h.T_world_part), h.symmetry_axis, h.covariance_relative
+    T = np.asarray(h.T_world_part)
+    axis = h.symmetry_axis
+    relative = h.covariance_relative
     axis_document = None if axis is None else {"frame": frame, "point_m": axis[0], "direction": axis[1]}
     q = SO3.as_quaternion(T[:3, :3])
     return {
@@ -142,7 +144,8 @@ def executed_json(
 
 
 def _visit(visit: Visit) -> dict[str, Any]:
-    action, step = visit.action, visit.step
+    action = visit.action
+    step = visit.step
     return {
         "number": action.number, "origin_m": action.origin, "direction": action.direction,
         "aimed_at": {"part": action.part, "face": action.face},
@@ -179,7 +182,8 @@ def _object(seen: Sighting, frame: str) -> dict[str, Any]:
 
     answer = recognition_document(seen.answer, frame)
     kept = {key: answer[key] for key in ("status", "message", "hypotheses", "unknown_probability")}
-    region, outline = None, seen.outline
+    region = None
+    outline = seen.outline
     if seen.region is not None:
         x0, x1, y0, y1 = seen.region.box
         drawn = outline and {name: {"value": outline[name], "sd": outline.sd(name)} for name in DESCRIPTOR_NAMES}

@@ -1,8 +1,10 @@
-"""Read rig files: the poses of range sensors on the hand (TOML, ``docs/formats.md``)."""
+"""Read, check and write rig files: the poses of range sensors on the hand (TOML, ``docs/formats.md``)."""
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -13,17 +15,107 @@ from typing import Annotated, Any
 import numpy as np
 from msgspec import Meta
 
-from tanteo.errors import CovarianceError, InputError
+from tanteo.errors import CovarianceError, InputError, UnitError
 from tanteo.frames import check_covariance
 from tanteo.io.document import load_toml, made
-from tanteo.io.rig_checks import check_beam, check_duplicates
-from tanteo.io.schema import Covariance, Direction, Length, Number, Numbers, Place, Point, Quaternion, Table
+from tanteo.io.schema import Covariance, Direction, Length, Number, Numbers, Place, Point, Quaternion, Table, toml_lines
 from tanteo.lie import SE3, SO3
+from tanteo.replaced import replaced
 from tanteo.sensors import Rig, RigSensor, SensorPreset, sensor_preset
 from tanteo.typing import Covariances, FloatArray, Rotations, Transforms
 
+_FARTHEST = 2.0
+"""Largest accepted distance of a sensor from the hand's origin [m]; larger values indicate a wrong unit."""
+
+_NEAREST = 0.5e-3
+"""Distance from the hand's origin [m] below which a sensor's position may have been written in metres."""
+
+_WIDEST = np.pi / 3
+"""Largest accepted half angle of a beam [rad]; larger values indicate a wrong unit."""
+
+_INTO = 0.5
+"""Fraction of the sensor's distance from the hand's origin within which a beam counts as running into the hand."""
+
+_EQUAL_POSE = 1e-6
+"""Difference below which two sensors have the same position [m] and direction."""
+
+
+def check_beam(sensor: RigSensor, place: str) -> None:
+    """Check that a beam starts near the hand and does not run into it.
+
+    Args:
+        sensor: sensor to check.
+        place: file and sensor for messages.
+
+    Raises:
+        UnitError: the distance or the beam's width indicates a wrong unit.
+        InputError: the beam passes through the middle of the hand.
+    """
+    origin = sensor.T_hand_sensor[:3, 3]
+    beam = sensor.T_hand_sensor[:3, 2]
+    away = float(np.linalg.norm(origin))
+    if away > _FARTHEST:
+        raise UnitError(
+            f"{place}, position: expected within {_FARTHEST:g} m of the hand's origin, got {away:g} m. Check the unit "
+            "in the key."
+        )
+    if sensor.beam_half_angle > _WIDEST:
+        got = np.degrees(sensor.beam_half_angle)
+        raise UnitError(
+            f"{place}, beam_half_angle: expected 60 degrees or less, got {got:g}. Check the unit in the key."
+        )
+    ahead = max(-float(origin @ beam), 0.0)
+    nearest = float(np.linalg.norm(origin + ahead * beam))
+    if nearest < _INTO * away and ahead < _reach(sensor):
+        raise InputError(
+            f"{place}, direction: expected the beam to lead away from the hand, got one that passes its origin within "
+            f"{1e3 * nearest:.3g} mm. Turn it around, or move the hand's origin out of its way."
+        )
+
+
+def suspect_metres(rig: Rig) -> str:
+    """Return a question if a sensor is so close to the hand's origin that its unit is doubtful; otherwise empty.
+
+    Args:
+        rig: rig to check.
+    """
+    for sensor in rig.sensors:
+        away = float(np.linalg.norm(sensor.T_hand_sensor[:3, 3]))
+        if 0 < away < _NEAREST:
+            return (
+                f"{rig.source}, sensors.{sensor.name}: it sits {1e3 * away:.2g} mm from the origin of the hand's "
+                "frame. Is its position in metres? Then call it position_m."
+            )
+    return ""
+
+
+def _reach(sensor: RigSensor) -> float:
+    """Return the largest range of a sensor [m]; infinite if unknown."""
+    return float(np.nan_to_num(sensor.max_range, nan=np.inf))
+
+
+def check_duplicates(rig: Rig, place: str) -> None:
+    """Check that no two sensors have the same beam.
+
+    Args:
+        rig: rig to check.
+        place: file name for messages.
+
+    Raises:
+        InputError: two sensors have the same beam; the message names them.
+    """
+    for i, one in enumerate(rig.sensors):
+        for other in rig.sensors[:i]:
+            difference = one.T_hand_sensor[:3, 2:] - other.T_hand_sensor[:3, 2:]
+            if np.abs(difference).max() < _EQUAL_POSE:
+                raise InputError(
+                    f"{place}: expected every sensor at a place or with a direction of its own, got '{other.name}' and "
+                    f"'{one.name}' with the same. Correct one."
+                )
+
+
 _MOST_ZONES = 4096
-_SAME = {
+_SENSOR_FIELDS = {
     "sd": "sd", "sd_per_range": "sd_prop", "beam_half_angle": "beam_half_angle", "max": "max_range",
     "bias_sd": "bias_sd", "bias": "bias", "scale": "scale", "scale_sd": "scale_sd",
     "scale_covariance_m_rad": "cov_scale",
@@ -78,8 +170,9 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         preset = self._preset()
         if preset is None and (self.sd is None or self.beam_half_angle is None):
             raise self.at.error("expected a preset, or sd_mm and beam_half_angle_deg, got neither. Add them.")
-        R, T_hand_unit = self._rotation(), self._unit()
-        given = {theirs: got for ours, theirs in _SAME.items() if (got := getattr(self, ours)) is not None}
+        R = self._rotation()
+        T_hand_unit = self._unit()
+        given = {theirs: got for ours, theirs in _SENSOR_FIELDS.items() if (got := getattr(self, ours)) is not None}
         if self.axis is not None:
             # some devices report the distance along the optical axis
             given["axis_cosine"] = min(1.0, float(self.axis @ R[:, 2]))
@@ -172,9 +265,11 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         Args:
             sensor: sensor to write.
         """
-        T, U, c = sensor.T_hand_sensor, sensor.T_hand_unit, sensor.axis_cosine
+        T = sensor.T_hand_sensor
+        U = sensor.T_hand_unit
+        c = sensor.axis_cosine
         values: dict[str, Any] = {
-            ours: got for ours, theirs in _SAME.items() if not np.isnan(got := getattr(sensor, theirs)).any()
+            ours: got for ours, theirs in _SENSOR_FIELDS.items() if not np.isnan(got := getattr(sensor, theirs)).any()
         }
         values |= {"mount_covariance_m_rad": sensor.cov_mount}
         needless = [
@@ -220,7 +315,8 @@ def read_rig(path: str | Path) -> Rig:
         >>> [sensor.name for sensor in rig.sensors]
         ['laser']
     """
-    shipped, path = shipped_rigs().get(str(path)), Path(path)
+    shipped = shipped_rigs().get(str(path))
+    path = Path(path)
     kinds = f"rig file or one of {', '.join(shipped_rigs())}"
     document = load_toml(path, kinds, RigTable, None if path.exists() else shipped)
     found = [sensor for name, table in document.sensors.items() for sensor in table.sensors(name)]
@@ -235,3 +331,36 @@ def shipped_rigs() -> Mapping[str, str]:
     folder = resources.files("tanteo.sensors")
     files = [f for f in folder.iterdir() if f.name.endswith(".toml")]
     return {f.name.removesuffix(".toml"): f.read_text(encoding="utf-8") for f in sorted(files, key=lambda f: f.name)}
+
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def write_rig(rig: Rig, path: str | Path, *, comment: str = "") -> None:
+    """Write a rig file with lengths in millimetres and angles in degrees.
+
+    Args:
+        rig: rig to write.
+        path: file to write; replaced if it exists.
+        comment: comment lines for the start of the file.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    text = rig_text(rig, comment=comment)
+    with replaced(path) as file:
+        file.write_text(text, encoding="utf-8")
+
+
+def rig_text(rig: Rig, *, comment: str = "") -> str:
+    """Return the text of a rig file.
+
+    Args:
+        rig: rig to write.
+        comment: comment lines for the start of the file.
+    """
+    blocks = ["\n".join(f"# {line}".rstrip() for line in comment.splitlines())] if comment else []
+    for sensor in rig.sensors:
+        name = sensor.name if _BARE.fullmatch(sensor.name) else json.dumps(sensor.name, ensure_ascii=False)
+        blocks.append("\n".join([f"[sensors.{name}]", *toml_lines(SensorTable.of(sensor))]))
+    return "\n\n".join(blocks) + "\n"

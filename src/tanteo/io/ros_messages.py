@@ -104,7 +104,9 @@ class RosMessages:
             self.lags.append(received - stamp)
 
     def _frame(self, one: Any, *, static: bool) -> None:
-        child, parent, stamp = _name(one.child_frame_id), _name(one.header.frame_id), _seconds(one.header.stamp)
+        child = _name(one.child_frame_id)
+        parent = _name(one.header.frame_id)
+        stamp = _seconds(one.header.stamp)
         T = _pose(one.transform.translation, one.transform.rotation)
         if T is None:
             self.broken += 1

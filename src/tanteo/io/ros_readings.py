@@ -58,11 +58,13 @@ def readings_at(
     topics, notes = topics_of(messages, options, source)
     beams = messages.kinds[topics[0]] == RANGE
     rows = _drawn(_usable(messages, topics, source, notes), stated, notes)
-    tree, later = messages.tree(), [replace(options, latency=options.latency + shift) for shift in shifts]
+    tree = messages.tree()
+    later = [replace(options, latency=options.latency + shift) for shift in shifts]
     places = [placing(messages, tree, rows, beams, source, one) for one in later]
     notes += [*_said(messages, options), *places[0].notes]
     kept = _kept(np.logical_and.reduce([place.known for place in places]), places[0], source, notes)
-    rows, ids = [rows[k] for k in kept], tuple(str(k + 1) for k in kept)
+    rows = [rows[k] for k in kept]
+    ids = tuple(str(k + 1) for k in kept)
     if not beams:
         return tuple(_points(rows, ids, place.Ts[kept], source, stated, notes) for place in places)
     made = _beams if places[0].hand is None else _on_hand
@@ -81,7 +83,8 @@ def _drawn(rows: list[Row], stated: Stated, notes: list[str]) -> list[Row]:
 def _said(messages: RosMessages, options: RosOptions) -> list[str]:
     out = list[str]()
     if messages.lags:
-        typical, most = 1e3 * np.median(messages.lags), 1e3 * max(messages.lags)
+        typical = 1e3 * np.median(messages.lags)
+        most = 1e3 * max(messages.lags)
         out.append(f"Messages were recorded {typical:.1f} ms after their stamp (median; at most {most:.1f}).")
     if messages.broken:
         out.append(f"{messages.broken} messages were left out because their numbers form no valid pose or point.")
@@ -166,7 +169,8 @@ def placing(
         note = f"Hand poses are taken of {topic}; the sensors {loose} have to be in --rig."
         return Placing(Ts, known, topic, topic, poses[-1].frame, (note,))
     world, notes = _world(tree, frames, source, options)
-    Ts, known = np.zeros((len(rows), 4, 4)), np.zeros(len(rows), dtype=bool)
+    Ts = np.zeros((len(rows), 4, 4))
+    known = np.zeros(len(rows), dtype=bool)
     for frame in frames:
         mine = np.array([row.frame == frame for row in rows])
         Ts[mine], known[mine] = tree.pose(world, frame, times[mine])
@@ -221,14 +225,17 @@ def _kept(known: BoolArray, place: Placing, source: str, notes: list[str]) -> li
 def _values(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray | None]:
     """Return ranges [m], largest ranges [m], mask of beams that hit nothing, and standard deviations [m] if stated."""
     ranges, _, most, variances = np.array([row.values for row in rows], dtype=np.float64).T
-    stated, limited = variances > 0, most > 0  # 0 means that the publisher left the field empty
+    # 0 means that the publisher left the field empty
+    stated = variances > 0
+    limited = most > 0
     sds = np.where(stated, np.sqrt(np.where(stated, variances, 1.0)), np.nan) if stated.any() else None
     return ranges, most, (limited & (ranges > most)) | np.isinf(ranges), sds
 
 
 def _beams(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
     ranges, most, free, sds = _values(rows)
-    axes, origins = Ts[:, :3, 0], Ts[:, :3, 3]
+    axes = Ts[:, :3, 0]
+    origins = Ts[:, :3, 3]
     points = origins + np.where(free, 0.0, ranges)[:, None] * axes
     return Readings.from_columns(
         points, ids=ids, directions=axes, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,

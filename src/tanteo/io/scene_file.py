@@ -79,7 +79,8 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
         PartError: a part cannot be read.
     """
     path = Path(path)
-    file, folder = load_toml(path, "scene file", Document), path.parent
+    file = load_toml(path, "scene file", Document)
+    folder = path.parent
     read_mesh = read_mesh or _mesh
     parts = [
         Solid.at(name, *read_mesh(folder / part.file, part.units), part.pose()) for name, part in file.parts.items()
@@ -88,7 +89,8 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
     clamps = [box(name, one.low, one.high, one.pose()) for name, one in file.occluders.items()]
     hand, T_world_hand = file.hand.hand(folder)
     sense = file.sense or SenseTable(at=file.at.inside("sense"))
-    camera, prior = file.camera, file.prior
+    camera = file.camera
+    prior = file.prior
     return SceneFile(
         scene=Scene.of([*tops, *parts, *clamps]),
         hand=hand,

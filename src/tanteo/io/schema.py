@@ -218,7 +218,8 @@ def unwrapped(hint: Any) -> tuple[Any, Numbers | None, Meta | None]:
     Args:
         hint: type hint of a field.
     """
-    numbers, meta = None, None
+    numbers = None
+    meta = None
     if get_origin(hint) is Annotated:
         hint, *more = get_args(hint)
         numbers = next((m for m in more if isinstance(m, Numbers)), None)

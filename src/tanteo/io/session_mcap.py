@@ -184,7 +184,8 @@ def _value(store: Any, described: Sequence[Any], given: Any) -> Any:
     """Return one field of a message: a number or text, a message, or a sequence of these."""
     from rosbags.interfaces import Nodetype
 
-    node, what = described[0], described[1]
+    node = described[0]
+    what = described[1]
     if node == Nodetype.NAME:
         return _filled(store, what, given or {})
     if node == Nodetype.BASE:

@@ -80,11 +80,15 @@ def _in_world(session: Session, readings: Readings) -> Readings:
     """Return readings with points, directions and largest ranges in the world, also for sensors on a hand."""
     if not np.isnan(readings.points).any():
         return readings
-    points, directions, most = readings.points.copy(), readings.directions.copy(), readings.max_ranges.copy()
+    points = readings.points.copy()
+    directions = readings.directions.copy()
+    most = readings.max_ranges.copy()
     measured = session.sensing.measured(readings)
-    points[measured.rows], directions[measured.rows] = measured.points, measured.directions
+    points[measured.rows] = measured.points
+    directions[measured.rows] = measured.directions
     rows = [readings.ids.index(name) for name in measured.free.ids]
-    points[rows], directions[rows] = measured.free.origins, measured.free.directions
+    points[rows] = measured.free.origins
+    directions[rows] = measured.free.directions
     most[rows] = measured.free.lengths
     return replace(readings, points=points, directions=directions, max_ranges=most)
 
@@ -92,7 +96,9 @@ def _in_world(session: Session, readings: Readings) -> Readings:
 def _sensed(readings: Readings, begin: int) -> Iterator[Sent]:
     """Yield contact readings as points (tip centres), and ranges along the x axis of a probe frame."""
     for k, (point, direction) in enumerate(zip(readings.points, readings.directions, strict=True)):
-        stamp, distance, free = begin + k * _APART, float(readings.ranges[k]), bool(readings.is_free[k])
+        stamp = begin + k * _APART
+        distance = float(readings.ranges[k])
+        free = bool(readings.is_free[k])
         if np.isnan(direction).any() or readings.radii[k] > 0 or (np.isnan(distance) and not free):
             yield Sent(stamp, "/tanteo/touch", POINT, ros.point_message(point, stamp, _WORLD))
             continue

@@ -63,7 +63,8 @@ def session_document(session: Session) -> dict[str, Any]:
     Raises:
         InputError: the session's policy is not one of tanteo's, so it cannot be stored.
     """
-    start, policy = session.start, session.policy
+    start = session.start
+    policy = session.policy
     kind = type(policy).__name__
     if type(policy) is not _POLICIES.get(kind):
         raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got {kind}. A record can hold only these.")

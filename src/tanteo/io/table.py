@@ -54,7 +54,8 @@ class Table:
             ReadingsError: a row or a cell is invalid.
             UnitError: an angle is probably in another unit than its column states.
         """
-        columns, width = self.sheet.columns, len(self.sheet.columns)
+        columns = self.sheet.columns
+        width = len(self.sheet.columns)
         if self.sheet.text.delimiter != ",":
             rows = [row[:width] if len(row) > width and not any(row[width:]) else row for row in rows]
         if set(map(len, rows)) != {width}:

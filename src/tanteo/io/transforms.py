@@ -109,7 +109,8 @@ class FrameTree:
         chain = self.chain(frame)
         for child in chain[: chain.index(world)]:
             step, there = self.tracks[child].at(times)
-            T, known = step @ T, known & there
+            T = step @ T
+            known = known & there
         return T, known
 
 

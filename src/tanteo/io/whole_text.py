@@ -66,7 +66,8 @@ def parse_size(text: str, name: str = "size") -> tuple[tuple[float, float, float
         ((2.0, 1.0, 1.0), 0.001)
     """
     lengths, spread = value_and_sd(text, name, _SIZE)
-    sides, sds = parse_lengths(lengths, name), parse_lengths(spread, name)
+    sides = parse_lengths(lengths, name)
+    sds = parse_lengths(spread, name)
     if len(sides) != 3 or len(sds) != 1 or min(*sides, *sds) <= 0:
         raise InputError(f"{name}: expected three positive sides and one sd, got '{text}'. Write it as {_SIZE}.")
     return (sides[0], sides[1], sides[2]), sds[0]

@@ -120,7 +120,8 @@ def yaw_only(T: Transforms) -> Transforms:
 
 
 def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, *, turns: bool) -> WrittenFrame:
-    T, slot = frame.T, where.slot
+    T = frame.T
+    slot = where.slot
     tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
     if tilt > _TILT:
         raise InputError(
@@ -157,7 +158,8 @@ def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[list[str], str]
     """
     first = 5201 + 20 * number
     turn, (ox, oy, oz) = f"#{first + 9}", (f"#<_unit> * #{first + k}" for k in range(3))
-    x_, y_ = "#<_part_x>", "#<_part_y>"
+    x_ = "#<_part_x>"
+    y_ = "#<_part_y>"
     along = f"X[{ox} + {x_} * COS[{turn}] - {y_} * SIN[{turn}]] Y[{oy} + {x_} * SIN[{turn}] + {y_} * COS[{turn}]]"
     before = ["#<_unit> = [25.4 - 24.4 * [#<_metric_machine> EQ 1]]", f"{x_} = {x}", f"{y_} = {y}"]
     return before, f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"

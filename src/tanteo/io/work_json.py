@@ -27,7 +27,9 @@ def part_json(part: Part) -> str:
     """
     from tanteo.parts import hole_patterns, round_features  # slow to import
 
-    edges, planes, symmetry = part.edges, part.planes, part.symmetry
+    edges = part.edges
+    planes = part.planes
+    symmetry = part.symmetry
     faces = zip(planes.faces, planes.areas, planes.normals, planes.centroids, strict=True)
     sides = zip(edges.lengths, edges.ends, edges.dihedrals, strict=True)
     return document_json({
@@ -180,7 +182,8 @@ def _expected(expected: Predicted) -> dict[str, Any]:
 def _feature(feature: Feature) -> dict[str, Any]:
     from tanteo.features import feature_covariance
 
-    kind, C = feature.kind, covariance_document(feature_covariance(feature))
+    kind = feature.kind
+    C = covariance_document(feature_covariance(feature))
     covariance = C | {"frame": "feature", "matrix_same_sensors": kind.B.T @ feature.P @ kind.B}
     return {
         "label": feature.label, "kind": kind.name, "frame": kind.frame, "T_world_feature": feature.T_world_feature,
@@ -195,6 +198,7 @@ def _size(feature: Feature) -> dict[str, Any]:
         return {}
     from tanteo.constraints import relate_size
 
-    name, unit = feature.kind.size_name.replace(" ", "_"), "m" if feature.kind.size_name == "radius" else "rad"
+    name = feature.kind.size_name.replace(" ", "_")
+    unit = "m" if feature.kind.size_name == "radius" else "rad"
     sd = math.sqrt(float(relate_size(feature).covariance[0, 0]))
     return {f"{name}_{unit}": size.value, f"{name}_sd_{unit}": sd, "convex": size.convex}

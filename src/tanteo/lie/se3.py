@@ -37,7 +37,8 @@ def from_parts(R: Rotations, p: Vectors) -> Transforms:
         R: rotations ``(*batch, 3, 3)``.
         p: translations ``(*batch, 3)`` [m].
     """
-    R, p = np.asarray(R, dtype=np.float64), np.asarray(p, dtype=np.float64)
+    R = np.asarray(R, dtype=np.float64)
+    p = np.asarray(p, dtype=np.float64)
     T = np.zeros((*np.broadcast_shapes(R.shape[:-2], p.shape[:-1]), 4, 4))
     T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, p, 1.0
     return T
@@ -89,7 +90,8 @@ def exp(xi: Tangents) -> Transforms:
         xi: tangents ``(*batch, 6)``.
     """
     xi = np.asarray(xi, dtype=np.float64)
-    v, w = xi[..., :3], xi[..., 3:]
+    v = xi[..., :3]
+    w = xi[..., 3:]
     a, b, c = so3.sinc_terms(np.linalg.norm(w, axis=-1))
     W = so3.hat(w)
     R = np.eye(3) + a[..., None, None] * W + b[..., None, None] * (W @ W)
@@ -138,7 +140,9 @@ def _adjoint_blocks(R: Rotations, p: Vectors) -> Adjoints:
     Ad = np.zeros((*R.shape[:-2], 6, 6))
     Ad[..., :3, :3] = Ad[..., 3:, 3:] = R
     # rows of [p]x R, written out for speed: all propagation of errors calls this
-    x, y, z = p[..., 0, None], p[..., 1, None], p[..., 2, None]
+    x = p[..., 0, None]
+    y = p[..., 1, None]
+    z = p[..., 2, None]
     Ad[..., 0, 3:] = y * R[..., 2, :] - z * R[..., 1, :]
     Ad[..., 1, 3:] = z * R[..., 0, :] - x * R[..., 2, :]
     Ad[..., 2, 3:] = x * R[..., 1, :] - y * R[..., 0, :]
@@ -167,7 +171,8 @@ def right_jacobian(xi: Tangents) -> Adjoints:
     xi = np.asarray(xi, dtype=np.float64)
     A = ad(-xi)
     coefficients = _jacobian_coefficients(np.linalg.norm(xi[..., 3:], axis=-1))
-    J, power = np.eye(6) + np.zeros_like(A), np.eye(6)
+    J = np.eye(6) + np.zeros_like(A)
+    power = np.eye(6)
     for c in coefficients:
         power = power @ A
         J = J + c[..., None, None] * power
@@ -197,11 +202,13 @@ def _inverse_coefficients(t: FloatArray) -> tuple[FloatArray, FloatArray]:
     u = -(np.where(small, t, 0.0) ** 2)
     b, c = np.zeros((2, *u.shape))
     for of_b, of_c in _INVERSE[::-1]:
-        b, c = b * u + of_b, c * u + of_c
+        b = b * u + of_b
+        c = c * u + of_c
     if small.all():
         return b, c
     s = np.where(small, 1.0, t)
-    sin, less = np.sin(s), 4 * s * (1 - np.cos(s))
+    sin = np.sin(s)
+    less = 4 * s * (1 - np.cos(s))
     return np.where(small, b, 2 / s**2 - (s + 3 * sin) / less), np.where(small, c, (s**-2 - (s + sin) / less) / s**2)
 
 
@@ -210,7 +217,8 @@ def _jacobian_coefficients(t: FloatArray) -> list[FloatArray]:
     small = t < 1.0
     u = np.where(small, t, 0.0) ** 2
     s = np.where(small, 1.0, t)
-    sin, cos = np.sin(s), np.cos(s)
+    sin = np.sin(s)
+    cos = np.cos(s)
     closed = [
         (4 - s * sin - 4 * cos) / (2 * s**2),
         (4 * s - 5 * sin + s * cos) / (2 * s**3),

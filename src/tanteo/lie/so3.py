@@ -33,7 +33,9 @@ def hat(w: Vectors) -> FloatArray:
     """
     w = np.asarray(w, dtype=np.float64)
     out = np.zeros((*w.shape, 3))
-    x, y, z = w[..., 0], w[..., 1], w[..., 2]
+    x = w[..., 0]
+    y = w[..., 1]
+    z = w[..., 2]
     out[..., 0, 1], out[..., 0, 2] = -z, y
     out[..., 1, 0], out[..., 1, 2] = z, -x
     out[..., 2, 0], out[..., 2, 1] = -y, x
@@ -87,7 +89,8 @@ def log(R: Rotations) -> Vectors:
         R: rotations ``(*batch, 3, 3)``.
     """
     q = as_quaternion(R)
-    w, v = q[..., 0], q[..., 1:]
+    w = q[..., 0]
+    v = q[..., 1:]
     n = np.linalg.norm(v, axis=-1)
     tiny = n < 1e-9  # there w is 1 to the last digit
     scale = np.where(tiny, 2.0, 2 * np.arctan2(n, w) / np.where(tiny, 1.0, n))
@@ -135,9 +138,15 @@ def as_quaternion(R: Rotations) -> FloatArray:
 
 def _from_largest(R: Rotations) -> FloatArray:
     """Return unnormalized quaternions ``(n, 4)``, each from the row of its largest component."""
-    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
-    wx, wy, wz = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
-    xy, xz, yz = R[:, 0, 1] + R[:, 1, 0], R[:, 0, 2] + R[:, 2, 0], R[:, 1, 2] + R[:, 2, 1]
+    xx = R[:, 0, 0]
+    yy = R[:, 1, 1]
+    zz = R[:, 2, 2]
+    wx = R[:, 2, 1] - R[:, 1, 2]
+    wy = R[:, 0, 2] - R[:, 2, 0]
+    wz = R[:, 1, 0] - R[:, 0, 1]
+    xy = R[:, 0, 1] + R[:, 1, 0]
+    xz = R[:, 0, 2] + R[:, 2, 0]
+    yz = R[:, 1, 2] + R[:, 2, 1]
     rows = [
         [1 + xx + yy + zz, wx, wy, wz],
         [wx, 1 + xx - yy - zz, xy, xz],

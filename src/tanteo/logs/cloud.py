@@ -44,7 +44,8 @@ def read(contents: Contents) -> Log:
         contents.fail("FIELDS, SIZE, TYPE, COUNT and POINTS that agree", "others", "Export it again.")
     if sum(int(n) for n in counts) > _MOST_NUMBERS:
         contents.fail(f"a COUNT of up to {_MOST_NUMBERS} in all", " ".join(counts)[:60], "Export it again.")
-    encoding, total = (head.get("DATA") or [""])[0], int(words[-1])
+    encoding = (head.get("DATA") or [""])[0]
+    total = int(words[-1])
     if encoding == "ascii":
         wide = [f"{name}.{k}" if k else name for name, n in zip(names, counts, strict=True) for k in range(int(n))]
         values = text_columns(contents, contents.data[start:], wide, total)

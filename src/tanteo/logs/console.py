@@ -37,7 +37,9 @@ def read(contents: Contents) -> Log:
     Raises:
         ReadingsError: there is no contact, a report is malformed, or all reports are equal.
     """
-    rows, lines, missed = [], [], 0
+    rows = []
+    lines = []
+    missed = 0
     for k, line in enumerate(contents.lines, start=1):
         for place, met in _REPORT.findall(line):
             missed += met == "0"

@@ -57,12 +57,16 @@ def read(contents: Contents) -> Log:
         ReadingsError: the file has no measured points, or is malformed.
     """
     rows: dict[str, list[tuple[int, str, list[str]]]] = {name: [] for name in _CALLED}
-    unit, others = None, 0
+    unit = None
+    others = 0
     for k, line in _statements(contents):
         if line.upper().startswith("UNITS/"):
             unit = _UNITS.get(line[6:].split(",")[0].strip().upper())
         elif match := _FEATURE.match(line):
-            kind, name, shape, rest = match[1].upper(), match[2], match[3].upper(), _cells(match[4])
+            kind = match[1].upper()
+            name = match[2]
+            shape = match[3].upper()
+            rest = _cells(match[4])
             if shape == "POINT" and rest[:1] == ["CART"]:
                 rows[kind].append((k, name, rest[1:7]))
             elif kind == "FA" and (cells := _round(shape, rest)):
@@ -94,7 +98,8 @@ def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str |
     lines = [k for k, _, _ in rows]
     points = contents.numbers([(cells + [""] * 3)[:3] for _, _, cells in rows], lines, "a point")
     scale = {"cm": 10.0, "ft": 12.0}.get(unit or "", 1.0)
-    points, unit = points * scale, {"cm": "mm", "ft": "in"}.get(unit or "", unit)
+    points = points * scale
+    unit = {"cm": "mm", "ft": "in"}.get(unit or "", unit)
     round_ones = np.array([len(cells) == _CELLS for _, _, cells in rows])
     diameters = [cells[6] if is_round else "1" for (_, _, cells), is_round in zip(rows, round_ones, strict=True)]
     sizes = contents.numbers([[cell] for cell in diameters], lines, "a diameter")[:, 0] * scale
@@ -121,7 +126,8 @@ def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str |
 def _statements(contents: Contents) -> list[tuple[int, str]]:
     """Return the statements with the lines where they start."""
     out: list[tuple[int, str]] = []
-    begun, first = "", 0
+    begun = ""
+    first = 0
     for k, line in enumerate(contents.lines, start=1):
         if line.startswith("$$"):
             continue

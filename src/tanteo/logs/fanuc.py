@@ -37,7 +37,11 @@ def read(contents: Contents) -> Log:
     Raises:
         ReadingsError: there is no Cartesian position, or positions use several user frames.
     """
-    rows, lines, names, frames, left = [], [], [], set(), 0
+    rows = []
+    lines = []
+    names = []
+    frames = set()
+    left = 0
     text = contents.text
     blocks = list(_BLOCK.finditer(text)) or list(_REGISTER.finditer(text))
     ends = [match.start() for match in re.finditer("\n", text)]

@@ -38,7 +38,11 @@ def read(contents: Contents) -> Log:
     Raises:
         ReadingsError: there is no Cartesian position, or positions use several bases.
     """
-    rows, lines, names, bases, left = [], [], [], set(), 0
+    rows = []
+    lines = []
+    names = []
+    bases = set()
+    left = 0
     for k, line in enumerate(contents.lines, start=1):
         if line.startswith(";"):
             continue

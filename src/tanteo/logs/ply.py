@@ -66,7 +66,8 @@ def _header(contents: Contents) -> tuple[int, str, list[tuple[str, int, dict[str
     line_end = contents.data.find(b"\n", end)
     if end < 0 or line_end < 0:
         contents.fail("a header that ends in end_header", "none", "Is this the whole file?")
-    encoding, elements = "", list[tuple[str, int, dict[str, str]]]()
+    encoding = ""
+    elements = list[tuple[str, int, dict[str, str]]]()
     for line in contents.data[:end].decode("latin-1").splitlines():
         words = line.split()
         if words[:1] == ["format"] and len(words) > 1:

@@ -35,7 +35,10 @@ def read(contents: Contents) -> Log:
     Raises:
         ReadingsError: there is none, or they use several work objects.
     """
-    rows, lines, names, frames = [], [], [], set()
+    rows = []
+    lines = []
+    names = []
+    frames = set()
     for k, line in enumerate(contents.lines, start=1):
         if line.startswith("!"):
             continue

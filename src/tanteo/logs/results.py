@@ -39,7 +39,8 @@ def read(contents: Contents) -> Log:
     """
     nominal: dict[str, dict[str, str]] = {}
     found: list[tuple[int, dict[str, str], dict[str, str]]] = []
-    asked, turned = 0, False
+    asked = 0
+    turned = False
     for k, line in enumerate(contents.lines, start=1):
         words = dict(_WORD.findall(line))
         code = "G" + words.get("G", "")

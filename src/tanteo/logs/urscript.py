@@ -28,7 +28,9 @@ def read(contents: Contents) -> Log:
     Raises:
         ReadingsError: a pose does not have six numbers.
     """
-    rows, lines, names = [], [], []
+    rows = []
+    lines = []
+    names = []
     for k, line in enumerate(contents.lines, start=1):
         for name, body in _POSE.findall(line.split("#")[0]):
             rows.append([word.strip() for word in body.split(",")])

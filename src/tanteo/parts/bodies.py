@@ -55,7 +55,8 @@ def bodies_of(shape: Any, label: str) -> tuple[list[Any], list[Any], list[str]]:
     loose = [face for shell in shells if not BRep_Tool.IsClosed_s(shell) for face in explore(shell, TopAbs_FACE)]
     loose += explore(shape, TopAbs_FACE, TopAbs_SHELL)
     sewn, rest = _sewn(loose, diagonal_of([shape])) if len(loose) > 1 else ([], loose)
-    bodies, said = [*explore(shape, TopAbs_SOLID), *closed, *sewn], []
+    bodies = [*explore(shape, TopAbs_SOLID), *closed, *sewn]
+    said = []
     if closed:
         said.append("Made a solid of a closed shell." if len(closed) == 1 else f"Made solids of {len(closed)} shells.")
     if sewn:
@@ -113,7 +114,8 @@ def compound(shapes: Iterable[Any]) -> Any:
     Args:
         shapes: shapes of the CAD kernel.
     """
-    whole, builder = TopoDS_Compound(), BRep_Builder()
+    whole = TopoDS_Compound()
+    builder = BRep_Builder()
     builder.MakeCompound(whole)
     for shape in shapes:
         builder.Add(whole, shape)

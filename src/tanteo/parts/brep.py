@@ -125,7 +125,8 @@ def surface_of(face: Any, diagonal: float) -> tuple[SurfaceKind, dict[str, Any]]
 
 
 def _axis(axis: Any) -> dict[str, Any]:
-    point, direction = axis.Location(), axis.Direction()
+    point = axis.Location()
+    direction = axis.Direction()
     return {
         "axis_point": np.array([point.X(), point.Y(), point.Z()]) * _MM,
         "axis_direction": np.array([direction.X(), direction.Y(), direction.Z()]),

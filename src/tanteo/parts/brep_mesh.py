@@ -85,7 +85,8 @@ def surface_mesh(shape: Any, diagonal: float, label: str) -> tuple[BrepMesh, lis
     """
     every = list(_meshings(shape, diagonal))
     faces = min(every, key=lambda one: sum(not len(face.triangles) for face in one))
-    lost, faces = sum(not len(face.triangles) for face in faces), [face for face in faces if len(face.triangles)]
+    lost = sum(not len(face.triangles) for face in faces)
+    faces = [face for face in faces if len(face.triangles)]
     if not faces:
         raise PartError(f"{label}: expected faces, got none that the CAD kernel can mesh. Export the part again.")
     whole = min((_welded(faces, weld * diagonal) for weld in WELDS), key=lambda one: open_edges(one.triangles))

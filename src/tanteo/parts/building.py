@@ -31,7 +31,8 @@ def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tupl
     _, areas = triangle_geometry(draft.vertices, draft.triangles)
     volume, centroid = volume_and_centroid(draft.vertices, draft.triangles)
     if links.rims.any():  # an open surface encloses nothing
-        volume, centroid = 0.0, areas @ draft.vertices[draft.triangles].mean(axis=1) / areas.sum()
+        volume = 0.0
+        centroid = areas @ draft.vertices[draft.triangles].mean(axis=1) / areas.sum()
     box = np.stack([draft.vertices.min(axis=0), draft.vertices.max(axis=0)])
     part = Part(
         name=name,

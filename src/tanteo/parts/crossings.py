@@ -33,10 +33,12 @@ def crossings(vertices: FloatArray, triangles: IntArray) -> int:
         return 0
     surface = Surface(vertices, triangles)
     slack = CLEAR * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    a, b = vertices[ends[:, 0]], vertices[ends[:, 1]]
+    a = vertices[ends[:, 0]]
+    b = vertices[ends[:, 1]]
     lengths = np.linalg.norm(b - a, axis=1)
     found = np.zeros(len(ends), dtype=np.bool_)
-    rows, along = np.flatnonzero(lengths > 2.0 * slack), np.full(len(ends), slack)
+    rows = np.flatnonzero(lengths > 2.0 * slack)
+    along = np.full(len(ends), slack)
     for _ in range(_HITS):
         if not len(rows):
             break
@@ -44,10 +46,13 @@ def crossings(vertices: FloatArray, triangles: IntArray) -> int:
         hits = surface.cast(a[rows] + along[rows, None] * way, way)
         at = along[rows] + hits.distances
         inside = at < lengths[rows] - slack
-        rows, at, met = rows[inside], at[inside], hits.triangles[inside]
+        rows = rows[inside]
+        at = at[inside]
+        met = hits.triangles[inside]
         crossed = _crosses(surface, ends[rows], met, slack)
         found[rows[crossed]] = True
-        rows, at = rows[~crossed], at[~crossed]
+        rows = rows[~crossed]
+        at = at[~crossed]
         along[rows] = at + slack
     return int(found.sum())
 

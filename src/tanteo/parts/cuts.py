@@ -104,11 +104,14 @@ def _around(vertices: FloatArray, triangles: IntArray, mine: IntArray, forward: 
 
 def _brackets(opens: list[bool]) -> list[tuple[int, int]]:
     """Return matching pairs of opening and closing brackets on a ring with equally many of each."""
-    depth, lowest, first = 0, 0, 0
+    depth = 0
+    lowest = 0
+    first = 0
     for k, opening in enumerate(opens):
         depth += 1 if opening else -1
         if depth < lowest:
-            lowest, first = depth, k + 1
+            lowest = depth
+            first = k + 1
     waiting: list[int] = []
     pairs = []
     for k in [*range(first, len(opens)), *range(first)]:
@@ -121,7 +124,8 @@ def _brackets(opens: list[bool]) -> list[tuple[int, int]]:
 
 def _angles(vertices: FloatArray, triangles: IntArray, mine: IntArray) -> FloatArray:
     """Return the angles of the triangles of directed edges around their common edge, in -pi to pi [rad]."""
-    rows, sides = mine % len(triangles), mine // len(triangles)
+    rows = mine % len(triangles)
+    sides = mine // len(triangles)
     corners = triangles[rows]
     ends = np.sort(corners[0, [sides[0], (sides[0] + 1) % 3]])
     apexes = vertices[np.take_along_axis(corners, (sides[:, None] + 2) % 3, axis=1)[:, 0]]
@@ -137,8 +141,10 @@ def _angles(vertices: FloatArray, triangles: IntArray, mine: IntArray) -> FloatA
 def _parted(vertices: FloatArray, triangles: IntArray, pairs: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
     """Give each fan of triangles around a vertex, as connected by the pairs, its own vertex."""
     count = len(triangles)
-    rows, sides = pairs % count, pairs // count
-    first, second = rows * 3 + sides, rows * 3 + (sides + 1) % 3
+    rows = pairs % count
+    sides = pairs // count
+    first = rows * 3 + sides
+    second = rows * 3 + (sides + 1) % 3
     flat = triangles.reshape(-1)
     same = flat[first[:, 0]] == flat[first[:, 1]]
     begins = np.where(same, first[:, 1], second[:, 1])

@@ -68,9 +68,11 @@ def build_edges(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> tupl
 
 
 def _segments(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> _Segments:
-    left, right = draft.triangle_face[edges.left], draft.triangle_face[edges.right]
+    left = draft.triangle_face[edges.left]
+    right = draft.triangle_face[edges.right]
     between = left != right
-    ends, pair = edges.ends[between], np.stack([left, right], axis=1)[between]
+    ends = edges.ends[between]
+    pair = np.stack([left, right], axis=1)[between]
     swap = pair[:, 0] > pair[:, 1]
     ends = np.where(swap[:, None], ends[:, ::-1], ends)
     pair = np.where(swap[:, None], pair[:, ::-1], pair)
@@ -199,7 +201,8 @@ def _edges(
 
 def _framed(ends: FloatArray, lengths: FloatArray, faces: IntArray, normals: FloatArray) -> ModelEdges:
     x = (ends[:, 1] - ends[:, 0]) / lengths[:, None]
-    left, right = normals[:, 0], normals[:, 1]
+    left = normals[:, 0]
+    right = normals[:, 1]
     turn = np.arctan2(np.einsum("ni,ni->n", x, np.cross(left, right)), np.einsum("ni,ni->n", left, right))
     bisector = left + right
     bisector -= np.einsum("ni,ni->n", bisector, x)[:, None] * x
@@ -219,7 +222,8 @@ def _corners(draft: Draft, edges: ModelEdges, vertex_ends: IntArray) -> ModelVer
     order = np.argsort(vertices, kind="stable")
     names, begin, counts = np.unique(vertices[order], return_index=True, return_counts=True)
     directions = edges.directions
-    points, groups = [], []
+    points = []
+    groups = []
     for name, start, number in zip(names, begin, counts, strict=True):
         if number < 3:
             continue
@@ -231,7 +235,8 @@ def _corners(draft: Draft, edges: ModelEdges, vertex_ends: IntArray) -> ModelVer
             points.append(draft.vertices[name])
             groups.append(mine)
     ranks = sorted(range(len(groups)), key=lambda i: tuple(groups[i]))
-    points, groups = [points[i] for i in ranks], [groups[i] for i in ranks]
+    points = [points[i] for i in ranks]
+    groups = [groups[i] for i in ranks]
     starts = np.concatenate([[0], np.cumsum([len(group) for group in groups])]).astype(np.int64)
     flat = np.concatenate(groups) if groups else np.zeros(0, dtype=np.int64)
     return ModelVertices(np.array(points).reshape(-1, 3), flat, starts)

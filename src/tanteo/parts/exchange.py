@@ -45,7 +45,9 @@ def _read_step(path: Path, label: str) -> tuple[Any, str, list[str]]:
     reader = STEPControl_Reader()
     if reader.ReadFile(str(path)) != IFSelect_RetDone:
         raise PartError(f"{label}: expected a STEP file, got one that the CAD kernel cannot parse. Export it again.")
-    lengths, angles, solid_angles = Names(), Names(), Names()
+    lengths = Names()
+    angles = Names()
+    solid_angles = Names()
     reader.FileUnits(lengths, angles, solid_angles)
     units = {_unit(lengths.Value(k).ToCString()) for k in range(1, lengths.Length() + 1)} or {"mm"}
     notes = _transferred(reader)

@@ -61,13 +61,15 @@ def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> 
     facet_normals = summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-300)
     facet_centres = centres / np.maximum(total, 1e-300)[:, None]
     # one link for each pair of adjacent facets
-    left, right = labels[edges.left], labels[edges.right]
+    left = labels[edges.left]
+    right = labels[edges.right]
     between = left != right
     pairs = np.sort(np.stack([left, right], axis=1)[between], axis=1)
     sides = np.linalg.norm(np.diff(vertices[edges.ends[between]], axis=1)[:, 0], axis=1)
     links, index = np.unique(pairs, axis=0, return_inverse=True)
     lengths: FloatArray = np.bincount(index.reshape(-1), sides, len(links)).astype(np.float64)
-    first, second = facet_normals[links[:, 0]], facet_normals[links[:, 1]]
+    first = facet_normals[links[:, 0]]
+    second = facet_normals[links[:, 1]]
     sines = np.linalg.norm(np.cross(first, second), axis=1)
     angles = np.arctan2(sines, np.einsum("ni,ni->n", first, second))
     # Convex where each facet lies behind the other's plane.
@@ -119,12 +121,14 @@ def _attach(
     slivers = np.concatenate([edges.left, edges.right])
     hosts = np.concatenate([edges.right, edges.left])
     usable = waiting[slivers] & ~waiting[hosts]
-    slivers, hosts = slivers[usable], hosts[usable]
+    slivers = slivers[usable]
+    hosts = hosts[usable]
     offsets = vertices[triangles[slivers]] - vertices[triangles[hosts, 0]][:, None]
     leave = np.abs(np.einsum("nki,ni->nk", offsets, normals[hosts])).max(axis=1)
     order = np.lexsort((leave, slivers))
     first, at = np.unique(slivers[order], return_index=True)
-    labels, waiting = labels.copy(), waiting.copy()
+    labels = labels.copy()
+    waiting = waiting.copy()
     labels[first] = labels[hosts[order][at]]
     waiting[first] = False
     return labels, waiting

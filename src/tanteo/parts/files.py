@@ -98,11 +98,14 @@ def check_file(file: Path, label: str) -> None:
     """
     if file.is_file():
         return
-    got, advice = "nothing there", "Check the path"
+    got = "nothing there"
+    advice = "Check the path"
     if os.path.exists(file):
-        got, advice = "a folder" if file.is_dir() else "a device or a pipe", "Name a file"
+        got = "a folder" if file.is_dir() else "a device or a pipe"
+        advice = "Name a file"
     elif os.path.islink(file):
-        got, advice = "a broken link", "Repair it, or name another file"
+        got = "a broken link"
+        advice = "Repair it, or name another file"
     raise PartError(f"{label}: expected a file, got {got}. {advice}.")
 
 
@@ -115,7 +118,8 @@ def read_mesh_file(path: Path) -> CadMesh:
     Raises:
         PartError: the content does not match the suffix, or a vertex index is out of range.
     """
-    suffix, label = path.suffix.lower(), path.name
+    suffix = path.suffix.lower()
+    label = path.name
     if suffix == ".3mf":
         from tanteo.parts.threemf import read_3mf
 

@@ -47,7 +47,8 @@ class Corners:
         """
         sagitta = float(np.abs(centres_off).max())
         slack = CORNER_TOLERANCE * sagitta + precision
-        low, high = min(float(centres_off.min()), 0.0) - slack, max(float(centres_off.max()), 0.0) + slack
+        low = min(float(centres_off.min()), 0.0) - slack
+        high = max(float(centres_off.max()), 0.0) + slack
         others = off[~self.on]
         return bool(np.abs(off[self.on]).max() <= slack and np.all((others >= low) & (others <= high)))
 
@@ -99,7 +100,8 @@ def _cylinder(
     if circle is None:
         return None
     centre, radius = circle
-    off, centres_off = _across(corners.all - centre, axis) - radius, _across(centres - centre, axis) - radius
+    off = _across(corners.all - centre, axis) - radius
+    centres_off = _across(centres - centre, axis) - radius
     if not corners.pass_through(off, centres_off, precision):
         return None
     outward = _outward(centres - centre, normals, axis)
@@ -128,7 +130,8 @@ def _cone(
     true = corners.all[corners.on]
     if ((true - apex) @ axis).mean() < 0.0:
         axis = -axis
-    along, across = (true - apex) @ axis, _across(true - apex, axis)
+    along = (true - apex) @ axis
+    across = _across(true - apex, axis)
     cone = _Cone(apex, axis, float(np.arctan2(across.sum(), along.sum())))
     if along.min() < -precision:
         return None
@@ -161,7 +164,8 @@ def _through(corners: FloatArray, cone: _Cone, near: float) -> _Cone:
     if np.abs(cone.off(corners)).max() > near:
         return cone
     some = corners[np.linspace(0, len(corners) - 1, min(len(corners), _ENOUGH)).astype(int)]
-    covs, none = np.tile((1e-3 * near) ** 2 * np.eye(3), (1, len(some), 1, 1)), np.zeros(0)
+    covs = np.tile((1e-3 * near) ** 2 * np.eye(3), (1, len(some), 1, 1))
+    none = np.zeros(0)
     free = np.zeros((len(some), 3, 0))
     T, half_angle, *_ = _core.fit_rounds(
         2, 2, np.arange(5), np.ascontiguousarray(some[None]), covs, none, none, none, 0, free, 0.0, 0.0, none, none,

@@ -65,7 +65,9 @@ def draft_of_mesh(mesh: CadMesh, label: str, *, stated: bool) -> tuple[Draft, li
     Raises:
         PartError: the mesh is not a surface of plausible size.
     """
-    vertices, triangles, unit = np.asarray(mesh.vertices), np.asarray(mesh.triangles), str(mesh.unit)
+    vertices = np.asarray(mesh.vertices)
+    triangles = np.asarray(mesh.triangles)
+    unit = str(mesh.unit)
     if len(triangles):
         check_size(diagonal_of_points(vertices[triangles.reshape(-1)]) * METRES[unit], unit, label, stated=stated)
     points, corners, repairs = sound_mesh(vertices, triangles, label)

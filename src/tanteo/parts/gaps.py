@@ -65,7 +65,8 @@ def _on_sides(points: FloatArray, edges: IntArray, distance: float) -> dict[tupl
         return {}
     rim = np.unique(edges)
     tree = cKDTree(points[rim])
-    a, b = points[edges[:, 0]], points[edges[:, 1]]
+    a = points[edges[:, 0]]
+    b = points[edges[:, 1]]
     lengths = np.linalg.norm(b - a, axis=1)
     near = tree.query_ball_point((a + b) / 2.0, lengths / 2.0 + distance)
     found = {}
@@ -114,14 +115,17 @@ def fill_holes(points: FloatArray, faces: IntArray, diagonal: float) -> tuple[Fl
     loops = [loop for loop in _rims(faces) if _length(points[loop]) < SMALL_HOLE * diagonal]
     if not loops:
         return points, faces, []
-    widest, middles, fans = 0.0, [points], [faces]
+    widest = 0.0
+    middles = [points]
+    fans = [faces]
     for k, loop in enumerate(loops):
         middle = points[loop].mean(axis=0)
         widest = max(widest, float(2.0 * np.linalg.norm(points[loop] - middle, axis=1).max()))
         middles.append(middle[None])
         fan = np.stack([np.roll(loop, -1), loop, np.full(len(loop), len(points) + k)], axis=1)
         fans.append(fan if len(loop) > 3 else loop[None, ::-1])
-    points, faces = np.concatenate(middles), np.concatenate(fans)
+    points = np.concatenate(middles)
+    faces = np.concatenate(fans)
     holes = "1 small hole" if len(loops) == 1 else f"{len(loops)} small holes"
     return points, faces, [f"Filled {holes}, up to {100.0 * widest / diagonal:.2g} % of the size wide."]
 
@@ -134,7 +138,8 @@ def _rims(faces: IntArray) -> list[IntArray]:
     """Return closed loops of vertices along rims, in the direction of the adjacent triangles."""
     edges = mesh_edges(faces)
     rims = edges.rims
-    ends, owners = edges.ends[rims], faces[edges.left[rims]]
+    ends = edges.ends[rims]
+    owners = faces[edges.left[rims]]
     # from the first to the second end where the triangle runs that way
     at = (owners == ends[:, :1]).argmax(axis=1)
     ahead = np.take_along_axis(owners, ((at + 1) % 3)[:, None], axis=1)[:, 0] == ends[:, 1]

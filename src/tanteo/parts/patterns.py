@@ -53,7 +53,8 @@ def hole_patterns(part: Part) -> tuple[HolePattern, ...]:
     Args:
         part: the part.
     """
-    rounds, near = round_features(part), _SAME * part.diagonal
+    rounds = round_features(part)
+    near = _SAME * part.diagonal
     left = [k for k, one in enumerate(rounds) if one.hole and one.surface == "cylinder"]
     found = []
     while left:
@@ -71,10 +72,12 @@ def _equal_holes(a: RoundFeature, b: RoundFeature, near: float) -> bool:
 
 
 def _pattern(rounds: tuple[RoundFeature, ...], group: list[int], near: float) -> HolePattern:
-    axis, radius = rounds[group[0]].axis, float(rounds[group[0]].radii[0])
+    axis = rounds[group[0]].axis
+    radius = float(rounds[group[0]].radii[0])
     centres = np.array([rounds[k].centre for k in group])
     across = np.linalg.svd(axis[None])[2][1:]
-    flat, height = centres @ across.T, float(np.mean(centres @ axis))
+    flat = centres @ across.T
+    height = float(np.mean(centres @ axis))
     flat = flat[np.sort(np.unique(np.round(flat / near), axis=0, return_index=True)[1])]  # coaxial holes count once
 
     def at(middle: FloatArray) -> FloatArray:

@@ -119,7 +119,8 @@ def _principal_frames(normals: FloatArray, second: FloatArray) -> tuple[FloatArr
 
 def _hulls(draft: Draft, edges: MeshEdges, chosen: IntArray, Ts: FloatArray) -> list[FloatArray]:
     """Return the vertices of each plane's convex outline, counter-clockwise seen from outside."""
-    left, right = draft.triangle_face[edges.left], draft.triangle_face[edges.right]
+    left = draft.triangle_face[edges.left]
+    right = draft.triangle_face[edges.right]
     border = (left != right) | edges.rims
     owners = np.concatenate([left[border], right[border]]).repeat(2)
     vertices = np.concatenate([edges.ends[border], edges.ends[border]]).reshape(-1)
@@ -141,14 +142,16 @@ def convex_outline(points: FloatArray) -> IntArray:
         points: points in the plane ``(N, 2)``.
     """
     order = np.lexsort((points[:, 1], points[:, 0]))
-    x, y = points[:, 0].tolist(), points[:, 1].tolist()
+    x = points[:, 0].tolist()
+    y = points[:, 1].tolist()
     slack = 1e-12 * max(float(np.ptp(points[:, 0]) * np.ptp(points[:, 1])), 1e-300)
 
     def chain(indices: list[int]) -> list[int]:
         hull: list[int] = []
         for i in indices:
             while len(hull) > 1:
-                a, b = hull[-2], hull[-1]
+                a = hull[-2]
+                b = hull[-1]
                 if (x[b] - x[a]) * (y[i] - y[a]) - (y[b] - y[a]) * (x[i] - x[a]) > slack:
                     break
                 hull.pop()
@@ -167,7 +170,9 @@ def _sagittas(draft: Draft, edges: MeshEdges) -> FloatArray:
     """
     normals, areas = triangle_geometry(draft.vertices, draft.triangles)
     same = draft.triangle_face[edges.left] == draft.triangle_face[edges.right]
-    left, right, ends = edges.left[same], edges.right[same], edges.ends[same]
+    left = edges.left[same]
+    right = edges.right[same]
+    ends = edges.ends[same]
     sines = np.linalg.norm(np.cross(normals[left], normals[right]), axis=1)
     angles = np.arctan2(sines, np.einsum("ni,ni->n", normals[left], normals[right]))
     lengths = np.linalg.norm(draft.vertices[ends[:, 1]] - draft.vertices[ends[:, 0]], axis=1)

@@ -29,7 +29,8 @@ def read_off(path: Path, label: str) -> tuple[FloatArray, IntArray]:
         raise PartError(f"{label}: expected the word OFF at the start, got {got!r}. Export it as plain OFF.")
     lines = ([lines[0][1:]] if len(lines[0]) > 1 else []) + lines[1:]
     try:
-        count, polygons = int(lines[0][0]), int(lines[0][1])
+        count = int(lines[0][0])
+        polygons = int(lines[0][1])
         if len(lines) < 1 + count + polygons or min(count, polygons) < 0:
             raise IndexError
         vertices = np.array([line[:3] for line in lines[1 : 1 + count]], dtype=np.float64).reshape(-1, 3)
@@ -116,7 +117,8 @@ def _of_polygon(vertices: FloatArray, ring: IntArray) -> list[tuple[int, ...]]:
     points = vertices[ring]
     normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
     for shift in range(len(ring)):
-        turned, at = np.roll(ring, -shift).tolist(), np.roll(points, -shift, axis=0)
+        turned = np.roll(ring, -shift).tolist()
+        at = np.roll(points, -shift, axis=0)
         areas = np.cross(at[1:-1] - at[0], at[2:] - at[0]) @ normal
         if (areas >= -1e-9 * np.abs(areas).max()).all():
             return [(turned[0], b, c) for b, c in pairwise(turned[1:])]

@@ -161,7 +161,8 @@ def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tupl
     from tanteo.parts.from_mesh import checked_mesh, draft_of_mesh  # not needed where a part is remembered
     from tanteo.parts.topology import scaled
 
-    found, label = read_cad(suffix, reader, file), file.name
+    found = read_cad(suffix, reader, file)
+    label = file.name
     if isinstance(found, CadFaces):
         used = unit or found.unit
         draft = found.draft if used == found.unit else scaled(found.draft, METRES[used] / METRES[found.unit])
@@ -170,7 +171,8 @@ def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tupl
     own = mesh.unit or unit
     if own is None:
         raise UnitError(f"unit: expected the length unit of {label}, got none. Pass unit='mm' (or um, cm, m, in, ft).")
-    used, stated = unit or own, unit is None
+    used = unit or own
+    stated = unit is None
     notes = (*_asked(used, own), *mesh.notes)
     draft, repairs = draft_of_mesh(replace(mesh, unit=used, notes=notes), label, stated=stated)
     return draft, used, repairs, stated
@@ -184,7 +186,8 @@ def _check_content(file: Path, label: str) -> None:
     """Refuse a file that is unreadable, empty or too large."""
     try:
         with file.open("rb") as stream:
-            first, size = stream.read(1), os.fstat(stream.fileno()).st_size
+            first = stream.read(1)
+            size = os.fstat(stream.fileno()).st_size
     except OSError as error:
         why = error.strerror or error
         raise PartError(f"{label}: expected a file that may be read, got: {why}. Check its permissions.") from None

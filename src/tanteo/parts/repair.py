@@ -178,8 +178,10 @@ def _without_needles(points: FloatArray, faces: IntArray, height: float) -> tupl
 
 def _flip_needles(faces: IntArray, needles: IntArray, sides: FloatArray) -> int:
     edges, owner = directed_edges(faces)
-    count, longest = int(faces.max()) + 1, np.argmax(sides[needles], axis=1)
-    starts, ends = faces[needles, longest], faces[needles, (longest + 1) % 3]
+    count = int(faces.max()) + 1
+    longest = np.argmax(sides[needles], axis=1)
+    starts = faces[needles, longest]
+    ends = faces[needles, (longest + 1) % 3]
     beside = np.isin(edges[:, 0] * count + edges[:, 1], ends * count + starts)
     across = {(int(a), int(b)): int(t) for (a, b), t in zip(edges[beside], owner[beside], strict=True)}
     touched: set[int] = set()

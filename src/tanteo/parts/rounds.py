@@ -177,7 +177,8 @@ def _feature(context: _Context, number: int, wall: Wall) -> RoundFeature:
     ends = wall.point + np.array([[wall.low], [wall.high]]) * wall.axis
     opened = _open_ends(context, wall, hole)
     if opened == (True, False) or (opened[0] == opened[1] and wall.axis[np.argmax(np.abs(wall.axis))] < 0):
-        ends, opened = ends[::-1], opened[::-1]
+        ends = ends[::-1]
+        opened = opened[::-1]
     along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     radii = np.array([_radius_at(face, end) for end in ends])
     meets = _meeting(context, wall, ends)
@@ -201,10 +202,12 @@ def _radius_at(face: Face, end: Vectors) -> float:
 def _open_ends(context: _Context, wall: Wall, hole: bool) -> tuple[bool, bool]:
     """Return whether a hole is open, or a boss ends freely, at its lower and upper end."""
     middle = wall.point + 0.5 * (wall.low + wall.high) * wall.axis
-    half, out = 0.5 * (wall.high - wall.low), wall.place - wall.point
+    half = 0.5 * (wall.high - wall.low)
+    out = wall.place - wall.point
     out = out - (out @ wall.axis) * wall.axis
     start = middle if hole else middle + (1 - _INSIDE) * out
-    origins, directions = np.stack([start, start]), np.stack([-wall.axis, wall.axis])
+    origins = np.stack([start, start])
+    directions = np.stack([-wall.axis, wall.axis])
     far = context.surface.cast(origins, directions).distances
     if hole:
         beyond = half + _TIP * float(np.linalg.norm(out))

@@ -45,7 +45,8 @@ def without_loose(points: FloatArray, faces: IntArray) -> tuple[IntArray, list[s
         return faces, []
     _, areas = triangle_geometry(points, faces)
     shares = np.bincount(labels, areas) / areas.sum()
-    tiny, hidden = open_ & (shares < LOOSE), np.zeros(len(open_), dtype=np.bool_)
+    tiny = open_ & (shares < LOOSE)
+    hidden = np.zeros(len(open_), dtype=np.bool_)
     closed = faces[~open_[labels]]
     asked = np.flatnonzero((open_ & ~tiny)[labels])
     if len(closed) and len(asked):
@@ -56,7 +57,8 @@ def without_loose(points: FloatArray, faces: IntArray) -> tuple[IntArray, list[s
     said = []
     for dropped, where in ((tiny, "that hang loose"), (hidden, "inside the material")):
         if dropped.any():
-            count, share = int(dropped[labels].sum()), 100.0 * float(shares[dropped].sum())
+            count = int(dropped[labels].sum())
+            share = 100.0 * float(shares[dropped].sum())
             said.append(f"Dropped {count} triangles {where}, {share:.2g} % of the area.")
     kept = ~(tiny | hidden)[labels]
     return (faces[kept], said) if kept.any() else (faces, [])  # keep a mesh of loose triangles only
@@ -115,7 +117,8 @@ def united(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, l
     if any(solid.status() != manifold3d.Error.NoError for solid in solids):
         return points, faces, []
     one = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    before, after = sum(solid.surface_area() for solid in solids), one.surface_area()
+    before = sum(solid.surface_area() for solid in solids)
+    after = one.surface_area()
     if one.is_empty() or after > (1.0 - 1e-6) * before:
         return points, faces, []
     mesh = one.to_mesh64()
@@ -136,7 +139,8 @@ def _boxes_meet(points: FloatArray, shells: list[IntArray]) -> bool:
     lows = np.array([points[shell].min(axis=(0, 1)) for shell in shells])
     highs = np.array([points[shell].max(axis=(0, 1)) for shell in shells])
     order = np.argsort(lows[:, 0])
-    lows, highs = lows[order], highs[order]
+    lows = lows[order]
+    highs = highs[order]
     for k in range(len(shells) - 1):
         later = lows[k + 1 :, 0] <= highs[k, 0]
         if ((lows[k + 1 :] <= highs[k]) & (highs[k + 1 :] >= lows[k])).all(axis=1)[later].any():
@@ -160,10 +164,12 @@ def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
     """
     labels = bodies(faces)
     _, areas = triangle_geometry(points, faces)
-    open_, front = _open_pieces(faces, labels), _in_front(points, faces, labels)
+    open_ = _open_pieces(faces, labels)
+    front = _in_front(points, faces, labels)
     faces = np.where((open_ & (front > WITHIN))[labels][:, None], faces[:, ::-1], faces)
     unknown = (open_ & (front >= OUTSIDE) & (front <= WITHIN))[labels]
-    rims, share = int(mesh_edges(faces).rims.sum()), 100.0 * float(areas[open_[labels]].sum() / areas.sum())
+    rims = int(mesh_edges(faces).rims.sum())
+    share = 100.0 * float(areas[open_[labels]].sum() / areas.sum())
     said = [f"The surface is open: it ends at {rims} edges ({share:.3g} % of the area is of pieces that do not close)."]
     if not unknown.any():
         return points, faces, np.flatnonzero(unknown), [*said, "Its outside was found by winding numbers."]

@@ -120,9 +120,11 @@ def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
 
 def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
     """Refuse planes whose border does not lie in them."""
-    normals, points = face_normals(draft)[draft.triangle_face], draft.vertices[draft.triangles]
+    normals = face_normals(draft)[draft.triangle_face]
+    points = draft.vertices[draft.triangles]
     offsets = np.einsum("tki,ti->tk", points, normals)
-    low, high = np.full(len(draft.kinds), np.inf), np.full(len(draft.kinds), -np.inf)
+    low = np.full(len(draft.kinds), np.inf)
+    high = np.full(len(draft.kinds), -np.inf)
     np.minimum.at(low, draft.triangle_face, offsets.min(axis=1))
     np.maximum.at(high, draft.triangle_face, offsets.max(axis=1))
     planar = np.array([kind == "plane" for kind, _ in draft.kinds])

@@ -53,7 +53,8 @@ def exact_faces(part: Part, normals: Vectors) -> Revolved | None:
         Exact surfaces; None for a part with only planes and free forms.
     """
     known = [(k, _profile(face)) for k, face in enumerate(part.faces)]
-    rows, found = np.full(len(part.faces), -1), [(k, p) for k, p in known if p is not None]
+    rows = np.full(len(part.faces), -1)
+    found = [(k, p) for k, p in known if p is not None]
     if not found:
         return None
     rows[[k for k, _ in found]] = np.arange(len(found))

@@ -16,9 +16,59 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import PartError
-from tanteo.parts.archives import Archive
 from tanteo.parts.files import METRES, third_party_reader
 from tanteo.typing import FloatArray, IntArray
+
+LARGEST = 512_000_000
+"""Largest total size that is unpacked from one archive [bytes]."""
+
+SMALL, RATIO = 32_000_000, 200
+"""Unpacked size [bytes] above which the compression ratio is limited, and its limit; text of meshes has about 10."""
+
+_CHUNK = 1 << 20
+
+
+class Archive:
+    """Files of a zip archive by name, ignoring case; the sizes stated in the archive are not trusted."""
+
+    def __init__(self, file: zipfile.ZipFile, packed: int, label: str) -> None:
+        self._file, self._packed, self._label = file, packed, label
+        self._names = {info.filename.lstrip("/").lower(): info for info in file.infolist()}
+        self._read = 0
+
+    def __contains__(self, name: str) -> bool:
+        return name.lower() in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(info.filename.lstrip("/") for info in self._names.values())
+
+    def read(self, name: str) -> bytes:
+        """Unpack one file.
+
+        Args:
+            name: name of the file, ignoring case.
+
+        Raises:
+            PartError: the file does not exist, or exceeds the limits; damaged archives raise the errors of ``zipfile``.
+        """
+        info = self._names.get(name.lower())
+        if info is None:
+            raise PartError(f"{self._label}: expected a file {name!r} in the archive, got none. Export it again.")
+        pieces = []
+        with self._file.open(info) as stream:
+            while piece := stream.read(_CHUNK):
+                self._read += len(piece)
+                self._check()
+                pieces.append(piece)
+        return b"".join(pieces)
+
+    def _check(self) -> None:
+        if self._read > LARGEST or (self._read > SMALL and self._read > RATIO * self._packed):
+            raise PartError(
+                f"{self._label}: expected a mesh, got an archive of {self._packed:,} bytes that unpacks to more than "
+                f"{self._read:,}. Export one part."
+            )
+
 
 UNITS = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft", "meter": "m"}
 
@@ -75,7 +125,8 @@ class _Package:
     def built(self) -> tuple[FloatArray, IntArray, str, list[str]]:
         root = self._root()
         model = self._model(root)
-        notes, items = [], model.items
+        notes = []
+        items = model.items
         if not items:
             used = {(p, i) for o in model.objects.values() for p, i, _ in o.components}
             items = [("", i, np.eye(4)) for i in model.objects if ("", i) not in used]
@@ -85,7 +136,8 @@ class _Package:
         if left and len(left) < len(items):
             kept = [item for item, kind in zip(items, kinds, strict=True) if kind in ("model", "surface")]
             named = ", ".join(sorted(set(left)))
-            items, count = kept, len(left)
+            items = kept
+            count = len(left)
             notes.append(f"Left out {count} {'object' if count == 1 else 'objects'} of the type {named}.")
         pieces = [piece for p, i, T in items for piece in self._meshes(p or root, i, T, ())]
         if not pieces:
@@ -160,7 +212,8 @@ def _tree(data: bytes, label: str) -> Any:
         root = etree.fromstring(data, parser)
         wrong = [one.message for one in parser.error_log if one.domain_name != "NAMESPACE"]
     except (etree.XMLSyntaxError, ValueError) as error:
-        root, wrong = None, [str(getattr(error, "msg", error))]
+        root = None
+        wrong = [str(getattr(error, "msg", error))]
     if root is None or wrong:
         detail = wrong[0].splitlines()[0] if wrong and wrong[0] else "nothing in it"
         raise PartError(f"{label}: expected XML in the 3MF file, got a damaged one ({detail}). Export it again.")

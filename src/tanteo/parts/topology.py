@@ -72,8 +72,10 @@ def mesh_edges(triangles: IntArray) -> MeshEdges:
     count = int(triangles.max(initial=0)) + 1
     forward = edges[:, 0] < edges[:, 1]
     keys, index = np.unique(edges.min(axis=1) * count + edges.max(axis=1), return_inverse=True)
-    left, right = np.full(len(keys), -1), np.full(len(keys), -1)
-    left[index[forward]], right[index[~forward]] = owner[forward], owner[~forward]
+    left = np.full(len(keys), -1)
+    right = np.full(len(keys), -1)
+    left[index[forward]] = owner[forward]
+    right[index[~forward]] = owner[~forward]
     assert (left >= 0).sum() + (right >= 0).sum() == len(edges), "an edge is run through twice in one direction"
     ends = np.stack([keys // count, keys % count], axis=1)
     return MeshEdges(ends, np.where(left < 0, right, left), np.where(right < 0, left, right))
@@ -92,7 +94,8 @@ def components(count: int, first: IntArray, second: IntArray) -> IntArray:
     """
     root = np.arange(count)
     while True:
-        a, b = root[first], root[second]
+        a = root[first]
+        b = root[second]
         apart = a != b
         if not apart.any():
             return np.asarray(np.unique(root, return_inverse=True)[1], dtype=np.int64)

@@ -67,7 +67,8 @@ def _together(part: Part) -> list[tuple[int, ...]]:
 
 def _continued(part: Part, rows: list[int]) -> BoolArray:
     """Return which faces lie on one cylinder and overlap along it ``(n, n)``."""
-    faces, near = [part.faces[k] for k in rows], SAME * part.diagonal
+    faces = [part.faces[k] for k in rows]
+    near = SAME * part.diagonal
     points = np.array([face.axis_point for face in faces]) - part.centroid
     axes = np.array([face.axis_direction for face in faces])
     axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
@@ -101,7 +102,8 @@ def _extent(points: Vectors, point: Vectors, axis: Vectors) -> tuple[float, floa
 def _wall(part: Part, faces: tuple[int, ...]) -> Wall | None:
     """Return the wall of some faces; None if its angular extent is too small."""
     face = part.faces[faces[0]]
-    point, axis = np.asarray(face.axis_point), np.asarray(face.axis_direction)
+    point = np.asarray(face.axis_point)
+    axis = np.asarray(face.axis_direction)
     triangles = part.vertices[part.triangles[np.isin(part.triangle_face, faces)]]
     if np.count_nonzero(_sectors(triangles, point, axis)) < _LEAST_BINS:
         return None
@@ -118,7 +120,8 @@ def _sectors(triangles: FloatArray, point: Vectors, axis: Vectors) -> BoolArray:
     off = triangles - point
     angles = np.arctan2(off @ np.cross(axis, x), off @ x)
     beside = (angles - angles[:, :1] + np.pi) % (2 * np.pi) - np.pi
-    low, high = angles[:, 0] + beside.min(axis=1), angles[:, 0] + beside.max(axis=1)
+    low = angles[:, 0] + beside.min(axis=1)
+    high = angles[:, 0] + beside.max(axis=1)
     middles = 2 * np.pi * (np.arange(_BINS) + 0.5) / _BINS
     after = (middles - low[:, None]) % (2 * np.pi)
     return np.asarray((after <= (high - low)[:, None]).any(axis=0))

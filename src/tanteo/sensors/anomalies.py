@@ -41,7 +41,8 @@ def _equal(measured: PointMeasurements) -> list[Sequence[str]]:
     if not len(measured):
         return []
     sds = np.sqrt(np.diagonal(measured.covs, axis1=-2, axis2=-1))
-    directions, normals = np.nan_to_num(measured.directions), np.nan_to_num(measured.normals)
+    directions = np.nan_to_num(measured.directions)
+    normals = np.nan_to_num(measured.normals)
     numbers = np.concatenate([measured.points, directions, normals, sds, measured.radii[:, None]], axis=1)
     inverse = np.unique(np.round(numbers / _SAME) + 0.0, axis=0, return_inverse=True)[
         1
@@ -65,7 +66,8 @@ def find_stuck(readings: Readings) -> Stuck | None:
         fine = (np.abs(steps - np.round(steps)) > _ROUNDING / _FINE).any()
         if count < (_FEW if fine else _MANY):
             continue
-        k, end = rows[first], rows[first + count - 1]
+        k = rows[first]
+        end = rows[first + count - 1]
         return Stuck(sensor, readings.ids[k], readings.ids[end], count, float(readings.ranges[k]))
     return None
 

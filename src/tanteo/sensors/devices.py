@@ -203,7 +203,8 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
             f"max of free reading '{readings.ids[short[0]]}': expected how far the beam reached, got nothing. "
             "Add the column max_mm, or a preset to the rig."
         )
-    points, directions = np.array(readings.points), np.array(readings.directions)
+    points = np.array(readings.points)
+    directions = np.array(readings.directions)
     units = np.full((len(readings), 4, 4), np.nan)
     if by_rig.any():
         T_hand_sensors = np.stack([d.mount.T_hand_sensor if d.mount else np.eye(4) for d in devices])

@@ -69,7 +69,8 @@ def draw_units(rng: np.random.Generator, model: ErrorModel, batch: tuple[int, ..
     values, vectors = np.linalg.eigh(model.cov_unit)
     roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     unit = np.einsum("kij,...kj->...ki", roots, rng.normal(size=(*shape, 7)))
-    unit, bias = unit[..., model.unit, :], rng.normal(size=shape)[..., model.unit]
+    unit = unit[..., model.unit, :]
+    bias = rng.normal(size=shape)[..., model.unit]
     T_unit_sensors = SE3.inverse(model.T_hand_units) @ model.T_hand_sensors
     return UnitErrors(
         bias=model.bias + model.bias_sd * bias,

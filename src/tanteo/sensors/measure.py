@@ -78,7 +78,8 @@ def measure(
     points, radii = _surface_points(readings, placed)
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
     half_angles = np.where(np.isnan(half_angles), beam_half_angle, half_angles)
-    covs, aims = _independent(readings, placed, half_angles, sds, radii), aims_of(readings, placed)
+    covs = _independent(readings, placed, half_angles, sds, radii)
+    aims = aims_of(readings, placed)
     shared = list[SharedEffect]()
     if robot is not None:
         covs = covs + _repeatability(readings, points, robot)

@@ -140,7 +140,8 @@ class PointMeasurements:
             3)`` without the normals' tilt; and the distances of the surface ``(n,)`` [m].
         """
         off = self.subtracted_radii > 0
-        points, covs = np.array(self.points), np.array(self.covs)
+        points = np.array(self.points)
+        covs = np.array(self.covs)
         points[off] += self.subtracted_radii[off, None] * self.normals[off]
         slip = (self.subtracted_radii * np.nan_to_num(self.normal_sds))[off] ** 2
         covs[off] -= beam_cov(self.normals[off], np.zeros_like(slip), slip)
@@ -159,6 +160,7 @@ class PointMeasurements:
         Returns:
             Gains of points ``(n, 3, D)``, of origins and of directions of free-space rays ``(m, 3, D)``.
         """
-        root, none = shared_root(self.shared), np.zeros((len(self.free), 3, 0))
+        root = shared_root(self.shared)
+        none = np.zeros((len(self.free), 3, 0))
         origins, turns = (np.concatenate([none, *Js], axis=-1) for Js in (self.free.jacobians, self.free.turns))
         return self.stacked()[0] @ root, origins @ root, turns @ root

@@ -46,13 +46,15 @@ def range_variance(
     Raises:
         InputError: an incidence is pi/2 or more, where the beam misses the surface.
     """
-    d, beta = np.asarray(d, dtype=np.float64), np.asarray(beta, dtype=np.float64)
+    d = np.asarray(d, dtype=np.float64)
+    beta = np.asarray(beta, dtype=np.float64)
     cos = np.cos(beta)
     if not (cos > 0).all():
         raise InputError(
             f"beta: expected an incidence below pi/2, got {np.max(np.abs(beta)):g} rad. The beam must face the surface."
         )
-    reflectance, incidence = 0.5 * d * s_rho, 0.5 * d * np.tan(beta) * s_beta
+    reflectance = 0.5 * d * s_rho
+    incidence = 0.5 * d * np.tan(beta) * s_beta
     return np.asarray(s0**2 + (k1 * d) ** 2 + (k3 * d**3 / cos) ** 2 + reflectance**2 + incidence**2)
 
 
@@ -133,7 +135,8 @@ def beam_cov(beam: Vectors, along: FloatArray | float, across: FloatArray | floa
         along: variance along the beam [m^2].
         across: variance across the beam per axis [m^2].
     """
-    along, across = np.asarray(along, dtype=np.float64), np.asarray(across, dtype=np.float64)
+    along = np.asarray(along, dtype=np.float64)
+    across = np.asarray(across, dtype=np.float64)
     outer = beam[..., :, None] * beam[..., None, :]
     return np.asarray(across[..., None, None] * np.eye(3) + (along - across)[..., None, None] * outer)
 

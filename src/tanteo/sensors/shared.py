@@ -155,7 +155,9 @@ def of_devices(
 
 def _mounted(placed: Placed, rows: BoolArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives of points and of ray directions by the sensor's body error ``(n, 3, 6)``."""
-    J, turns, open_ = np.zeros((len(rows), 3, 6)), np.zeros((len(rows), 3, 6)), rows & free
+    J = np.zeros((len(rows), 3, 6))
+    turns = np.zeros((len(rows), 3, 6))
+    open_ = rows & free
     J[rows] = body_jacobian(placed.T_world_units[rows], placed.points[rows])
     ahead = placed.points[open_] + placed.directions[open_]
     turns[open_] = body_jacobian(placed.T_world_units[open_], ahead) - J[open_]

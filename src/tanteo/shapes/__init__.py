@@ -4,9 +4,8 @@ The package wraps libigl (double precision) and Embree (single precision, hits r
 mesh frame in metres; points have leading batch axes.
 """
 
-from tanteo.shapes.ball import ball_contact
 from tanteo.shapes.borders import Borders, borders
-from tanteo.shapes.field import DistanceField, as_signed, distance_field, signed_distance
+from tanteo.shapes.field import DistanceField, as_signed, ball_contact, distance_field, signed_distance
 from tanteo.shapes.junctions import SHARP, Junctions
 from tanteo.shapes.near_planes import NearPlanes, near_planes, nearest
 from tanteo.shapes.revolved import Profiles, Revolved, revolved

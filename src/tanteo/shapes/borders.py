@@ -88,7 +88,8 @@ def borders(surface: Surface) -> Borders:
     """
     edges, sides = _sharp_edges(surface)
     smooth = _smooth_faces(surface, edges)
-    junctions, corners = [at_edges(surface, edges, sides, smooth)], np.full(len(surface.vertices), -1)
+    junctions = [at_edges(surface, edges, sides, smooth)]
+    corners = np.full(len(surface.vertices), -1)
     valence = np.bincount(edges.ravel(), minlength=len(surface.vertices))
     incident = _incident(surface, np.flatnonzero(valence >= 3))
     sharp = {(int(a), int(b)) for a, b in edges}
@@ -107,12 +108,14 @@ def _searchable(vertices: FloatArray, edges: IntArray) -> tuple[Any, FloatArray,
     import igl  # slow to import
 
     tree = igl.AABB()
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low = vertices.min(axis=0)
+    high = vertices.max(axis=0)
     step = float((high - low).max()) / _CELLS
     if not len(edges):
         return tree, low, step, np.full((1, 1, 1), np.inf)
     tree.init(vertices, edges)
-    shape, origin = np.ceil((high - low) / step).astype(int) + 3, low - step
+    shape = np.ceil((high - low) / step).astype(int) + 3
+    origin = low - step
     axes = [origin[k] + step * np.arange(shape[k]) for k in range(3)]
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     squared, _, _ = tree.squared_distance(vertices, edges, np.ascontiguousarray(centres))
@@ -125,7 +128,8 @@ def _sharp_edges(surface: Surface) -> tuple[IntArray, IntArray]:
     ends = np.sort(T[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     owner = np.repeat(np.arange(len(T)), 3)
     order = np.lexsort((ends[:, 1], ends[:, 0]))
-    ends, owner = ends[order], owner[order]
+    ends = ends[order]
+    owner = owner[order]
     _, first, count = np.unique(ends, axis=0, return_index=True, return_counts=True)
     first = first[count == 2]
     sides = np.stack([owner[first], owner[first + 1]], axis=1)
@@ -139,13 +143,17 @@ def _smooth_faces(surface: Surface, sharp: IntArray) -> IntArray:
     from scipy.sparse import coo_array  # slow to import
     from scipy.sparse.csgraph import connected_components
 
-    T, V = surface.triangles, len(surface.vertices)
+    T = surface.triangles
+    V = len(surface.vertices)
     ends = np.sort(T[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    keys, owner = ends[:, 0] * V + ends[:, 1], np.repeat(np.arange(len(T)), 3)
+    keys = ends[:, 0] * V + ends[:, 1]
+    owner = np.repeat(np.arange(len(T)), 3)
     order = np.argsort(keys, kind="stable")
-    keys, owner = keys[order], owner[order]
+    keys = keys[order]
+    owner = owner[order]
     joined = (keys[1:] == keys[:-1]) & ~np.isin(keys[1:], sharp[:, 0] * V + sharp[:, 1])
-    a, b = owner[:-1][joined], owner[1:][joined]
+    a = owner[:-1][joined]
+    b = owner[1:][joined]
     graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(T), len(T)))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 

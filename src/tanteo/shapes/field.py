@@ -1,4 +1,4 @@
-"""Compute the signed distance to a surface, exactly, or interpolated from a grid for many points."""
+"""Compute the signed distance to a surface, exactly or from a grid, and the path of a ball until contact."""
 
 from __future__ import annotations
 
@@ -94,7 +94,8 @@ def distance_field(surface: Surface, cells: int = CELLS) -> DistanceField:
         surface: closed mesh.
         cells: number of cells along the longest side of the grid, including margins.
     """
-    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    low = surface.vertices.min(axis=0)
+    high = surface.vertices.max(axis=0)
     margin = _MARGIN * float(np.linalg.norm(high - low))
     size = high - low + 2 * margin
     step = float(size.max()) / cells
@@ -106,3 +107,30 @@ def distance_field(surface: Surface, cells: int = CELLS) -> DistanceField:
     table = np.column_stack([distance, gradient]).astype(np.float32)
     table.setflags(write=False)
     return DistanceField(origin, step, (shape[0], shape[1], shape[2]), table)
+
+
+_STEPS, _NEAR = 200, 1e-7
+"""Largest number of steps, and the distance that counts as contact [m]."""
+
+
+def ball_contact(surface: Surface, origin: Vectors, direction: Vectors, radius: float, reach: float = np.inf) -> float:
+    """Return the path length of a ball's centre along a direction until contact [m]; infinite without contact.
+
+    The steps are as long as the distance to the surface (sphere tracing, Hart 1996).
+
+    Args:
+        surface: body, in its own frame.
+        origin: centre of the ball at the start, same frame ``(3,)`` [m].
+        direction: unit direction ``(3,)``.
+        radius: radius of the ball [m]; 0 for a sharp tip.
+        reach: path length at which the search ends [m].
+    """
+    way = 0.0
+    for _ in range(_STEPS):
+        gap = float(signed_distance(surface, (origin + way * direction)[None])[0][0]) - radius
+        way += gap
+        if gap < _NEAR:
+            return max(way, 0.0) if way <= reach else np.inf
+        if way > reach:
+            break
+    return np.inf

@@ -93,7 +93,8 @@ def at_edges(surface: Surface, edges: IntArray, sides: IntArray, smooth: IntArra
         smooth: smooth face number of each triangle ``(T,)``.
     """
     out = _empty(len(edges))
-    a, b = surface.vertices[edges[:, 0]], surface.vertices[edges[:, 1]]
+    a = surface.vertices[edges[:, 0]]
+    b = surface.vertices[edges[:, 1]]
     for side in range(2):
         n = surface.normals[sides[:, side]]
         m = _into(n, a, b, surface.vertices[surface.triangles[sides[:, side]]].mean(axis=1))
@@ -156,12 +157,14 @@ def at_corner(
     fans = _fans(surface, vertex, triangles, sharp)
     if not 3 <= len(fans) <= FACES:
         return None
-    out, v = _empty(1), surface.vertices[vertex]
+    out = _empty(1)
+    v = surface.vertices[vertex]
     for k, (fan, lines) in enumerate(fans):
         if len(lines) != 2:
             return None
         others = np.array([[w for w in surface.triangles[t] if w != vertex] for t in fan])
-        p, q = surface.vertices[others[:, 0]] - v, surface.vertices[others[:, 1]] - v
+        p = surface.vertices[others[:, 0]] - v
+        q = surface.vertices[others[:, 1]] - v
         angles = np.arctan2(np.linalg.norm(np.cross(p, q), axis=1), np.sum(p * q, axis=1))
         n = angles @ surface.normals[fan]
         n /= np.linalg.norm(n)
@@ -188,9 +191,12 @@ def _fans(
         for w in surface.triangles[t]:
             if w != vertex:
                 spokes.setdefault(int(w), []).append(int(t))
-    left, out = {int(t) for t in triangles}, []
+    left = {int(t) for t in triangles}
+    out = []
     while left:
-        fan, stack, lines = list[int](), [left.pop()], list[tuple[int, int]]()
+        fan = list[int]()
+        stack = [left.pop()]
+        lines = list[tuple[int, int]]()
         while stack:
             t = stack.pop()
             fan.append(t)

@@ -78,7 +78,8 @@ def near_planes(surface: Surface, field: DistanceField) -> NearPlanes:
         field: distance grid of the mesh.
     """
     cells = len(field.table)
-    planes, clearance = np.zeros(cells, dtype=np.int32), np.zeros(cells, dtype=np.float32)
+    planes = np.zeros(cells, dtype=np.int32)
+    clearance = np.zeros(cells, dtype=np.float32)
     plane, table, triangles = _planes(surface)
     if surface.pseudonormals is not None:
         rows = np.flatnonzero(np.abs(field.table[:, 0]) < _BAND * field.step)

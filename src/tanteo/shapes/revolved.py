@@ -88,11 +88,15 @@ class Profiles:
         across = v - height[:, None] * self.axes
         rho = np.linalg.norm(across, axis=-1)
         out = across / np.maximum(rho, 1e-300)[:, None]
-        c, s, beyond = np.cos(self.slopes), np.sin(self.slopes), rho - self.offsets
+        c = np.cos(self.slopes)
+        s = np.sin(self.slopes)
+        beyond = rho - self.offsets
         tube = np.hypot(beyond, height)
-        straight, safe = self.radii == 0, np.maximum(tube, 1e-300)
+        straight = self.radii == 0
+        safe = np.maximum(tube, 1e-300)
         phi = np.where(straight, beyond * c - height * s, tube - self.radii)
-        by_out, by_axis = np.where(straight, c, beyond / safe), np.where(straight, -s, height / safe)
+        by_out = np.where(straight, c, beyond / safe)
+        by_axis = np.where(straight, -s, height / safe)
         n = by_out[:, None] * out + by_axis[:, None] * self.axes
         return self.signs * phi, self.signs[:, None] * n, np.column_stack([out, rho]), tube
 
@@ -130,7 +134,8 @@ class Revolved:
         exact, n = self.profiles.take(rows).distance(points[index])
         ok = np.sum(n * g[index], axis=-1) > self.min_cosines[rows]
         index = tuple(axis[ok] for axis in index)
-        phi[index], g[index] = exact[ok], n[ok]
+        phi[index] = exact[ok]
+        g[index] = n[ok]
 
     def curvatures(
         self, points: Vectors, triangles: IntArray, g: Vectors
@@ -166,14 +171,16 @@ def revolved(
         precision: largest accepted distance of vertices from their surface ``(F,)`` [m].
     """
     own = np.flatnonzero(rows >= 0)
-    row, count = rows[own], len(profiles.signs)
+    row = rows[own]
+    count = len(profiles.signs)
     phi, n = profiles.take(np.repeat(row, 3)).distance(corners[own].reshape(-1, 3))
     off = np.abs(phi).reshape(-1, 3).max(axis=1, initial=0.0)
     n = n.reshape(-1, 3, 3)
     cosines = np.sum(n * normals[own, None], axis=-1)
     areas = np.linalg.norm(np.cross(corners[own, 1] - corners[own, 0], corners[own, 2] - corners[own, 0]), axis=1)
     inside = np.bincount(row, areas * cosines.sum(axis=1), minlength=count) < 0
-    signs, worst = np.where(inside, -1.0, 1.0), np.zeros(count)
+    signs = np.where(inside, -1.0, 1.0)
+    worst = np.zeros(count)
     np.maximum.at(worst, row, off)
     cosines = np.where(np.sum(n * n, axis=-1) > 1 - 1e-6, cosines * signs[row, None], 1.0)  # but at the apex of a cone
     turns = _mostly(np.arccos(np.clip(cosines.min(axis=1, initial=1.0), -1.0, 1.0)), areas, row, count)

@@ -8,9 +8,149 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.shapes.checks import checked_mesh, checked_points, checked_rays
-from tanteo.shapes.pseudonormals import Pseudonormals, pseudonormals
+from tanteo.errors import InputError
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
+
+
+def checked_mesh(vertices: npt.ArrayLike, triangles: npt.ArrayLike) -> tuple[FloatArray, IntArray]:
+    """Return copies of vertices ``(V, 3)`` and triangles ``(T, 3)``.
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
+
+    Raises:
+        InputError: an array has the wrong shape, is empty, not finite, or has an index out of range.
+    """
+    points = np.array(vertices, dtype=np.float64, order="C")
+    if points.ndim != 2 or points.shape[-1] != 3 or len(points) < 3:
+        raise InputError(f"vertices: expected shape (V, 3) with V >= 3, got {points.shape}. Pass metres.")
+    if not np.isfinite(points).all():
+        raise InputError("vertices: expected finite coordinates, got NaN or infinity. Repair the mesh first.")
+    given = np.asarray(triangles)
+    if given.ndim != 2 or given.shape[-1] != 3 or not len(given) or given.dtype.kind not in "iu":
+        got = f"shape {given.shape} of {given.dtype}"
+        raise InputError(f"triangles: expected integers of shape (T, 3) with T >= 1, got {got}.")
+    corners = np.array(given, dtype=np.int64, order="C")
+    if corners.min() < 0 or corners.max() >= len(points):
+        got = f"{corners.min()} to {corners.max()}"
+        raise InputError(f"triangles: expected indices from 0 to {len(points) - 1}, got {got}.")
+    return points, corners
+
+
+def checked_points(name: str, values: npt.ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
+    """Return points as ``(n, 3)``, and the shape of their batch.
+
+    Args:
+        name: name of the argument, for messages.
+        values: points ``(*batch, 3)``.
+
+    Raises:
+        InputError: the last axis is not 3, or a coordinate is not finite.
+    """
+    points = np.asarray(values, dtype=np.float64)
+    if points.ndim < 1 or points.shape[-1] != 3:
+        raise InputError(f"{name}: expected shape (*batch, 3), got {points.shape}. Put x, y, z on the last axis.")
+    if not np.isfinite(points).all():
+        raise InputError(f"{name}: expected finite coordinates, got NaN or infinity. Drop those rows first.")
+    return np.ascontiguousarray(points.reshape(-1, 3)), points.shape[:-1]
+
+
+def checked_rays(origins: npt.ArrayLike, directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray, tuple[int, ...]]:
+    """Return origins and unit directions as ``(n, 3)``, and the shape of their batch.
+
+    Args:
+        origins: origins ``(*batch, 3)``.
+        directions: directions ``(*batch, 3)`` of any length except zero.
+
+    Raises:
+        InputError: the arrays are not points and directions, do not broadcast, or a direction is zero.
+    """
+    checked_points("origins", origins)
+    checked_points("directions", directions)
+    try:
+        starts, rays = np.broadcast_arrays(np.asarray(origins, float), np.asarray(directions, float))
+    except ValueError:
+        got = f"{np.shape(origins)} and {np.shape(directions)}"
+        raise InputError(f"directions: expected a shape that broadcasts with origins, got {got}.") from None
+    lengths = np.linalg.norm(rays, axis=-1, keepdims=True)
+    if (lengths <= 0.0).any():
+        raise InputError("directions: expected vectors with a length, got zero. Drop those rays first.")
+    batch = starts.shape[:-1]
+    unit = np.ascontiguousarray((rays / lengths).reshape(-1, 3))
+    return np.ascontiguousarray(starts.reshape(-1, 3)), unit, batch
+
+
+_ON_BORDER = 1e-6
+"""Barycentric coordinate below which a point counts as lying on an edge or vertex of its triangle."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pseudonormals:
+    """Barycentric coordinates of each triangle, and normals for its interior, three edges and three vertices.
+
+    Attributes:
+        slopes: gradients of the weights of the second and third vertex ``(T, 2, 3)`` [1/m].
+        offsets: values of these weights at the origin ``(T, 2)``.
+        table: unnormalized normals ``(T, 8, 3)``; bit ``k`` of the column is set if the weight of vertex ``k`` is zero.
+    """
+
+    slopes: FloatArray
+    offsets: FloatArray
+    table: FloatArray
+
+    def at(self, points: Vectors, triangles: IntArray) -> Vectors:
+        """Return pseudonormals ``(*batch, 3)`` at surface points.
+
+        Args:
+            points: points on the surface ``(*batch, 3)`` [m].
+            triangles: triangles of the points ``(*batch,)``.
+        """
+        weights = (self.slopes[triangles] @ points[..., None])[..., 0] + self.offsets[triangles]
+        first = 1.0 - weights[..., 0] - weights[..., 1] < _ON_BORDER
+        border = first + 2 * (weights[..., 0] < _ON_BORDER) + 4 * (weights[..., 1] < _ON_BORDER)
+        return np.asarray(self.table.reshape(-1, 3)[8 * triangles + border])
+
+
+def pseudonormals(vertices: FloatArray, triangles: IntArray, normals: FloatArray) -> Pseudonormals | None:
+    """Return the pseudonormals of a mesh; None if an edge does not have exactly two triangles.
+
+    Source: Baerentzen and Aanaes 2005, "Signed distance computation using the angle weighted pseudonormal".
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
+        normals: unit normals of the triangles ``(T, 3)``.
+    """
+    edges = np.sort(triangles[:, [[1, 2], [2, 0], [0, 1]]], axis=2).reshape(-1, 2)
+    _, edge, count = np.unique(edges[:, 0] * len(vertices) + edges[:, 1], return_inverse=True, return_counts=True)
+    corners = vertices[triangles]
+    u = corners[:, 1] - corners[:, 0]
+    v = corners[:, 2] - corners[:, 0]
+    n = np.cross(u, v)
+    squared = np.sum(n * n, axis=1)
+    if np.any(count != 2) or np.any(squared == 0.0):
+        return None
+    slopes = np.stack([np.cross(v, n), np.cross(n, u)], axis=1) / squared[:, None, None]
+    along_edges = _sums(edge, np.repeat(normals, 3, axis=0))[edge].reshape(-1, 3, 3)
+    weighted = (_angles(corners)[..., None] * normals[:, None]).reshape(-1, 3)
+    at_corners = _sums(triangles.ravel(), weighted, len(vertices))[triangles]
+    e = along_edges.transpose(1, 0, 2)
+    c = at_corners.transpose(1, 0, 2)
+    table = np.stack([normals, e[0], e[1], c[2], e[2], c[1], c[0], normals], axis=1)
+    return Pseudonormals(slopes, -np.einsum("tki,ti->tk", slopes, corners[:, 0]), table)
+
+
+def _angles(corners: FloatArray) -> FloatArray:
+    """Return the angles of triangles ``(T, 3)`` [rad]."""
+    a = np.roll(corners, -1, axis=1) - corners
+    b = np.roll(corners, 1, axis=1) - corners
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
+
+
+def _sums(index: IntArray, rows: FloatArray, count: int = 0) -> FloatArray:
+    """Return sums of rows ``(m, 3)`` by index."""
+    return np.stack([np.bincount(index, weights=rows[:, k], minlength=count) for k in range(3)], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,7 +342,8 @@ class Surface:
             from embreex.mesh_construction import TriangleMesh
             from embreex.rtcore_scene import EmbreeScene
 
-            low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+            low = self.vertices.min(axis=0)
+            high = self.vertices.max(axis=0)
             centre = (low + high) / 2.0
             radius = float(np.linalg.norm(self.vertices - centre, axis=1).max())
             scene = EmbreeScene()
