@@ -211,7 +211,7 @@ def test_positions_of_robots_are_poses_with_a_tool(tmp_path, case):
 @pytest.mark.parametrize(
     ("case", "notes"),
     [
-        ("grbl", ["1 probe met nothing"]),
+        ("grbl", ["1 probe made no contact"]),
         ("linuxcnc with a rotary axis", ["Axis A was at 90"]),
         ("fusion", ["1 nominal point without"]),
         ("dmis", ["1 feature of other kinds"]),
@@ -262,7 +262,7 @@ def test_what_is_lacking_or_too_much_is_named(tmp_path, case, said, message):
     ("content", "message"),
     [
         (rows(np.c_[P, np.arange(24).reshape(4, 6)]), "expected axis A to stand still"),
-        ("[PRB:1,2,3:0]\n", "expected at least one probe that met something"),
+        ("[PRB:1,2,3:0]\n", "expected at least one probe move with contact"),
         ("[PRB:1,2,x:1]\n", "line 1: expected finite numbers of a probe report, got 'x'"),
         ("G800 N1 X0. Y0. Z0. I0. J0. K1.\n", "Export the results of the measurement, not the program"),
         ("UNITS/MM\nFILNAM/'A'\nFA(C)=FEAT/CIRCLE,CART,0,0,0,0,0,1,5\n", "got 1 feature of other kinds"),

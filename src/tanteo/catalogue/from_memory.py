@@ -25,8 +25,7 @@ def part_from_mesh(
     """Make a part from vertices and triangles in memory.
 
     The mesh is checked and repaired like one from a file, and the part can be used like one from a file. Its
-    ``repairs``
-    list the changes. An open surface is accepted, too.
+    ``repairs`` list the changes. An open surface is accepted, too.
 
     Args:
         vertices: vertices ``(V, 3)`` in ``unit``.

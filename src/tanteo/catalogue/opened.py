@@ -25,8 +25,7 @@ class Catalogue(StoredParts):
     """Parts on disk, opened in milliseconds for any number of parts and readable by any number of processes.
 
     A catalogue is a sequence: ``catalogue[3]`` and ``catalogue["bracket"]`` are parts, and ``tanteo.identify`` accepts
-    it
-    as candidate parts. The columns for the coarse evaluation (sizes, distances between faces) are memory-mapped.
+    it as candidate parts. The columns for the coarse evaluation (sizes, distances between faces) are memory-mapped.
 
     Attributes:
         folder: folder of the catalogue.

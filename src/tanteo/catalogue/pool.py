@@ -3,8 +3,7 @@
 A thread serves each worker with one file at a time. A worker that dies or exceeds the time limit is replaced, and its
 file yields an error message. Workers are plain ``python -c`` processes instead of ``multiprocessing`` ones, so that
 calling scripts need no ``if __name__ == "__main__"``. The first line to a worker states its limits; each further line
-is
-a request in JSON. A reply is a letter (``P`` part, ``R`` record, ``E`` error), eight bytes of length, and the data.
+is a request in JSON. A reply is a letter (``P`` part, ``R`` record, ``E`` error), eight bytes of length, and the data.
 """
 
 from __future__ import annotations

@@ -79,8 +79,7 @@ def read_parts(
     """Read CAD files and folders of CAD files.
 
     STEP, IGES and GLB files and large sets are read in worker processes, so that a file that crashes the CAD kernel,
-    never
-    ends or exhausts the memory does not affect the others.
+    never ends or exhausts the memory does not affect the others.
 
     Args:
         paths: files, and folders whose readable files are used in alphabetical order (without subfolders).

@@ -47,10 +47,8 @@ def stable_poses(part: Part, least: float = 0.01) -> tuple[StablePose, ...]:
     """Return the stable poses of a part, most probable first.
 
     A pose is stable if the centroid is above the face of the convex hull that the part rests on. A dropped part ends on
-    a
-    face with a probability proportional to the solid angle of the face seen from the centroid, plus that of unstable
-    faces
-    that tip over to it (Goldberg et al. 1999, implemented in ``trimesh``).
+    a face with a probability proportional to the solid angle of the face seen from the centroid, plus that of unstable
+    faces that tip over to it (Goldberg et al. 1999, implemented in ``trimesh``).
 
     Args:
         part: part with its mesh; its density is assumed to be uniform.

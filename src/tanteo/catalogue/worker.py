@@ -71,8 +71,7 @@ def attempt(read: Callable[..., Read], path: str, unit: str | None, name: str, m
     """Read one file, and return the part or an error message.
 
     A bad file affects only itself, whatever its reader raises. This function and ``third_party_reader`` are the only
-    places
-    that catch every exception (``docs/decisions/0067``).
+    places that catch every exception (``docs/decisions/0067``).
 
     Args:
         read: function that reads a file.

@@ -149,8 +149,7 @@ def angle_bias(
     """Return the second-order mean error of the angle [rad]: ``(s1^2 + s2^2)/2 cot(alpha) - c12 / sin(alpha)``.
 
     ``s_i`` are the standard deviations of the tilts out of the common plane, and ``c12`` is their covariance
-    (``math.md``
-    sections 4.4 and 12).
+    (``math.md`` sections 4.4 and 12).
 
     Args:
         pair: relative geometry of the pairs.

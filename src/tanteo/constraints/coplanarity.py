@@ -2,8 +2,7 @@
 
 The paper takes the two variances from the third and fifth entries of ``Ee^S``, which are in the edge's frame and depend
 on psi, a free rotation of the edge. Here the rows are in the plane's frame, and both conditions are tested together
-with
-their covariance, so the statistic does not depend on the edge's origin.
+with their covariance, so the statistic does not depend on the edge's origin.
 """
 
 from __future__ import annotations

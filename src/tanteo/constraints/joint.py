@@ -56,8 +56,7 @@ def whitened_test(g: FloatArray, G: FloatArray) -> JointTest:
     """Return :func:`joint_test` from whitened residuals and derivatives.
 
     Shared errors may be additional unknowns, with rows that state their prior. The statistic is the same, without a
-    joint
-    covariance of all residuals.
+    joint covariance of all residuals.
 
     Args:
         g: whitened residuals ``(m,)``.

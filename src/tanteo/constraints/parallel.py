@@ -129,8 +129,7 @@ def parallel_planes(
     """Return tilts ``sgn(a_z) (a_x, a_y)`` and *signed* offset ``p_z`` of two planes, (22)-(24).
 
     The offset of the second plane is along the outward normal of the first: a step if the normals agree, minus the
-    thickness
-    if they are opposite. The paper's ``|p_z|`` is a folded normal, and its ``F*`` lacks the sign.
+    thickness if they are opposite. The paper's ``|p_z|`` is a folded normal, and its ``F*`` lacks the sign.
 
     Args:
         T1: frames ``T_world_plane`` ``(*batch, 4, 4)`` [m].

@@ -24,8 +24,7 @@ def relate_pattern(features: Sequence[Feature], model: Vectors) -> JointTest:
     """Test whether centres (or vertices) match those of a model, in the given order, up to one rigid motion.
 
     A mirror image is a different pattern, except in a plane: a planar pattern equals its mirror image turned over, and
-    only
-    the axes of its holes separate the two.
+    only the axes of its holes separate the two.
 
     Args:
         features: two or more circles, spheres, cones or vertices; shared errors are treated exactly.

@@ -1,9 +1,8 @@
 """Compute all constraints between features, as array operations over their pairs.
 
 One pass computes the relative geometry of all pairs, their values with partial derivatives, and one covariance per
-pair;
-the columns of the table are slices of it. Features are first re-framed halfway to each other (``math.md`` section 13),
-and shared errors cancel exactly.
+pair; the columns of the table are slices of it. Features are first re-framed halfway to each other (``math.md`` section
+13), and shared errors cancel exactly.
 """
 
 from __future__ import annotations

@@ -2,9 +2,8 @@
 
 In the frame of the first feature, the second has an origin ``p`` and an axis ``b`` (x of an edge, z of a plane). Every
 constraint is a function ``f(p, b)``. Its partial derivatives ``q = df/dp`` and ``r = df/db`` give its gradients over
-the
-body errors of both features without Euler angles, so nothing is singular at theta = +-pi/2 (``math.md`` sections 3 and
-4; in the paper, ``F* J2(+){x12, 0}`` of (12), (15), (17)).
+the body errors of both features without Euler angles, so nothing is singular at theta = +-pi/2 (``math.md`` sections 3
+and 4; in the paper, ``F* J2(+){x12, 0}`` of (12), (15), (17)).
 """
 
 from __future__ import annotations
@@ -89,8 +88,7 @@ def slide_to_middle(pair: Relative, free: Vectors) -> Relative:
     """Re-frame the second feature halfway to the first origin (``math.md`` section 13, rule 3).
 
     Second-order terms grow with the lever arms, which are shortest for both features at the middle. The first feature
-    needs
-    no re-framing, because no constraint depends on its origin along its own free directions.
+    needs no re-framing, because no constraint depends on its origin along its own free directions.
 
     Args:
         pair: relative geometry.
@@ -129,8 +127,7 @@ def propagate(
     """Return the first-order covariance ``(*batch, m, m)`` of values with given gradients.
 
     The cross terms have the sign of body errors, ``e12 = e2 - J e1``. The paper's appendix 2 reverses it and would
-    double
-    common errors instead of cancelling them (``math.md`` section 3).
+    double common errors instead of cancelling them (``math.md`` section 3).
 
     Args:
         g1: gradients over the first body error ``(*batch, m, 6)``.

@@ -1,8 +1,7 @@
 """Register the kinds of features: which perturbations of the frame matter, and which map the feature onto itself.
 
 Rows index the tangent ``(x, y, z, wx, wy, wz)``. The rows of a kind are its perturbation coordinates. The other rows
-are
-its free directions: motions along them leave the feature unchanged and carry no information (paper section 2,
+are its free directions: motions along them leave the feature unchanged and carry no information (paper section 2,
 ``math.md`` section 2).
 """
 

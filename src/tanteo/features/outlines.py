@@ -41,8 +41,7 @@ def outlines_off(feature: Feature, sds: float) -> FloatArray:
     """Return the outlines displaced by several standard deviations to both sides ``(M, L, 2, 3)`` [m].
 
     The displacements are along the principal axes of the covariance of frame and size, with shared errors; the largest
-    is
-    last.
+    is last.
 
     Args:
         feature: feature to draw.

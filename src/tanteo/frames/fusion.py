@@ -40,8 +40,7 @@ def fuse(estimates: UncertainFrame) -> Fusion:
     """Return the maximum-likelihood frame of independent estimates.
 
     It minimizes ``sum r_i' C_i^-1 r_i`` with ``r_i = log(T_i^-1 T)`` (Barfoot and Furgale 2014). Estimates that share
-    an
-    error (one robot base, one calibration) are not independent: fusing them here reduces the shared error wrongly.
+    an error (one robot base, one calibration) are not independent: fusing them here reduces the shared error wrongly.
 
     Args:
         estimates: ``T_a_b`` ``(*batch, n, 4, 4)`` with covariances ``(*batch, n, 6, 6)``; the last batch axis counts

@@ -45,8 +45,7 @@ def matrix_to_loc(T: Transforms) -> LocationVectors:
     """Return location vectors ``(*batch, 6)`` of homogeneous matrices, with ``theta`` in ``[-pi/2, pi/2]``.
 
     ``theta`` comes from ``atan2``, because ``asin`` loses half the digits near a right angle; ``psi`` comes from the
-    matrix
-    rotated back by ``phi``. So :func:`loc_to_matrix` restores the matrix to rounding everywhere. In gimbal lock
+    matrix rotated back by ``phi``. So :func:`loc_to_matrix` restores the matrix to rounding everywhere. In gimbal lock
     (``theta = +-pi/2``) only ``phi -+ psi`` is defined, and ``phi`` is set to 0.
 
     Args:

@@ -14,11 +14,10 @@ name            ``G(T)``                 used by
 
 ROS specifies only "fixed-axis representation ... rotation about X axis, rotation about Y axis, rotation about Z axis"
 in the header's frame (REP 103; the message's comment). tf2 and robot_localization transform such a covariance to
-another
-header frame with ``diag(R, R)`` on both sides. That is correct for a displacement of the origin and a small rotation
-vector about axes through that origin, both along the header's axes: ``p' = p + dp``, ``R' = exp(dw) R``. ``ROS`` has
-this meaning here. Packages that store the covariance of roll, pitch and yaw instead (MRPT, some filters) differ from it
-at large pitch; ``frames.location_covariance`` computes that one.
+another header frame with ``diag(R, R)`` on both sides. That is correct for a displacement of the origin and a small
+rotation vector about axes through that origin, both along the header's axes: ``p' = p + dp``, ``R' = exp(dw) R``.
+``ROS`` has this meaning here. Packages that store the covariance of roll, pitch and yaw instead (MRPT, some filters)
+differ from it at large pitch; ``frames.location_covariance`` computes that one.
 """
 
 from __future__ import annotations

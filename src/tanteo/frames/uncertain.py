@@ -125,8 +125,7 @@ def relate(first: UncertainFrame, second: UncertainFrame, cross: FloatArray | No
     """Return ``T_f1_f2`` from ``T_world_f1`` and ``T_world_f2``: ``e12 = e2 - Ad(T12^-1) e1`` (paper, (26)).
 
     The sign is that of section 2 of the paper, not of its printed equation (26), so that a common error cancels
-    (``math.md``
-    section 3). Batches broadcast; :func:`relate_arrays` is the same on plain arrays.
+    (``math.md`` section 3). Batches broadcast; :func:`relate_arrays` is the same on plain arrays.
 
     Args:
         first: ``T_world_f1``.

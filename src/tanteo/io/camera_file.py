@@ -174,11 +174,10 @@ def read_camera(path: str | Path, *, rectified: bool = False, shape: tuple[int, 
 
     Supported are the files of OpenCV's calibration programs (``camera_matrix``, ``distortion_coefficients``; YAML, XML
     and JSON), ROS ``camera_info`` (the file of ``camera_calibration``, YAML or INI, or one message as text, with
-    binning
-    and region of interest), Kalibr's ``camchain.yaml`` of one pinhole camera, and ``intrinsics`` with ``fx fy cx cy``.
-    ``docs/vision.md`` lists other names of the distortion. Two keys are added to theirs: ``T_world_camera``, the
-    camera's pose (4 x 4, metres), or its inverse ``T_camera_world``; and ``edge_sd_px``, the standard deviation of a
-    whole edge in the image from lens and calibration errors.
+    binning and region of interest), Kalibr's ``camchain.yaml`` of one pinhole camera, and ``intrinsics`` with ``fx fy
+    cx cy``. ``docs/vision.md`` lists other names of the distortion. Two keys are added to theirs: ``T_world_camera``,
+    the camera's pose (4 x 4, metres), or its inverse ``T_camera_world``; and ``edge_sd_px``, the standard deviation of
+    a whole edge in the image from lens and calibration errors.
 
     Args:
         path: calibration file, YAML, XML, JSON or INI.

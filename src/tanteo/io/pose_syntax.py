@@ -37,8 +37,7 @@ def parse_pose(text: str, name: str = "pose", *, attitude: bool = True) -> Trans
 
     Without a brand the text is x, y, z and roll, pitch, yaw. With a brand it is the syntax of that controller, such as
     ``'ur p[0.4, ..]'``; for ``abb`` a robtarget is accepted. Named fields may come in any order, and fields that are
-    not
-    part of the pose (S, T, E1) are ignored.
+    not part of the pose (S, T, E1) are ignored.
 
     Args:
         text: typed pose.

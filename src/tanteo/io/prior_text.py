@@ -95,10 +95,8 @@ def parse_pose_prior(text: str, name: str = "pose_prior") -> UncertainFrame:
     """Return the prior pose of a text such as ``'400,200,0mm 0,0,90deg +- 5mm 3deg'``.
 
     Before ``+-`` stands a pose: x, y, z and roll, pitch, yaw as answers print them, or a brand name with its fields as
-    the
-    controller writes them: ``kuka {X 400, Y 200, ..}``, ``ur p[0.4, ..]``, ``abb [[..],[..]]``. After it stand one or
-    three
-    standard deviations of position and one or three of rotation; see :func:`spread_pose`.
+    the controller writes them: ``kuka {X 400, Y 200, ..}``, ``ur p[0.4, ..]``, ``abb [[..],[..]]``. After it stand one
+    or three standard deviations of position and one or three of rotation; see :func:`spread_pose`.
 
     Args:
         text: pose and standard deviations.

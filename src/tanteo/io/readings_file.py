@@ -47,8 +47,7 @@ def read_readings(
     """Read a file of readings in any known format (``docs/formats.md``), recognized by its content.
 
     The readings' ``notes`` list assumptions and ignored content. If the file lacks a required value, the error names
-    the
-    command-line option: ``--radius`` is the argument ``radius``.
+    the command-line option: ``--radius`` is the argument ``radius``.
 
     Args:
         path: file to read.

@@ -1,8 +1,7 @@
 """Collect ROS messages with readings and transforms, from a recording or live.
 
 Supported types are ``sensor_msgs/Range``, ``geometry_msgs/PointStamped``, ``PoseStamped`` and ``tf2_msgs/TFMessage``,
-as
-objects with the fields of these types (from rosbags or rclpy).
+as objects with the fields of these types (from rosbags or rclpy).
 """
 
 from __future__ import annotations
@@ -124,7 +123,7 @@ class RosMessages:
             self.latest[source] = stamp
         self.latest[source] = max(stamp, self.latest.get(source, -np.inf))
 
-    def twice(self, stamps: FloatArray) -> BoolArray:
+    def ambiguous(self, stamps: FloatArray) -> BoolArray:
         """Return the mask of stamps in intervals that a reset clock passed twice, where the time is ambiguous ``(n,)``.
 
         Args:

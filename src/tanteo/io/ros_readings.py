@@ -104,7 +104,7 @@ def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: li
     rows = list(unique(all_rows))
     if len(rows) < len(all_rows):
         notes.append(f"{len(all_rows) - len(rows)} of {len(all_rows)} readings came twice, and count once.")
-    twice = messages.twice(np.array([row.stamp for row in rows]))
+    twice = messages.ambiguous(np.array([row.stamp for row in rows]))
     if twice.any():
         back = max(high - low for low, high in messages.overlaps)
         notes.append(

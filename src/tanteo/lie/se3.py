@@ -3,8 +3,7 @@
 Rigid motions ``(*batch, 4, 4)`` and tangents ``[v, w]`` ``(*batch, 6)``, translation first [m, rad].
 
 Source: Barfoot and Furgale (2014) for ``Exp``, ``Log``, ``Ad`` and the right Jacobian. Below one radian, where the
-closed
-forms of its coefficients cancel, their power series are used.
+closed forms of its coefficients cancel, their power series are used.
 """
 
 from __future__ import annotations

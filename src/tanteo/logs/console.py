@@ -47,7 +47,7 @@ def read(contents: Contents) -> Log:
                 rows.append(place.split(",")[:3])
                 lines.append(k)
     if not rows:
-        contents.fail("at least one probe that met something ([PRB:...:1])", f"{missed} that did not", "Probe again.")
+        contents.fail("at least one probe move with contact ([PRB:...:1])", f"{missed} without", "Probe again.")
     points = contents.numbers(rows, lines, "a probe report")
     if points.shape[1] != 3:
         contents.fail("three coordinates or more of a probe report", str(points.shape[1]), "Correct it.", lines[0])
@@ -55,8 +55,8 @@ def read(contents: Contents) -> Log:
     inches = bool(said) and said[-1].lower() in ("1", "true", "on", "yes")
     notes = []
     if missed:
-        notes.append(f"{counted(missed, 'probe')} met nothing ([PRB:...:0]) and was left out." if missed == 1 else
-                     f"{missed} probes met nothing ([PRB:...:0]) and were left out.")  # fmt: skip
+        notes.append(f"{counted(missed, 'probe')} made no contact ([PRB:...:0]) and was left out." if missed == 1 else
+                     f"{missed} probes made no contact ([PRB:...:0]) and were left out.")  # fmt: skip
     if not said:
         notes.append(
             "Coordinates are taken as millimetres, which GRBL reports unless $13=1. For inches use --units in."

@@ -1,19 +1,15 @@
 """Read QIF documents (ISO 23952): measured points with their normals, and measured round features.
 
 Points are ``PointFeatureMeasurement`` and ``EdgePointFeatureMeasurement`` of version 3, or the ``...Actual`` elements
-of
-version 2, with ``Location`` and ``Normal``, and the ``Points`` of ``MeasuredPointSet``. Round features are ignored if
-the
-document has point sets, because they were fitted to those points. The unit is that of ``FileUnits``; the standard
-deviation of a point is ``combinedUncertainty`` of its ``Location``.
+of version 2, with ``Location`` and ``Normal``, and the ``Points`` of ``MeasuredPointSet``. Round features are ignored
+if the document has point sets, because they were fitted to those points. The unit is that of ``FileUnits``; the
+standard deviation of a point is ``combinedUncertainty`` of its ``Location``.
 
 Round features of version 3 are ``CircleFeatureMeasurement`` (``Location``, ``Normal``, ``Diameter``),
-``CircularArc...``
-(``Radius``), ``Cylinder...`` (``Axis`` with a point and a direction), ``Sphere...`` and ``Cone...`` (``Axis`` towards
-the
-wide end, diameter at its point, ``HalfAngle`` or ``FullAngle``); version 2 has ``...Actual`` instead (Features.xsd of
-``QualityInformationFramework/qif-community``). ``InternalExternal`` of the definition, found through the feature's item
-and its nominal, states the material side.
+``CircularArc...`` (``Radius``), ``Cylinder...`` (``Axis`` with a point and a direction), ``Sphere...`` and ``Cone...``
+(``Axis`` towards the wide end, diameter at its point, ``HalfAngle`` or ``FullAngle``); version 2 has ``...Actual``
+instead (Features.xsd of ``QualityInformationFramework/qif-community``). ``InternalExternal`` of the definition, found
+through the feature's item and its nominal, states the material side.
 """
 
 from __future__ import annotations
@@ -295,7 +291,7 @@ def _radius(document: Document, element: Any) -> float:
 def _cone(
     document: Document, element: Any, point: FloatArray, axis: FloatArray, radius: float
 ) -> tuple[FloatArray, float]:
-    """Return apex and half angle: the apex is ``radius / tan(half angle)`` behind the axis point."""
+    """Return apex and half angle; the apex is ``radius / tan(half angle)`` before the axis point."""
     for name, share in (("HalfAngle", 1.0), ("FullAngle", 0.5)):
         angle = child(element, name)
         if angle is not None:

@@ -29,9 +29,8 @@ def cut(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray
     """Cut a surface so that each edge has one triangle, or two with consistent winding.
 
     Around an edge with equally many triangles in both directions, the two with material between them stay together, so
-    that
-    bodies that touch along an edge separate. Otherwise those triangles stay together that continue each other with the
-    smallest angle. The remaining triangles end there, at a rim.
+    that bodies that touch along an edge separate. Otherwise those triangles stay together that continue each other with
+    the smallest angle. The remaining triangles end there, at a rim.
 
     Args:
         vertices: vertices ``(V, 3)``.

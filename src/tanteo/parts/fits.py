@@ -64,8 +64,7 @@ def fit_curved(
     """Return the surface from which a run of facets was made.
 
     If the facets themselves were cut by others, as in Boolean operations on faceted solids, some corners lie on chords
-    of the
-    surface. Only corners between two facets are certain to lie on it.
+    of the surface. Only corners between two facets are certain to lie on it.
 
     Args:
         corners: distinct corners of the facets ``(N, 3)`` [m].

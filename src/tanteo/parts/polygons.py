@@ -50,8 +50,7 @@ def read_obj(path: Path, label: str) -> tuple[FloatArray, IntArray]:
     """Read the vertices and faces of an OBJ file.
 
     Line ends of all systems and continuation lines are accepted, and indices may count back from the last vertex.
-    Colours
-    after coordinates, normals, textures, materials, groups, lines and points are ignored
+    Colours after coordinates, normals, textures, materials, groups, lines and points are ignored
     (http://paulbourke.net/dataformats/obj).
 
     Args:

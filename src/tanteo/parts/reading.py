@@ -28,8 +28,7 @@ class StoredParts(Sequence[Part]):
         """Sizes of all parts without opening them ``(n, 17)``.
 
         Columns: area, volume, radius, diameter, mean width, centroid, lowest and highest corner of the box, order of
-        symmetry,
-        whether the symmetry is continuous, fraction of the surface outside the compared faces.
+        symmetry, whether the symmetry is continuous, fraction of the surface outside the compared faces.
         """
 
     @abstractmethod

@@ -136,8 +136,7 @@ def round_features(part: Part) -> tuple[RoundFeature, ...]:
     """Return the holes and bosses of a part in the order of their first faces, cached with the part.
 
     Cylinders with equal axis, radius and side that overlap are one wall. Walls that extend over less than about half a
-    turn
-    are roundings and are excluded.
+    turn are roundings and are excluded.
 
     Args:
         part: the part.

@@ -152,8 +152,7 @@ def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
     """Orient an open surface with its front outside, or duplicate it with both orientations if that is unknown.
 
     Just in front of an almost closed surface, the winding number is 0 outside and -1 inside (Jacobson et al. 2013). For
-    a
-    flat sheet it is -1/2, and the side is unknown.
+    a flat sheet it is -1/2, and the side is unknown.
 
     Args:
         points: vertices ``(V, 3)``.

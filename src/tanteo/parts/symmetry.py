@@ -2,8 +2,7 @@
 
 Every symmetry permutes labelled vectors: the normals of planes, and the vectors from the centroid to the centroids of
 faces and to corners. Two nonparallel vectors determine a rotation, so every symmetry is among the maps of the rarest
-such
-pair to equal pairs. Each candidate is then checked on the whole surface.
+such pair to equal pairs. Each candidate is then checked on the whole surface.
 """
 
 from __future__ import annotations

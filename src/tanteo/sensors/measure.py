@@ -4,8 +4,7 @@
 that of its cone (half the half angle, ``math.md`` section 7). A contact reading, and a beam with unknown cone, have
 ``sd`` in every direction. The robot's repeatability is independent for each reading. Errors shared by the run are: the
 robot's absolute error (a rigid left error of the world about its origin), the tip's offset (in the hand frame), and
-each
-sensor's bias and scale (along its beam) and mounting.
+each sensor's bias and scale (along its beam) and mounting.
 """
 
 from __future__ import annotations

@@ -55,8 +55,7 @@ class PointMeasurements:
     """``n`` sensed points in the world, each with an independent covariance and a gain by shared errors.
 
     The true point ``i`` is ``points[i] + e_i + sum_k jacobians[k][i] @ c_k`` with independent ``e_i ~ N(0, covs[i])``
-    and
-    ``c_k ~ N(0, shared[k].covariance)`` common to all points.
+    and ``c_k ~ N(0, shared[k].covariance)`` common to all points.
 
     Attributes:
         ids: names of the readings.

@@ -1,8 +1,7 @@
 """Model the errors of a sensed point: range, beam and its cone, mounting and robot (``math.md`` section 7).
 
 There are two models of a cone. :func:`measure` assumes one ray drawn for every reading (:func:`draw_aims`): the hit
-point
-is off the axis by a quarter of the squared half angle per axis, independently. Many rays that fill the cone
+point is off the axis by a quarter of the squared half angle per axis, independently. Many rays that fill the cone
 (:func:`cone_rays`), blended into one range (:func:`blend`), simulate a real device whose spot is only partly on the
 part.
 """
@@ -64,8 +63,7 @@ def sensor_error_cov(
     """Return the covariance of a sensed feature's location in its own frame (Montano and Sagues 1991, equation (2)).
 
     ``T_robot_feature = T_robot_sensor T_sensor_feature``, with independent body errors of the robot (at ``robot``) and
-    of the
-    device (at ``sensor``): ``C = FJR C_r FJR^T + FJS C_d FJS^T``.
+    of the device (at ``sensor``): ``C = FJR C_r FJR^T + FJS C_d FJS^T``.
 
     Args:
         T_robot_sensor: pose of the sensor in the robot frame ``(*batch, 4, 4)`` [m].
@@ -228,10 +226,8 @@ def edge_shift(threshold: FloatArray | float) -> FloatArray:
     """Return the position of the axis relative to an edge, in spot radii, at which a crossing cone switches the device.
 
     It is zero for a threshold of half the spot and negative for a smaller one, so that the edge appears displaced
-    outwards
-    whichever side the crossing starts from. Crossings of two opposite edges cancel it, and so do crossings of one edge
-    in
-    both directions if part and background are both detected.
+    outwards whichever side the crossing starts from. Crossings of two opposite edges cancel it, and so do crossings of
+    one edge in both directions if part and background are both detected.
 
     Args:
         threshold: fraction of the spot at which the device switches, in (0, 1).

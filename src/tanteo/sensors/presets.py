@@ -30,8 +30,7 @@ class NoiseLaw:
 
     The constant, proportional and quadratic parts are independent and add in quadrature. With an exponential law the
     constant part is ``const (1 + exp(k (d - d0)))``: nearly constant up to ``d0``, then growing fast (Crazyflie
-    firmware,
-    ``zranger.c``).
+    firmware, ``zranger.c``).
 
     Attributes:
         const: constant standard deviation [m].

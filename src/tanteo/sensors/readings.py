@@ -242,8 +242,7 @@ class Readings:
         The other columns are missing values.
 
         The columns are those of the class. ``n``, the number of readings, is needed only if ``points``, ``ranges`` and
-        ``ids``
-        are all missing. Directions and normals may have any length except zero.
+        ``ids`` are all missing. Directions and normals may have any length except zero.
 
         Args:
             points: sensed points, or centres of the tip's ball ``(n, 3)`` [m].
@@ -344,7 +343,10 @@ def check_readings_kind(name: str, value: object) -> None:
 
 
 ENOUGH = 5000
-"""Number of readings above which the pose gains nothing: its error is then below one seventieth of a reading's."""
+"""Largest useful number of readings.
+
+The pose is then known 70 times better than one reading, beyond part tolerances.
+"""
 
 
 def thinned(readings: Readings, most: int = ENOUGH) -> Readings:

@@ -1,8 +1,7 @@
 """Model errors that readings share, and their effect on points and free-space rays.
 
 A free-space ray has an origin and a direction. An error of its frame moves both. Bias and scale of a sensor move
-neither,
-because they act on ranges.
+neither, because they act on ranges.
 """
 
 from __future__ import annotations

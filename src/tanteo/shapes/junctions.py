@@ -24,8 +24,7 @@ class Junctions:
     """Edges and corners: the adjacent faces as planes, and the lines that bound them.
 
     A face has one bounding line at an edge and two at a corner. Missing faces are not ``valid``. There is space for
-    four
-    faces (:data:`FACES`), or more after :meth:`beside`.
+    four faces (:data:`FACES`), or more after :meth:`beside`.
 
     Attributes:
         normals: outward normals of the faces ``(*batch, 4, 3)``.
@@ -127,7 +126,7 @@ def _widths(surface: Surface, smooth: IntArray, faces: IntArray, inward: Vectors
 
 
 def _into(normals: Vectors, a: Vectors, b: Vectors, inside: Vectors) -> Vectors:
-    """Return unit vectors in faces, perpendicular to lines from ``a`` to ``b``, towards the points inside."""
+    """Return unit vectors in the faces, perpendicular to lines from ``a`` to ``b``, on the side of inner points."""
     m = np.cross(normals, b - a)
     m /= np.maximum(np.linalg.norm(m, axis=-1, keepdims=True), 1e-300)
     return np.asarray(m * np.sign(np.sum(m * (inside - a), axis=-1, keepdims=True)))
