@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from log_cases import CASES, PCD_HEAD, PLY_HEAD, POSES, UP, P, R, console, fanuc, krl, rows, save
+from log_cases import CASES, MM, PCD_HEAD, PLY_HEAD, POSES, UP, P, R, console, fanuc, krl, rows, save
+from tanteo.errors import InputError, ReadingsError, UnitError
+from tanteo.io import read_readings
+from tanteo.logs import FORMATS, Contents, recognise
 
 
 @pytest.mark.parametrize("case", CASES)
