@@ -69,7 +69,7 @@ def test_one_centre_is_too_little(plate):
 def test_two_centres_alone_are_too_little(plate):
     answer = locate(sensed(FIRST[:2], top=0), plate)
     assert answer.status == "insufficient"
-    assert "sense a face" in answer.message
+    assert "Sense a face" in answer.message
 
 
 def test_one_hole_and_a_face_leave_a_turn_free(plate):

@@ -85,8 +85,8 @@ def verdict_of(
     if found:
         more.append(on_furniture(found[0]))
     more += [_missed(posterior.missing, status), _not_searched(outcome.chosen, posterior, status)]
-    if hypotheses and status != "unknown":
-        more.append(scattered(hypotheses[0], outcome.worst))
+    if hypotheses:
+        more.append(scattered(hypotheses[0], outcome.worst, unknown=status == "unknown"))
     return status, (*findings, *(one for one in more if one is not None))
 
 
