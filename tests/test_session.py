@@ -655,7 +655,9 @@ def test_poses_that_differ_by_less_than_tolerance_are_one_answer(targets):
     assert answered(three, Stop(0.98, tolerance=0.02), 0, 5, 0.01).status == "unknown"
     in_some = answered(three, Stop(0.6), 0, 5, 0.01)
     assert in_some.status == "ambiguous"  # of its poses; which part it is was asked for, and is said
-    assert in_some.message.startswith("It is wedge (66.0 %), in one of several poses. It may also be an unknown part (34.0 %).")
+    assert in_some.message.startswith(
+        "It is wedge (66.0 %), in one of several poses. It may also be an unknown part (34.0 %)."
+    )
     assert in_some.message.endswith("Sense a face that is at different places in these poses.")
     two = supposing(state, (0.79, 0.06), 0.15)
     pose = answered(two, Stop(0.8), 0, 5, 0.01)

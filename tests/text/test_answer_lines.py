@@ -39,7 +39,10 @@ def hypothesis(**changes):
     return Hypothesis(**(values | changes))
 
 
-def recognition(*hypotheses, status="recognized", unknown=0.03, found=GivenTwice("bracket")):
+FOUND = GivenTwice("bracket")
+
+
+def recognition(*hypotheses, status="recognized", unknown=0.03, found=FOUND):
     return Answer(status, (found,), hypotheses, unknown, {"load": 0.4, "search": 0.02, "total": 0.5}, 7)
 
 
@@ -132,7 +135,7 @@ def test_document_follows_the_contract():
     document = json.loads(recognition_json(result))
     assert document == recognition_document(result)
     assert list(document) == [
-        "schema", "version", "seed", "status", "message", "hypotheses", "unknown_probability", "elapsed_s",
+        "schema", "version", "seed", "status", "message", "hypotheses", "unknown_probability", "elapsed_s", "findings",
     ]  # fmt: skip
     assert (document["schema"], document["version"], document["seed"]) == ("tanteo.recognition/1", __version__, 7)
     assert document["elapsed_s"] == {"load": 0.4, "search": 0.02, "total": 0.5}
