@@ -33,7 +33,7 @@ def scene_of(page):
 def test_it_says_the_answer_the_wrong_reading_and_the_command(run, wedge):
     readings, answer = run
     page = report_page(answer, gather(readings), [wedge], Run("tanteo locate 'a b.csv' --part w.stl"))
-    assert "It is wedge, located to" in page
+    assert "wedge, located to" in page
     assert "✕ does not fit" in page
     assert "tanteo locate &#x27;a b.csv&#x27; --part w.stl" in page
     for words in ("[mm]", "world", "right perturbation", "noise of the sensor", "touches.csv"):
