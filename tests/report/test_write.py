@@ -15,6 +15,7 @@ from tanteo.errors import InputError
 from tanteo.recognition import identify, locate
 from tanteo.report import Run, Section, element, gather, headline, percent, report_page, write_report
 from tanteo.sensors import Readings
+from tanteo.words import details_of, p_equals
 from tanteo.words.findings import CloseTogether, Located, NothingSensed, SeveralPoses
 
 MOST_BYTES = 6_000_000
@@ -132,6 +133,22 @@ def test_the_headline_is_the_verdict_without_advice(run):
     several = SeveralPoses("wedge", others=(("an unknown part", 0.2),))
     said = headline(replace(answer, status="ambiguous", findings=(several, CloseTogether())))
     assert said == "It is wedge, in one of several poses. It may also be an unknown part (20.0 %)."
+
+
+def test_no_sentence_of_the_title_is_repeated_below_it(run, wedge):
+    readings, answer = run
+    several = replace(answer, status="ambiguous", findings=(SeveralPoses("wedge"), CloseTogether()))
+    page = report_page(several, gather(readings), [wedge], Run("tanteo"))
+    assert page.count(headline(several)) == 2  # the tab's title and the heading
+    assert headline(several) + " " + details_of(several.findings) == several.message
+    assert f"<p>{details_of(several.findings)}</p></header>" in page
+    sure = replace(answer, findings=(Located("wedge", 0.999, 1e-4),))
+    assert "</h1></header>" in report_page(sure, gather(readings), [wedge], Run("tanteo"))
+
+
+@pytest.mark.parametrize(("p", "words"), [(0.0123, "p = 0.012"), (3e-15, "p = 3e-15"), (1e-300, "p < 2.2e-16")])
+def test_a_tiny_p_value_is_a_bound(p, words):
+    assert p_equals(p) == words
 
 
 def test_a_large_sd_is_no_power_of_ten(run):

@@ -13,7 +13,7 @@ from tanteo.report.scene import Candidate, distance_enlarged
 from tanteo.report.shapes import Shapes
 from tanteo.report.ways import Way
 from tanteo.report.words import SIGNS, facts, headline, uncertain
-from tanteo.words import percent
+from tanteo.words import details_of, percent
 
 _VIEWS = ("Reset", "Top", "Front", "Side")
 
@@ -103,7 +103,7 @@ def answer_front(
         headline(answer),
         f"{SIGNS[answer.status]} {answer.status}",
         answer.status,
-        answer.message,
+        details_of(answer.findings),
         _picture(candidates, sensed, shapes),
         join([_hypotheses(answer), switched(lists, "dl")]),
     )

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from tanteo.words.figures import from_surface, p_equals, percent
     from tanteo.words.findings import Finding, Role
     from tanteo.words.motions import Motion
-    from tanteo.words.sentences import HANDED, headline_of, message_of, sentence, size_advice
+    from tanteo.words.sentences import HANDED, details_of, headline_of, message_of, sentence, size_advice
     from tanteo.words.sentences.images import touch_words
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "Finding",
     "Motion",
     "Role",
+    "details_of",
     "from_surface",
     "headline_of",
     "message_of",
@@ -35,7 +36,7 @@ __getattr__, __dir__ = lazy(
         "figures": "from_surface p_equals percent",
         "findings": "Finding Role",
         "motions": "Motion",
-        "sentences": "HANDED headline_of message_of sentence size_advice",
+        "sentences": "HANDED details_of headline_of message_of sentence size_advice",
         "sentences.images": "touch_words",
     },
 )

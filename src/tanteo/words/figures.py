@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-_LEAST_P = 1e-12
-"""P-values below this are rounding errors of the sums behind them (2e-16, times about 1000 terms and their sizes)."""
+import numpy as np
+
+_EPSILON = float(np.finfo(float).eps)
+"""Relative precision of a double. Smaller p-values are reported as a bound, as R's ``format.pval`` does."""
 
 
 def percent(p: float) -> str:
@@ -14,8 +16,8 @@ def percent(p: float) -> str:
 
 
 def p_equals(p: float) -> str:
-    """Return a p-value with its sign: ``p = 0.012``, or ``p < 1e-12``."""
-    return f"p = {p:.2g}" if p >= _LEAST_P else f"p < {_LEAST_P:.0e}"
+    """Return a p-value with its sign: ``p = 0.012``, or ``p < 2.2e-16``."""
+    return f"p = {p:.2g}" if p >= _EPSILON else f"p < {_EPSILON:.2g}"
 
 
 def millimetres(metres: float, digits: int = 2) -> str:

@@ -24,21 +24,37 @@ def sentence(finding: Finding) -> str:
 
 def headline_of(findings: Iterable[Finding]) -> str:
     """Return the verdict in words without advice; empty if there is no verdict."""
-    return next((words_of(one)[0] for one in findings if one.role == "verdict"), "")
+    return _split(findings)[0]
+
+
+def details_of(findings: Iterable[Finding]) -> str:
+    """Return the message of an answer without its headline, for readers who have the headline already."""
+    return " ".join(_split(findings)[1])
 
 
 def message_of(findings: Iterable[Finding]) -> str:
-    """Return the message of an answer: the sentences of its findings in order, without its questions.
+    """Return the message of an answer: its headline, then the other findings in order, without questions.
 
     If a question names what the user may have meant otherwise, the verdict advises to check that and nothing else: the
     advice for correct readings, such as to add the file of another part, would lead away from the mistake.
     """
+    headline, details = _split(findings)
+    return " ".join(filter(None, [headline, *details]))
+
+
+def _split(findings: Iterable[Finding]) -> tuple[str, list[str]]:
+    """Return the text of the first verdict, and the sentences that follow it."""
     found = tuple(findings)
     subject = next((one.subject for one in found if one.subject), "")
-    out = []
+    first = next((one for one in found if one.role == "verdict"), None)
+    headline, details = "", []
     for one in found:
         if one.role == "question":
             continue
         text, advice = words_of(one)
-        out += [text, f"Check {subject} first." if subject and one.role == "verdict" and advice else advice]
-    return " ".join(filter(None, out))
+        if one is first:
+            headline = text
+        else:
+            details.append(text)
+        details.append(f"Check {subject} first." if subject and one.role == "verdict" and advice else advice)
+    return headline, [text for text in details if text]
