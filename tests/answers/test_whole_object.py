@@ -42,7 +42,9 @@ def test_what_contradicts_a_part_is_said():
     assert "The mass corresponds to 100 cm3, the volume of wedge is 200 cm3." in message
     of_sides = WholeObject(sides=(0.02, 0.1, 0.05), side_sd=2e-4)
     assert of_sides.mismatch("wedge", 1e-4, BOXES[0]) is None
-    assert "100 x 50 x 20 mm, that of wedge is 100 x 50 x 40 mm" in of_sides.mismatch("wedge", 1e-4, BOXES[2]).message
+    assert (
+        "100 x 50 x 20 mm, the box of wedge is 100 x 50 x 40 mm" in of_sides.mismatch("wedge", 1e-4, BOXES[2]).message
+    )
 
 
 def test_an_answer_says_that_another_mass_was_weighed(parts):

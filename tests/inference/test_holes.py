@@ -63,7 +63,7 @@ def test_what_was_sensed_of_neither_twin_is_not_taken_for_one(plate, twin):
 def test_one_centre_is_too_little(plate):
     answer = locate(sensed(FIRST[:1], top=0), plate)
     assert answer.status == "insufficient"
-    assert "leaves free" in answer.message
+    assert "the part can tilt and turn about it" in answer.message
 
 
 def test_two_centres_alone_are_too_little(plate):

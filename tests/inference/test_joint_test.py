@@ -57,7 +57,7 @@ def test_normals_that_are_worse_than_stated_are_what_contradicts(bracket):
     touches, _ = with_normals(bracket, 20, 3, worse=2.0)
     answer = identify_points(touches, no_paths(), [bracket])
     assert answer.status == "unknown"
-    assert "most of all the normal of reading" in answer.message
+    assert "The worst is the normal of reading" in answer.message
 
 
 @pytest.mark.slow

@@ -72,8 +72,8 @@ def test_noise_as_large_as_the_set_is_not_called_a_line(targets, tolerance, word
         altered(touches, covs=covs, sd=sd, tolerance=tolerance), no_paths(), [targets["bracket_left"]]
     )
     assert answer.status == "insufficient"
-    assert answer.message.startswith(f"The noise of the readings {words} is as large as the whole set of them")
-    assert ("tolerance and their units" in answer.message) == (tolerance > 0)
+    assert answer.message.startswith(f"The noise of the readings {words} is as large as the distances between them")
+    assert ("the tolerance and the units" in answer.message) == (tolerance > 0)
     assert "line" not in answer.message
 
 
@@ -172,7 +172,7 @@ def test_a_part_given_twice_is_one_part(targets):
     assert identify_points(touches, no_paths(), [target]).status == "recognized"
     twice = identify_points(touches, no_paths(), [target, target])
     assert twice.status == "ambiguous"
-    assert twice.message.startswith("bracket_left was given more than once")
+    assert twice.message.startswith("bracket_left is more than once among the parts")
 
 
 def test_more_scatter_than_stated_is_said_and_widens_covariance(targets):
@@ -197,7 +197,7 @@ def test_a_contradiction_names_the_reading_that_is_farthest_off(targets):
     points = SE3.apply(SE3.inverse(best.T_world_part), proud.points)
     kept = ~np.isin(proud.ids, best.outliers)
     off = target.surface.closest(points).distances / proud.sd * kept
-    assert f"most of all reading {proud.ids[int(np.argmax(off))]}, " in answer.message
+    assert f"The worst is reading {proud.ids[int(np.argmax(off))]}, " in answer.message
 
 
 def tip_scene(target, seed, n, sd, tip):
