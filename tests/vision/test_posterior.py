@@ -8,11 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tanteo.geometry import SE3, SO3
+from tanteo.posterior import OnTable, Priors, sized
 
 from tanteo import part_from_mesh
-from tanteo.answers import Priors, sized
-from tanteo.lie import SE3, SO3
-from tanteo.measurements import OnTable
 from tanteo.parts import read_part
 from tanteo.vision import TableErrors, View, map_edges, prepare_vision, project, see_table, view_factors
 from tanteo.vision.answers import hypothesis
@@ -184,7 +183,7 @@ def test_poses_that_symmetry_makes_the_same_have_one_constant(name):
     assert (part.symmetry.axis is not None) == (name == "frustum")
     camera, image, T = scene(part)
     if name != "frustum":  # an image of another part leaves several poses
-        image = scene(read_part(PARTS / "wedge.step"))[1]
+        image = scene(read_part(PARTS / "bracket_left.step"))[1]
     model = prepare_vision(part)
     (factor,) = view_factors([View(image, camera)], SE3.apply(T, model.inner), [part], sized(Priors(), part.radius))
     # the same place, in all stable poses and yaws

@@ -95,6 +95,8 @@ def start_of(
         InputError: Nobody says where the parts may be.
         Exit: An image shows none of them, and nobody says either.
     """
+    from tanteo.words.findings import NoPartOnTable
+
     known = options.known()
     view = None if options.image is None else viewed(scene, options.image, options.camera, options.marks)
     parts = files.read_all_parts(part_paths, options.units, quiet=as_json)
@@ -110,10 +112,10 @@ def start_of(
             f"{scene.source}: expected a table [prior] with the prior pose, got none. Add it, give --pose-prior, "
             "or show an --image."
         )
-    message = "the image shows no part on the table, and no prior pose is given. Give --pose-prior."
+    answer = answers.Answer("unknown", (NoPartOnTable(),), (), 1.0)
     if as_json:
-        put(io.recognition_json(answers.Answer("unknown", message, (), 1.0)))
-    say(f"unknown: {message}", sys.stderr if as_json else sys.stdout)
+        put(io.recognition_json(answer))
+    say(f"unknown: {answer.message}", sys.stderr if as_json else sys.stdout)
     raise typer.Exit(UNDECIDED)
 
 

@@ -16,7 +16,7 @@ constexpr size_t MOST_VIEWS = 4096;
 
 constexpr int MOST_COLUMNS = 14;
 
-constexpr int CASES = 3;  // of the error that is common to an edge: as stated, and two larger ones
+constexpr int CASES = 2;  // of the error that is common to an edge: as stated, and a larger one
 
 double squared(double x) { return x * x; }
 
@@ -85,8 +85,10 @@ double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
     return area;
 }
 
-// The level of the nearest pose, by the sum of squared distances of the part's marks.
-double ImageEdges::level_at(const Pose& T) const {
+// The level of the nearest pose, by the mean squared distance of the part's marks. Farther off than `near` of their
+// spread it is `least` at least: the constants of poses at which few edges are met hold for no others.
+double ImageEdges::level_at(const Pose& T, double least) const {
+    if (levels.empty()) return 0;
     double best = 1e300, level = 0;
     for (const PoseLevel& one : levels) {
         double apart = 0;
@@ -94,7 +96,11 @@ double ImageEdges::level_at(const Pose& T) const {
             apart += squared(one.T_world_part.R * p + one.T_world_part.t - (T.R * p + T.t));
         if (apart < best) best = apart, level = one.level;
     }
-    return level;
+    Vec3 middle;
+    for (const Vec3& p : part->marks) middle += (1.0 / part->marks.size()) * p;
+    double spread = 0;
+    for (const Vec3& p : part->marks) spread += squared(p - middle);
+    return best < rules.near * rules.near * spread ? level : std::max(level, least);
 }
 
 ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) const {
@@ -196,7 +202,7 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     if (rules.astray > 0) locate(all, crowded(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
     sums.there = rules.hits * sums.hits + rules.misses * sums.misses +
                  rules.spilled * sums.spilled / (rules.stretch * rules.stretch);
-    sums.log = sums.there + sums.located - level_at(state.pose);
+    sums.log = sums.there + sums.located - level_at(state.pose, sums.astray);
     return sums;
 }
 
@@ -211,8 +217,8 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
         double draws = 0;
         std::array<double, CASES> along{}, total{}, chi2{}, probability{};
     };
-    const double variances[CASES] = {0, 0.25 * squared(rules.displaced_sd), squared(rules.displaced_sd)};
-    const double shares[CASES] = {1 - rules.displaced, 0.5 * rules.displaced, 0.5 * rules.displaced};
+    const double variances[CASES] = {0, 0.25 * squared(rules.displaced_sd)};
+    const double shares[CASES] = {1 - rules.displaced, rules.displaced};
     const auto common_error = [&](const Met& one, int k) {
         return std::sqrt(squared(image->commons[one.at.point]) + variances[k]);
     };
@@ -227,6 +233,7 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
     for (int e = 0; e < part->edges; ++e) {
         if (!visible[e]) continue;
         Edge& edge = edges[e];
+        sums.astray += std::log(rules.astray);
         std::vector<const Met*>& own = edge.own;
         if (own.empty()) {
             for (double& one : log) one += std::log(rules.astray);
