@@ -20,7 +20,7 @@ from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
-from tanteo.inference.proposals import PriorSamples
+from tanteo.inference.proposals import FactorPoses, PriorSamples
 from tanteo.inference.proposals.drawn import along_ridge
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
@@ -156,6 +156,8 @@ def _draw(search: PartSearch, count: int) -> None:
 def _look_widely(search: PartSearch) -> None:
     """Look for a part all over its prior, and by pairs of points where these fix a pose."""
     _draw(search, _WIDELY)
+    search.propose(FactorPoses())
+    search.peaks = _found(search.peaks)
     if len(search.objective.problem.points) >= _SEVERAL:
         search.restart()
         search.peaks = _found(search.peaks)

@@ -1,21 +1,12 @@
-"""From device to measurement: readings, error models, presets of sensors and robots.
+"""Convert device readings to measurements: readings, error models, presets of sensors and robots.
 
-``measure(readings, ...)`` turns what the devices said into points in the world with covariance and shared errors.
-The other way, for simulators: ``emit`` (and ``error_model``, ``draw_units``, ``draw_aims``) makes readings of true
-ranges with errors drawn from the very model that ``measure`` assumes.
-This room has never heard of shapes: it knows rays, ranges and covariances.
+``measure(readings, ...)`` converts readings to points in the world with covariance and shared errors. For simulators,
+``emit`` (with ``error_model``, ``draw_units``, ``draw_aims``) generates readings of true ranges with errors drawn from
+the model that ``measure`` assumes. This package uses rays, ranges and covariances, and no part geometry.
 """
 
-from tanteo.sensors.checks import (
-    APEX,
-    BALL,
-    CENTRE,
-    CENTRE_OF,
-    CENTRES,
-    WALLS,
-    check_features,
-    reading_kinds,
-)
+from tanteo.sensors.anomalies import find_repeated, find_stuck
+from tanteo.sensors.checks import check_features
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
     Status,
@@ -41,7 +32,6 @@ from tanteo.sensors.noise import (
     sensed_point,
     sensor_error_cov,
 )
-from tanteo.sensors.oddities import find_repeated, find_stuck
 from tanteo.sensors.presets import (
     NoiseLaw,
     RobotPreset,
@@ -51,21 +41,18 @@ from tanteo.sensors.presets import (
     sensor_preset,
     sensor_presets,
 )
+from tanteo.sensors.reading_kinds import SIZES, ReadingKind, centre_notes, reading_kind, reading_kinds
 from tanteo.sensors.readings import Readings, check_readings_kind, concatenate, thinned
 from tanteo.sensors.rig import Rig, RigSensor
 
 __all__ = [
-    "APEX",
-    "BALL",
-    "CENTRE",
-    "CENTRES",
-    "CENTRE_OF",
-    "WALLS",
+    "SIZES",
     "Device",
     "ErrorModel",
     "FreeBeams",
     "NoiseLaw",
     "PointMeasurements",
+    "ReadingKind",
     "Readings",
     "Rig",
     "RigSensor",
@@ -74,6 +61,7 @@ __all__ = [
     "Status",
     "UnitErrors",
     "blend",
+    "centre_notes",
     "check_features",
     "check_readings_kind",
     "concatenate",
@@ -93,6 +81,7 @@ __all__ = [
     "measure",
     "misspelt",
     "range_variance",
+    "reading_kind",
     "reading_kinds",
     "reported_poses",
     "robot_preset",
