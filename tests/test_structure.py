@@ -16,14 +16,14 @@ ROOT = Path(__file__).parents[1]
 MOST = {
     "iterative pose fits": 3,
     "iterative pose fits in C++": 1,
-    "tuned numbers in inference": 206,
+    "tuned numbers in inference": 101,
     "tuned numbers in vision": 206,
     "tuned numbers in posterior": 60,
     "kinds asked for in C++": 0,
     "files that ask for kinds in C++": 0,
     "kinds asked for in Python": 80,
     "files that ask for kinds in Python": 35,
-    "code lines of Python in the judged packages": 9770,
+    "code lines of Python in the judged packages": 9769,
     "code lines of C++": 9450,
 }
 """Largest accepted figures: the numbers may fall."""

@@ -81,10 +81,6 @@ def scores_of(
     )
 
 
-_ROUNDING = 1e-11
-"""Share of an information that is added to it: of very precise points what is free would be lost by rounding."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Peaks:
     """Maxima of one part, best first.
@@ -203,7 +199,7 @@ class Objective:
         if is_held(self.prepared, named=self.named):
             out[..., :6, :6] += gauge_information(self.prepared)
         diagonal = np.arange(out.shape[-1])
-        out[..., diagonal, diagonal] *= 1 + _ROUNDING
+        out[..., diagonal, diagonal] *= 1 + np.finfo(float).eps ** (2 / 3)  # free motions outlast rounding
         return out
 
     def of_pose(self, information: FloatArray) -> FloatArray:

@@ -11,10 +11,13 @@ from dataclasses import dataclass, fields, replace
 
 from tanteo.errors import InputError, did_you_mean
 
-__all__ = ["DEFAULTS", "POSE_DOF", "Effort", "RaceSettings", "SearchSettings", "Settings"]
+__all__ = ["DEFAULTS", "FEWEST", "POSE_DOF", "Effort", "RaceSettings", "SampleSettings", "SearchSettings", "Settings"]
 
 POSE_DOF = 6
 """Degrees of freedom of a pose."""
+
+FEWEST = POSE_DOF // 2
+"""Measurements below which any surface fits: three points fix a plane, which fixes half of a pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +71,8 @@ class SearchSettings:
             ``benchmarks/missed.py``.
         explained: share of the points that the leader has on it if it explains them. Decision 85.
         unusual_sds: excess of outliers that makes a pose doubtful [standard deviations]. ``benchmarks/missed.py``.
-        any_outlier: number of points up to which any outlier makes a pose doubtful. ``benchmarks/missed.py``.
         gate: agreement of distances, angles and sizes [standard deviations]: 6e-5 two-sided for a normal error.
+            Decision 76.
         as_made: difference of the made part from its drawing, 1 sd [m]. Decisions 76, 84.
         tilt_as_made: difference of a made angle from its drawing, 1 sd [rad]. Decision 76.
         noise_share: assumed inflation of the noise, as a share of the log of the factor to which it is known.
@@ -89,7 +92,8 @@ class SearchSettings:
         kept: poses of a part that a table proposes. Decision 76.
         wall_slack: distance of a centre beyond the end of its wall, over the length of the wall. Decision 84.
         plane_normal_sd: standard deviation of a sensed normal up to which it counts as a plane [rad]. Decision 76.
-        few_points: points of a coarse evaluation and of a first-pass search. Decisions 76, 85.
+        few_points: points of a coarse evaluation, of a first-pass search, and readings that are asked about again; of
+            so many points any outlier makes a pose doubtful. Decisions 76, 85.
         coarse_areas: equal areas of a surface; their spacing is the step of coarse poses. Decision 76.
         coarse_poses: poses of a part that are refined on its field with all ``few_points``; more with fewer points.
             Decision 76.
@@ -119,7 +123,6 @@ class SearchSettings:
     rounds: int = 8
     explained: float = 0.9
     unusual_sds: float = 2.0
-    any_outlier: int = 20
     gate: float = 4.0
     as_made: float = 1e-4
     tilt_as_made: float = 0.004
@@ -171,11 +174,9 @@ class RaceSettings:
         first_pass: effort of a first-pass search; it proposes no pairs where poses are known. Row parts12_known.
         table_weight: log-evidence for each nat of cost by tables, where noise is taken larger than stated. Decision 76.
         estimate_weight: the same of an estimate by few points or a coarse field, at least. Decision 76.
-        remainder: probability of all pruned parts together, over that of the best, which a bound allows. Decision 76.
         least: parts that remain after a coarse evaluation; similar parts that are tried beside a leader. Decision 76.
         unfixed: parts that remain where very many have the sensed planes and these fix no pose. Decision 76.
         leaders: leading parts whose poses are tried on others; poses of each. Decision 52.
-        pruned_by_size: prior probability of all parts that a measured size or outline prunes. Decision 83.
         size_margin: log-odds gap within which it prunes none [nats]. Decision 83.
         outlier_level: probability of more outliers than sizes allow for. Decision 76.
         similar: differences of box, area and volume of similar parts over the diagonal. Decision 76.
@@ -186,11 +187,9 @@ class RaceSettings:
     first_pass: Effort = Effort(6, 16, 3, 8)
     table_weight: float = 1.33
     estimate_weight: float = 0.5
-    remainder: float = 5e-3
     least: int = 200
     unfixed: int = 16
     leaders: int = 3
-    pruned_by_size: float = 0.06
     size_margin: float = 4.0
     outlier_level: float = 1e-4
     similar: float = 0.08
@@ -202,16 +201,71 @@ class RaceSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class SampleSettings:
+    """How the regions of the posterior are sampled, and followed from one measurement to the next.
+
+    Attributes:
+        first: samples of a component at first. Row hard_bias.
+        enough: effective samples of a mode: its covariance is good to a twelfth.
+        more: samples of a component in one later round at most.
+        most: samples that are drawn for one effective sample at most.
+        rounds: rounds of samples of one part.
+        told: effective samples that show the shape of a region; samples that stand for it.
+        few: samples of a component that may matter little. Row hard_bias.
+        along: samples of each of dozens of components along a ridge. Row twins.
+        wider: variance of a component over that of what it is drawn from. Row labelled.
+        freedom: degrees of freedom of the Student components: weights stay bounded.
+        matters: probability from which a mode or a region is sampled until it has enough. Decision 76.
+        share: least share of the samples, or of the variance by curvature, that counts as such.
+        overlap: share of its samples that a mode has in common with another from which both are one. Row twins.
+        narrowest: least variance of a mode over that by curvature. Row hard_bias.
+        left: least share of the mass of the samples that a control variate leaves.
+        clip: number of samples of which one has the whole weight at most while components are adapted.
+        halvings: halvings of a width at most where a face ends.
+        barrier: fall of the log density between two maxima of one region [nats]. Row twins.
+        path_steps: steps of the path between two maxima on which the density has to stay high for one region.
+        held: standard deviation over the part's size up to which samples show that the ends of faces hold a motion.
+        widely: samples of the prior of the pose from which a part is maximized where nothing or too little is known.
+        doubt: probability of the unknown object from which all parts are searched again.
+    """
+
+    first: int = 64
+    enough: int = 300
+    more: int = 400
+    most: int = 8
+    rounds: int = 5
+    told: int = 24
+    few: int = 12
+    along: int = 8
+    wider: float = 1.3
+    freedom: float = 4.0
+    matters: float = 5e-3
+    share: float = 0.1
+    overlap: float = 0.15
+    narrowest: float = 0.05
+    left: float = 0.2
+    clip: int = 15
+    halvings: int = 7
+    barrier: float = 3.0
+    path_steps: int = 4
+    held: float = 0.05
+    widely: int = 96
+    doubt: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """All settings of an inference.
 
     Attributes:
         search: how poses of one part are proposed and maximized.
         race: how parts are pruned.
+        samples: how regions are sampled.
     """
 
     search: SearchSettings = SearchSettings()
     race: RaceSettings = RaceSettings()
+    samples: SampleSettings = SampleSettings()
 
     @property
     def second_pass(self) -> Effort:

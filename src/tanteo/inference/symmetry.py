@@ -6,12 +6,13 @@ import numpy as np
 
 from tanteo.answers import without_spin
 from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.settings import DEFAULTS
 from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms
 
-GAUGE_SD = 0.1
-"""A turn that symmetry leaves free is held at a reference by a normal density of this width [rad]; the rest of the
-circle is in :func:`log_orbit`. Any width is right; a narrow one lets samples look normal."""
+GAUGE_SD = DEFAULTS.search.plane_normal_sd
+"""Standard deviation of a turn that symmetry leaves free, about a reference [rad]; the rest of the circle is in
+:func:`log_orbit`. The evidence does not depend on it; of a narrow one samples look normal."""
 
 
 def is_held(prepared: PreparedPart, *, named: bool) -> bool:

@@ -6,14 +6,9 @@ import numpy as np
 
 from tanteo.factors import AxisCentre
 from tanteo.inference.problem import Problem
+from tanteo.inference.settings import FEWEST
 from tanteo.measurements import ContactPoints
 from tanteo.typing import FloatArray
-
-_LEAST = 3
-"""Fewer measurements than this fit any surface in any way."""
-
-_BARELY = 2.0
-"""Points that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
 
 
 def too_little(problem: Problem) -> str:
@@ -25,7 +20,7 @@ def too_little(problem: Problem) -> str:
         of = problem.around.names[problem.around.which[0]]
         return f"All {len(problem.points)} readings are on the {of}: sense the part, on several sides."
     if not len(points):
-        return f"No reading met anything: sense {_LEAST} places or more, better eight, on several sides."
+        return f"No reading met anything: sense {FEWEST} places or more, better eight, on several sides."
     line = ", slid along its axis" if any(isinstance(f, AxisCentre) for f in points.factors) else ""
     if len(points) == 1 and points.centres.any():
         return (
@@ -38,16 +33,16 @@ def too_little(problem: Problem) -> str:
             f"Two centres leave free how the part is turned about their line{line}: sense a face, at three places, or "
             "a third centre that is not in line with them."
         )
-    if points.held < _LEAST:
+    if points.held < FEWEST:
         few = "1 reading fits" if len(points) == 1 else f"{len(points)} readings fit"
-        return f"{few} any part: sense {_LEAST} places or more, better eight, on several sides."
+        return f"{few} any part: sense {FEWEST} places or more, better eight, on several sides."
     if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:
         return ""
     along, across = np.linalg.svd(points.points - points.points.mean(axis=0), compute_uv=False)[:2]
     sd = float(np.median(_along(points)))
     if across > sd * np.sqrt(len(points)):
         return ""
-    if along > _BARELY * sd * np.sqrt(len(points)):
+    if along > problem.settings.search.unusual_sds * sd * np.sqrt(len(points)):
         return "The readings lie on one line within their noise: sense places beside it, on several sides."
     noise, what = f"{1e3 * sd:.4g} mm", "standard deviation"
     if points.tolerance > 0:

@@ -16,11 +16,11 @@ from tanteo.inference.proposals.sensed_planes import SensedPlanes
 from tanteo.inference.settings import Effort
 from tanteo.typing import BoolArray, Indices, IntArray, Transforms
 
-BITS = 60
+BITS = np.iinfo(np.int64).bits - 1
 """Independent sources that are counted apart: bits of a whole number."""
 
-EXHAUSTIVE = 0b1111
-"""Sources of poses that are all that measurements allow: as many as make a maximum surely found."""
+EXHAUSTIVE = np.iinfo(np.int64).max
+"""All sources: of poses that are all that measurements allow, of samples, and of what was known before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
