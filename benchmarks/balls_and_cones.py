@@ -74,6 +74,7 @@ def sensed(spec, T, rng, *, told):
     axes = T[:3, 2] + TILT * rng.normal(size=(n, 3))
     plain = np.array([kind != "apex" for kind, *_ in some])
     axes[plain] = np.nan
+    sizes = np.array([size if told else np.nan for _, _, size, _ in some])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     return Readings.from_columns(
         points=p + SD * rng.normal(size=p.shape), sds=np.full(n + m, SD),
@@ -81,7 +82,8 @@ def sensed(spec, T, rng, *, told):
         directions=np.concatenate([np.full((n, 3), np.nan), np.tile(-T[:3, 2], (m, 1))]),
         normals=np.concatenate([axes, np.full((m, 3), np.nan)]),
         normal_sds=np.r_[np.where(plain, np.nan, TILT), np.full(m, np.nan)],
-        hole_radii=np.r_[[size if told else np.nan for _, _, size, _ in some], np.full(m, np.nan)],
+        hole_radii=np.r_[np.where(plain, sizes, np.nan), np.full(m, np.nan)],
+        half_angles=np.r_[np.where(plain, np.nan, sizes), np.full(m, np.nan)],
         material_sides=[side if told else "" for *_, side in some] + [""] * m,
     )  # fmt: skip
 

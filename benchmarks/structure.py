@@ -286,11 +286,26 @@ _TEXTS = "|".join(sorted(WORDS, key=len, reverse=True))
 PYTHON_KIND = re.compile(
     rf"(?:==|!=|\bin\b|\bis\b)\s*\(?\*?(?:{_NAMES})\b"
     rf"|\b(?:{_NAMES})\s*(?:==|!=|\bin\b)|\b(?:{_NAMES})(?:\[|\.get\()"
-    rf"|\bkinds?(?:\[[^\]]*\])?\)?\s*(?:==|!=|\bnot in\b|\bin\b)\s*[({{\[*]*(?:_?[A-Z][A-Z_]+\b|[\"'](?:{_TEXTS})[\"'])"
+    r"|(?<!for )\bkinds?(?:\[[^\]]*\])?\)?\s*(?:==|!=|\bnot in\b|\bin\b)\s*"
+    rf"[({{\[*]*(?:_?[A-Z][A-Z_]+\b|[\"'](?:{_TEXTS})[\"'])"
     rf"|[\"'](?:{_TEXTS})[\"']\s*(?:==|!=|\bnot in\b|\bin\b)\s*[\w.]*kinds?\b"
     r"|\bis_round\(|\bdirections_met\(|\blabel_kind\("
 )
 """Questions of the kind in Python: comparisons with a kind, look-ups by it, and functions that classify kinds."""
+
+OTHER_KINDS = {
+    "catalogue/segment.py": "derived data of a part",
+    "cli/probe.py": "machines",
+    "io/broken_bags.py": "recordings",
+    "io/ros_messages.py": "messages of ROS",
+    "io/ros_readings.py": "messages of ROS",
+    "logs/ply.py": "numbers of PLY",
+    "machines/address.py": "machines",
+    "parts/planes.py": "surfaces of CAD",
+    "parts/step.py": "surfaces of CAD",
+    "parts/surfaces.py": "surfaces of CAD",
+}
+"""Modules in which ``kind`` is not one of measurements or sensed features, and of what it is one."""
 
 CPP_KIND = re.compile(r"(?<!Round)\bKind::\w+|\bon_face\(\)|\bamid\(\)|\bswitch\s*\([^)]*\bkind\b")
 """Questions of the kind in C++. ``RoundKind`` is a surface that is fitted, not a kind of measurement."""
@@ -358,6 +373,7 @@ def kinds(checkout: Checkout) -> list[Place]:
     """Return where kinds are asked for outside of folders named ``factors``."""
     found = checkout.everywhere(lambda s: kinds_asked(s, CPP_KIND), ".cpp", ".hpp")
     found += checkout.everywhere(lambda s: kinds_asked(s, PYTHON_KIND), ".py")
+    found = [place for place in found if place.path not in OTHER_KINDS]
     return [place for place in found if "factors" not in Path(place.path).parts[:-1]]
 
 

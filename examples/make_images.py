@@ -28,7 +28,7 @@ SCENES = {
     "three_parts": [("flange", 1, 0.02, -0.10, 0, 90), ("bracket_left", 0, -0.09, 0.06, 23, 110),
                     ("housing", 1, 0.10, 0.05, 115, 140)],
     "half_hidden": [("clamp", 0, 0.0, 0.0, 70, 120)],
-    "twins": [("step_12mm", 0, 0.0, 0.0, -35, 120)],
+    "twins": [("step_12mm", 0, 0.0, 0.0, 150, 120)],
 }  # fmt: skip
 """Image: part, number of its stable pose, x and y of its middle [m], yaw [deg], brightness."""
 

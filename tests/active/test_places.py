@@ -14,8 +14,7 @@ from tanteo.answers import corner_moves, corner_sd
 from tanteo.errors import InputError
 from tanteo.inference import prepare
 from tanteo.lie import SE3
-from tanteo.parts import read_part
-from tanteo.report.part_drawn import feature_lines
+from tanteo.parts import named_feature, read_part
 from tanteo.sensors import NoiseLaw
 from tanteo.session import Session
 
@@ -179,14 +178,14 @@ def test_lines_that_show_a_feature_are_on_it(wedge, flange):
     """A face by its outline, holes too; an edge by itself; a vertex by a cross about it."""
     for part in (wedge.part, flange.part):
         for k in part.planes.faces:
-            lines, (n,) = feature_lines(part, f"face {k}"), part.planes.normals[part.planes.faces == k]
+            lines, (n,) = named_feature(part, f"face {k}").outline, part.planes.normals[part.planes.faces == k]
             height = lines.reshape(-1, 3) @ n
             np.testing.assert_allclose(height, height[0], atol=1e-9)
             ends = np.unique(lines.reshape(-1, 3).round(9), axis=0, return_counts=True)[1]
             assert np.all(ends == 2)  # closed
-    assert len(feature_lines(wedge.part, "face 2")) >= 4
-    np.testing.assert_array_equal(feature_lines(wedge.part, "edge 7")[0], wedge.part.edges.ends[7])
-    cross = feature_lines(wedge.part, "vertex 3")
+    assert len(named_feature(wedge.part, "face 2").outline) >= 4
+    np.testing.assert_array_equal(named_feature(wedge.part, "edge 7").outline[0], wedge.part.edges.ends[7])
+    cross = named_feature(wedge.part, "vertex 3").outline
     np.testing.assert_allclose(cross.mean(axis=1), np.tile(wedge.part.corners.points[3], (3, 1)), atol=1e-12)
 
 

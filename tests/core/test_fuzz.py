@@ -219,10 +219,21 @@ def test_poses_are_checked_everywhere():
         call(np.eye(4)[None])
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("blurs", np.array([-1.0])), ("blurs", np.array([np.nan])), ("steps", -1), ("enough", -1.0), ("margin", np.nan)],
+)
+def test_maximizations_that_make_no_sense_are_refused_by_name(name, value):
+    good = {"blurs": np.array([0.01]), "steps": 5, "enough": 1e-3, "margin": 10.0}
+    q = asked(np.zeros((3, 3)), 1e-3)
+    with pytest.raises(ValueError, match=f"^{name}: "):
+        _core.maximize(BLOCK.shape(), q.core(), poses=np.eye(4)[None], shared=np.zeros((1, 0)), **{**good, name: value})
+
+
 def test_searches_that_keep_nothing_are_refused():
     shape, core, rows = BLOCK.shape(), asked(np.eye(3)[:2], 1e-3).core(), np.arange(2, dtype=np.int32)
     good = {"per_pair": 5, "spins": 4, "tolerance": 1.0, "blur": 1.0, "tilt": 1.0, "keep": 3, "seed": 0}
-    for bad in ({"keep": 0}, {"blur": 0.0}, {"tilt": np.nan}, {"tolerance": -1.0}):
+    for bad in ({"keep": 0}, {"blur": 0.0}, {"tilt": np.nan}, {"tolerance": -1.0}, {"spins": 0}, {"per_pair": -1}):
         with pytest.raises(ValueError, match=next(iter(bad))):
             _core.propose(shape, core, rows, rows, **{**good, **bad})
     with pytest.raises(ValueError, match="rows"):

@@ -89,7 +89,7 @@ def test_a_hand_knows_its_frontal_pair(rig):
 
 
 def test_a_hand_needs_two_frontal_sensors(rig):
-    with pytest.raises(InputError, match="expected two sensors that look along"):
+    with pytest.raises(InputError, match="expected two sensors along"):
         Hand(Rig(rig.sensors[1:]), gripper_body(rig))
-    with pytest.raises(InputError, match="expected a sensor that looks along"):
+    with pytest.raises(InputError, match="expected a sensor along"):
         gripper_body(Rig(rig.sensors[2:]))

@@ -96,7 +96,7 @@ def test_no_limits(body):
     ("make", "message"),
     [
         (lambda: Workspace(np.ones(3), np.zeros(3)), "workspace: expected a low and a high corner"),
-        (lambda: Workspace.everywhere([BOX, BOX]), "expected forbidden boxes with names of their own"),
+        (lambda: Workspace.everywhere([BOX, BOX]), "expected forbidden boxes with unique names"),
         (lambda: ForbiddenBox("b", np.zeros(2), np.ones(2)), "'b': expected a low and a high corner"),
         (lambda: ForbiddenBox("b", np.zeros(3), np.array([1, 1, np.inf])), "'b': expected finite corners"),
         (lambda: ForbiddenBox("b", np.zeros(3), np.ones(3), 2 * np.eye(4)), "'b': expected a rigid pose"),

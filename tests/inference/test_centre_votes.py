@@ -13,10 +13,9 @@ from tanteo.inference import DEFAULTS, Problem, race
 from tanteo.inference.proposals import centre_votes, plane_votes, pose_seeds, sensed_planes
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays
-from tanteo.sensors import APEX, BALL, CENTRE
 
 SD, RADIUS = 3e-5, 0.15
-KINDS = {3: CENTRE, 5: BALL, 6: APEX}
+KINDS = {3: "centre", 5: "sphere_centre", 6: "apex"}
 SIDES = ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))
 
 

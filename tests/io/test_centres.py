@@ -161,7 +161,8 @@ def test_single_rows_of_spheres_and_cones_are_centres_and_apexes(tmp_path):
     for read in (readings, read_readings(tmp_path / "again.csv")):
         assert read.kinds == ("sphere_centre", "apex")
         assert read.material_sides == ("boss", "hole")
-        np.testing.assert_allclose(read.hole_radii, [0.01, np.pi / 4])
+        np.testing.assert_allclose(read.hole_radii, [0.01, np.nan])
+        np.testing.assert_allclose(read.half_angles, [np.nan, np.pi / 4])
         np.testing.assert_allclose(read.normals, [[np.nan] * 3, [0, 0, 1]])
     assert any("the centre of a sphere or the apex of a cone (b, k)" in note for note in readings.notes)
     assert not any("height" in note for note in readings.notes)

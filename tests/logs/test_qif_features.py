@@ -68,7 +68,7 @@ def test_the_apex_of_a_cone_follows_from_its_diameter(tmp_path, angle):
     readings = read(tmp_path, document(feature("Cone", AXIS + "<Diameter>4</Diameter>" + angle)))
     assert readings.kinds == ("apex",)
     np.testing.assert_allclose(readings.points, [[1e-3, 2e-3, 1e-3]])
-    np.testing.assert_allclose(readings.hole_radii, np.pi / 4)
+    np.testing.assert_allclose(readings.half_angles, np.pi / 4)
 
 
 def test_what_was_not_measured_is_left_out(tmp_path):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import time
 from pathlib import Path
 
 import numpy as np
@@ -127,11 +130,13 @@ def test_poses_that_a_factor_proposes_are_tried(block):
         (lambda Ts, part: np.full(len(Ts), np.nan), "nan or inf"),
         (lambda Ts, part: np.full(len(Ts), np.inf), "nan or inf"),
         (lambda Ts, part: np.zeros((len(Ts), 1)), "one number for each"),
+        (lambda Ts, part: "abc", "an array .* of numbers, got str"),
+        (lambda Ts, part: None, "one number for each|an array"),
     ],
 )
 def test_functions_that_return_something_else_are_refused(block, log_density, says):
     core = compiled(block, PythonFactor(name="my gauge", log_density=log_density))
-    with pytest.raises(ValueError, match=f"my gauge: .*{says}"):
+    with pytest.raises(InputError, match=f"my gauge: .*(?:{says})"):
         _core.log_densities(block.shape, core, np.eye(4)[None], np.zeros((1, 0)))
 
 
@@ -140,8 +145,45 @@ def test_an_exception_of_the_function_reaches_the_caller(block):
         raise KeyError("no calibration")
 
     core = compiled(block, PythonFactor(name="my gauge", log_density=fails))
-    with pytest.raises(KeyError, match="no calibration"):
+    with pytest.raises(KeyError, match="no calibration") as raised:
         _core.log_densities(block.shape, core, np.tile(np.eye(4), (64, 1, 1)), np.zeros((64, 0)))
+    assert raised.value.__notes__ == ["This happened in log_density of the factor 'my gauge', for 64 poses of block."]
+
+
+def test_a_gradient_that_is_none_is_refused(block):
+    flat = lambda Ts, part: np.zeros(len(Ts))  # noqa: E731
+    for gradient, says in (
+        (lambda Ts, part: np.zeros(len(Ts)), "six numbers for each"),
+        (lambda Ts, part: np.full((len(Ts), 6), np.nan), "finite numbers"),
+    ):
+        core = compiled(block, PythonFactor(name="my gauge", log_density=flat, gradient=gradient))
+        with pytest.raises(InputError, match=f"my gauge: .*gradient.*{says}"):
+            _core.slopes(block.shape, core, np.eye(4)[None], np.zeros((1, 0)))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="SIGALRM")
+def test_a_factor_that_hangs_can_be_interrupted_and_is_named(block):
+    """As by Ctrl-C: the exception arises in the user's function, and its note names the factor."""
+
+    def hangs(Ts, part):
+        while True:
+            time.sleep(0.01)
+
+    def interrupt(number, frame):
+        raise KeyboardInterrupt
+
+    touches = scene(block, np.eye(4), TOUCH, 8, np.random.default_rng(0))[0]
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 5.0)
+    try:
+        with pytest.raises(KeyboardInterrupt) as raised:
+            identify_points(
+                touches, FreeRays.none(), [block], factors=[PythonFactor(name="my gauge", log_density=hangs)]
+            )
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert "factor 'my gauge'" in raised.value.__notes__[0]
 
 
 def test_arguments_that_make_no_sense_are_refused():

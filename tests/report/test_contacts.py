@@ -55,7 +55,7 @@ def test_edges_are_two_rows_and_corners_three(wedge, answer):
     T, corner = wedge.edges.Ts_part_feature[k], wedge.corners.points[2]
     points = np.stack([T[:3, 3] + 3e-4 * T[:3, 1] + 4e-4 * T[:3, 2] + 0.01 * T[:3, 0], corner + np.array([0, 1e-3, 0])])
     readings = Readings.from_columns(points=SE3.apply(TRUTH, points), sds=np.full(2, SD))
-    h = at_truth(answer, pairings=(("1", f"edge {k}"), ("2", "corner 2")))
+    h = at_truth(answer, pairings=(("1", f"edge {k}"), ("2", "vertex 2")))
     contacts = find_contacts(gather(readings), wedge, h)
     assert contacts.distances == pytest.approx([5e-4, 1e-3], abs=1e-9)
     assert list(contacts.reading) == [0, 0, 1, 1, 1]

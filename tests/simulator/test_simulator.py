@@ -138,7 +138,7 @@ def test_scenes():
     outward = scene.surface.normals
     middles = scene.surface.vertices[scene.surface.triangles].mean(axis=1) - [0.5, 0.5, 0.5]
     assert (np.sum(outward[:12] * middles[:12], axis=1) > 0).all()
-    with pytest.raises(InputError, match="expected solids with names of their own"):
+    with pytest.raises(InputError, match="expected solids with unique names"):
         Scene.of([cube, cube])
     with pytest.raises(InputError, match="expected a low and a high corner"):
         box("flat", [0, 0, 0], [1, 1, 0])

@@ -5,15 +5,18 @@ Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. `
 """
 
 from tanteo._core.native import (
+    Alternatives,
     EdgeFrame,
     EdgeImage,
     EdgePart,
     FactorList,
     ImageEdges,
+    NormalPoses,
     PoseTerm,
     Problem,
     Shape,
     StablePoses,
+    alternatives,
     axes_lack,
     beams,
     circle_centre,
@@ -42,6 +45,7 @@ from tanteo._core.native import (
     meet_edges,
     mixture,
     nearest_pixels,
+    normal_poses,
     offsets,
     on_axes,
     on_planes,
@@ -63,15 +67,18 @@ from tanteo._core.native import (
 )
 
 __all__ = [
+    "Alternatives",
     "EdgeFrame",
     "EdgeImage",
     "EdgePart",
     "FactorList",
     "ImageEdges",
+    "NormalPoses",
     "PoseTerm",
     "Problem",
     "Shape",
     "StablePoses",
+    "alternatives",
     "axes_lack",
     "beams",
     "circle_centre",
@@ -100,6 +107,7 @@ __all__ = [
     "meet_edges",
     "mixture",
     "nearest_pixels",
+    "normal_poses",
     "offsets",
     "on_axes",
     "on_planes",

@@ -3,15 +3,13 @@
 
 #include <algorithm>
 
-#include "door.hpp"
+#include "catalogue_door.hpp"
 
 namespace tanteo {
 
 namespace {
 
-using Floats = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Levels = nb::ndarray<const int8_t, nb::c_contig, nb::device::cpu>;
-using Starts = nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>;
 
 // Where each part's rows begin, and the last end: increasing, within what there is.
 const int64_t* starts_of(const Starts& starts, const char* name, size_t parts, size_t total) {
@@ -106,8 +104,9 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
     effort.keep = static_cast<int>(expect(keep, "keep", 1, 1000));
     effort.stepped = static_cast<int>(expect(stepped, "stepped", 1, 10000));
     const int begin = effort.begin;
-    const size_t R = chosen.size(), K = effort.keep;
-    std::vector<double> scores(R, given.size() * effort.most), costs(R * K, given.size() * effort.most), Ts(16 * R * K, 0.0);
+    const size_t R = chosen.size();
+    BestPoses poses(R, effort.keep, given.size() * effort.most);
+    std::vector<double> scores(R, given.size() * effort.most);
     {
         nb::gil_scoped_release release;
         const CoarsePoints points = coarse_points(given);
@@ -125,15 +124,10 @@ nb::tuple coarse(Levels field, Starts field_starts, Floats grids, Doubles spacin
         for (size_t r = 0; r < R; ++r) {
             std::vector<CoarsePose> found;
             if (scores[r] <= best + behind) found = coarse_poses(parts.part(chosen[r]), points, std::move(ranked[r]), effort);
-            for (size_t k = 0; k < K; ++k) {
-                const bool there = k < found.size();
-                store_pose(there ? found[k].pose : Pose{}, &Ts[16 * (r * K + k)]);
-                if (there) costs[r * K + k] = found[k].cost;
-            }
+            poses.put(r, found);
         }
     }
-    return nb::make_tuple(array_of(std::move(scores), {R}), array_of(std::move(costs), {R, K}),
-                          array_of(std::move(Ts), {R, K, 4, 4}));
+    return nb::make_tuple(list_of(std::move(scores)), poses.costs_out(), poses.poses_out());
 }
 
 }  // namespace

@@ -17,6 +17,8 @@ namespace nb = nanobind;
 
 using Doubles = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
 using Ints = nb::ndarray<const int32_t, nb::c_contig, nb::device::cpu>;
+using Floats = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
+using Starts = nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>;
 using Out = nb::ndarray<nb::numpy, double>;
 using OutInts = nb::ndarray<nb::numpy, int32_t>;
 
@@ -25,6 +27,12 @@ nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, std::vector<size_t> sh
     auto* kept = new std::vector<T>(std::move(values));
     nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
     return nb::ndarray<nb::numpy, T>(kept->data(), shape.size(), shape.data(), owner);
+}
+
+template <class T>
+nb::ndarray<nb::numpy, T> list_of(std::vector<T> values) {
+    const size_t count = values.size();
+    return array_of(std::move(values), {count});
 }
 
 [[noreturn]] inline void refuse(const char* name, const std::string& what) {

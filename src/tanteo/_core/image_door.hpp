@@ -8,7 +8,6 @@
 
 namespace tanteo {
 
-using Floats = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
 using Flags = nb::ndarray<const bool, nb::c_contig, nb::device::cpu>;
 using OutFlags = nb::ndarray<nb::numpy, bool>;
 

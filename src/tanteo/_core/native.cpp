@@ -12,6 +12,7 @@
 #include "axes.hpp"
 #include "door.hpp"
 #include "factors/registry.hpp"
+#include "factors/normal_poses_door.hpp"
 #include "likelihood.hpp"
 #include "normal.hpp"
 #include "overlaps.hpp"
@@ -201,16 +202,7 @@ std::unique_ptr<Problem> make_problem(nb::list blocks, Doubles furniture, Ints g
     }
     problem->ray_shifts = doubles(ray_shifts, "ray_shifts", {m, 3, D});
     problem->ray_turns = doubles(ray_turns, "ray_turns", {m, 3, D});
-    const std::vector<Pose> means = poses(prior_means, "prior_means");
-    expect(prior_roots, "prior_roots", {means.size(), 6, 6});
-    expect(prior_log_weights, "prior_log_weights", {means.size()});
-    for (size_t k = 0; k < means.size(); ++k) {
-        PosePrior prior;
-        prior.mean = means[k];
-        std::copy_n(prior_roots.data() + 36 * k, 36, prior.root);
-        prior.log_weight = prior_log_weights.data()[k];
-        problem->priors.push_back(prior);
-    }
+    problem->priors = pose_priors(prior_means, prior_roots, prior_log_weights);
     if (table.size()) {
         expect(table, "table", {7});
         problem->has_table = true;
@@ -234,7 +226,7 @@ Out log_densities(const Shape& shape, const Problem& problem, Doubles Ts, Double
             for (size_t k = 0; k < all.size(); ++k) out[k] += more[k];
         }
     }
-    return array_of(std::move(out), {all.size()});
+    return list_of(std::move(out));
 }
 
 std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Doubles Ts, Doubles zs) {
@@ -251,7 +243,7 @@ std::tuple<Out, Out, Out> slopes(const Shape& shape, const Problem& problem, Dou
             };
         });
     }
-    return {array_of(std::move(logs), {S}), array_of(std::move(gradients), {S, K}),
+    return {list_of(std::move(logs)), array_of(std::move(gradients), {S, K}),
             array_of(std::move(informations), {S, K, K})};
 }
 
@@ -302,14 +294,15 @@ nb::tuple details(const Shape& shape, const Problem& problem, Doubles Ts, Double
         }
     }
     return nb::make_tuple(array_of(std::move(table), {S, n, 12}), array_of(std::move(elements), {S, n}),
-                          array_of(std::move(together), {S}), array_of(std::move(groups), {S, G}));
+                          list_of(std::move(together)), array_of(std::move(groups), {S, G}));
 }
 
 std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints rows, Ints pairs, int per_pair, int spins,
                               double tolerance, double blur, double tilt, int keep, uint64_t seed) {
     const int64_t last = int64_t(problem.factors.size()) - 1;
     const std::vector<int> chosen = expect(rows, "rows", ANY, 0, last), both = expect(pairs, "pairs", ANY, 0, last);
-    const Effort effort{per_pair, spins, expect(tolerance, "tolerance", 0, 1e300), expect(blur, "blur", 1e-300, 1e300),
+    const Effort effort{static_cast<int>(expect(per_pair, "per_pair", 0, 1e9)),
+                        static_cast<int>(expect(spins, "spins", 1, 1e6)), expect(tolerance, "tolerance", 0, 1e300), expect(blur, "blur", 1e-300, 1e300),
                         expect(tilt, "tilt", 1e-300, 1e300), static_cast<int>(expect(keep, "keep", 1, 1e9))};
     std::vector<Proposal> found;
     {
@@ -323,8 +316,7 @@ std::tuple<Out, Out> proposed(const Shape& shape, const Problem& problem, Ints r
         out.push_back(p.pose);
         costs.push_back(p.cost);
     }
-    const size_t count = costs.size();
-    return {poses_out(out), array_of(std::move(costs), {count})};
+    return {poses_out(out), list_of(std::move(costs))};
 }
 
 Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, double blur, double tilt) {
@@ -337,8 +329,7 @@ Out scores(const Shape& shape, const Problem& problem, Ints rows, Doubles Ts, do
         nb::gil_scoped_release release;
         for (const Pose& pose : all) out.push_back(score(shape, problem, which, pose, blur, tilt, 1e300));
     }
-    const size_t count = out.size();
-    return array_of(std::move(out), {count});
+    return list_of(std::move(out));
 }
 
 std::tuple<Out, Out, OutInts> settled(const Shape& shape, const Problem& problem, Ints rows, Doubles scales,
@@ -361,8 +352,7 @@ std::tuple<Out, Out, OutInts> settled(const Shape& shape, const Problem& problem
         costs.push_back(s.cost);
         from.push_back(s.from);
     }
-    const size_t count = found.size();
-    return {poses_out(at), array_of(std::move(costs), {count}), array_of(std::move(from), {count})};
+    return {poses_out(at), list_of(std::move(costs)), list_of(std::move(from))};
 }
 
 // Maxima: poses, shared errors, log densities, informations about the centre, and which start led to each.
@@ -370,6 +360,8 @@ nb::tuple maximized(const Shape& shape, const Problem& problem, Doubles Ts, Doub
                   double enough, double margin) {
     const std::vector<State> starts = states(Ts, zs, problem);
     const std::vector<double> coarse = doubles(blurs, "blurs", {ANY});
+    for (const double blur : coarse) expect(blur, "blurs", 0, 1e300);
+    expect(steps, "steps", 0, 1e9);
     expect(enough, "enough", 0, 1e300);
     expect(margin, "margin", 0, 1e300);
     std::vector<Maximum> found;
@@ -389,8 +381,8 @@ nb::tuple maximized(const Shape& shape, const Problem& problem, Doubles Ts, Doub
         from[k] = found[k].from;
         symmetric(found[k].information, static_cast<int>(K), &informations[k * K * K]);
     }
-    return nb::make_tuple(poses_out(at), shared_out(all, K - 6), array_of(std::move(logs), {S}),
-                          array_of(std::move(informations), {S, K, K}), array_of(std::move(from), {S}));
+    return nb::make_tuple(poses_out(at), shared_out(all, K - 6), list_of(std::move(logs)),
+                          array_of(std::move(informations), {S, K, K}), list_of(std::move(from)));
 }
 
 // log densities of poses, shared errors and noise scale integrated out, and their best values there
@@ -405,8 +397,7 @@ std::tuple<Out, Out> marginals(const Shape& shape, const Problem& problem, Doubl
             };
         });
     }
-    const size_t count = logs.size();
-    return {array_of(std::move(logs), {count}), shared_out(all, problem.size() - 6)};
+    return {list_of(std::move(logs)), shared_out(all, problem.size() - 6)};
 }
 
 Out placed(Doubles Ts, Doubles offsets, Doubles centre) {
@@ -458,7 +449,7 @@ std::tuple<Out, Out> mixture(Doubles Ts, Doubles bases, Ints owners, Doubles mea
         const Mixture mix(base, std::move(components), freedom, middle);
         for (size_t k = 0; k < all.size(); ++k) logs[k] = mix.log_density(all[k], shares.data() + k * m);
     }
-    return {array_of(std::move(logs), {all.size()}), array_of(std::move(shares), {all.size(), m})};
+    return {list_of(std::move(logs)), array_of(std::move(shares), {all.size(), m})};
 }
 
 // Of poses in the given order, those that are farther than a limit from all before, in squared standard deviations of
@@ -483,8 +474,7 @@ std::tuple<OutInts, OutInts> distinct(Doubles Ts, Doubles informations, double l
         who[k] = static_cast<int32_t>(kept.size());
         kept.push_back(static_cast<int32_t>(k));
     }
-    const size_t count = kept.size();
-    return {array_of(std::move(kept), {count}), array_of(std::move(who), {all.size()})};
+    return {list_of(std::move(kept)), list_of(std::move(who))};
 }
 
 nb::tuple closest_points(const Shape& shape, Doubles points) {
@@ -519,8 +509,7 @@ nb::tuple first_hits(const Shape& shape, Doubles origins, Doubles directions) {
             triangles[k] = t;
         }
     }
-    const size_t n = from.size();
-    return nb::make_tuple(array_of(std::move(distances), {n}), array_of(std::move(triangles), {n}));
+    return nb::make_tuple(list_of(std::move(distances)), list_of(std::move(triangles)));
 }
 
 Out group_information(Doubles weights, Doubles means, Doubles variances, Ints groups) {
@@ -534,7 +523,7 @@ Out group_information(Doubles weights, Doubles means, Doubles variances, Ints gr
         Overlaps overlaps(of);
         for (size_t c = 0; c < C; ++c) out[c] = overlaps.information(&w[c * S], &m[c * S], &v[c * S]);
     }
-    return array_of(std::move(out), {C});
+    return list_of(std::move(out));
 }
 
 }  // namespace

@@ -7,9 +7,6 @@ namespace tanteo {
 
 namespace {
 
-using Floats = nb::ndarray<const float, nb::c_contig, nb::device::cpu>;
-using Starts = nb::ndarray<const int64_t, nb::c_contig, nb::device::cpu>;
-
 OutlineSeen seen_of(const Doubles& reach, const Doubles& middle, const Doubles& eye) {
     OutlineSeen out;
     expect(reach, "reach", {AROUND});
@@ -53,8 +50,7 @@ nb::tuple fit_outlines(Floats hull, Starts start, Floats downs, Ints of, Doubles
             };
         });
     }
-    const size_t count = costs.size();
-    return nb::make_tuple(array_of(std::move(costs), {count}), array_of(std::move(Ts), {count, 4, 4}));
+    return nb::make_tuple(list_of(std::move(costs)), array_of(std::move(Ts), {whose.size(), 4, 4}));
 }
 
 }  // namespace

@@ -1,9 +1,8 @@
-"""From a rough idea of a face, edge, corner, bore or boss to the sensed feature with covariance (paper, section 3).
+"""Acquire a face, edge, corner, bore or boss from a rough guess, as a feature with covariance (paper, section 3).
 
-An idea may come from an image, from a belief or from a person; thirty millimetres and sixty degrees are near enough.
-The hand looks around from a distance, takes the patch that fits the idea, and senses it with the motions of
-:mod:`tanteo.motion`. What it read is the record: :func:`features_of` makes the same features of it again, to the last
-bit, whether it comes from the run or from a file.
+The guess may come from an image, a belief or a user; errors of 30 mm and 60 degrees are acceptable. The hand scans from
+a distance, selects the surface patch that matches the guess, and senses it with the motions of :mod:`tanteo.motion`.
+The readings are recorded, and :func:`features_of` computes identical features from a run and from its file.
 """
 
 from tanteo.acquisition.by_kind import SENSE

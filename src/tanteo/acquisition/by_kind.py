@@ -1,4 +1,4 @@
-"""Acquisition of a feature of any kind, by its name."""
+"""Acquisition functions by the kind of feature."""
 
 from __future__ import annotations
 
@@ -16,4 +16,4 @@ SENSE: Mapping[str, Callable[..., Acquired]] = MappingProxyType({
     "plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex, "circle": sense_circle,
     "cylinder": sense_cylinder,
 })  # fmt: skip
-"""What acquires a feature from a robot and a guess of it, by kind."""
+"""Functions that acquire a feature from a robot and a guess, by kind."""

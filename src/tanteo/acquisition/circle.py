@@ -1,4 +1,4 @@
-"""The rim of a bore or a boss: its face first, then crossings of the rim along several radii; fit."""
+"""Acquisition of the rim of a bore or boss: face, crossings of the rim along several radii, fit of a circle."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from tanteo.motion import Rules
 from tanteo.sensors import RobotPreset
 
 ANGLES = tuple(k * 160.0 for k in range(9)) + tuple(k * 160.0 + 20.0 for k in range(9))
-"""Radii along which the rim is crossed, in order [deg]: ninths of a turn. At sevenths a hexagon looks like a circle a
-little aside (its sixth harmonic is the first one there), at eighths a square may look like one."""
+"""Directions of the crossings, in order [deg]: ninths of a turn. With sevenths a hexagon could pass for a displaced
+circle (its sixth harmonic aliases to the first), and with eighths a square could."""
 
 ENOUGH = 9
-"""Places of the rim that are enough, if they control each other."""
+"""Sufficient number of positions on the rim, if they verify each other."""
 
 _FIRST, _AGAIN = 0.006, 0.003
-"""How far the rim may be from where the beams show it, and from the circle through three places or more [m]."""
+"""Largest deviation of the rim from its scanned position, and from the circle through the positions so far [m]."""
 
 _OTHER = 5.0
-"""A rim that is more standard deviations off the idea is another one."""
+"""Deviation from the guess, in standard deviations, beyond which a rim is a different one."""
 
 _LOOKS = 2
-"""More looks from over the place, where the beams so far do not show a rim."""
+"""Number of additional scans from above if the rim is not clear."""
 
 
 def sense_circle(
@@ -49,19 +49,19 @@ def sense_circle(
     """Acquire the rim of a bore or a boss as a circle; its face is acquired with it (:attr:`Acquired.others`).
 
     Args:
-        robot: The hand, some way before the face, so that its beams reach it.
-        guess: About where the bore or boss is, and how large.
-        standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
-        rules: What to keep to.
-        label: Of the readings and the feature; the face's is ``<label> face``.
-        errors: Of the robot's poses, for the covariance.
+        robot: robot with the hand in front of the face, within the range of its beams.
+        guess: approximate position, axis and radius of the bore or boss.
+        standoff: distance of the hand's front from the face [m], at least 1.25 times the clearance of the rules.
+        rules: limits of the motions.
+        label: label of the readings and the feature; the face's is ``<label> face``.
+        errors: error model of the reported poses, for the covariance.
 
     Returns:
-        ``acquired``; ``nothing`` where the beams show no such rim; ``unclear`` where the places of the rim are too few,
-        or not on one circle; or the ending of the motion that could not do its part.
+        ``acquired``; ``nothing`` if the beams show no such rim; ``unclear`` if the positions on the rim are too few, or
+        not on one circle; otherwise the status of the motion that failed.
 
     Raises:
-        InputError: A stand-off too near to the clearance of the rules.
+        InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
     status, message, feature, _ = acquire_circle(run, guess, label)
@@ -69,7 +69,7 @@ def sense_circle(
 
 
 def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Attempt, Feature | None]:
-    """The same within a run; besides, the face."""
+    """Acquire the rim within a running acquisition; return also its face."""
     status, message, face = acquire_plane(run, guess.face(), face_label(label))
     if face is None:
         return status, f"the face of the rim: {message}", None, None
@@ -90,7 +90,7 @@ def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Att
 
 
 def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
-    """Where the beams show the rim, after more looks if need be."""
+    """Return the rim as the beams show it, after additional scans if it is unclear."""
     disc = seen_disc(run, face, guess)
     for _ in range(_LOOKS):
         if disc.gain >= 2 * LEAST_GAIN and disc.inside > 20:
@@ -108,7 +108,7 @@ def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
 
 
 def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> tuple[list[Place], str]:
-    """Places of the rim, crossed until they are enough; and why the last radius failed, if one did."""
+    """Cross the rim until there are enough positions; return them and the reason of the last failure."""
     first = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair
     places, slack, why = list[Place](), _FIRST, ""
     for angle in ANGLES:
@@ -127,7 +127,7 @@ def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> t
 
 
 def _fitted(run: SensingRun, places: list[Place], face: Feature, guess: RoundGuess, label: str) -> Attempt:
-    """The circle of the places, and its readings in the record."""
+    """Fit the circle and add its readings to the record of the run."""
     events = [e for place in places for e in place.events]
     readings = labelled_readings(run.hand, events, label, "circle")
     try:
@@ -146,7 +146,7 @@ def _fitted(run: SensingRun, places: list[Place], face: Feature, guess: RoundGue
 
 
 def _another(rim: Feature, guess: RoundGuess) -> str:
-    """What is to be said of a rim that is too far off the idea to be the one that was meant; empty if it is not."""
+    """Return a message if the rim deviates too much from the guess, else an empty string."""
     gap = rim.T_world_feature[:3, 3] - guess.point
     away = float(np.linalg.norm(gap - (gap @ guess.axis) * guess.axis))
     radius, own = float(rim.radius or 0.0), float(np.linalg.eigvalsh(feature_covariance(rim)[:3, :3])[-1])

@@ -1,4 +1,4 @@
-"""Crossings of an edge: where the hand stands beside it, how far it may go, and how it crosses."""
+"""Crossings of an edge: pose of the hand before the edge, free distance beyond it, and the crossing itself."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ from tanteo.motion import Crossing, Motion, cross_edge, go_to, path
 from tanteo.typing import FloatArray, Transforms, Vectors
 
 _STEP = 0.002
-"""A way is looked at for room in such steps [m]."""
+"""Distance between two poses of a path that are checked for collisions [m]."""
 
 _TIP, _ALMOST = 0.02, 0.95
-"""On a crossing, which is slow, almost all has to be known that the ends of the fingers take, so far back [m]: they are
-what meets things that rise beyond the edge."""
+"""Length of the finger tips [m], and the fraction of their volume that must have been sensed as free for a crossing.
+The tips are what would hit an obstacle beyond the edge, and a crossing is slow."""
 
 _FARTHER = 0.03
-"""So much more of a crossing is looked at where the surface goes on to the end of what is known [m]."""
+"""Additional distance that is scanned if the surface continues to the end of the known space [m]."""
 
 _LOOKS = 2
-"""Looks at one place, at most."""
+"""Largest number of scans at one position."""
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How far a crossing goes.
+    """Distances of a crossing.
 
     Attributes:
-        least: All should be seen free for so far [m].
-        reach: At most, until a sensor has crossed [m].
-        spread: And on from there, for the other one [m].
+        least: distance that should be known to be free before the crossing [m].
+        reach: largest distance until the first sensor has crossed [m].
+        spread: largest further distance for the other sensor [m].
     """
 
     least: float
@@ -48,35 +48,34 @@ class Search:
 
 
 def front_of(run: SensingRun) -> FloatArray:
-    """The middle between the frontal sensors ``(3,)`` [m]."""
+    """Return the midpoint of the frontal sensors ``(3,)``, world frame [m]."""
     T = run.robot.sensed.T_world_hand
     return np.asarray(T[:3, :3] @ run.hand.front + T[:3, 3])
 
 
 def raised(run: SensingRun, face: Feature) -> Cloud:
-    """What stands out of the face: the hand stays over it."""
+    """Return the sensed points that stand out of the face."""
     T = face.T_world_feature
     return over(run.seen(), T[:3, 3], T[:3, 2])
 
 
 def pose_over(run: SensingRun, face: Feature, place: Vectors, along: FloatArray) -> Transforms:
-    """The pose at the stand-off over the foot of a place."""
+    """Return the hand pose at the stand-off above the projection of a position onto the face."""
     origin, normal = face.T_world_feature[:3, 3], face.T_world_feature[:3, 2]
     foot = place - ((place - origin) @ normal) * normal
     return facing(run.hand, foot, normal, along, run.standoff, run.robot.sensed.T_world_hand)
 
 
 def free_way(run: SensingRun, cloud: Cloud, T: Transforms, outwards: Vectors, farthest: float) -> float:
-    """How far what was met leaves room from a pose, at most so far; negative if it may not even be there [m]."""
+    """Return the free distance from a pose [m], at most ``farthest``; negative if the pose itself collides."""
     free = fitting(run, cloud, _way(T, outwards, farthest))
     return _STEP * float(len(free) if free.all() else np.argmin(free)) - _STEP
 
 
 def stand(run: SensingRun, face: Feature, place: Vectors, along: FloatArray) -> Motion:
-    """At the stand-off over the foot of a place on the face, square to it, the pair along a line.
+    """Move to the stand-off above a position on the face, square to it, with the sensor pair along a direction.
 
-    The way leads along the face where what was seen leaves room for it, else over the hover height, where it
-    looks if need be.
+    The path follows the face if it is free. Otherwise it goes over the hover height, with a scan if needed.
     """
     cloud, T = raised(run, face), run.robot.sensed.T_world_hand
     down = pose_over(run, face, place, along)
@@ -94,7 +93,7 @@ def stand(run: SensingRun, face: Feature, place: Vectors, along: FloatArray) -> 
 
 
 def look_over(run: SensingRun, face: Feature, needed: Transforms, *, crossing: bool = False) -> Motion:
-    """To over the first of some poses that has room, and looks until all is known that the fingers take at them."""
+    """Move above the first free pose and scan until the space of the fingers at all poses is known."""
     back = rise(run, face)
     if not back.reached:
         return back
@@ -113,19 +112,19 @@ def look_over(run: SensingRun, face: Feature, needed: Transforms, *, crossing: b
 
 
 def rise(run: SensingRun, face: Feature) -> Motion:
-    """Back to the hover height over the face, or as high as it is."""
+    """Retreat to the hover height above the face, or stay if the hand is higher."""
     T = face.T_world_feature
     missing = run.standoff + HOVER - float((front_of(run) - T[:3, 3]) @ T[:3, 2])
     return back_off(run, max(missing, 0.0))
 
 
 def known_way(run: SensingRun, T: Transforms, outwards: Vectors, farthest: float) -> float:
-    """How far from a pose enough was seen free for a crossing, at most so far [m]."""
+    """Return the distance from a pose that is known to be free for a crossing [m], at most ``farthest``."""
     return _STEP * (sum(1 for _ in takewhile(bool, _crossable(run, _way(T, outwards, farthest)))) - 1)
 
 
 def _crossable(run: SensingRun, way: Transforms) -> Iterator[bool]:
-    """Pose by pose, whether almost all is known around the ends of the fingers."""
+    """Yield for each pose whether almost all space of the finger tips is known to be free."""
     body = run.hand.body
     fronts = body.centres[:, 2] + body.radii
     ends = ~body.blind & (fronts > fronts[~body.blind].max() - _TIP)
@@ -140,7 +139,7 @@ def _way(T: Transforms, outwards: Vectors, farthest: float) -> Transforms:
 def cross_at(
     run: SensingRun, face: Feature, place: Vectors, along: FloatArray, outwards: Vectors, search: Search
 ) -> Crossing:
-    """Stand over the foot of a place on the face and cross from there as far as all was seen free; else look again."""
+    """Cross an edge from above a position on the face, within known free space; scan again if that is too short."""
     least = search.least
     for number in range(_LOOKS + 1):
         last = stand(run, face, place, along)
@@ -159,7 +158,7 @@ def cross_at(
 
 
 def _cross(run: SensingRun, outwards: Vectors, farthest: float, search: Search) -> Crossing:
-    """A crossing from where the hand is, no farther than there is room."""
+    """Cross from the current pose, at most as far as the space is free."""
     T = run.robot.sensed.T_world_hand
     crossing = cross_edge(
         run.robot,

@@ -1,4 +1,4 @@
-"""A bore or a boss as a cylinder: its rim first, then two rings of readings of the wall below it; fit."""
+"""Acquisition of a bore or boss as a cylinder: rim, two rings of readings of the wall below it, fit."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tanteo.motion import Rules
 from tanteo.sensors import RobotPreset
 
 ANGLES = 0, 120, 240, 60, 180, 300
-"""Where the wall is read, in each ring [deg]."""
+"""Directions of the readings of the wall in each ring [deg]."""
 
 FARTHER = 0.008, 0.012
-"""The second ring is a radius below the first, at least and at most this far [m]."""
+"""Smallest and largest distance of the second ring below the first [m]; between them it is the radius."""
 
 LEAST_RING, LEAST_GAP = 3, 0.003
-"""Places that each ring needs, and how far one ring has to be from the other [m]."""
+"""Smallest number of readings per ring, and smallest distance between the rings [m]."""
 
 
 def sense_cylinder(
@@ -38,21 +38,21 @@ def sense_cylinder(
 ) -> Acquired:
     """Acquire the wall of a bore or a boss as a cylinder; face and rim are acquired with it.
 
-    The hand stays over the face, and its beams come over the rim at a slant: nothing enters a bore.
+    The hand stays above the face and measures the wall obliquely over the rim: nothing enters a bore.
 
     Args:
-        robot: The hand, some way before the face, so that its beams reach it.
-        guess: About where the bore or boss is, and how large.
-        standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
-        rules: What to keep to.
-        label: Of the readings and the feature; the rim's is ``<label> rim``, the face's ``<label> rim face``.
-        errors: Of the robot's poses, for the covariance.
+        robot: robot with the hand in front of the face, within the range of its beams.
+        guess: approximate position, axis and radius of the bore or boss.
+        standoff: distance of the hand's front from the face [m], at least 1.25 times the clearance of the rules.
+        rules: limits of the motions.
+        label: label of the readings and the feature; the rim's is ``<label> rim``, the face's ``<label> rim face``.
+        errors: error model of the reported poses, for the covariance.
 
     Returns:
         As :func:`sense_circle`; besides, ``unclear`` where a ring has too few places, or is too near the other one.
 
     Raises:
-        InputError: A stand-off too near to the clearance of the rules.
+        InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
     status, message, circle, _ = acquire_circle(run, guess, f"{label} rim")
@@ -64,9 +64,10 @@ def sense_cylinder(
 
 
 def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
-    """The same within a run that has the rim.
+    """Acquire the wall within a running acquisition that has the rim.
 
-    The second ring is as deep as beams reach; where that is below the end of the wall, half as far from the first.
+    The second ring is a radius below the first, within the reach of the beams. If it misses the wall, its distance from
+    the first is halved.
     """
     first, deepest = depths(run, circle)
     second = min(first + min(max(FARTHER[0], circle.radius or 0.0), FARTHER[1]), deepest)
@@ -84,7 +85,7 @@ def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
 
 
 def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallReading], str]:
-    """What was read of one ring, and why the last place that failed did."""
+    """Read the wall in one ring; return the readings and the reason of the last failure."""
     out, found, why = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair, list[WallReading](), ""
     for number, angle in enumerate(ANGLES):
         if number == LEAST_RING and not found:
@@ -102,7 +103,7 @@ def _met(ring: Sequence[WallReading], depth: float) -> str:
 
 
 def _fitted(run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[float, ...], label: str) -> Attempt:
-    """The cylinder of two rings, and its readings in the record."""
+    """Fit the cylinder to two rings and add its readings to the record of the run."""
     readings = labelled_readings(run.hand, [r for ring in found for r in ring], label, "cylinder")
     feature, doubt = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is None or doubt:

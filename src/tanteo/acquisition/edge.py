@@ -120,15 +120,15 @@ def sense_edge(
     is acquired as well, and the edge is where both planes meet.
 
     Args:
-        robot: The hand, some way before the face, so that its beams reach it.
-        guess: About where the edge is, and its face.
-        standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
-        rules: What to keep to.
-        label: Of the readings and the feature; the face's is ``<label> face``, and ``<label> other face``.
-        errors: Of the robot's poses, for the covariance.
+        robot: robot with the hand in front of the face, within the range of its beams.
+        guess: approximate position of the edge and of its face.
+        standoff: distance of the hand's front from the face [m], at least 1.25 times the clearance of the rules.
+        rules: limits of the motions.
+        label: label of the readings and the feature; the face's is ``<label> face``, and ``<label> other face``.
+        errors: error model of the reported poses, for the covariance.
 
     Raises:
-        InputError: A stand-off too near to the clearance of the rules.
+        InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
     status, message, face = acquire_plane(run, guess.face(INSET), f"{label} face")
@@ -140,7 +140,7 @@ def sense_edge(
 
 
 def acquire_edge(run: SensingRun, face: Feature, guess: EdgeGuess, label: str) -> Attempt:
-    """The same within a run that stands over the face."""
+    """Acquire the edge within a running acquisition, with the hand over the face."""
     normal = face.T_world_feature[:3, 2]
     along = guess.direction - (guess.direction @ normal) * normal
     if np.linalg.norm(along) < 0.2:

@@ -80,15 +80,15 @@ def sense_plane(
     two directions, each with many points instead of two.
 
     Args:
-        robot: The hand, some way before the face, so that its beams reach it.
+        robot: robot with the hand in front of the face, within the range of its beams.
         guess: About where the face is.
         standoff: Of the hand's front during the scan [m]; :data:`LEAST_STANDOFF` clearances or more.
-        rules: What to keep to.
-        label: Of the readings and the feature.
-        errors: Of the robot's poses, for the covariance.
+        rules: limits of the motions.
+        label: label of the readings and the feature.
+        errors: error model of the reported poses, for the covariance.
 
     Raises:
-        InputError: A stand-off too near to the clearance of the rules.
+        InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
     status, message, feature = acquire_plane(run, guess, label)

@@ -63,10 +63,11 @@ def predicted(
     Raises:
         InputError: A kind that does not exist.
     """
-    if kind not in KINDS:
+    known = KINDS.get(kind)
+    if known is None:
         *others, last = KINDS
         raise InputError(f"kind: expected {', '.join(others)} or {last}, got '{kind}'. Use one of these.")
-    found, guess_of = KINDS[kind]
+    found, guess_of = known
     R = T_world_part[:3, :3]
     look, out = Look(part, Surface(part.vertices, part.triangles), R.T @ (towards / np.linalg.norm(towards))), []
     for seen in found(look):

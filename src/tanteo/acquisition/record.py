@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import Feature
+from tanteo.features import CIRCLE, Feature
 from tanteo.fitting import FitReport, circle_on_plane, fit_labelled, plane_from_two_directions
 from tanteo.hand import MET, Hand, HandReading
 from tanteo.lie import SO3
 from tanteo.motion import EdgeEvent
-from tanteo.sensors import Readings, Rig, RobotPreset, measure
+from tanteo.sensors import Readings, Rig, RobotPreset, measure, reading_kind
 from tanteo.typing import IntArray, Transforms
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def features_of(
         # each label by itself: beside others its sums may be rounded in another order
         own = readings.take(np.flatnonzero(np.array(readings.features) == label))
         face = features.get(face_label(label))
-        if face is not None and set(own.kinds) == {"circle"}:
+        if face is not None and reading_kind(own.kinds[0]).feature is CIRCLE:
             features[label] = circle_in_face(own, face, label, rig, robot)[0]
             continue
         fitted = fit_labelled(measure(own, rig=rig, robot=robot), tolerance)

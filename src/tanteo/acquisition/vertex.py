@@ -35,15 +35,15 @@ def sense_vertex(
     """Acquire a corner of a face; face and edges are acquired with it (:attr:`Acquired.others`).
 
     Args:
-        robot: The hand, some way before the face, so that its beams reach it.
+        robot: robot with the hand in front of the face, within the range of its beams.
         guess: About where the corner is, and how the two edges of the face run.
-        standoff: Of the hand's front over the face [m]; 1.25 clearances of the rules or more.
-        rules: What to keep to.
+        standoff: distance of the hand's front from the face [m], at least 1.25 times the clearance of the rules.
+        rules: limits of the motions.
         label: Of the feature; readings are labelled ``<label> face``, ``<label> edge 1`` and ``<label> edge 2``.
-        errors: Of the robot's poses, for the covariance.
+        errors: error model of the reported poses, for the covariance.
 
     Raises:
-        InputError: A stand-off too near to the clearance of the rules.
+        InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
     arriving, leaving = guess.edges(ALONG)

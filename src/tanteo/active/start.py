@@ -13,6 +13,7 @@ from tanteo.frames import check_covariances, check_transforms
 from tanteo.inference import PoseMixture, PreparedPart, prepare_all
 from tanteo.lie import SE3
 from tanteo.limits import check_places, check_spreads
+from tanteo.measurements import PoseFactor
 from tanteo.parts import Part, as_part
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
@@ -34,6 +35,9 @@ class Start:
         covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
         weights: their probabilities, if it is one of the parts: they sum to one ``(A,)``.
         priors: of the unknown object and of outliers; the radius of the workspace.
+        factors: measurements of the pose from which the session starts, such as an image. They are the posterior's
+            prior of the pose then, all parts are equally probable beforehand, and the prior poses are the first guess.
+        suggested: number of prior poses, the first ones, that only the factors suggest.
 
     Raises:
         InputError: no part, no prior pose of it, weights that are no probabilities, a covariance without spread.
@@ -45,6 +49,8 @@ class Start:
     covariances: Covariances
     weights: FloatArray
     priors: Priors
+    factors: tuple[PoseFactor, ...] = ()
+    suggested: int = 0
 
     def __post_init__(self) -> None:
         if not self.targets or not len(self.part):
@@ -87,12 +93,23 @@ class Start:
         """The prior poses of those rows, as what is known of as many poses."""
         return PosePrior(self.Ts[rows], self.covariances[rows])
 
+    def stated(self, row: int) -> PosePrior | None:
+        """The prior pose of a row; None if it is only suggested by a factor, which the posterior has as it is."""
+        return None if row < self.suggested else PosePrior(self.Ts[row], self.covariances[row])
+
     def shares(self) -> FloatArray:
-        """Probability of every part, if it is one of them ``(P,)``."""
+        """Probability of every part, if it is one of them, before any factor ``(P,)``."""
+        if self.factors:
+            return np.full(len(self.targets), 1 / len(self.targets))
         return np.bincount(self.part, weights=self.weights, minlength=len(self.targets)).astype(np.float64)
 
     def mixtures(self) -> dict[int, PoseMixture]:
-        """The prior poses of each part that has any, given that it is this one, by the id of the part."""
+        """The prior poses of each part that has any, given that it is this one, by the id of the part.
+
+        None where factors are the prior of the pose.
+        """
+        if self.factors:
+            return {}
         out = {}
         for k, share in enumerate(self.shares()):
             own = np.flatnonzero((self.part == k) & (self.weights > 0))
@@ -102,8 +119,13 @@ class Start:
         return out
 
     def likeliest(self, part: int, T_world_part: Transforms) -> int:
-        """Row of the prior pose of a part from which a pose ``(4, 4)``, or a symmetric one, most probably is."""
+        """Row of the prior pose of a part from which a pose ``(4, 4)``, or a symmetric one, most probably is.
+
+        It is -1 if the part has none, as only factors suggest the pose then.
+        """
         own = np.flatnonzero((self.part == part) & (self.weights > 0))
+        if not len(own):
+            return -1
         if len(own) == 1:
             return int(own[0])
         images = T_world_part @ self.targets[part].part.symmetry.Ts

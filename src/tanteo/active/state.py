@@ -1,7 +1,8 @@
 """The belief while sensing goes on: the posterior of all readings, under the prior poses of a start.
 
-Before the first reading it is the start itself. After that :func:`tanteo.inference.update.update` leads from one
-posterior to the next, and what is asked of a belief are its modes, as normal densities or by their samples.
+Before the first reading it is the start itself, or the posterior of its factors. After that
+:func:`tanteo.inference.update_posterior` leads from one posterior to the next, and what is asked of a belief are its
+modes, as normal densities or by their samples.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.active.start import Start
-from tanteo.inference import Mode, Posterior, PreparedPart, Problem, on_part, update_posterior
+from tanteo.inference import Mode, Posterior, PreparedPart, Problem, on_part, posterior_of_factors, update_posterior
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
 
@@ -40,7 +41,7 @@ class SensingState:
 
     Attributes:
         start: what was assumed beforehand.
-        posterior: of all readings; None before the first.
+        posterior: of all readings and factors; None before the first reading without factors.
         unknown: probability of the unknown object.
         draws: samples of all of it; None before the first reading.
         poses: where the part may be, best first ``(M, 4, 4)``: the modes, or the prior poses before the first reading.
@@ -118,8 +119,18 @@ def _draws(posterior: Posterior) -> WeightedPoses:
 
 
 def begin(start: Start) -> SensingState:
-    """The belief before the first reading."""
-    return SensingState(start, None, start.priors.unknown)
+    """The belief before the first reading: the prior poses of the start, or the posterior of its factors."""
+    if not start.factors:
+        return SensingState(start, None, start.priors.unknown)
+    problem = Problem(ContactPoints.none(), FreeRays.none(), start.priors, pose_factors=start.factors)
+    found = posterior_of_factors(problem, start.targets, _log_priors(start))
+    return SensingState(start, found, found.unknown, _draws(found))
+
+
+def _log_priors(start: Start) -> FloatArray:
+    """Log prior of each part that may be there ``(P,)``."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(start.shares()) + np.log1p(-start.priors.unknown))
 
 
 def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> SensingState:
@@ -131,12 +142,12 @@ def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> Sens
         free: all paths so far on which nothing was met.
     """
     start = before.start
-    priors, shares = start.priors, start.shares()
-    some = np.flatnonzero(shares > 0)
-    problem = Problem(touches, free, priors, mixtures=start.mixtures())
+    priors, log_priors = start.priors, _log_priors(start)
+    some = np.flatnonzero(np.isfinite(log_priors))
+    problem = Problem(touches, free, priors, mixtures=start.mixtures(), pose_factors=start.factors)
     anywhere = np.log(priors.unknown) + problem.log_not_on_part.sum()
-    anywhere += len(free) * np.log1p(-priors.outlier_rate)
+    anywhere += len(free) * np.log1p(-priors.outlier_rate) + problem.log_factors_unknown
     rng = np.random.default_rng((1991, len(touches), len(free)))  # the same belief of the same readings every time
-    parts, log_priors = [start.targets[k] for k in some], np.log(shares[some]) + np.log1p(-priors.unknown)
-    after = update_posterior(problem, parts, log_priors, before.posterior, float(anywhere), rng)
+    parts = [start.targets[k] for k in some]
+    after = update_posterior(problem, parts, log_priors[some], before.posterior, float(anywhere), rng)
     return SensingState(start, after, after.unknown, _draws(after))

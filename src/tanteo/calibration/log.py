@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.sensors import NoiseLaw, Readings, Rig
+from tanteo.features import PLANE
+from tanteo.sensors import NoiseLaw, Readings, Rig, reading_kind
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 _PASSES = 100
@@ -177,7 +178,7 @@ def _usable(readings: Readings) -> BoolArray:
                 f"reading '{name}': expected a range with its sensor and the hand's pose, got less. Fill in range_mm, "
                 "sensor and the hand_ columns."
             )
-        if readings.kinds[i] not in ("plane", "point"):
+        if reading_kind(readings.kinds[i]).feature is not PLANE:
             raise ReadingsError(
                 f"kind of reading '{name}': expected plane, got {readings.kinds[i]}. Calibrate on flat surfaces."
             )

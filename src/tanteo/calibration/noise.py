@@ -40,6 +40,10 @@ class PlaceLaw:
         """Variance of a station's mean range: of its place, and what its repeats leave of theirs [m^2]."""
         return np.maximum(np.sum(self.squares[log.beam] * basis, axis=1) + repeat_variances(log), _LEAST)
 
+    def moved(self, step: FloatArray) -> PlaceLaw:
+        """Return the law after a step of the logarithms of its squares, ``(3 k,)``."""
+        return PlaceLaw(self.squares * np.exp(step.reshape(self.squares.shape)))
+
 
 def place_basis(ranges: FloatArray, incidences: FloatArray) -> FloatArray:
     """What multiplies the squares of :data:`TERMS`, ``(m, 3)``."""
@@ -67,23 +71,31 @@ def first_law(log: PlaneLog, residuals: FloatArray, basis: FloatArray, share: fl
     return PlaceLaw(squares)
 
 
-def improved(
+def law_step(
     law: PlaceLaw, log: PlaneLog, residuals: FloatArray, weights: FloatArray, basis: FloatArray, hat: FloatArray
-) -> PlaceLaw:
-    """One step up the restricted likelihood, by multiplication: variances stay positive.
+) -> tuple[FloatArray, FloatArray]:
+    """Return one step of the logarithms of the squares up the restricted likelihood, and its curvature there.
 
-    ``hat`` is the variance of the fitted range of every station [m^2], ``(m,)``.
+    The step maximizes a minorizer of the likelihood (Zhou, Hu, Zhou and Lange 2019), so the squares stay positive.
+
+    Args:
+        law: variances of the places.
+        log: stations.
+        residuals: measured minus predicted ranges [m], ``(m,)``.
+        weights: probabilities of the stations to be no outliers, ``(m,)``.
+        basis: see :func:`place_basis`, ``(m, 3)``.
+        hat: variances of the fitted ranges [m^2], ``(m,)``.
     """
     v = law.variances(log, basis)
     pull = weights * residuals**2 / v**2
     rest = np.maximum(weights / v - weights**2 * hat / v**2, 0.0)
-    squares = np.array(law.squares)
+    ratio, down = np.ones_like(law.squares), np.zeros_like(law.squares)
     for k in range(len(log.beams)):
         mine = log.beam == k
-        down = rest[mine] @ basis[mine]
-        ratio = np.divide(pull[mine] @ basis[mine], down, out=np.ones(len(TERMS)), where=down > 0)
-        squares[k] *= np.sqrt(ratio)
-    return PlaceLaw(np.maximum(squares, 1e-3 * _LEAST))
+        down[k] = rest[mine] @ basis[mine]
+        np.divide(pull[mine] @ basis[mine], down[k], out=ratio[k], where=down[k] > 0)
+    step = np.log(np.maximum(law.squares * np.sqrt(ratio), 1e-3 * _LEAST) / law.squares)
+    return step.ravel(), (law.squares * down).ravel()
 
 
 def law_cov(

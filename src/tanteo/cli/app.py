@@ -75,8 +75,8 @@ def _guarded() -> Iterator[None]:
     except TanteoError as error:
         complain("error", str(error))
         raise typer.Exit(_MISUSED if isinstance(error, MisuseError) else _FAILED) from None
-    except KeyboardInterrupt:
-        complain("error", "interrupted.")
+    except KeyboardInterrupt as error:
+        complain("error", " ".join(["interrupted.", *getattr(error, "__notes__", ())]))
         raise typer.Exit(_INTERRUPTED) from None
 
 

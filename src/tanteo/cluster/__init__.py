@@ -1,9 +1,9 @@
-"""Work spread over processes of this machine or of many, by Dask: what a worker that dies had begun is begun again.
+"""Distribute tasks over processes of one or many computers with Dask; tasks of a worker that dies are run again.
 
-A *scheduler* is the address of one that runs (``tcp://HOST:PORT``; ``dask scheduler`` and ``dask worker`` start such),
-or ``local``, ``local:8``: processes of this computer, which end with the work. Every worker needs the same tanteo, and
-sees files under the same paths. Whoever can reach a scheduler can run programs on its workers: keep it in a network
-that you trust.
+A *scheduler* is the address of a running Dask scheduler (``tcp://HOST:PORT``, started with ``dask scheduler`` and
+``dask worker``), or ``local`` or ``local:8`` for processes of this computer that end with the work. Every worker needs
+the same version of tanteo and the same file paths. Anybody who can reach a scheduler can run programs on its workers:
+use it only in a network that you trust.
 """
 
 from collections.abc import Callable

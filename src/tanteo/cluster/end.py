@@ -1,4 +1,4 @@
-"""The end of processes that were begun for one client (a module of its own, since Dask is loaded by it)."""
+"""Scheduler plug-in that ends processes started for one client (a separate module because importing it loads Dask)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from distributed import Scheduler, SchedulerPlugin
 
 
 class EndWithClient(SchedulerPlugin):  # type: ignore[misc]
-    """A scheduler ends a time after its last client has left, be it killed; until then, it waits however long.
+    """End an idle scheduler some time after its last client has disconnected, even if that client was killed.
+
+    While a client is connected, the scheduler waits without limit.
 
     Args:
-        after: that time [s].
+        after: time between the last disconnection and the end of the scheduler [s].
     """
 
     name = "tanteo-end-with-client"
@@ -18,10 +20,10 @@ class EndWithClient(SchedulerPlugin):  # type: ignore[misc]
         self.after = after
 
     async def start(self, scheduler: Scheduler) -> None:
-        """Called where the scheduler is, by Dask."""
+        """Disable Dask's own idle timeout (called by Dask on the scheduler)."""
         scheduler.idle_timeout = None
 
     def remove_client(self, scheduler: Scheduler, client: str) -> None:
-        """Called when a client has left, by Dask."""
-        if set(scheduler.clients) <= {"fire-and-forget"}:  # Dask's own
+        """Start the idle timeout once the last client has disconnected (called by Dask on the scheduler)."""
+        if set(scheduler.clients) <= {"fire-and-forget"}:  # a client that Dask itself always registers
             scheduler.idle_since, scheduler.idle_timeout = None, self.after

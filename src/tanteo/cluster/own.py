@@ -1,4 +1,4 @@
-"""Processes of this computer that are workers for one client, and end with it."""
+"""Worker processes on this computer that serve one client and end with it."""
 
 from __future__ import annotations
 
@@ -11,18 +11,27 @@ from tanteo.cluster.end import EndWithClient
 from tanteo.errors import InputError
 
 BEGIN = 300.0
-"""Time after which processes of this computer end that nobody has spoken to [s]: what began them was killed."""
+"""Idle time after which a scheduler ends if no client ever connected [s]; the starting process was killed."""
 
 LEFT = 20.0
-"""Time after which they end when the one they worked for is gone [s]; one that ends as it should ends them itself."""
+"""Time after which the processes end when their client was killed [s]; otherwise the client ends them itself."""
 
 _SILENT = 50
-"""Level of logging from which Dask may write: critical."""
+"""Lowest logging level that Dask may print: ``logging.CRITICAL``."""
 
 
 @contextmanager
 def own_processes(count: int) -> Iterator[Client]:
-    """Processes of this computer: they stay as long as this one is connected, however busy or idle they are."""
+    """Start worker processes on this computer and yield a client connected to them.
+
+    The processes end with the context, or :data:`LEFT` seconds after this process was killed.
+
+    Args:
+        count: number of worker processes, with one thread each.
+
+    Raises:
+        InputError: The processes could not be started.
+    """
     with ExitStack() as stack:
         try:
             own = SubprocessCluster(

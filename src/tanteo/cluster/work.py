@@ -1,4 +1,4 @@
-"""Tasks that are handed out to workers, and what becomes of them."""
+"""Submission of tasks to Dask workers and handling of their results and failures."""
 
 from __future__ import annotations
 
@@ -20,21 +20,26 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 CONNECT = 10.0
-"""Time in which a scheduler answers [s]."""
+"""Time limit for the first answer of a scheduler [s]."""
 
 NOBODY = 30.0
-"""Time for which work waits where there is no worker at all [s]: a worker that was ended begins again in three."""
+"""Time without any worker after which the work is given up [s]; Dask restarts a dead worker within about 3 s."""
 
-_ASK = 1.0
+_POLL = 1.0
+"""Interval at which the number of workers is checked while no task finishes [s]."""
+
 _AHEAD = 64
-"""Tasks that wait at the scheduler, so that no worker waits for the next one."""
+"""Number of tasks that are queued at the scheduler, so that no worker is idle between two tasks."""
 
 
 def check_scheduler(address: str) -> str:
-    """The address of a scheduler, as it was given.
+    """Check the address of a scheduler and return it unchanged.
+
+    Args:
+        address: ``tcp://HOST:PORT`` (or ``tls://``, ``ucx://``), ``local`` or ``local:N``.
 
     Raises:
-        InputError: it is none.
+        InputError: The address has none of these forms.
     """
     kind, colon, count = address.partition(":")
     local = kind == "local" and (not colon or (count.isdecimal() and 0 < int(count) <= 1024))
@@ -42,7 +47,7 @@ def check_scheduler(address: str) -> str:
         return address
     raise InputError(
         f"scheduler: expected tcp://HOST:PORT, or local:N for N processes of this computer, got '{address}'. "
-        "'dask scheduler' prints the address of one."
+        "'dask scheduler' prints its address."
     )
 
 
@@ -54,19 +59,20 @@ def spread(
     *,
     modules: str | None = None,
 ) -> None:
-    """Do tasks on the workers of a scheduler, in any order.
+    """Run tasks on the workers of a scheduler, in any order.
 
     Args:
-        scheduler: its address, or ``local:N``.
-        work: a function of a module, which workers import.
-        tasks: by any number; what decides a result is in its task, so that it is the same on any worker.
-        settle: called in this thread with the number of a task and what the work returned, or a sentence that says why
-            the workers could not do it (each of four died at it).
-        modules: a folder of modules that the workers see, too, and where the work is found if tanteo has it not.
+        scheduler: address of the scheduler, or ``local:N``.
+        work: function of an importable module that computes the result of one task.
+        tasks: tasks by number. A task must contain everything that its result depends on (such as random seeds), so
+            that every worker computes the same.
+        settle: callback, run in the calling thread, with the number of a task and its result. If the workers could not
+            do the task (four died of it), the result is a sentence that gives the reason.
+        modules: folder that is added to the workers' import path, for a ``work`` outside of tanteo.
 
     Raises:
-        InputError: no scheduler answers there, its workers have another tanteo or none, or all are gone.
-        Exception: whatever the work raised.
+        InputError: No scheduler answers, the workers have another version of tanteo or none, or all workers are gone.
+        Exception: ``work`` raised it.
 
     Example:
         >>> from tanteo.cluster import spread
@@ -80,7 +86,7 @@ def spread(
 
 
 class _Spread:
-    """Tasks of which a few wait at the scheduler."""
+    """State of a running distribution: the tasks at the scheduler and those that have finished."""
 
     def __init__(self, client: Client, scheduler: str, work: tuple[Any, ...], settle: Callable[..., None]) -> None:
         self._client, self._scheduler, self._work, self._settle = client, scheduler, work, settle
@@ -107,13 +113,13 @@ class _Spread:
             future.add_done_callback(self._done.put)
 
     def _next(self) -> Future:
-        """A task that is done; an error where nobody is left who could do one."""
+        """Wait for the next finished task; raise if there has been no worker for :data:`NOBODY` seconds."""
         alone = 0.0
         while True:
             try:
-                return self._done.get(timeout=_ASK)
+                return self._done.get(timeout=_POLL)
             except queue.Empty:
-                alone = 0.0 if self._workers() else alone + _ASK
+                alone = 0.0 if self._workers() else alone + _POLL
             if alone > NOBODY:
                 raise InputError(
                     f"scheduler: expected a worker at {self._scheduler}, got none for {NOBODY:.0f} s. "
@@ -131,7 +137,7 @@ class _Spread:
         try:
             return future.result()
         except KilledWorker:
-            return "expected to be done by a worker, but every one that tried it was ended. Look at its memory."
+            return "expected to be done by a worker, but every worker that tried it died. Check its memory."
         except CancelledError:
             raise _gone(self._scheduler) from None
         except ModuleNotFoundError as error:
@@ -141,10 +147,20 @@ class _Spread:
 
 
 def at_work(version: str, modules: str | None, module: str, name: str, task: Any) -> Any:
-    """What a worker does with a task: the work is told by name.
+    """Import the work by name and run it on one task (called on the worker).
+
+    Args:
+        version: version of tanteo of the client.
+        modules: folder to add to the import path, or None.
+        module: name of the module of the work.
+        name: name of the function in the module.
+        task: argument of the function.
+
+    Returns:
+        The result of the function.
 
     Raises:
-        InputError: it has another version.
+        InputError: The worker has another version of tanteo.
     """
     if version != _version():
         raise InputError(
@@ -157,7 +173,7 @@ def at_work(version: str, modules: str | None, module: str, name: str, task: Any
 
 @contextmanager
 def _client(scheduler: str) -> Iterator[Client]:
-    """A connection; a cluster of one's own ends with it."""
+    """Connect to a scheduler; a ``local`` one is started here and ends with the context."""
     check_scheduler(scheduler)
     if importlib.util.find_spec("distributed") is None:
         raise InputError("scheduler: expected Dask, which is not installed. pip install 'tanteo[cluster]'.")
@@ -179,8 +195,8 @@ def _client(scheduler: str) -> Iterator[Client]:
 
 def _again(scheduler: str) -> str:
     if scheduler.startswith("local"):
-        return "Its processes were ended: look at the memory, and use fewer."
-    return f"Start one, 'dask worker {scheduler}', and give the command again."
+        return "Its processes died: check the memory, and use fewer."
+    return f"Start one with 'dask worker {scheduler}' and repeat the command."
 
 
 def _version() -> str:
@@ -190,13 +206,13 @@ def _version() -> str:
 def _nobody(scheduler: str, error: Exception) -> InputError:
     why = str(error).splitlines()[0] if str(error) else "no answer"
     return InputError(
-        f"scheduler: expected one that answers at {scheduler}, got: {why}. 'dask scheduler' starts one and prints its "
+        f"scheduler: expected a scheduler at {scheduler}, got: {why}. 'dask scheduler' starts one and prints its "
         "address."
     )
 
 
 def _gone(scheduler: str) -> InputError:
     return InputError(
-        f"scheduler: expected {scheduler} to stay, but the connection was lost. Start it anew, and give the command "
-        "again."
+        f"scheduler: expected {scheduler} to stay connected, but the connection was lost. Restart it and repeat the "
+        "command."
     )

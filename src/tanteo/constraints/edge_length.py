@@ -16,7 +16,7 @@ from tanteo.constraints.intersection import intersect
 from tanteo.constraints.relate import relate_all
 from tanteo.constraints.relation import CONSTRAINT_KINDS
 from tanteo.errors import InputError
-from tanteo.features import EDGE, HALF_EDGE, Feature, collect_shared
+from tanteo.features import Feature, collect_shared
 from tanteo.typing import Covariances, FloatArray, Transforms
 
 
@@ -71,7 +71,7 @@ def relate_length(edge: Feature, first: Feature, second: Feature) -> Constraint:
     """
     features = (first, edge, second)
     for feature in features:
-        if feature.kind not in (EDGE, HALF_EDGE):
+        if feature.kind.aspects != ("line",):
             raise InputError(f"edge length: expected three edges, got a {feature.kind.name} ({feature.label!r}).")
     _, shared, shared_jacobian = collect_shared(features)
     B = np.zeros((sum(f.kind.size for f in features), 18))

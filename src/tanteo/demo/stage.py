@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.active import Probe, Start, Stop, around, from_hypotheses, policy_named
-from tanteo.answers import Hypothesis, Priors
+from tanteo.active import Probe, Start, Stop, around, policy_named
+from tanteo.answers import Hypothesis
 from tanteo.catalogue import read_parts
+from tanteo.execution import seen_start
 from tanteo.hand import Workspace
 from tanteo.inference import PreparedPart, prepare
 from tanteo.io import read_camera, read_image, read_marks, write_image
@@ -146,7 +147,7 @@ def _look(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart])
     window = _window(sight.objects[0], image.shape)
     found = _as_png(draw_sight(image, camera, sight)[_enlarged(window[0]), _enlarged(window[1])])
     likenesses = _as_png(_likenesses(image, camera, [(targets[h.part].part, h.T_world_part) for h in best], window))
-    start = from_hypotheses(hypotheses, [targets[n] for n in names], Priors())
+    start = seen_start(sight.objects[0], list(targets.values()))
     likely = tuple(h for h in hypotheses if h.probability > _LIKELY)
     toward = placed.T_world_camera[:3, 3] - SE3.apply(best[0].T_world_part, targets[best[0].part].part.centroid)
     return start, Seen(folder / f"{_IMAGE}.png", likely, found, likenesses, toward / np.linalg.norm(toward))

@@ -1,4 +1,4 @@
-"""Poses of the hand with a frontal sensor along a beam, whose turn about it is free, and the ways there."""
+"""Hand poses that place a frontal sensor on a beam, with free rotation about it, and collision-free paths to them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,19 @@ from tanteo.motion import path
 from tanteo.typing import BoolArray, Transforms, Vectors
 
 _TURNS = 8
-"""Turns about a beam that are tried."""
+"""Number of rotations about a beam that are tried."""
 
 
 def approach_poses(hand: Hand, origins: Vectors, directions: Vectors) -> Transforms:
-    """Poses of the hand with a frontal sensor at ``origins (C, 3)`` that looks along ``directions (C, 3)``.
+    """Return hand poses that place a frontal sensor at an origin, pointing along a direction.
+
+    Args:
+        hand: sensors and body of the hand.
+        origins: beam origins ``(C, 3)``, world frame [m].
+        directions: unit beam directions ``(C, 3)``, world frame.
 
     Returns:
-        ``T_world_hand`` ``(C, m, 4, 4)``: all turns of the first sensor, then those of the second.
+        Poses ``T_world_hand`` ``(C, m, 4, 4)``: all rotations with the first sensor, then those with the second.
     """
     T_world_beam = SE3.from_parts(SO3.frame_from_axis(directions, 2), np.asarray(origins, dtype=np.float64))
     turns = np.zeros((_TURNS, 6))
@@ -30,14 +35,21 @@ def approach_poses(hand: Hand, origins: Vectors, directions: Vectors) -> Transfo
 
 
 def back(Ts_world_hand: Transforms, distance: float) -> Transforms:
-    """Poses moved back along the hand's own axis [m]."""
+    """Return poses moved back along the hand's z axis by a distance [m]."""
     out = np.array(Ts_world_hand)
     out[..., :3, 3] -= distance * out[..., :3, 2]
     return out
 
 
 def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> BoolArray:
-    """Which candidates the hand can make in one of its approach poses, and come to from behind ``(C,)``."""
+    """Return which candidate beams the hand can take and reach by a straight approach, as flags ``(C,)``.
+
+    Args:
+        hand: sensors and body of the hand.
+        room: free space.
+        candidates: beams to check.
+        retreat: length of the straight final approach [m].
+    """
     Ts = approach_poses(hand, candidates.origins, candidates.directions)
     ways = np.stack([Ts, back(Ts, retreat)], axis=2)
     ok: BoolArray = np.all(room.within(ways), axis=2)
@@ -46,7 +58,15 @@ def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> 
 
 
 def ranked(hand: Hand, state: SensingState, Ts: Transforms, near: Transforms, reach: float) -> Transforms:
-    """Approach poses ``(m, 4, 4)``, first those in which more beams meet the likeliest mode, then the least turned."""
+    """Return approach poses, ordered by the number of beams that hit the most probable mode, then by least rotation.
+
+    Args:
+        hand: sensors and body of the hand.
+        state: current belief.
+        Ts: approach poses ``(m, 4, 4)``, world frame.
+        near: current pose of the hand ``(4, 4)``.
+        reach: largest useful range of a beam [m].
+    """
     target, to_part = state.target(0), SE3.inverse(state.poses[0])
     pair = list(hand.frontal)
     starts = SE3.apply(to_part, SE3.apply(Ts[:, None], hand.origins[pair]))
@@ -57,14 +77,14 @@ def ranked(hand: Hand, state: SensingState, Ts: Transforms, near: Transforms, re
 
 
 _STEP = 0.01
-"""Of the front from pose to pose where a way is checked [m]; and that of the turn, in radians, is ten times it."""
+"""Distance of the hand's front between two checked poses of a path [m]; their angle in rad is at most ten times it."""
 
 _LIFTS = (0.0, 0.1)
-"""Heights over what may be there at which the hand crosses it [m]."""
+"""Heights above all possible obstacles at which the hand crosses them [m]."""
 
 
 def way(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
-    """Poses on the way of :func:`tanteo.motion.go_to` ``(n, 4, 4)``, near enough to each other to check it."""
+    """Return poses ``(n, 4, 4)`` on the path of :func:`tanteo.motion.go_to`, dense enough to check for collisions."""
     a, b = (SE3.apply(T, hand.front) for T in (T_from, T_to))
     turn = gap(T_from, T_to)[1]
     n = 2 + int(max(np.linalg.norm(b - a) / _STEP, np.linalg.norm(turn) / (10 * _STEP)))
@@ -72,9 +92,17 @@ def way(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
 
 
 def route(hand: Hand, room: Room, T_from: Transforms, T_to: Transforms, retreat: float) -> list[Transforms] | None:
-    """Poses to go through to ``T_to``, itself last, with room on the whole way; None if none was found.
+    """Return waypoints to ``T_to`` (included) whose whole path is free, or None if none was found.
 
-    It goes back by ``retreat`` before it turns, and comes straight in the end.
+    The direct path and paths over the obstacles are tried, shortest first. The hand retreats before it rotates, and
+    approaches the target along a straight line.
+
+    Args:
+        hand: sensors and body of the hand.
+        room: free space.
+        T_from: current pose of the hand ``(4, 4)``.
+        T_to: target pose of the hand ``(4, 4)``.
+        retreat: length of the straight retreat and of the final approach [m].
     """
     before, behind = back(T_to, retreat), back(T_from, retreat)
     ways = [[before, T_to], [behind, before, T_to]]
@@ -89,7 +117,7 @@ def route(hand: Hand, room: Room, T_from: Transforms, T_to: Transforms, retreat:
 
 
 def _lifted(room: Room, T: Transforms, more: float) -> Transforms:
-    """A pose raised until the whole body is above all that is possible, and some more."""
+    """Return a pose raised until the whole body is above all possible obstacles by the clearance and ``more`` [m]."""
     lowest = float((room.body.placed(T)[:, 2] - room.body.radii).min())
     out = np.array(T)
     out[2, 3] += max(room.possible.top() + room.clearance + more - lowest, 0.0)

@@ -1,4 +1,4 @@
-"""The whole loop: ask the session, bring the hand there without touching, read at rest, tell; until it is enough."""
+"""Execute a session with a hand: take an action, move there without contact, read at rest, report; until it is done."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from tanteo.session import Action, Done, Session, Step
 from tanteo.typing import BoolArray, Transforms
 
 _TRIED = 4
-"""Approach poses of one beam to which a way is looked for."""
+"""Number of approach poses per beam for which a path is planned."""
 
 _REFUSED = 25
-"""Questions in a row that the hand cannot answer before the run ends."""
+"""Number of successive actions without a reading after which the run ends."""
 
 _TRAVEL = 2.5
-"""Speed of travelling where there is known room, in that of the rules."""
+"""Speed between waypoints in free space, as a multiple of the speed of the rules."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visit:
-    """One question and what came of it.
+    """One action of the session and its result.
 
     Attributes:
-        action: what was asked.
-        motions: of the hand, in order.
-        step: what its readings told; None if there were none.
-        leader: name of the likeliest part then; empty if there is none.
-        note: what a person should know; empty for nothing.
-        seconds: since the run began [s].
-        travel: of the hand's front since then [m].
+        action: action that the session proposed.
+        motions: motions of the hand, in order.
+        step: update of the belief by the readings; None without readings.
+        leader: name of the most probable part after the update; empty without one.
+        note: remark for the operator; empty without one.
+        seconds: time since the start of the run [s].
+        travel: path length of the hand's front since the start of the run [m].
     """
 
     action: Action
@@ -56,11 +56,11 @@ class Visit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Executed:
-    """A run that has ended.
+    """Result of a complete run.
 
     Attributes:
-        end: why.
-        visits: everything that was asked for and done.
+        end: reason for the end of the run.
+        visits: all actions with their results, in order.
     """
 
     end: Done
@@ -68,22 +68,22 @@ class Executed:
 
     @property
     def seconds(self) -> float:
-        """How long it took [s]."""
+        """Return the duration of the run [s]."""
         return self.visits[-1].seconds if self.visits else 0.0
 
     @property
     def travel(self) -> float:
-        """Of the hand's front [m]."""
+        """Return the path length of the hand's front [m]."""
         return self.visits[-1].travel if self.visits else 0.0
 
 
 def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState, Candidates], BoolArray]:
-    """What a session asks which candidates the hand can make: for :attr:`tanteo.session.Session.able`.
+    """Return a function that decides which candidate beams the hand can take, for :attr:`tanteo.session.Session.able`.
 
     Args:
-        hand: the hand.
-        rules: what its motions keep to.
-        retreat: from how far behind it comes to a reading [m].
+        hand: sensors and body of the hand.
+        rules: limits of its motions.
+        retreat: length of the straight final approach [m].
     """
 
     def able(state: SensingState, candidates: Candidates) -> BoolArray:
@@ -102,18 +102,21 @@ def sense_part(
     errors: RobotPreset | None = None,
     watch: Callable[[Visit], None] = lambda visit: None,
 ) -> Executed:
-    """Sense with a hand until the session has enough.
+    """Sense a part with a hand until the session ends.
 
-    The session's probe is one frontal sensor of the hand; both are read where the hand rests. Where a motion ends
-    early, what is read there is told all the same, and the question is not asked again.
+    The session's probe models one frontal sensor; both frontal sensors are read where the hand rests. If a motion ends
+    early, the readings there are still used, and the session does not propose that action again.
 
     Args:
-        session: what is known and asked; ``able`` is best :func:`reachable`, ``whole`` :func:`acquirable`.
-        robot: the hand.
-        rules: what its motions keep to.
-        furniture: what is known to stand there: beams that meet it were free as far as it.
-        errors: of the robot's poses.
-        watch: called after every question.
+        session: belief and planner. Set ``able`` to :func:`reachable` and ``whole`` to :func:`acquirable`.
+        robot: robot that carries the hand.
+        rules: limits of its motions.
+        furniture: known solids of the cell; beams that hit them count as free up to them.
+        errors: error model of the reported poses.
+        watch: callback after every action.
+
+    Returns:
+        The reason for the end and all actions with their results.
     """
     run, began = _Run(session, robot, rules, furniture, errors), robot.sensed.time
     visits, in_vain, gone = list[Visit](), 0, 0.0
@@ -141,7 +144,7 @@ class _Run:
     errors: RobotPreset | None
 
     def answer(self, action: Action) -> tuple[tuple[Motion, ...], Step | None, str]:
-        """Go, read, tell; and what a person should know."""
+        """Move, read and update the session; return the motions, the update and a remark for the operator."""
         stops = self._way(action)
         if stops is None:
             self.session.refuse(action)
@@ -151,12 +154,12 @@ class _Run:
             return self._acquire(action, motions)
         note = "" if motions[-1].reached else f"{motions[-1].status}: {motions[-1].message}"
         step, said = self._read(action)
-        if note or step is None or said or not step.ids:  # what brought nothing new would be asked for ever
+        if note or step is None or said or not step.ids:  # an action without new information would be proposed again
             self.session.refuse(action)
         return motions, step, "; ".join(text for text in (note, said) if text)
 
     def _acquire(self, action: Action, motions: tuple[Motion, ...]) -> tuple[tuple[Motion, ...], Step | None, str]:
-        """A feature, acquired whole, is told by what was read of it; one that is not is not told at all."""
+        """Acquire a whole feature and report its readings; report nothing if the acquisition fails."""
         guess = guess_of(self.session.state, action)
         if guess is None or not motions[-1].reached:
             self.session.refuse(action)
@@ -194,7 +197,7 @@ class _Run:
         return tuple(motions)
 
     def _read(self, action: Action) -> tuple[Step | None, str]:
-        """What was read at rest, told; and what is odd about it."""
+        """Read at rest and update the session; return the update and a remark on unusual readings."""
         hand = self.robot.hand
         readings = as_readings(hand, rest(self.robot, REPEATS), str(action.number))
         readings = None if readings is None else of_parts(hand, readings, Possible.of(self.session.state))

@@ -1,4 +1,4 @@
-"""What may stand in the hand's way: all that the belief holds, all that no reading has contradicted, and the bounds."""
+"""Free space of the hand: all poses that the belief or uncontradicted priors allow are treated as obstacles."""
 
 from __future__ import annotations
 
@@ -17,25 +17,33 @@ from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 
 _DRAWN = 1000
-"""Poses of every part that are looked at: of a prior pose as wide as a hand, one is then within 10 mm of the true."""
+"""Number of prior poses of every part that are checked; with a prior as wide as a hand, one is within 10 mm of the
+true pose."""
 
 OFF = 0.010
-"""A reading contradicts a pose that puts the surface farther from it, or material deeper into its way [m]."""
+"""Distance by which a reading must disagree with a pose to contradict it [m]."""
 
 _STRAYS = 1
-"""Readings that may contradict a pose that is still allowed: one may be wrong."""
+"""Number of readings that may contradict an allowed pose, since one may be an outlier."""
 
 _PACE, _MOST = 0.008, 12
-"""From point to point on the way of a beam [m], back from its end, and how many of them."""
+"""Spacing of the points checked along the free part of a beam, back from its end [m], and their largest number."""
 
 _APART = 0.005
-"""Allowed poses of which every corner of the part's box is nearer than this to another's stand for each other [m]."""
+"""Largest distance between corresponding corners of the part's box at which two allowed poses count as equal [m]."""
 
 
 def allowed(state: SensingState, most: int) -> tuple[Transforms, IntArray]:
-    """Poses ``(K, 4, 4)``, at most about so many, spread over all that is allowed; and the part of each ``(K,)``.
+    """Return poses that the prior allows and the readings do not contradict, spread over the allowed set.
 
-    What the start and the readings say counts, probabilities do not; one of each part that has one is among them.
+    Probabilities are not used. Every part with an allowed pose is represented.
+
+    Args:
+        state: current belief with its prior poses and readings.
+        most: approximate largest number of poses.
+
+    Returns:
+        Poses ``T_world_part`` ``(K, 4, 4)`` and the index of the part of each ``(K,)``.
     """
     start, Ts, part = state.start, [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)]
     left = {int(k): _uncontradicted(start, int(k), state.touches, state.free) for k in np.unique(start.part)}
@@ -60,7 +68,7 @@ def _uncontradicted(start: Start, part: int, touches: ContactPoints | None, free
 def _crossed(
     target: PreparedPart, Ts: Transforms, ends: FloatArray, along: FloatArray, lengths: FloatArray
 ) -> IntArray:
-    """How many ways, free over some lengths up to their ends, lead deep through the part at each pose ``(S,)``."""
+    """Count the free segments, given by end, direction and length, that pass deep through the part at each pose."""
     steps = _PACE * np.arange(1, 1 + _MOST)
     points = ends[:, None] - steps[:, None] * along[:, None]
     deep = _distances(target, Ts, points.reshape(-1, 3)).reshape(len(Ts), len(ends), _MOST) < -OFF
@@ -68,12 +76,12 @@ def _crossed(
 
 
 def _distances(target: PreparedPart, Ts: Transforms, points: FloatArray) -> FloatArray:
-    """Of points ``(n, 3)`` from the part at poses ``(S, 4, 4)``, negative inside ``(S, n)`` [m]."""
+    """Return signed distances of points ``(n, 3)`` from the part at poses ``(S, 4, 4)``, ``(S, n)`` [m]."""
     return target.field(SE3.apply(SE3.inverse(Ts)[:, None], points))[0]
 
 
 def _spread(target: PreparedPart, Ts: Transforms, most: int) -> Transforms:
-    """At most so many of some poses, each the one whose corners are farthest from those of the ones before."""
+    """Select at most ``most`` poses by farthest-point sampling of the box corners."""
     corners = SE3.apply(Ts[:, None], box_corners(target.part))
     chosen, gaps = [0], np.full(len(Ts), np.inf)
     while True:
@@ -84,19 +92,19 @@ def _spread(target: PreparedPart, Ts: Transforms, most: int) -> Transforms:
 
 
 _STEP, FAR = 0.008, 0.045
-"""Of the grid [m], and the distance beyond which it says no more than that."""
+"""Spacing of the distance grid [m], and the distance at which its values are cut off [m]."""
 
 _NODES = 5e7
-"""The most nodes of a grid: what it takes is 400 MB."""
+"""Largest number of nodes of a grid; it limits the memory to 400 MB."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Occupied:
-    """Least distance from some parts at poses, on a grid.
+    """Grid of the smallest distance from parts at given poses, in the world frame.
 
     Attributes:
-        origin: its first node ``(3,)`` in the world [m].
-        table: distances at its nodes, negative inside, :data:`FAR` where it is that or more ``(nx, ny, nz)`` [m].
+        origin: position of the first node ``(3,)``, world frame [m].
+        table: distances at the nodes ``(nx, ny, nz)`` [m], negative inside and at most :data:`FAR`.
     """
 
     origin: FloatArray
@@ -104,7 +112,7 @@ class Occupied:
 
     @classmethod
     def by(cls, targets: tuple[PreparedPart, ...], part: IntArray, Ts: Transforms) -> Occupied:
-        """By parts at poses ``(K, 4, 4)``; a bit less than it is, by half a cell of the parts' own grids."""
+        """Create the grid for parts at poses ``(K, 4, 4)``; distances are low by half a cell of the parts' grids."""
         if not len(Ts):
             return cls(np.zeros(3), np.full((1, 1, 1), FAR))
         ends = np.array([_reach(targets[k], T) for k, T in zip(part, Ts, strict=True)])
@@ -126,7 +134,7 @@ class Occupied:
         return cls(origin, table)
 
     def __call__(self, points: Vectors) -> FloatArray:
-        """Distances at ``(*batch, 3)``, linear between the nodes ``(*batch,)`` [m]."""
+        """Return distances at points ``(*batch, 3)`` by linear interpolation ``(*batch,)`` [m]."""
         from scipy.ndimage import map_coordinates  # slow to import
 
         at = np.moveaxis((points - self.origin) / _STEP, -1, 0)
@@ -134,30 +142,30 @@ class Occupied:
 
 
 def _reach(target: PreparedPart, T: Transforms) -> FloatArray:
-    """Corners of the box in the world outside of which the part is farther away than :data:`FAR` ``(2, 3)`` [m]."""
+    """Return the world-aligned box ``(2, 3)`` outside of which the part is farther away than :data:`FAR` [m]."""
     corners = SE3.apply(T, box_corners(target.part))
     return np.stack([corners.min(axis=0) - FAR, corners.max(axis=0) + FAR])
 
 
 _LIVE = 0.003
-"""Modes of at least this probability are kept clear of."""
+"""Smallest probability of a mode that the hand keeps clear of."""
 
 CONFIRMED = 0.999
-"""Probability of a part from which the hand goes by the belief."""
+"""Probability of a part from which only the belief's poses count as obstacles."""
 
 _DRAWS, _ALLOWED = 24, 120
-"""Poses drawn from the belief, and of all that no reading has contradicted."""
+"""Numbers of poses drawn from the belief and of uncontradicted prior poses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Possible:
-    """Where parts may be, as poses.
+    """Set of poses at which parts may be.
 
     Attributes:
-        targets: the parts.
+        targets: prepared parts.
         part: index of the part of each pose ``(K,)``.
-        Ts: ``T_world_part`` ``(K, 4, 4)``, the likeliest first.
-        occupied: distances from all of them.
+        Ts: poses ``T_world_part`` ``(K, 4, 4)``, most probable modes first.
+        occupied: grid of the distance from all of them.
     """
 
     targets: tuple[PreparedPart, ...]
@@ -171,9 +179,9 @@ class Possible:
     @classmethod
     @lru_cache(maxsize=1)  # candidates and ways ask in turn
     def of(cls, state: SensingState) -> Possible:
-        """Every live mode, samples from all of them, and what the prior allows and no reading contradicts.
+        """Collect the live modes, samples of the belief, and prior poses that no reading contradicts.
 
-        A belief may be wrong, and a hand that went by it alone would find out by touching.
+        The belief alone is not safe: if it were wrong, the hand would find out by a collision.
         """
         live = np.flatnonzero(state.weights >= _LIVE)
         live = live[np.argsort(-state.weights[live], kind="stable")]
@@ -190,11 +198,11 @@ class Possible:
         return cls(state.start.targets, np.concatenate(part), np.concatenate(Ts))
 
     def distances(self, points: Vectors) -> FloatArray:
-        """Least distance of points ``(*batch, 3)`` from any of them ``(*batch,)`` [m]; a bit less, negative inside."""
+        """Return lower bounds on the distance of points ``(*batch, 3)`` from all poses ``(*batch,)`` [m]."""
         return self.occupied(points)
 
     def top(self) -> float:
-        """Greatest height of any of them in the world [m]."""
+        """Return the largest world z over all poses [m]."""
         heights = [
             float((T[2, :3] @ self.targets[k].part.vertices.T).max() + T[2, 3])
             for k, T in zip(self.part, self.Ts, strict=True)
@@ -204,14 +212,14 @@ class Possible:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Room:
-    """Whether the whole hand has room at some poses.
+    """Free space for the whole hand between workspace bounds and possible parts.
 
     Attributes:
-        body: of the hand.
-        workspace: where it may be.
-        possible: what it must keep clear of.
-        clearance: by how much [m].
-        slack: more than that from the bounds of the workspace, where the guard of the motions slows down [m].
+        body: spheres of the hand.
+        workspace: bounds and forbidden boxes.
+        possible: poses of parts to keep clear of.
+        clearance: required distance from parts and bounds [m].
+        slack: additional distance from the bounds, where the steering would slow the hand down [m].
     """
 
     body: Body
@@ -221,22 +229,22 @@ class Room:
     slack: float = 2e-3
 
     def within(self, Ts_world_hand: Transforms) -> BoolArray:
-        """Whether the workspace allows poses ``(*batch, 4, 4)``, ``(*batch,)``."""
+        """Return whether the workspace allows poses ``(*batch, 4, 4)``, as flags ``(*batch,)``."""
         return self.workspace.allows(self.body, Ts_world_hand, self.clearance + self.slack)
 
     def gaps(self, Ts_world_hand: Transforms) -> FloatArray:
-        """Least distance of the body from all that is possible at poses ``(*batch, 4, 4)``: ``(*batch,)`` [m]."""
+        """Return the distance of the body from all possible parts at poses ``(*batch, 4, 4)``, ``(*batch,)`` [m]."""
         centres = self.body.placed(Ts_world_hand)
         return np.asarray((self.possible.distances(centres) - self.body.radii).min(axis=-1))
 
     def allows(self, Ts_world_hand: Transforms) -> BoolArray:
-        """Whether there is room at poses ``(n, 4, 4)``: ``(n,)``."""
+        """Return whether poses ``(n, 4, 4)`` keep the clearance, as flags ``(n,)``."""
         ok = self.within(Ts_world_hand)
         ok[ok] = self.gaps(Ts_world_hand[ok]) >= self.clearance
         return ok
 
     def along(self, way: Transforms) -> bool:
-        """Whether there is room on a way ``(n, 4, 4)``, or as much as at its beginning, which may be narrow."""
+        """Return whether a path ``(n, 4, 4)`` keeps the clearance, or at least the distance that it starts with."""
         here = self.workspace.of_body(self.body, way[0])
         bounds = np.minimum(self.clearance + self.slack, here - 1e-3)
         if not (self.workspace.of_body(self.body, way) >= bounds).all():

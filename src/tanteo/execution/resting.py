@@ -1,4 +1,4 @@
-"""What the hand reads at rest, which of it is of furniture rather than of a part, and what that still says."""
+"""Readings of a hand at rest, and the separation of readings of known furniture from those of a part."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _NEAR, _FORM = 4.0, 1e-3
-"""A reading within so many standard deviations and this much more [m] of furniture may be of the furniture."""
+"""Standard deviations, and an additional form error [m], within which a reading may belong to furniture."""
 
 _SURE, _SAMPLES = 0.9, 128
-"""Probability from which it is of a part nevertheless, which is expected there; poses by which it is counted."""
+"""Probability above which such a reading is still used as one of a part, and number of belief samples for it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Furniture:
-    """Solids that are known to stand in the cell: a table, clamps, a fixture.
+    """Known solids in the cell, such as a table, clamps or a fixture.
 
     Attributes:
-        surface: of all of them, in the world.
+        surface: joint surface of the solids, world frame.
     """
 
     surface: Surface
@@ -35,18 +35,20 @@ class Furniture:
     def met(
         self, readings: Readings, rig: Rig, robot: RobotPreset | None, state: SensingState | None = None
     ) -> BoolArray:
-        """Which readings are of it rather than of a part ``(n,)``.
+        """Return which readings belong to furniture rather than to a part.
 
-        A point is taken on the beam's axis; any ray of its cone may have met it, so where the beam comes in flat the
-        point may lie before the furniture by as much as the cone's spot reaches. Such a reading is of a part only where
-        the belief expects one, nine to one: a touch that is none puts the true pose out of question, a reading less
-        costs little.
+        A point lies on the beam axis, but any ray of the cone may have hit the surface. At grazing incidence the point
+        may therefore lie before the furniture by the extent of the spot. Such a reading counts as one of a part only if
+        the belief gives that a probability of 0.9: a false touch excludes the true pose, a dropped one costs little.
 
         Args:
-            readings: some of which may be free.
-            rig: where the sensors sit.
-            robot: errors of its poses.
-            state: where parts are expected; None for nowhere.
+            readings: readings, free ones included.
+            rig: range sensors of the hand.
+            robot: error model of the reported poses.
+            state: belief about the parts; None if no part is expected.
+
+        Returns:
+            One flag per reading ``(n,)``.
         """
         measured = measure(readings, rig=rig, robot=robot)
         out = np.zeros(len(readings), dtype=bool)
@@ -63,12 +65,12 @@ class Furniture:
         return out
 
     def _reached(self, measured: PointMeasurements, spots: FloatArray) -> tuple[BoolArray, FloatArray]:
-        """Whether each reading may be of it ``(n,)``, and how densely it then reads that ``(n,)`` [1/m]."""
+        """Return whether each reading may be of furniture ``(n,)``, and its density if it is ``(n,)`` [1/m]."""
         closest = self.surface.closest(measured.points)
         across = (measured.points - closest.points) / np.maximum(closest.distances, 1e-12)[:, None]
         cosines = np.abs(np.sum(across * measured.directions, axis=1)).clip(1e-3, 1.0)
         total = np.einsum("ni,nij,nj->n", across, measured.total_covs(), across)
-        # of a point even over a disc the variance is a quarter of the radius squared, in every direction across
+        # the variance of a uniform disc along any diameter is a quarter of its squared radius
         flat = np.sqrt(1 - cosines**2)
         own = (total - 0.25 * (spots * flat) ** 2).clip(0.0)
         near = closest.distances <= _NEAR * np.sqrt(own) + spots * flat + _FORM
@@ -79,7 +81,7 @@ class Furniture:
 def _expected(
     state: SensingState, measured: PointMeasurements, ranges: FloatArray, spots: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """How densely parts are expected at the ranges ``(n,)`` [1/m], and how probably none is before them ``(n,)``."""
+    """Return the density of part surfaces at the ranges [1/m] and the probability of no part before them, ``(n,)``."""
     samples, d = draw(state, _SAMPLES), measured.directions
     if not len(samples):
         return np.zeros(len(ranges)), np.ones(len(ranges))
@@ -94,7 +96,13 @@ def _expected(
 
 
 def beyond_furniture(readings: Readings, of_it: BoolArray, rig: Rig) -> Readings:
-    """The same with beams to furniture as free as far as it: nothing else stands between."""
+    """Return the readings with those of furniture replaced by free beams that end before it.
+
+    Args:
+        readings: readings of the hand.
+        of_it: whether a reading is of furniture ``(n,)``.
+        rig: range sensors of the hand.
+    """
     if not of_it.any():
         return readings
     law = error_model(rig).law
@@ -111,27 +119,37 @@ def beyond_furniture(readings: Readings, of_it: BoolArray, rig: Rig) -> Readings
 
 
 _SCATTER = 6.0
-"""Readings that lie farther apart than so many standard deviations of their noise met a slope or more than one thing:
-their mean may be of neither, so each is told then."""
+"""Spread of a sensor's readings at rest, in noise standard deviations, above which they are kept separately: the beam
+then covers a step or a slope, and the mean may lie on no surface."""
 
 _ALONE = 4
-"""How many of them."""
+"""Number of readings that are kept in that case."""
 
 _ALONG, _FARTHEST = 24, 0.3
-"""Places along a beam at which is asked what may be there, and how far out [m]."""
+"""Number of points along a beam that are checked for possible parts, and the largest checked range [m]."""
 
 
 def rest(robot: Robot, count: int) -> list[HandReading]:
-    """Readings of a hand that stays where it is."""
+    """Return readings of a hand that does not move.
+
+    Args:
+        robot: robot that carries the hand.
+        count: number of readings.
+    """
     return [robot.step(np.zeros(6)) for _ in range(count)]
 
 
 def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings | None:
-    """The readings of the sensors at rest: one of each, the mean; None if none of them says anything.
+    """Return one averaged reading per sensor from a hand at rest, or None if no sensor has a valid reading.
 
-    Where those of one sensor disagree more than its noise, it looks over an edge: some of them are taken as they are.
-    Readings that are too near or get no echo say nothing, nor does a beam that meets something at times only: its cone
-    passes an edge, and to call it free would contradict the poses at which its axis does not.
+    If a sensor's readings scatter beyond its noise, its beam covers an edge, and a few single readings are kept.
+    Readings that are too near or have no echo are dropped. A beam that hits something only sometimes is dropped too:
+    its cone passes an edge, and as a free beam it would contradict valid poses.
+
+    Args:
+        hand: sensors and body of the hand.
+        log: readings at rest.
+        name: prefix of the identifiers of the readings.
     """
     model, rows = error_model(hand.rig), list[tuple[str, Transforms, float, float]]()
     T = log[-1].T_world_hand
@@ -152,10 +170,14 @@ def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings |
 
 
 def of_parts(hand: Hand, readings: Readings, possible: Possible) -> Readings | None:
-    """Those of the frontal sensors, and of the others those whose beams come to where a part may be; None for none.
+    """Return readings of the frontal sensors, and of others whose beams pass a possible part; None if there are none.
 
-    The others were not aimed at anything: what they meet elsewhere is something else, and that they are free there
-    tells no part from another.
+    The other sensors were not aimed at anything. Elsewhere they hit other objects, and free beams carry no information.
+
+    Args:
+        hand: sensors and body of the hand.
+        readings: readings at rest.
+        possible: poses of parts that the belief allows.
     """
     sensors = hand.rig.numbers(readings.sensors)
     reach = np.where(readings.is_free, error_model(hand.rig).max_range[sensors], readings.ranges)
@@ -177,6 +199,6 @@ def _readings(rows: list[tuple[str, Transforms, float, float]], name: str) -> Re
 
 
 def _rigid(Ts: Transforms) -> Transforms:
-    """Poses as a readings file keeps them."""
+    """Return poses as a readings file stores them, with orthonormal rotations."""
     Ts[:, :3, :3] = SO3.from_quaternion(SO3.as_quaternion(Ts[:, :3, :3]))
     return Ts

@@ -1,55 +1,56 @@
-"""With what a session of a hand begins: its frontal sensor as a probe, and what an image leaves open."""
+"""Start of a session with a hand: its frontal sensor as a probe, and the initial poses from an image."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tanteo.active import Probe, Start, from_hypotheses
-from tanteo.answers import Priors
 from tanteo.errors import InputError
 from tanteo.hand import Hand
-from tanteo.inference import PreparedPart
+from tanteo.inference import Alternatives, NormalPoses, PoseMixture, PreparedPart
 from tanteo.lie import SE3
 from tanteo.motion import Rules
 from tanteo.parts import Part
 from tanteo.sensors import NoiseLaw, RobotPreset, error_model
+from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.vision import Sight, Sighting
 
 _CONE = float(np.radians(70.0))
-"""How far from straight down a hand looks whose workspace has a floor."""
+"""Largest angle from straight down of a beam if the workspace has a lower bound [rad]."""
 
 REPEATS = 10
-"""Readings at rest that are averaged."""
+"""Number of readings at rest that are averaged."""
 
 LEAST_STANDOFF = 1.25
-"""Stand-off in clearances: below, the guard of the motions would hold the hand before it arrives."""
+"""Smallest stand-off in clearances; below it the steering would stop the hand before it arrives."""
 
 _RETREAT = 0.05
-"""From how far behind it comes to a reading [m]."""
+"""Length of the straight final approach to a reading [m]."""
 
 _FAR = 0.8
-"""Share of its range from which a sensor may look: what may stand about keeps the hand away at first."""
+"""Fraction of the sensor's range at which the hand may stop, if possible parts keep it from the stand-off."""
 
 _SECONDS = 0.5
-"""Of one reading, beside travelling [s]."""
+"""Duration of one reading without travel [s]."""
 
 
 def hand_probe(
     hand: Hand, rules: Rules, standoff: float, robot: RobotPreset | None = None, *, repeats: int = REPEATS
 ) -> Probe:
-    """What a session needs to know of the hand that carries it out.
+    """Return the probe model of a hand for the planner of a session.
 
     Args:
-        hand: the hand; its first frontal sensor stands for both.
-        rules: what its motions keep to.
-        standoff: of the sensor over what it reads [m].
-        robot: errors of the robot's poses.
-        repeats: readings at rest that are averaged.
+        hand: sensors and body of the hand; its first frontal sensor represents both.
+        rules: limits of its motions.
+        standoff: distance of the sensor from the surface that it reads [m].
+        robot: error model of the reported poses.
+        repeats: number of readings at rest that are averaged.
 
     Raises:
-        InputError: The stand-off is too near to the clearance of the rules, or out of the sensor's range.
+        InputError: The stand-off is too small for the clearance of the rules, or out of the sensor's range.
     """
     if not standoff >= LEAST_STANDOFF * rules.clearance:
         raise InputError(
@@ -88,21 +89,24 @@ def hand_probe(
 
 
 HYPOTHESES = 20
-"""Answers of an image that are worth asking for: the true one is often not among the first five."""
+"""Number of hypotheses to request from an image; the true one is often not among the first five."""
 
 _LEAST, _HALF = 0.02, 0.5
-"""Probability that the image is wrong, at least and at most, whatever it says."""
+"""Smallest and largest probability that the image is wrong."""
 
 _FORGOTTEN = 1e-4
-"""Answers of the image less probable than this are left out."""
+"""Smallest probability of an image hypothesis that is used."""
 
 
 def part_seen(sight: Sight, prior: Start | None = None) -> Sighting | None:
-    """The object that is meant: the one nearest to where the part roughly is, else the largest; None without any.
+    """Return the object nearest to the prior position of the part, or the largest one without a prior.
 
     Args:
-        sight: of an image, known furniture left out (``see_table(..., ignore=)``).
-        prior: where the part is expected.
+        sight: evaluation of an image without known furniture (``see_table(..., ignore=)``).
+        prior: prior poses of the part.
+
+    Returns:
+        The object, or None if there is none.
     """
     some = [seen for seen in sight.objects if seen.answer.hypotheses]
     if not some or prior is None:
@@ -120,18 +124,18 @@ def part_seen(sight: Sight, prior: Start | None = None) -> Sighting | None:
 def seen_start(
     seen: Sighting | None, targets: Sequence[PreparedPart] | Sequence[Part], prior: Start | None = None
 ) -> Start:
-    """The start of a session from what an image shows.
+    """Return the start of a session from an image.
 
-    The image's answers are prior poses with its probabilities. Where it is wrong, which is as probable as all else than
-    its answers and 2 % at least, the prior pose holds; without one, the session may find that it is an unknown object.
+    The session has the image as a factor of its one posterior. With the probability that the image is wrong (the rest
+    beside its answers, at least 2 %), the prior poses hold (decision 29), or without them an unknown object.
 
     Args:
-        seen: the object; None if nothing was seen.
+        seen: object in the image; None if nothing was recognized.
         targets: all parts that it may be.
-        prior: where each part may be without the image, of the same targets.
+        prior: prior poses of the same targets without the image.
 
     Raises:
-        InputError: nothing was seen, and there is no prior pose either.
+        InputError: The image shows no known part, and there are no prior poses.
     """
     answers = [] if seen is None else [h for h in seen.answer.hypotheses if h.probability > _FORGOTTEN]
     if not answers:
@@ -141,10 +145,10 @@ def seen_start(
             )
         return prior
     assert seen is not None
-    wrong = float(np.clip(1 - sum(h.probability for h in seen.answer.hypotheses), _LEAST, _HALF))
-    image = from_hypotheses(answers, targets, Priors(unknown=wrong))
+    image = from_hypotheses(answers, targets)
     if prior is None:
-        return image
+        return replace(image, factors=seen.factors, suggested=len(image))
+    wrong = float(np.clip(1 - sum(h.probability for h in seen.answer.hypotheses), _LEAST, _HALF))
     return Start(
         image.targets,
         np.concatenate([image.part, prior.part]),
@@ -152,4 +156,42 @@ def seen_start(
         np.concatenate([image.covariances, prior.covariances]),
         np.concatenate([(1 - wrong) * image.weights, wrong * prior.weights]),
         prior.priors,
+        (_right_or_wrong(seen, prior, wrong),),
+        len(image),
     )
+
+
+def _right_or_wrong(seen: Sighting, prior: Start, wrong: float) -> Alternatives:
+    """Return that the image shows the part that is sensed, or else that the prior pose holds.
+
+    An image of something else has a density that makes this as probable as was said, given the image alone; the same
+    holds for an unknown object.
+    """
+    elsewhere = np.log(wrong) + seen.log_known
+    unknown = sum(factor.log_unknown for factor in seen.factors)
+    poses = prior_poses(prior.targets, prior.part, prior.Ts, prior.covariances, prior.weights)
+    return Alternatives(
+        (seen.factors, (poses,)),
+        np.array([np.log1p(-wrong), elsewhere]),
+        float(np.logaddexp(np.log1p(-wrong) + unknown, elsewhere)),
+    )
+
+
+def prior_poses(
+    targets: Sequence[PreparedPart], part: IntArray, Ts: Transforms, covariances: Covariances, weights: FloatArray
+) -> NormalPoses:
+    """Return prior poses as a factor, relative to equally probable parts.
+
+    Args:
+        targets: the parts.
+        part: index of the part of each pose ``(A,)``.
+        Ts: poses ``T_world_part`` ``(A, 4, 4)``.
+        covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame [m, rad].
+        weights: their probabilities, up to a factor ``(A,)``.
+    """
+    shares, equal = weights / weights.sum(), np.log(len(targets))
+    mixtures = {}
+    for k in np.unique(part[shares > 0]):
+        own = np.flatnonzero((part == k) & (shares > 0))
+        mixtures[targets[k].part] = PoseMixture(Ts[own], covariances[own], np.log(shares[own]) + equal)
+    return NormalPoses(mixtures)

@@ -1,4 +1,4 @@
-"""Features that the hand acquires whole in a session: which it can, and from which idea it sets out."""
+"""Whole features that the hand can acquire in a session, and the initial guess of each."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from tanteo.features import CIRCLE, Feature, feature_covariance
 from tanteo.hand import Hand
 from tanteo.lie import SE3, SO3
 from tanteo.motion import Rules
-from tanteo.sensors import CENTRE, Readings, concatenate
+from tanteo.sensors import Readings, concatenate, reading_kind
 from tanteo.session import Action
 from tanteo.typing import FloatArray
 
 STANDOFF = 5 / 3
-"""Of an acquisition, in clearances of the rules."""
+"""Stand-off of an acquisition, in clearances of the rules."""
 
 _MODES, _LEAST = 3, 0.05
-"""Of the belief, the likeliest, whose features are offered, and how probable they have to be."""
+"""Number of most probable modes whose features are offered, and the smallest probability of such a mode."""
 
 _SD, _TURN_SD = 0.003, float(np.radians(5.0))
-"""How well a feature is said to be known, at least [m, rad]: that of a part that is like this one is acquired too."""
+"""Smallest stated uncertainty of a feature [m, rad], so that a feature of a similar part is acquired too."""
 
 _ABOVE = 0.02
-"""How much farther off than its stand-off the hand begins [m]."""
+"""Height above the stand-off at which an acquisition starts [m]."""
 
 
 def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState], tuple[WholeFeature, ...]]:
-    """What a session asks which features the hand can acquire whole: for :attr:`tanteo.session.Session.whole`.
+    """Return a function that lists the features the hand can acquire, for :attr:`tanteo.session.Session.whole`.
 
     Args:
-        hand: the hand.
-        rules: what its motions keep to.
-        retreat: from how far behind it comes there [m].
+        hand: sensors and body of the hand.
+        rules: limits of its motions.
+        retreat: length of the straight final approach [m].
     """
 
     def whole(state: SensingState) -> tuple[WholeFeature, ...]:
@@ -60,12 +60,12 @@ def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingSta
 
 
 def standoff_of(rules: Rules) -> float:
-    """Of the hand's front where it acquires a feature [m]."""
+    """Return the stand-off of the hand's front during an acquisition [m]."""
     return STANDOFF * rules.clearance
 
 
 def guess_of(state: SensingState, action: Action) -> RoundGuess | None:
-    """The idea of the feature that a question asks for, by what is known now; None if no mode has it any more."""
+    """Return the current guess of the feature that an action acquires; None if no probable mode has it any more."""
     for k in np.flatnonzero(state.weights >= _LEAST):
         if state.target(int(k)).part.name == action.part:
             return next((_wide(p.guess) for p in _found(state, int(k), action.acquires) if p.name == action.face), None)
@@ -73,7 +73,7 @@ def guess_of(state: SensingState, action: Action) -> RoundGuess | None:
 
 
 def _found(state: SensingState, k: int, kind: str) -> tuple[Predicted, ...]:
-    """The features of that kind of a mode's part that the hand can come to from above."""
+    """Return the features of a kind on a mode's part that the hand can approach from above."""
     return predicted(kind, state.target(k).part, state.poses[k], state.covariances[k], np.array([0.0, 0.0, 1.0]))
 
 
@@ -93,28 +93,31 @@ def _offer(state: SensingState, k: int, kind: str, found: Predicted, rules: Rule
 
 
 def _start(guess: RoundGuess, rules: Rules) -> FloatArray:
-    """Over the middle of the rim, some way above the stand-off."""
+    """Return the start of an acquisition, above the middle of the rim."""
     return np.asarray(guess.point + (standoff_of(rules) + _ABOVE) * guess.axis)
 
 
 def readings_of(got: Acquired) -> Readings:
-    """What a session is told of an acquisition: what was read of faces and walls, and of a rim its centre and radius.
+    """Return the readings of an acquisition for a session: points of faces and walls, and centre and radius of rims.
 
-    A crossing of a rim is no reading of a surface: its beam runs along the wall and meets nothing of it.
+    Crossings of a rim are not included, because their beams run along the wall and hit no surface there.
+
+    Args:
+        got: successful acquisition.
     """
     assert got.feature is not None
     assert got.readings is not None
-    raw = got.readings.take(np.flatnonzero(np.array(got.readings.kinds) != CIRCLE.name))
+    raw = got.readings.take(np.flatnonzero([not reading_kind(kind).is_between_faces for kind in got.readings.kinds]))
     rims = [f for f in (got.feature, *got.others) if f.kind is CIRCLE]
     return concatenate([raw, *(_centre(rim) for rim in rims)])
 
 
 def _centre(rim: Feature) -> Readings:
-    """The centre of a rim with its axis as a reading, as sure as it is known across the axis, and as that is."""
+    """Return the centre and axis of a rim as one reading, with the uncertainty across the axis and of its tilt."""
     C, T = feature_covariance(rim), rim.T_world_feature
     across, tilt = (np.sqrt(np.linalg.eigvalsh(C[some, some])[-1:]) for some in (slice(0, 2), slice(3, 5)))
     return Readings.from_columns(
-        T[None, :3, 3], normals=T[None, :3, 2], normal_sds=tilt, ids=[rim.label], features=[rim.label], kinds=[CENTRE],
-        sds=across, hole_radii=np.array([rim.radius]),
+        T[None, :3, 3], normals=T[None, :3, 2], normal_sds=tilt, ids=[rim.label], features=[rim.label],
+        kinds=["centre"], sds=across, hole_radii=np.array([rim.radius]),
         material_sides=["boss" if rim.convex else "hole"], source="acquisition",
     )  # fmt: skip

@@ -60,6 +60,7 @@ class Factor(ABC):
         core: name of the kind in the compiled core.
         codimension: number of directions in which an element of the part holds the measurement.
         on_surface: whether the sensed place is on the part's surface.
+        flat_face: whether a label of this kind names a flat face.
         round_face: whether a label of this kind names a face that is not flat.
         feature_kinds: names of the kinds of sensed features that become factors of this class.
     """
@@ -67,6 +68,7 @@ class Factor(ABC):
     core: ClassVar[str]
     codimension: ClassVar[int]
     on_surface: ClassVar[bool] = True
+    flat_face: ClassVar[bool] = False
     round_face: ClassVar[bool] = False
     feature_kinds: ClassVar[tuple[str, ...]] = ()
     at: Vectors

@@ -23,6 +23,7 @@ class SurfacePoint(OnSurface):
 
     core: ClassVar[str] = "surface_point"
     codimension: ClassVar[int] = 1
+    flat_face: ClassVar[bool] = True
     feature_kinds: ClassVar[tuple[str, ...]] = (PLANE.name,)
 
     @classmethod

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
         Shape,
         binding,
         feature_kind,
-        label_kind,
         register_kind,
     )
     from tanteo.features.outlines import OUTLINES, outline, outlines_off
@@ -65,7 +64,6 @@ __all__ = [
     "feature_covariance",
     "feature_kind",
     "flip_edge",
-    "label_kind",
     "outline",
     "outlines_off",
     "reframe",
@@ -87,7 +85,7 @@ __getattr__, __dir__ = lazy(
         ),
         "kinds": (
             "CIRCLE CONE CYLINDER EDGE HALF_EDGE KINDS PLANE SPHERE VERTEX FeatureKind Shape binding feature_kind "
-            "label_kind register_kind"
+            "register_kind"
         ),
         "outlines": "OUTLINES outline outlines_off",
         "reframing": "flip_edge reframe reframe_feature reframe_near",

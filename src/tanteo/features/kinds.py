@@ -133,11 +133,6 @@ CIRCLE = register_kind(
 SPHERE = register_kind(FeatureKind("sphere", (0, 1, 2), "origin at the centre", min_readings=4, size_name="radius"))
 
 
-def label_kind(name: str) -> FeatureKind:
-    """The kind of the labelled points of that kind of reading: points of unknown kind are taken to lie on a plane."""
-    return KINDS.get(name, PLANE)
-
-
 def feature_kind(name: str) -> FeatureKind:
     """The kind of that name.
 

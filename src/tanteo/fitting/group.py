@@ -9,13 +9,13 @@ import numpy as np
 
 from tanteo.constraints import chi2_p_value
 from tanteo.errors import DegenerateError, SideError
-from tanteo.features import PLANE, Feature, FeatureKind, Sides, label_kind
+from tanteo.features import PLANE, Feature, FeatureKind, Sides
 from tanteo.fitting.agreement import Bending, bending, residuals_of
 from tanteo.fitting.estimate import FitReport
 from tanteo.fitting.fits import FITS, LabelledPoints
 from tanteo.fitting.sides import known_side, most_opposed
 from tanteo.limits import SUSPECT
-from tanteo.sensors import PointMeasurements
+from tanteo.sensors import PointMeasurements, reading_kind
 
 
 def fit_group(
@@ -37,10 +37,11 @@ def fit_group(
         SideError: if too many readings disagree about which side is outside.
         InputError: for a ball tip on an edge or a vertex, or different tips.
     """
-    kind = label_kind(measured.kinds[rows[0]])
+    name = measured.kinds[rows[0]]
+    kind = reading_kind(name).feature
+    assert kind is not None
     least = kind.min_readings
     if len(rows) < least:
-        name = measured.kinds[rows[0]]
         raise DegenerateError(f"{name} {label!r}: expected {least} points or more, got {len(rows)}. Sense more of it.")
     kept, fit = _of_one_side(measured, kind, label, rows, tolerance)
     feature, dropped, notes = _agreeing(measured, kind, label, kept, tolerance, *fit)

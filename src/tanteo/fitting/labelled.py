@@ -10,7 +10,7 @@ from tanteo.errors import DegenerateError, InputError, SideError
 from tanteo.features import PLANE, Feature, SharedTerm, Sides
 from tanteo.fitting.group import fit_group
 from tanteo.lie import SE3, SO3
-from tanteo.sensors import PointMeasurements
+from tanteo.sensors import PointMeasurements, reading_kind
 from tanteo.typing import IntArray
 
 
@@ -20,7 +20,7 @@ class LabelledFeatures:
 
     Attributes:
         features: planes, edges and vertices; a pair where the outward side of a plane is unknown.
-        unlabelled: rows of the measurements that belong to no feature: points without label and without normal.
+        unlabelled: rows of the measurements that belong to no feature: centres, and points without label and normal.
         rejected: ids of readings that disagree with the others of their label.
         rejected_by: how far each of them is from the feature of the others [m].
         notes: what could not be used or had to be widened, one sentence each.
@@ -50,10 +50,10 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
     groups: dict[str, list[int]] = {}
     unlabelled, features, rejected, notes = [], list[Sides](), dict[str, float](), list[str]()
     for row, (label, kind) in enumerate(zip(measured.features, measured.kinds, strict=True)):
-        if label:
+        if reading_kind(kind).feature is None:
+            unlabelled.append(row)
+        elif label:
             groups.setdefault(label, []).append(row)
-        elif kind == "vertex":
-            groups[f"vertex {measured.ids[row]}"] = [row]
         elif np.isfinite(measured.normals[row]).all():
             features.append(_plane_at_point(measured, row, tolerance))
         else:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CONE, CYLINDER, Feature, FeatureKind, Round, SharedError, SharedTerm
+from tanteo.features import CIRCLE, CONE, Feature, FeatureKind, Round, SharedError, SharedTerm
 from tanteo.fitting.estimate import (
     Estimate,
     FitReport,
@@ -198,17 +198,17 @@ def _off_the_ball(kind: FeatureKind, found: RoundEstimate, tip: float, name: str
 
 
 def _directed(kind: FeatureKind, estimate: Estimate, outward: Vectors) -> Estimate:
-    """With z of a circle out of the material; of a cylinder, and where that is unknown, its largest part positive."""
-    if kind not in (CIRCLE, CYLINDER):
+    """Return the feature with z of a rim out of the material; otherwise, with the largest component of z positive."""
+    if kind.flip is None:
         return estimate
     z = estimate.T[:3, 2]
-    along = float(np.sum(outward @ z)) if kind is CIRCLE else 0.0
+    along = float(np.sum(outward @ z)) if kind.faces > 1 else 0.0
     if (along or z[np.argmax(np.abs(z))]) > 0:
         return estimate
-    flip = np.append(np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])[list(kind.rows)], 1.0)
+    flip = np.append(np.tile(kind.flip, 2)[list(kind.rows)], 1.0)
     return replace(
         estimate,
-        T=estimate.T @ np.diag([1.0, -1.0, -1.0, 1.0]),
+        T=estimate.T @ kind.symmetries[1],
         P=estimate.P * np.outer(flip, flip),
         shared_jacobian=estimate.shared_jacobian * flip[:, None],
     )

@@ -1,7 +1,7 @@
-"""The hand and the few things that a motion needs of a robot: pose, readings, velocity.
+"""Model the robot hand: range sensors, body, workspace, and the interface that motions need of a robot.
 
-A :class:`Hand` is a rig of range sensors on a body of spheres; a :class:`Robot` carries it and takes one velocity
-command a period. The simulator implements :class:`Robot`, and so can a driver. This room knows no estimator.
+A :class:`Hand` is a rig of range sensors on a body of spheres. A :class:`Robot` carries it, takes one velocity command
+per period and returns readings; the simulator and real drivers implement it. The package contains no estimation.
 """
 
 from tanteo.hand.robot import FREE, LOST, MET, NEAR, Body, Hand, HandReading, Robot, gripper_body

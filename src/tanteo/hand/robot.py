@@ -1,4 +1,4 @@
-"""The hand as sensors on a body of spheres, and what a motion needs of a robot that carries it, simulated or real."""
+"""Hand with range sensors on a body of spheres, and the interface of the robot that carries it."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from tanteo.sensors import Rig
 from tanteo.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms, Vectors
 
 FRONTAL_COSINE = 0.9
-"""A sensor whose beam is within 26 degrees of the hand's +z is a frontal one."""
+"""Smallest cosine between a beam and the hand's +z for a frontal sensor (26 degrees)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """Spheres that cover the hand.
+    """Spheres that enclose the hand, for collision checks.
 
     Attributes:
-        centres: ``(k, 3)`` in the hand's frame [m].
-        radii: ``(k,)`` [m].
-        blind: Spheres that no beam of the hand goes before or beside ``(k,)``; none if left out. Only the workspace
-            keeps them from what no beam has met.
+        centres: centres of the spheres ``(k, 3)``, hand frame [m].
+        radii: radii of the spheres ``(k,)`` [m].
+        blind: whether no beam covers the space around a sphere ``(k,)``; all False by default. Only the stated
+            workspace protects a blind sphere from obstacles.
 
     Raises:
-        InputError: Shapes that do not fit, or a radius that is not positive.
+        InputError: The shapes differ, a radius is not positive, or every sphere is blind.
     """
 
     centres: Vectors
@@ -45,26 +45,37 @@ class Body:
             raise InputError("body: expected finite centres and positive radii [m], got others. Correct them.")
         blind = np.zeros(len(radii), dtype=bool) if not len(self.blind) else np.array(self.blind, dtype=bool)
         if blind.shape != radii.shape or blind.all():
-            raise InputError("body: expected one truth a sphere, and one sphere that is not blind. Correct blind.")
+            raise InputError("body: expected one flag per sphere, and one sphere that is not blind. Correct blind.")
         blind.setflags(write=False)
         object.__setattr__(self, "blind", blind)
         object.__setattr__(self, "centres", centres)
         object.__setattr__(self, "radii", radii)
 
     def placed(self, T_world_hand: Transforms) -> Vectors:
-        """Centres in the world ``(*batch, k, 3)`` with the hand at ``(*batch, 4, 4)``."""
+        """Return the centres in the world frame.
+
+        Args:
+            T_world_hand: poses of the hand ``(*batch, 4, 4)``.
+
+        Returns:
+            Centres of the spheres ``(*batch, k, 3)`` [m].
+        """
         R = T_world_hand[..., None, :3, :3]
         return np.asarray((R @ self.centres[..., None])[..., 0] + T_world_hand[..., None, :3, 3])
 
 
 _FINGER, _PALM = (0.008, 0.060), (0.030, 0.100)
-"""Radius and length of a finger, from its front to the palm, and of the palm, rounded ends included [m]."""
+"""Radius and length of a finger and of the palm, including the rounded ends [m]."""
 
 
 def gripper_body(rig: Rig) -> Body:
-    """A gripper: one round finger behind every frontal sensor, whose front the sensor is, and a round palm behind.
+    """Return the body of a gripper: one round finger behind every frontal sensor, and a round palm behind the fingers.
 
-    The palm's axis runs midway between the frontal sensors, along the hand's z.
+    A frontal sensor sits at the tip of its finger. The palm's axis is parallel to the hand's z, midway between the
+    frontal sensors.
+
+    Args:
+        rig: range sensors of the hand.
 
     Raises:
         InputError: The rig has no frontal sensor.
@@ -72,7 +83,7 @@ def gripper_body(rig: Rig) -> Body:
     (finger_radius, finger_length), (palm_radius, palm_length) = _FINGER, _PALM
     fronts = np.array([s.T_hand_sensor[:3, 3] for s in rig.sensors if s.T_hand_sensor[2, 2] > FRONTAL_COSINE])
     if not len(fronts):
-        raise InputError(f"{rig.source}: expected a sensor that looks along the hand's +z, got none. Add one.")
+        raise InputError(f"{rig.source}: expected a sensor along the hand's +z, got none. Add one.")
     behind = np.linspace(finger_radius, finger_length, 1 + int(np.ceil(finger_length / finger_radius)))
     fingers = fronts[:, None] - behind[:, None] * np.array([0.0, 0.0, 1.0])
     back = fronts[:, 2].min() - finger_length
@@ -85,18 +96,18 @@ def gripper_body(rig: Rig) -> Body:
 
 
 MET, FREE, NEAR, LOST = 0, 1, 2, 3
-"""States of a reading: a range; nothing within range; too near for a range; something there, but no range."""
+"""States of a reading: range measured; nothing within range; too near for a range; echo without a valid range."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandReading:
-    """What a robot knows at one instant.
+    """State and readings that a robot reports at one instant.
 
     Attributes:
-        time: Since the start [s].
-        T_world_hand: Where the robot says its hand is ``(4, 4)``.
-        ranges: Of the rig's sensors in their order ``(k,)`` [m]; NaN where there is none.
-        states: :data:`MET`, :data:`FREE`, :data:`NEAR` or :data:`LOST`, ``(k,)``.
+        time: time since the start [s].
+        T_world_hand: reported pose of the hand ``(4, 4)``.
+        ranges: ranges of the rig's sensors, in the rig's order ``(k,)`` [m]; NaN without a range.
+        states: state of every reading ``(k,)``: :data:`MET`, :data:`FREE`, :data:`NEAR` or :data:`LOST`.
     """
 
     time: float
@@ -107,21 +118,21 @@ class HandReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hand:
-    """Range sensors on a body. The hand's frame has +z where its frontal sensors look.
+    """Range sensors on a body; the hand frame's +z is the viewing direction of its two frontal sensors.
 
     Attributes:
-        rig: The sensors.
-        body: What may touch nothing.
-        frontal: Numbers of the two frontal sensors that control distance and tilt.
-        origins: Of all beams in the hand's frame ``(k, 3)`` [m].
-        axes: Of all beams ``(k, 3)``, unit.
-        pair: Unit vector from the first frontal sensor to the second, across z ``(3,)``.
-        baseline: Their distance along ``pair`` [m].
-        front: Midpoint of the frontal sensors ``(3,)`` [m].
-        overhangs: How far the body stands out beyond each sensor along its beam ``(k,)``, zero or more [m].
+        rig: range sensors.
+        body: spheres that must not touch anything.
+        frontal: indices of the two frontal sensors, which control distance and tilt.
+        origins: origins of all beams ``(k, 3)``, hand frame [m].
+        axes: unit directions of all beams ``(k, 3)``, hand frame.
+        pair: unit vector from the first to the second frontal sensor, perpendicular to z ``(3,)``.
+        baseline: distance of the frontal sensors along ``pair`` [m].
+        front: midpoint of the frontal sensors ``(3,)``, hand frame [m].
+        overhangs: distance by which the body extends beyond each sensor along its beam ``(k,)``, at least zero [m].
 
     Raises:
-        InputError: Not two frontal sensors, or no distance between them.
+        InputError: There are not exactly two frontal sensors, or they have no distance from each other.
     """
 
     rig: Rig
@@ -139,15 +150,15 @@ class Hand:
         looking = np.flatnonzero(T[:, 2, 2] > FRONTAL_COSINE)
         if len(looking) != 2:
             raise InputError(
-                f"{self.rig.source}: expected two sensors that look along the hand's +z, got {len(looking)}. The "
-                "motions steer by two."
+                f"{self.rig.source}: expected two sensors along the hand's +z, got {len(looking)}. The motions "
+                "steer by exactly two."
             )
         gap = T[looking[1], :3, 3] - T[looking[0], :3, 3]
         gap[2] = 0.0
         baseline = float(np.linalg.norm(gap))
         if baseline < 1e-3:
             raise InputError(
-                f"{self.rig.source}: expected frontal sensors apart, got {baseline:g} m across z. Tilt needs a base."
+                f"{self.rig.source}: expected frontal sensors apart, got {baseline:g} m across z. Mount them apart."
             )
         axes = T[:, :3, 2]
         reach = (axes @ self.body.centres.T + self.body.radii).max(axis=1)
@@ -165,31 +176,35 @@ class Hand:
 
 
 class Robot(Protocol):
-    """A hand that takes one velocity command a period and says what it sensed at the end of it.
+    """Interface of a robot that carries a hand, takes one velocity command per period and returns a reading.
 
     A driver sends the command, waits for the next cycle of its controller, and returns what it reads then.
     """
 
     @property
     def hand(self) -> Hand:
-        """The hand that it carries."""
+        """Return the hand that the robot carries."""
         ...
 
     @property
     def period(self) -> float:
-        """Between two commands [s]."""
+        """Return the time between two commands [s]."""
         ...
 
     @property
     def latency(self) -> float:
-        """From a command to the motion that it causes, or more [s]; the motions choose their gains by it."""
+        """Return an upper bound on the time from a command to its motion [s]; motions choose their gains by it."""
         ...
 
     @property
     def sensed(self) -> HandReading:
-        """What was sensed last."""
+        """Return the most recent reading."""
         ...
 
     def step(self, twist: Tangents) -> HandReading:
-        """Command a velocity ``[v, w]`` of the hand in its own frame [m/s, rad/s] for one period, and sense."""
+        """Command a twist for one period and return the reading at its end.
+
+        Args:
+            twist: velocity ``[v, w]`` of the hand in its own frame [m/s, rad/s].
+        """
         ...

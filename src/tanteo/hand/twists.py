@@ -1,4 +1,4 @@
-"""Velocities of the hand in its own frame ``[v, w]``, and what becomes of a pose under one. Small and fast."""
+"""Twists ``[v, w]`` of the hand in its own frame and the motion of poses and points under them (scalar fast paths)."""
 
 from __future__ import annotations
 
@@ -10,33 +10,56 @@ from tanteo.typing import FloatArray, Tangents, Transforms, Vectors
 
 
 def shift(velocity: Vectors) -> Tangents:
-    """The twist of a translation [m/s], hand's frame."""
+    """Return the twist of a pure translation.
+
+    Args:
+        velocity: linear velocity ``(3,)``, hand frame [m/s].
+    """
     out = np.zeros(6)
     out[:3] = velocity
     return out
 
 
 def turn(rate: Vectors, pivot: Vectors) -> Tangents:
-    """The twist of a rotation [rad/s] about a point of the hand's frame [m] that stays where it is."""
+    """Return the twist of a rotation about a fixed point.
+
+    Args:
+        rate: angular velocity ``(3,)``, hand frame [rad/s].
+        pivot: point that does not move ``(3,)``, hand frame [m].
+    """
     x, y, z = rate
     a, b, c = pivot
     return np.array([b * z - c * y, c * x - a * z, a * y - b * x, x, y, z])
 
 
 def about(points: Vectors, twist: Tangents) -> Vectors:
-    """Velocities ``(k, 3)`` of points ``(k, 3)`` of the hand under a twist, hand's frame [m/s]."""
+    """Return the velocities of points that are fixed to the hand.
+
+    Args:
+        points: positions ``(k, 3)``, hand frame [m].
+        twist: velocity ``[v, w]`` of the hand, hand frame [m/s, rad/s].
+
+    Returns:
+        Velocities ``(k, 3)``, hand frame [m/s].
+    """
     x, y, z = twist[3], twist[4], twist[5]
     W = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
     return np.asarray(points @ W + twist[:3])
 
 
 def advance(T: Transforms, twist: Tangents, time: float) -> Transforms:
-    """The pose after a constant velocity in the hand's frame: ``T exp(twist time)``, for one pose, in few steps."""
+    """Return the pose after a constant twist, ``T exp(twist time)``, by the closed form for a single pose.
+
+    Args:
+        T: initial pose ``(4, 4)``.
+        twist: velocity ``[v, w]`` in the hand frame [m/s, rad/s].
+        time: duration of the motion [s].
+    """
     vx, vy, vz, wx, wy, wz = (twist * time).tolist()
     t2 = wx * wx + wy * wy + wz * wz
     t = math.sqrt(t2)
     if t < 1e-4:
-        a, b, c = 1 - t2 / 6, 0.5 - t2 / 24, 1 / 6 - t2 / 120
+        a, b, c = 1 - t2 / 6, 0.5 - t2 / 24, 1 / 6 - t2 / 120  # Taylor series of the coefficients below
     else:
         half = math.sin(0.5 * t) / t
         a, b, c = math.sin(t) / t, 2 * half * half, (t - math.sin(t)) / (t2 * t)
@@ -56,7 +79,12 @@ def advance(T: Transforms, twist: Tangents, time: float) -> Transforms:
 
 
 def gap(T_from: Transforms, T_to: Transforms) -> tuple[Vectors, Vectors]:
-    """What is missing from one pose to another, in the frame of the first: position [m] and rotation vector [rad]."""
+    """Return the translation [m] and the rotation vector [rad] from one pose to another, in the frame of the first.
+
+    Args:
+        T_from: first pose ``(4, 4)``.
+        T_to: second pose ``(4, 4)``.
+    """
     R = T_from[:3, :3].T
     D = R @ T_to[:3, :3]
     x, y, z = float(D[2, 1] - D[1, 2]), float(D[0, 2] - D[2, 0]), float(D[1, 0] - D[0, 1])
@@ -67,7 +95,7 @@ def gap(T_from: Transforms, T_to: Transforms) -> tuple[Vectors, Vectors]:
     elif angle < 1.0:
         w = 0.5 * np.array([x, y, z])
     else:
-        # half a turn: any of the two ways round
+        # at half a turn the axis is the eigenvector of D + D^T of the largest eigenvalue; its sign is free
         values, vectors = np.linalg.eigh(D + D.T)
         w = math.pi * vectors[:, np.argmax(values)]
     return R @ (T_to[:3, 3] - T_from[:3, 3]), w

@@ -1,4 +1,4 @@
-"""Where the hand may be: what a person knows of the cell before anything is sensed."""
+"""Workspace of the hand: bounds and forbidden boxes that the user states before anything is sensed."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from tanteo.lie import SE3
 from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _STILL = 1e-12
-"""A way along which a coordinate changes less than this is square to it [m]."""
+"""Smallest component of a path along a box axis [m]; smaller ones are replaced by it to avoid a division by zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForbiddenBox:
-    """A box that the hand's body stays out of, fingers and palm.
+    """Box that no part of the hand's body may enter.
 
     Attributes:
-        name: In messages.
-        low: Corner in the box's frame ``(3,)`` [m].
-        high: Corner ``(3,)`` [m].
-        T_world_box: Where its frame is ``(4, 4)``; the world's if left out.
+        name: name in messages.
+        low: smallest corner ``(3,)``, box frame [m].
+        high: largest corner ``(3,)``, box frame [m].
+        T_world_box: pose of the box ``(4, 4)``; the world frame by default.
 
     Raises:
-        InputError: Corners that are not three finite numbers in order, or no rigid pose.
+        InputError: The corners are not finite or not in order, or the pose is not rigid.
     """
 
     name: str
@@ -47,44 +47,57 @@ class ForbiddenBox:
             object.__setattr__(self, name, value)
 
     def distances(self, points: Vectors) -> tuple[FloatArray, Vectors]:
-        """How far points ``(*batch, 3)`` are outside ``(*batch,)`` [m], negative inside, and the unit way out."""
+        """Return signed distances from the box, negative inside, and the unit directions out of it.
+
+        Args:
+            points: positions ``(*batch, 3)``, world frame [m].
+
+        Returns:
+            Distances ``(*batch,)`` [m] and directions ``(*batch, 3)``, world frame.
+        """
         local = SE3.apply(SE3.inverse(self.T_world_box), points) - 0.5 * (self.low + self.high)
         beyond = np.abs(local) - 0.5 * (self.high - self.low)
         outside = np.maximum(beyond, 0.0)
         far = np.linalg.norm(outside, axis=-1)
-        # inside, and on the surface, the nearest face is the way out
+        # inside and on the surface, the direction out is the normal of the nearest face
         nearest = np.eye(3)[np.argmax(beyond, axis=-1)]
         away = np.where((far > 0)[..., None], outside / np.where(far > 0, far, 1.0)[..., None], nearest)
         away = away * np.where(local < 0, -1.0, 1.0)
         return far + np.minimum(beyond.max(axis=-1), 0.0), np.asarray(away @ self.T_world_box[:3, :3].T)
 
     def crossed(self, starts: Vectors, ends: Vectors, room: float = 0.0) -> BoolArray:
-        """Whether straight ways ``(*batch, 3)`` lead through the box, ``room`` larger on all sides ``(*batch,)``.
+        """Return whether straight segments pass through the box enlarged on all sides; touching it does not count.
 
-        A way that only touches it does not.
+        Args:
+            starts: start points ``(*batch, 3)``, world frame [m].
+            ends: end points ``(*batch, 3)``, world frame [m].
+            room: enlargement of the box on every side [m].
+
+        Returns:
+            One flag per segment ``(*batch,)``.
         """
         to_box = SE3.inverse(self.T_world_box)
         here, there = SE3.apply(to_box, starts), SE3.apply(to_box, ends)
         along = np.where(np.abs(there - here) < _STILL, _STILL, there - here)
-        at = (self.low - room - here) / along, (self.high + room - here) / along  # shares of the way
+        at = (self.low - room - here) / along, (self.high + room - here) / along  # fractions of the segment
         enters, leaves = np.minimum(*at).max(axis=-1), np.maximum(*at).min(axis=-1)
         return np.asarray((enters < leaves) & (enters < 1) & (leaves > 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Workspace:
-    """A box in the world that the hand's body stays inside, and boxes that it stays out of.
+    """World-aligned box that the hand's body must stay inside, and boxes that it must stay out of.
 
-    The table's top is usually the floor. What no sensor of the hand looks at, above all what is beside its palm, is
-    safe only if it is stated here.
+    The lower z bound is usually the top of the table. Space that no sensor of the hand covers, above all beside the
+    palm, is safe only if it is stated here.
 
     Attributes:
-        low: Corner ``(3,)`` [m]; may be minus infinity.
-        high: Corner ``(3,)`` [m]; may be infinity.
-        forbidden: Boxes to stay out of; names are unique.
+        low: smallest corner ``(3,)``, world frame [m]; may be minus infinity.
+        high: largest corner ``(3,)``, world frame [m]; may be infinity.
+        forbidden: forbidden boxes with unique names.
 
     Raises:
-        InputError: Corners that are not three numbers in order, or two forbidden boxes of one name.
+        InputError: The corners are not three numbers in order, or two forbidden boxes have the same name.
     """
 
     low: FloatArray
@@ -95,33 +108,45 @@ class Workspace:
         low, high = _corners("workspace", self.low, self.high)
         names = [b.name for b in self.forbidden]
         if len(set(names)) < len(names):
-            raise InputError(f"workspace: expected forbidden boxes with names of their own, got {names}. Rename one.")
+            raise InputError(f"workspace: expected forbidden boxes with unique names, got {names}. Rename one.")
         for name, value in (("low", low), ("high", high), ("forbidden", tuple(self.forbidden))):
             object.__setattr__(self, name, value)
 
     @classmethod
     def everywhere(cls, forbidden: Sequence[ForbiddenBox] = ()) -> Workspace:
-        """No outer bound."""
+        """Return a workspace without outer bounds.
+
+        Args:
+            forbidden: forbidden boxes with unique names.
+        """
         return cls(np.full(3, -np.inf), np.full(3, np.inf), forbidden)
 
     @classmethod
     def above(cls, height: float, forbidden: Sequence[ForbiddenBox] = ()) -> Workspace:
-        """Everything above a horizontal table [m]."""
+        """Return the workspace above a horizontal table.
+
+        Args:
+            height: world z of the top of the table [m].
+            forbidden: forbidden boxes with unique names.
+        """
         return cls(np.array([-np.inf, -np.inf, height]), np.full(3, np.inf), forbidden)
 
     @property
     def limits(self) -> tuple[str, ...]:
-        """What each column of :meth:`rooms` is, in words: the finite bounds, then the forbidden boxes."""
+        """Return a description of each column of :meth:`rooms`: the finite bounds, then the forbidden boxes."""
         ends = (("low", self.low), ("high", self.high))
         bounds = [f"the {end} end of its workspace in {'xyz'[k]}" for end, b in ends for k in _finite(b)]
         return (*bounds, *(f"the forbidden box '{b.name}'" for b in self.forbidden))
 
     def rooms(self, points: Vectors) -> tuple[FloatArray, Vectors]:
-        """Distances of points ``(*batch, 3)`` from every limit and the directions away from it.
+        """Return the signed distances of points from every limit, and the directions away from the limits.
+
+        Args:
+            points: positions ``(*batch, 3)``, world frame [m].
 
         Returns:
-            ``(*batch, m)`` [m], negative where the point may not be, and unit vectors ``(*batch, m, 3)``, with the
-            ``m`` limits in the order of :attr:`limits`.
+            Distances ``(*batch, m)`` [m], negative where the point is not allowed, and unit vectors
+            ``(*batch, m, 3)``, with the ``m`` limits in the order of :attr:`limits`.
         """
         low, high = _finite(self.low), _finite(self.high)
         inwards = np.concatenate([np.eye(3)[low], -np.eye(3)[high]])
@@ -134,19 +159,40 @@ class Workspace:
         return np.concatenate(rooms, axis=-1), np.concatenate(ways, axis=-2)
 
     def of_body(self, body: Body, Ts_world_hand: Transforms) -> FloatArray:
-        """Distances of the whole body from every limit with the hand at poses ``(*batch, 4, 4)``: ``(*batch, m)``."""
+        """Return the distance of the whole body from every limit.
+
+        Args:
+            body: spheres of the hand.
+            Ts_world_hand: poses of the hand ``(*batch, 4, 4)``.
+
+        Returns:
+            Distances ``(*batch, m)`` [m], with the ``m`` limits in the order of :attr:`limits`.
+        """
         return np.asarray((self.rooms(body.placed(Ts_world_hand))[0] - body.radii[:, None]).min(axis=-2))
 
     def clear(self, body: Body, Ts_world_hand: Transforms) -> FloatArray:
-        """Least distance of the whole body from all limits with the hand at poses ``(*batch, 4, 4)``.
+        """Return the smallest distance of the whole body from all limits.
+
+        Args:
+            body: spheres of the hand.
+            Ts_world_hand: poses of the hand ``(*batch, 4, 4)``.
 
         Returns:
-            ``(*batch,)`` [m]: negative where the hand may not be, infinite where there are no limits.
+            Distances ``(*batch,)`` [m], negative where the pose is not allowed, infinite without limits.
         """
         return np.asarray(self.of_body(body, Ts_world_hand).min(axis=-1, initial=np.inf))
 
     def allows(self, body: Body, Ts_world_hand: Transforms, clearance: float = 0.0) -> BoolArray:
-        """At which poses ``(*batch, 4, 4)`` the whole body keeps a clearance [m] from all limits ``(*batch,)``."""
+        """Return whether the whole body keeps a clearance from all limits.
+
+        Args:
+            body: spheres of the hand.
+            Ts_world_hand: poses of the hand ``(*batch, 4, 4)``.
+            clearance: required distance [m].
+
+        Returns:
+            One flag per pose ``(*batch,)``.
+        """
         return np.asarray(self.clear(body, Ts_world_hand) >= clearance)
 
 

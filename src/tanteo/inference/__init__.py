@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from tanteo.lazy import lazy
 
 if TYPE_CHECKING:
+    from tanteo.inference.alternatives import Alternatives, NormalPoses
     from tanteo.inference.around import outlier_log_density
     from tanteo.inference.candidates import Candidates
     from tanteo.inference.covariances import mode_covariances
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from tanteo.inference.modes import Mode
     from tanteo.inference.otherwise import Ask, about_conventions
     from tanteo.inference.part_search import PartSearch
-    from tanteo.inference.posterior import Posterior, infer, search_about, weigh
+    from tanteo.inference.posterior import Posterior, infer, posterior_of_factors, search_about, weigh
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
     from tanteo.inference.prior_check import p_of_prior
     from tanteo.inference.problem import PoseMixture, Problem
@@ -41,12 +42,14 @@ if TYPE_CHECKING:
 __all__ = [
     "DEFAULTS",
     "PROPOSERS",
+    "Alternatives",
     "Ask",
     "Candidates",
     "Effort",
     "GoodnessOfFit",
     "InitialPoses",
     "Mode",
+    "NormalPoses",
     "PartSearch",
     "PoseMixture",
     "Posterior",
@@ -77,6 +80,7 @@ __all__ = [
     "outlier_log_density",
     "p_of_prior",
     "posterior_about",
+    "posterior_of_factors",
     "prepare",
     "prepare_all",
     "scale_of",
@@ -93,6 +97,7 @@ __dir__: Callable[[], list[str]]
 __getattr__, __dir__ = lazy(
     __name__,
     {
+        "alternatives": "Alternatives NormalPoses",
         "candidates": "Candidates",
         "covariances": "mode_covariances",
         "diagnostics": "face_elsewhere",
@@ -101,7 +106,7 @@ __getattr__, __dir__ = lazy(
         "free_space": "gone_through",
         "otherwise": "Ask about_conventions",
         "modes": "Mode",
-        "posterior": "Posterior infer search_about weigh",
+        "posterior": "Posterior infer posterior_of_factors search_about weigh",
         "prepared": "PreparedPart prepare prepare_all",
         "part_search": "PartSearch",
         "prior_check": "p_of_prior",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.inference.peaks import Objective
+from tanteo.inference.settings import Settings
 from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
@@ -29,14 +30,14 @@ def cut_by_box(
     pose, part = objective.problem.priors.pose, objective.prepared.part
     if pose is None or pose.box is None:
         return means, covariances, cut
-    covariances, gate = covariances.copy(), objective.problem.settings.search.gate
+    covariances, own = covariances.copy(), objective.problem.settings
     for k, (T, P) in enumerate(zip(Ts, covariances, strict=True)):
         J = T[:3, :3] @ np.hstack([np.eye(3), -SO3.hat(part.centroid - objective.prepared.shape.centre)])
         at, S = SE3.apply(T, part.centroid), J @ P @ J.T
-        reach = gate * np.sqrt(np.diag(S))
+        reach = own.search.reach_sds * np.sqrt(np.diag(S))
         cut[k] = bool(((at - reach < pose.box[0]) | (at + reach > pose.box[1])).any())
         if cut[k]:
-            mean, C = _moments(at, S, pose.box, gate)
+            mean, C = _moments(at, S, pose.box, own)
             gain = np.linalg.solve(S, J @ P).T
             # Joseph form: P + gain (C - S) gain^T cancels to noise where the box is far away and C tiny
             rest = np.eye(6) - gain @ J
@@ -44,10 +45,11 @@ def cut_by_box(
     return means, covariances, cut
 
 
-def _moments(at: Vectors, S: Covariances, box: Vectors, gate: float) -> tuple[Vectors, Covariances]:
-    """Return mean ``(3,)`` and covariance ``(3, 3)`` of a normal density inside a box, up to ``gate`` sds."""
+def _moments(at: Vectors, S: Covariances, box: Vectors, own: Settings) -> tuple[Vectors, Covariances]:
+    """Return mean ``(3,)`` and covariance ``(3, 3)`` of a normal density inside a box."""
+    gate = own.search.gate
     Q = np.asarray(np.linalg.inv(S), dtype=np.float64)
-    top = _likeliest(at, Q, box)
+    top = _likeliest(at, Q, box, own.samples.sweeps)
     slope = Q @ (top - at)
     with np.errstate(divide="ignore"):
         end = np.where((top <= box[0]) | (top >= box[1]), 0.5 * gate**2 / np.abs(slope), np.inf)
@@ -62,12 +64,10 @@ def _moments(at: Vectors, S: Covariances, box: Vectors, gate: float) -> tuple[Ve
     return mean, ((w[:, None] * (x - mean)).T @ (x - mean)) / w.sum()
 
 
-def _likeliest(at: Vectors, Q: FloatArray, box: Vectors) -> Vectors:
-    """The place inside of a box that is nearest to another by the information ``Q`` ``(3,)``."""
-    x, before = np.clip(at, *box), np.full(3, np.inf)
-    precision = np.sqrt(np.finfo(float).eps)
-    while np.any(np.abs(x - before) > precision * np.abs(x)):  # coordinate descent
-        before = x.copy()
+def _likeliest(at: Vectors, Q: FloatArray, box: Vectors, sweeps: int) -> Vectors:
+    """Return the place inside a box that is nearest to another by the information ``Q`` ``(3,)``."""
+    x = np.clip(at, *box)
+    for _ in range(sweeps):  # of coordinate descent, which is slow where the information is nearly singular
         for i in range(3):
             rest = Q[i] @ (x - at) - Q[i, i] * (x[i] - at[i])
             x[i] = np.clip(at[i] - rest / Q[i, i], box[0, i], box[1, i])

@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.answers import WholeObject
 from tanteo.catalogue import Catalogue, coarse_field, field_table, signature, tables_of
 from tanteo.inference.prepared import PreparedPart, prepare
-from tanteo.inference.settings import RaceSettings
+from tanteo.inference.settings import DEFAULTS, RaceSettings
 from tanteo.parts import StoredParts, as_parts
 from tanteo.typing import FloatArray, IntArray, Vectors
 
@@ -131,5 +131,10 @@ def _signed(prepared: PreparedPart) -> dict[str, Any]:
 
 
 def sizes_of(parts: Any) -> tuple[float, ...]:
-    """Return the diagonals of parts [m]."""
-    return tuple(Candidates(parts).diagonals.tolist())
+    """Return the diagonals of parts [m]; of very many those that differ by a hundredth."""
+    found = Candidates(parts).diagonals
+    if len(found) <= DEFAULTS.checks.many_parts:
+        return tuple(found.tolist())
+    steps = np.unique(np.rint(100 * np.log(found))) / 100
+    inner = np.exp(steps).clip(found.min(), found.max())
+    return (float(found.min()), *inner.tolist(), float(found.max()))

@@ -34,21 +34,8 @@ from tanteo.words.findings import (
     UnitsQuestion,
 )  # fmt: skip
 
-_TOO_NARROW = 0.01
-"""Readings that are all nearer to their middle than this share of the diagonal suggest a wrong unit."""
-
-_FINEST, _COARSEST = 2e-7, 0.1
-"""Standard deviations below the first [m], or above this share of the largest part, suggest a wrong unit."""
-
-_HANDLED = (2e-3, 5.0)
-"""Sizes of parts that robots touch [m]: a suggested unit leads to one of these."""
-
-
 UNITS = {unit: METRES[unit] for unit in ("mm", "m", "um", "in")}
 """Units of columns, and of part files, in metres."""
-
-WRONG_UNIT = float(np.sqrt(METRES["in"] / METRES["mm"]))
-"""Ratio of two lengths from which one may be in another unit: halfway to the smallest mistake, inches for mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,12 +122,12 @@ def about_size(points: Vectors, scale: Scale) -> TooNarrow | None:
     away = _away(points)
     largest, smallest = max(scale.sizes), min(scale.sizes)
     units = about_units(scale)
-    if np.median(away) > WRONG_UNIT * largest:
+    if np.median(away) > DEFAULTS.checks.too_wide * largest:
         raise ReadingsError(
             f"readings: expected points around a part of {largest * 1e3:.4g} mm or less, got half of them more than "
             f"{np.median(away) * 1e3:.4g} mm from their middle. {size_advice(units)}"
         )
-    if away.max() >= _TOO_NARROW * smallest:
+    if away.max() >= DEFAULTS.checks.too_narrow * smallest:
         return None
     return TooNarrow(float(away.max()), smallest, units)
 
@@ -150,9 +137,9 @@ def about_spread(covs: Covariances, scale: Scale) -> Finding | None:
     if not len(covs):
         return None
     sd = float(np.median(np.sqrt(np.trace(covs, axis1=1, axis2=2) / 3)))
-    if _FINEST <= sd <= _COARSEST * max(scale.sizes):
+    if DEFAULTS.checks.finest <= sd <= DEFAULTS.checks.coarsest * max(scale.sizes):
         return None
-    return SpreadQuestion(sd, max(scale.sizes) if sd > _FINEST else float("nan"))
+    return SpreadQuestion(sd, max(scale.sizes) if sd > DEFAULTS.checks.finest else float("nan"))
 
 
 def about_directions(points: Vectors, directions: Vectors) -> Finding | None:
@@ -162,7 +149,7 @@ def about_directions(points: Vectors, directions: Vectors) -> Finding | None:
         return None
     inward = np.median(points[known], axis=0) - points[known]
     cosines = np.sum(inward * directions[known], axis=1) / np.linalg.norm(inward, axis=1).clip(1e-12)
-    if np.mean(cosines < 0) <= DEFAULTS.search.explained:
+    if cosines.mean() > -DEFAULTS.checks.outward:
         return None
     return DirectionsQuestion(float(np.mean(cosines < 0)))
 
@@ -171,7 +158,7 @@ def about_normals(normals: Vectors, directions: Vectors) -> Finding | None:
     """Sensed normals that point as the sensor looks: into the material."""
     cosines = np.sum(normals * directions, axis=1)
     known = cosines[np.isfinite(cosines)]
-    if len(known) < FEWEST or np.mean(known > 0) <= DEFAULTS.search.explained:
+    if len(known) < FEWEST or np.mean(known > 0) <= DEFAULTS.checks.into:
         return None
     return NormalsQuestion(float(np.mean(known > 0)))
 
@@ -196,7 +183,7 @@ def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]
         return None
     away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
     widest = 2 * float(Candidates(parts).radii.max())
-    if away <= WRONG_UNIT * widest:
+    if away <= DEFAULTS.checks.too_wide * widest:
         return None
     return TooFarApart(away, widest)
 
@@ -213,6 +200,7 @@ def _others(unit: str) -> tuple[str, ...]:
 
 def fits_size(span: float, sizes: Sequence[float]) -> bool:
     """Whether readings of that span may be of a part of one of these sizes [m]."""
-    size = np.asarray(sizes)
-    likely = (size <= WRONG_UNIT * span) & (span <= LARGER * size)
-    return bool(np.any(likely & (_HANDLED[0] <= size) & (size <= _HANDLED[1])))
+    own = DEFAULTS.checks
+    return any(
+        own.least_span <= span / size <= LARGER and own.smallest_part <= size <= own.largest_part for size in sizes
+    )

@@ -15,6 +15,9 @@ from tanteo.localization import SharedGiven
 from tanteo.measurements import FreeRays
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
+_AROUND = np.linspace(0, 2 * np.pi, DEFAULTS.checks.path_turns, endpoint=False)
+"""Directions across a path in which it is moved [rad]."""
+
 
 def _across(directions: Vectors) -> FloatArray:
     """Four unit vectors across each direction ``(k, 4, 3)``."""
@@ -75,14 +78,14 @@ def _surely(
 
     Of a cone all rays have to: its rim is at two of the standard deviations that ``slopes`` say.
     """
-    gate = DEFAULTS.search.gate
+    gate = DEFAULTS.search.reach_sds
     origins, directions = (np.broadcast_to(x, (1, len(free), 3))[0] for x in free.at(shared.mean[None]))
     start, along = (origins - T[:3, 3]) @ T[:3, :3], directions @ T[:3, :3]
     S = _between(free, T, C, shared, part, start + met[:, None] * along, met)
     beside, cone = np.eye(3) - along[:, :, None] * along[:, None, :], (2 / gate * free.slopes * met) ** 2
     values, vectors = np.linalg.eigh(beside @ (S + cone[:, None, None] * np.eye(3)) @ beside)
     axes = vectors[..., 1:] * np.sqrt(values[:, None, 1:].clip(0))
-    starts = start[:, None] + gate * np.swapaxes(np.concatenate([axes, -axes], axis=2), 1, 2)
+    starts = start[:, None] + gate * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=1) @ np.swapaxes(axes, 1, 2)
     end = _ends(free, part) - gate * np.sqrt(np.einsum("mi,mij,mj->m", along, S, along))
     echoes = _echoes(part, starts, np.broadcast_to(along[:, None], starts.shape), free.incidences[:, None])
     return np.all(echoes < end[:, None], axis=1)

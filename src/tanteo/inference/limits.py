@@ -22,10 +22,10 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErro
         one: the answer.
         shared: the errors behind its shared states, in that order.
     """
-    mode = one.mode
+    mode, own = one.mode, one.mode.objective.problem.settings.checks
     information, start = mode.information, 6
     total, worst, name, source = _corner_sd(mode, information), 0.0, "", ""
-    if not mode.normal:
+    if corner_sd(mode.prepared.part, mode.covariance) > own.beyond_curvature * total:
         return None  # the curvature of the maximum says little of how far off the pose may be, or why
     for error in shared:
         stop = start + len(error.covariance)
@@ -35,7 +35,7 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErro
         if part_of > worst:
             worst, name, source = part_of, error.meaning or error.name, error.name
         start = stop
-    if 2 * worst**2 < total**2:  # other errors make more of the variance
+    if worst < own.limiting_share * total:
         return None
     return SharedErrorLimits(name, worst, total, float(np.sqrt(total**2 - worst**2)), source)
 

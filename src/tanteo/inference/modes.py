@@ -139,7 +139,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     best = int(rows[np.argmax(peaks.evidence[rows])])
     T = T_peak = peaks.Ts[best]
     w = W[:, rows].sum(axis=1)
-    alone = len(rows) == 1 and w.sum() > sampler.settings.matters * W.sum()
+    alone = len(rows) == 1 and w.sum() > sampler.settings.region * W.sum()
     region = sampler.compared(best, w) if alone else Compared.alone(w, sampler.settings)
     keep = w + region.normal > 1e-9 * w.max()
     Ts = folded(objective.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=objective.named)

@@ -13,7 +13,8 @@ from functools import cache
 import numpy as np
 
 from tanteo.inference.details import Details
-from tanteo.inference.outliers import NODES, log_by_rate
+from tanteo.inference.outliers import log_by_rate
+from tanteo.inference.settings import DEFAULTS
 from tanteo.parts import Part
 from tanteo.special import legendre_nodes, log_sum
 from tanteo.typing import BoolArray, FloatArray, IntArray
@@ -91,7 +92,7 @@ def log_density_elsewhere(log_on: FloatArray, log_off: FloatArray) -> FloatArray
         log_on: log density of what was sensed at each place if the surface is that of the part ``(S, P)``.
         log_off: if it is elsewhere ``(S, P)``.
     """
-    nodes = NODES + int(np.ceil(2 * np.sqrt(log_on.shape[1])))
+    nodes = max(DEFAULTS.unknown.nodes, int(np.ceil(2 * np.sqrt(log_on.shape[1]))))
     return log_sum(log_by_rate(log_on, log_off, *_shares(nodes)), axis=0)
 
 

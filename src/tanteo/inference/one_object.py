@@ -30,7 +30,7 @@ def log_level(facets: Facets, radius: float) -> float:
     for k in range(1, len(facets)):
         tilts = facets.covariances[:k] + facets.covariances[k]
         rotated = n[:k] - n[k]
-        alike = np.sum(rotated**2, axis=1) < DEFAULTS.search.gate**2 * np.trace(tilts, axis1=1, axis2=2)
+        alike = np.sum(rotated**2, axis=1) < DEFAULTS.search.reach_sds**2 * np.trace(tilts, axis1=1, axis2=2)
         alike &= np.isfinite(facets.variances[:k] + facets.variances[k])
         if not alike.any():
             continue
@@ -62,7 +62,7 @@ def log_right_angled(facets: Facets, share: float) -> float:
     order, kept = np.argsort(-log, kind="stable"), list[int]()
     for i in order:
         turns = np.abs(np.swapaxes(frames[kept], 1, 2) @ frames[i])
-        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(DEFAULTS.search.tilt_as_made)):
+        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(DEFAULTS.unknown.same_axes)):
             kept.append(int(i))
     return float(log_sum([none, one, *log[kept]]))
 
@@ -71,7 +71,7 @@ def _axes_of_pairs(normals: Vectors) -> FloatArray:
     """Perpendicular axes through pairs of directions ``(F, 3, 3)``, columns; through one alone of parallel ones."""
     a, b = np.triu_indices(len(normals), 1)
     cosines = np.abs(np.sum(normals[a] * normals[b], axis=1))
-    some = np.argsort(cosines, kind="stable")[: DEFAULTS.search.compared]
+    some = np.argsort(cosines, kind="stable")[: DEFAULTS.unknown.axis_pairs]
     x, z = normals[a[some]], np.cross(normals[a[some]], normals[b[some]])
     sines = np.linalg.norm(z, axis=1, keepdims=True)
     z = np.where(sines > 0.5, z / np.maximum(sines, 1e-12), SO3.frame_from_axis(x, 0)[..., 2])
@@ -103,6 +103,6 @@ def _maximized(
         log = total.sum(axis=1) + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - np.log(free)
         return H, g, log
 
-    passes, end = DEFAULTS.search.steps, DEFAULTS.search.step_gain
-    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, passes, end)
+    steps = DEFAULTS.unknown.axis_steps
+    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, steps)
     return evaluate(frames)[2], frames

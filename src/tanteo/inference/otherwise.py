@@ -91,8 +91,8 @@ def is_bad(answer: Answer) -> bool:
     best = answer.best or (answer.hypotheses[0] if answer.hypotheses else None)
     if answer.status == "unknown" or best is None:
         return answer.status == "unknown"
-    share = len(best.outliers) / max(len(best.outliers) + len(best.pairings), 1)
-    return best.noise_scale[1] > STATED["typed"] or share > 1 - DEFAULTS.search.explained
+    readings = len(best.outliers) + len(best.pairings)
+    return best.noise_scale[1] > STATED["typed"] or len(best.pairings) < DEFAULTS.search.explained * readings
 
 
 def fits(answer: Answer) -> bool:

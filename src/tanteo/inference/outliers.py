@@ -12,6 +12,9 @@ from tanteo.typing import FloatArray
 JEFFREYS = 0.5
 """First parameter of the beta density of a rate, that of the prior of Jeffreys (1946)."""
 
+_RARE = 1e-3
+"""Mean rate below which a beta density is a gamma density, up to a thousandth."""
+
 NODES = 4
 """Least number of nodes of the quadrature over a rate (decision 35)."""
 
@@ -28,7 +31,7 @@ def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
 
 @cache
 def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
-    if mean < np.sqrt(np.finfo(float).eps):  # there a beta density is a gamma density
+    if mean < _RARE:
         x, w = laguerre_nodes(nodes, JEFFREYS - 1)
         return np.clip(mean / JEFFREYS * x, np.finfo(float).tiny, 1.0), w
     x, w = jacobi_nodes(nodes, JEFFREYS / mean - JEFFREYS - 1, JEFFREYS - 1)

@@ -150,7 +150,7 @@ class PartSearch:
         """Return whether the best maximum has more outliers than expected, which may have hidden a better one."""
         on, rate = self.on_the_part(), self.objective.problem.priors.outlier_rate
         expected = len(on) * rate + self.settings.unusual_sds * np.sqrt(len(on) * rate)
-        return len(self.peaks) > 0 and float(np.sum(~on)) > (expected if len(on) > self.settings.few_points else 0.0)
+        return len(self.peaks) > 0 and float(np.sum(~on)) > (expected if len(on) > self.settings.any_outlier else 0.0)
 
 
 def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Generator) -> PartSearch:

@@ -98,6 +98,21 @@ def search_about(
     return searches
 
 
+def posterior_of_factors(problem: Problem, parts: Sequence[PreparedPart], log_priors: FloatArray) -> Posterior:
+    """Return the posterior of the factors of the pose alone, from the poses that they suggest.
+
+    Args:
+        problem: the question, without points.
+        parts: parts, all of which have a suggested pose or no evidence.
+        log_priors: log of the prior of each part ``(P,)``.
+    """
+    rng = np.random.default_rng(0)
+    poses = [np.concatenate([one.poses(part.part) for one in problem.pose_factors]) for part in parts]
+    searches = search_about(problem, list(zip(parts, poses, strict=True)), rng)
+    anywhere = float(np.log(problem.priors.unknown)) + problem.log_factors_unknown
+    return weigh(problem, searches, log_priors, anywhere, rng)
+
+
 def weigh(
     problem: Problem,
     searches: Sequence[PartSearch],

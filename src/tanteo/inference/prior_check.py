@@ -78,7 +78,7 @@ def check_prior(
 def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
     """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
     outliers, n = int(np.sum(one.outliers)), len(one.outliers)
-    if so_many(outliers, n, rate) <= NOTABLE:
+    if so_many(outliers, n, rate) <= one.mode.objective.problem.settings.checks.outlier_level:
         return False
     return one.misfit().p_value > SUSPECT
 
@@ -132,7 +132,7 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
         logs = _core.log_densities(mode.prepared.shape, alone.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
         return np.asarray(np.sum(rows**2, axis=1) + 2 * (best - logs))
 
-    heavy = np.argsort(-mode.weights, kind="stable")[: alone.problem.settings.samples.told]
+    heavy = np.argsort(-mode.weights, kind="stable")[: alone.problem.settings.samples.heaviest]
     Ts = np.concatenate([mode.T_peak[None], mode.Ts[heavy]])
     least = off(Ts, np.repeat(zs[None], len(Ts), axis=0)).min()
     return min(share, chi2_survival(least, max(known - len(left), 1)))

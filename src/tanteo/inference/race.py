@@ -33,7 +33,6 @@ from tanteo.inference.proposals.coarse_field import evaluate_fields
 from tanteo.inference.proposals.plane_votes import cost_margin, on_planes, voted
 from tanteo.inference.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.inference.settings import POSE_DOF
-from tanteo.limits import NOTABLE
 from tanteo.measurements import ContactPoints
 from tanteo.special import log_sum, softmax
 from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
@@ -151,7 +150,7 @@ def _is_probable(problem: Problem, odds: FloatArray) -> BoolArray:
     """Return which parts are evaluated on their fields, by their log odds ``(m,)``."""
     own, order = problem.settings.race, np.argsort(odds, kind="stable")
     out = np.ones(len(odds), dtype=bool)
-    out[order[np.cumsum(softmax(odds)[order]) <= NOTABLE]] = False
+    out[order[np.cumsum(softmax(odds)[order]) <= own.pruned_by_size]] = False
     return out | (odds > odds.max() - own.size_margin)
 
 

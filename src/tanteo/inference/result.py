@@ -57,7 +57,7 @@ def _joint_misfit(one: GoodnessOfFit, pose: PosePrior | None) -> Misfit:
     best = _misfit_at(one, pose, one.mode.T_peak)
     if pose is None or best.p_value > NOTABLE:
         return best
-    heavy = np.argsort(-one.mode.weights, kind="stable")[: one.mode.objective.problem.settings.samples.told]
+    heavy = np.argsort(-one.mode.weights, kind="stable")[: one.mode.objective.problem.settings.samples.heaviest]
     others = [_misfit_at(_moved_to(one, T), pose, T) for T in one.mode.Ts[heavy]]
     return max([best, *(other for other in others if other.dof == best.dof)], key=lambda misfit: misfit.p_value)
 

@@ -111,14 +111,14 @@ class Sampler:
             return self.Ts[:0]
         w = np.exp(self.log_weights - self.log_weights.max())
         rows = np.flatnonzero(w > self.settings.share * w.sum())
-        return self.Ts[rows[np.argsort(-w[rows])]]
+        return self.Ts[rows[np.argsort(-w[rows])][: self.settings.strange]]
 
     def sample(self, counts: IntArray) -> None:
         """So many more samples of each component ``(m,)``; all weights are made anew."""
         on = np.flatnonzero(counts)
         if not len(on):
             return
-        self._fit_widths(on[~self._fitted[on] & (counts[on] >= self.settings.told)])
+        self._fit_widths(on[~self._fitted[on] & (counts[on] >= self.settings.heaviest)])
         owners = np.repeat(on, counts[on])
         L = roots(self.covariances[on])
         for k in on:
@@ -178,7 +178,7 @@ class Sampler:
             mean = own @ x
             off = x - mean
             self.means[k] = trust * mean + (1 - trust) * self.means[k]
-            wide = self.settings.wider * (own[:, None] * off).T @ off
+            wide = self.settings.adapted * (own[:, None] * off).T @ off
             self.covariances[k] = trust * wide + (1 - trust) * self.covariances[k]
 
     def compared(self, k: int, weights: FloatArray) -> Compared:
@@ -188,7 +188,7 @@ class Sampler:
             k: of the maximum.
             weights: of the samples in its region, over the largest of all ``(N,)``.
         """
-        comparable = -float(np.log(np.finfo(float).eps))  # beyond it one tells nothing of the other
+        comparable = self.settings.comparable
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
         if not abs(mass) < comparable:
             return Compared.alone(weights, self.settings)
@@ -196,7 +196,7 @@ class Sampler:
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
         own = np.exp(np.minimum(log - self.log_density, comparable))
-        if own[~np.isfinite(self.log_weights)].sum() > self.settings.matters * own.sum():  # a box that ends in it
+        if own[~np.isfinite(self.log_weights)].sum() > self.settings.cut * own.sum():  # a box that ends in it
             return Compared.alone(weights, self.settings)
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
         both = Compared(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
@@ -211,7 +211,7 @@ class Sampler:
         sums, squares = W.sum(axis=0), np.sum(W * W, axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ess = np.nan_to_num(sums**2 / squares)
-            for k in np.flatnonzero(sums > self.settings.matters * sums.sum()):
+            for k in np.flatnonzero(sums > self.settings.region * sums.sum()):
                 one = self.compared(int(k), W[:, k])
                 sums[k], ess[k] = one.mass, one.ess
             return np.log(sums) + top, ess

@@ -37,10 +37,10 @@ def _first(sampler: Sampler, log_p: FloatArray) -> IntArray:
 
     The best always has some. A ridge can have a hundred times the mass that its curvature says.
     """
-    own, likely = sampler.settings, float(np.log(sampler.settings.matters))
-    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < likely else log_p
-    rare = -sampler.objective.problem.settings.search.negligible
-    return np.where(log_p > likely, own.first, np.where(log_p > rare, own.few, 0))
+    own = sampler.settings
+    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.likely else log_p
+    first = own.first_trusted if sampler.trusted else own.first
+    return np.where(log_p > -own.likely, first, np.where(log_p > -own.rare, own.few, 0))
 
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
@@ -48,7 +48,7 @@ def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
     masses = [np.logaddexp(s.masses()[0], s.peaks.evidence + s.log_constant) for s in samplers]
     total = float(log_sum([log_none, *(float(log_sum(mass)) for mass in masses)]))
     for sampler, mass in zip(samplers, masses, strict=True):
-        likely = mass > total + np.log(sampler.settings.matters)
+        likely = mass > total + np.log(sampler.settings.region)
         strange = [k for k in np.flatnonzero(likely) if not sampler.is_normal(int(k))]
         if sampler.along is not None and len(sampler.along) and strange:
             sampler.spread(sampler.along, sampler.settings.along)
@@ -81,6 +81,6 @@ def _wanted_along(sampler: Sampler, p: FloatArray) -> IntArray:
     ess, total = float(w.sum() ** 2 / np.sum(w * w)), float(p.sum())
     own = sampler.settings
     enough = own.enough if total > 0.5 else own.first
-    if ess >= enough or total < own.matters or len(w) > own.more * own.rounds:
+    if ess >= enough or total < own.region or len(w) > own.more * own.rounds:
         return np.zeros(len(p), dtype=np.int64)
     return np.round(min((enough / ess - 1) * len(w), 4 * own.more) * p / total).astype(np.int64)

@@ -10,7 +10,7 @@ from tanteo.inference.settings import DEFAULTS
 from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms
 
-GAUGE_SD = DEFAULTS.search.plane_normal_sd
+GAUGE_SD = DEFAULTS.samples.gauge_sd
 """Standard deviation of a turn that symmetry leaves free, about a reference [rad]; the rest of the circle is in
 :func:`log_orbit`. The evidence does not depend on it; of a narrow one samples look normal."""
 

@@ -49,7 +49,7 @@ def whereabouts(points: Vectors, radius: float) -> Whereabouts:
     away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
     points = points[away <= max(2 * radius, away.min())]
     middle = points.mean(axis=0)
-    for k in range(1, DEFAULTS.search.steps):  # Badoiu and Clarkson 2003
+    for k in range(1, DEFAULTS.unknown.ball_steps):  # Badoiu and Clarkson 2003
         middle = middle + (points[np.argmax(np.sum((points - middle) ** 2, axis=1))] - middle) / (k + 1)
     off = points - middle
     squared = np.sum(off * off, axis=1)

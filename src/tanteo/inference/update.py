@@ -21,9 +21,8 @@ from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
-from tanteo.inference.proposals import EXHAUSTIVE, PriorSamples
+from tanteo.inference.proposals import BITS, FactorPoses, PriorSamples
 from tanteo.inference.proposals.drawn import along_ridge
-from tanteo.inference.settings import FEWEST
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _EXPECTED = 1.0
@@ -84,15 +83,15 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
         known = problem.mixture(part)
         if known is not None:  # coarse measurements do not tell means apart that the prior does
             _take(search, search.objective.maximize(known.Ts[: own.widely], fine=True))
-        _draw(search, search.objective.problem.settings.samples.widely)
+        _draw(search, own.widely)
         return search
     objective, likely = search.objective, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem, rng)
-    if before is not None and likely > own.matters:
+    if before is not None and likely > own.followed:
         Ts, zs = _with_maxima(Ts, zs, before, part)
     _take(search, objective.maximize(Ts, zs, fine=True))
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
-    if likely > own.matters and not search.trusted:
+    if likely > own.followed and not search.trusted:
         _draw(search, own.told)
         search.along = along_ridge(objective, _resampled(modes, search.settings.maximized, rng))
     return search
@@ -101,9 +100,9 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
 def _samples(modes: Sequence[Mode], problem: Problem, rng: np.random.Generator) -> tuple[Transforms, FloatArray]:
     """The maxima of modes and samples of them by their probability, with the other states to start from."""
     total = max(sum(mode.probability for mode in modes), np.finfo(float).tiny)
-    Ts, zs = [], []
+    own, Ts, zs = problem.settings.samples, [], []
     for mode in modes:
-        count = 1 if mode.normal else int(np.ceil(problem.settings.samples.told * mode.probability / total))
+        count = own.normal_starts if mode.normal else int(np.ceil(own.told * mode.probability / total))
         ends = (np.arange(count) + rng.uniform()) / count
         rows = np.searchsorted(np.cumsum(mode.weights), ends).clip(0, len(mode.weights) - 1)
         Ts += [mode.T_peak[None], mode.Ts[np.unique(rows)]]
@@ -138,8 +137,11 @@ def _draw(search: PartSearch, count: int) -> None:
 
 def _look_widely(search: PartSearch) -> None:
     """Look for a part all over its prior, and by pairs of points where these fix a pose."""
-    _draw(search, search.objective.problem.settings.samples.widely)
-    if len(search.objective.problem.points) >= FEWEST:
+    own = search.objective.problem.settings.samples
+    _draw(search, own.widely)
+    search.propose(FactorPoses())
+    search.peaks = _found(search.peaks)
+    if len(search.objective.problem.points) >= own.several:
         search.restart()
         search.peaks = _found(search.peaks)
 
@@ -149,7 +151,7 @@ def _take(search: PartSearch, peaks: Peaks) -> None:
 
 
 def _found(peaks: Peaks) -> Peaks:
-    peaks.groups[:] = EXHAUSTIVE
+    peaks.groups[:] = (1 << BITS) - 1  # found by all sources: no chance finds
     return peaks
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.io.centres import find_centres, know_axes
-from tanteo.sensors import Readings, check_features
+from tanteo.sensors import Readings, check_features, reading_kind
 from tanteo.typing import FloatArray, Vectors
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 LARGEST = 100.0
 """Coordinates and ranges beyond this [m] are a wrong unit, not a robot cell."""
 
-_LEAST_OF_PLANE = 3
 _INWARD = -0.3
 """Mean cosine between vectors and the way from the middle of the points: vectors below it point inwards."""
 
@@ -168,19 +167,16 @@ def _release_labels(columns: dict[str, Any], notes: list[str]) -> None:
     features, kinds = columns["features"], columns["kinds"]
     if features is None or kinds is None:
         return
-    counts = Counter(f for f, kind in zip(features, kinds, strict=True) if f and kind == "plane")
-    for f, kind in zip(features, kinds, strict=True):
-        if kind != "plane":
-            counts.pop(f, None)  # of several kinds, which is refused
-    few = [f for f, count in counts.items() if count < _LEAST_OF_PLANE]
+    own = [reading_kind(kind or "point") for kind in kinds]
+    counts = Counter(zip(features, own, strict=True))
+    several = Counter(f for f, _ in counts)  # labels of several kinds are refused later
+    few = {f: n for (f, kind), n in counts.items() if f and kind.if_few and n < kind.least and several[f] == 1}
     if not few:
         return
-    loose = [
-        f in counts and counts[f] < _LEAST_OF_PLANE and kind == "plane" for f, kind in zip(features, kinds, strict=True)
-    ]
-    columns["features"] = ["" if free else f for f, free in zip(features, loose, strict=True)]
-    columns["kinds"] = ["point" if free else kind for kind, free in zip(kinds, loose, strict=True)]
-    named = ", ".join(f"'{f}' ({counts[f]})" for f in few[:5]) + (f" and {len(few) - 5} more" if len(few) > 5 else "")
+    columns["features"] = ["" if f in few else f for f in features]
+    columns["kinds"] = [kind.if_few if f in few else kind.name for f, kind in zip(features, own, strict=True)]
+    named = ", ".join(f"'{f}' ({n})" for f, n in list(few.items())[:5])
+    named += f" and {len(few) - 5} more" if len(few) > 5 else ""
     notes.append(f"Fewer than three rows of a plane are no plane: those of {named} are used as unlabelled points.")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.sensors import CENTRE, CENTRE_OF, CENTRES
+from tanteo.sensors import SIZES, ReadingKind, centre_notes, reading_kind
 from tanteo.typing import BoolArray, Vectors
 
 _AXIS_SD = np.radians(1.0)
@@ -18,7 +18,7 @@ _AXIS_SD = np.radians(1.0)
 def find_centres(
     columns: dict[str, Any], n: int, outward: Vectors | None, source: str, notes: list[str]
 ) -> tuple[BoolArray, Vectors | None]:
-    """Make rows that give the centre of a round feature readings of a kind of :data:`CENTRES`; it is said.
+    """Make rows that give the centre of a round feature readings of the kind of that centre, with a note.
 
     They are those of kind circle, cylinder, sphere or cone that are alone with their label, or that have the radius or
     the side of the hole or boss. Several rows with one label are contacts on its wall.
@@ -36,16 +36,17 @@ def find_centres(
     Raises:
         ReadingsError: one of them has a ball's radius.
     """
-    kinds = columns["kinds"]
-    if kinds is None or not any(kind in CENTRE_OF or kind in CENTRES for kind in kinds):
+    kinds = [reading_kind(kind or "point") for kind in columns["kinds"] or ()]
+    if not any(kind.centre for kind in kinds):
         return np.zeros(n, dtype=np.bool_), outward
-    rows = _rows(columns, n)
-    taken = [CENTRE_OF.get(kind, kind) if row else kind for row, kind in zip(rows, kinds, strict=True)]
-    columns["kinds"] = taken
+    rows = _rows(columns, kinds)
+    columns["kinds"] = [
+        kind.centre if row else name for row, kind, name in zip(rows, kinds, columns["kinds"], strict=True)
+    ]
     if not rows.any():
         return rows, outward
     _without_ball(columns, rows, source)
-    notes += _said(columns, np.array([kind == CENTRE for kind in taken]), rows)
+    notes += _said(columns, rows)
     if outward is None:
         return rows, None
     own = columns["normals"]
@@ -54,24 +55,23 @@ def find_centres(
     return rows, None if rows.all() else np.where(rows[:, None], np.nan, outward)
 
 
-def _rows(columns: dict[str, Any], n: int) -> BoolArray:
-    """Which rows give centres ``(n,)``."""
-    kinds, labels = columns["kinds"], columns["features"] or [""] * n
+def _rows(columns: dict[str, Any], kinds: list[ReadingKind]) -> BoolArray:
+    """Return which rows give centres ``(n,)``."""
+    labels = columns["features"] or [""] * len(kinds)
     counts = Counter(labels)
-    radii, sides = columns.get("hole_radii"), columns.get("material_sides") or [""] * n
-    said = np.array([bool(side) for side in sides]) | (False if radii is None else ~np.isnan(radii))
-    single = np.array([not label or counts[label] == 1 for label in labels])
-    wall = np.array([kind in CENTRE_OF for kind in kinds])
-    return np.asarray((wall & (single | said)) | np.array([kind in CENTRES for kind in kinds]))
+    sure = np.array([not label or counts[label] == 1 for label in labels])
+    sure |= np.array([bool(side) for side in columns.get("material_sides") or [""] * len(kinds)])
+    for column in SIZES.values():
+        if columns.get(column) is not None:
+            sure |= ~np.isnan(columns[column])
+    return np.array([kind.is_centre or bool(kind.centre and one) for kind, one in zip(kinds, sure, strict=True)])
 
 
-def _said(columns: dict[str, Any], circles: BoolArray, rows: BoolArray) -> list[str]:
-    """What rows were taken as: centres of holes and bosses, and those of spheres and cones."""
-    notes = []
-    for some, what in (
-        (circles, "the centre of a hole or boss ({}); the height along its axis is not used, so sense a face as well."),
-        (rows & ~circles, "the centre of a sphere or the apex of a cone ({})."),
-    ):
+def _said(columns: dict[str, Any], rows: BoolArray) -> list[str]:
+    """Return a note for each sort of centre that rows were read as."""
+    own, notes = [reading_kind(kind or "point").note for kind in columns["kinds"]], []
+    for what in centre_notes():
+        some = rows & np.array([note == what for note in own])
         if some.any():
             alone = f"{some.sum()} rows give" if some.sum() > 1 else "One row gives"
             notes.append(f"{alone} {what.format(_named(columns, some))}")

@@ -12,7 +12,7 @@ from tanteo.io.poses import pose_from_brand
 from tanteo.io.stated import Stated
 from tanteo.io.units import length_unit
 from tanteo.logs import Log, LogFormat
-from tanteo.sensors import CENTRE_OF, Readings
+from tanteo.sensors import SIZES, Readings, reading_kind
 
 _EXAMPLES = {
     "--units": "--units mm",
@@ -37,7 +37,7 @@ def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readi
     """
     metre = _metre(log, stated, form, source)
     notes = [*log.notes]
-    touched = log.points is not None and (log.kinds is None or "point" in log.kinds)
+    touched = log.points is not None and not all(reading_kind(kind).centre for kind in log.kinds or ("point",))
     if touched and not log.centres and stated.radius is None:
         notes.append("The points are taken as points of the surface; say --radius if they are centres of a ball.")
     if log.normals is not None and stated.normal_sd is None:
@@ -77,9 +77,11 @@ def _columns(log: Log, stated: Stated, metre: float, source: str) -> dict[str, A
         "Ts_world_hand": None, "ranges": None, "is_free": None,
     }  # fmt: skip
     if log.kinds is not None:
-        columns["kinds"], columns["material_sides"] = [CENTRE_OF.get(kind, kind) for kind in log.kinds], log.sides
-        angles = np.array([kind == "cone" for kind in log.kinds])
-        columns["hole_radii"] = None if log.sizes is None else np.where(angles, log.sizes, log.sizes * metre)
+        kinds = [reading_kind(kind) for kind in log.kinds]
+        columns["kinds"], columns["material_sides"] = [kind.centre or kind.name for kind in kinds], log.sides
+        for column, unit in zip(SIZES.values(), (metre, 1.0), strict=True):
+            own = np.array([kind.size == column for kind in kinds])
+            columns[column] = None if log.sizes is None else np.where(own, log.sizes * unit, np.nan)
     if log.sds is not None:
         columns["sds"] = log.sds * metre
     if log.poses is not None:

@@ -20,7 +20,7 @@ from tanteo.io.table import Table
 from tanteo.lie import SO3
 from tanteo.logs import HEAD_BYTES, Lines, TableText, sniff
 from tanteo.replaced import replaced
-from tanteo.sensors import APEX, Readings
+from tanteo.sensors import Readings, reading_kind
 from tanteo.typing import FloatArray
 
 CHUNK = 50_000
@@ -125,15 +125,13 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
     columns[f"normal_sd_{angle_unit}"] = _cells(readings.normal_sds / radians)
     radii = np.where(readings.radii > 0, readings.radii, np.nan)
     lengths = {"radius": radii, "sd": readings.sds, "across_sd": readings.across_sds}
-    cones = np.array([kind == APEX for kind in readings.kinds], dtype=bool)
-    radii = np.where(cones, np.nan, readings.hole_radii)
-    lengths |= {"range": readings.ranges, "max": readings.max_ranges, "hole_radius": radii}
+    lengths |= {"range": readings.ranges, "max": readings.max_ranges, "hole_radius": readings.hole_radii}
     columns |= {f"{name}_{unit}": _cells(values / metres) for name, values in lengths.items()}
-    columns[f"half_angle_{angle_unit}"] = _cells(np.where(cones, readings.hole_radii, np.nan) / radians)
+    columns[f"half_angle_{angle_unit}"] = _cells(readings.half_angles / radians)
     hands = np.concatenate([readings.Ts_world_hand[:, :3, 3] / metres, _quaternions(readings)], axis=1)
     columns |= {name + (f"_{unit}" if i < 3 else ""): _cells(hands[:, i]) for i, name in enumerate(HAND)}
     columns |= {"feature": list(readings.features), "sensor": list(readings.sensors)}
-    columns["kind"] = ["" if kind in ("point", "free") else kind for kind in readings.kinds]
+    columns["kind"] = [kind if reading_kind(kind).is_stated else "" for kind in readings.kinds]
     columns["side"] = list(readings.material_sides)
     columns["status"] = ["none" if free else "" for free in readings.is_free]
     columns = {name: cells for name, cells in columns.items() if any(cell != "" for cell in cells)}

@@ -108,6 +108,7 @@ class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
         questions: the largest number of a question until then.
         answer: the answer then, a document ``tanteo.recognition/1``.
         significance: significance level of the tests of an answer; left out where it is the usual one.
+        seen: the images from which the session starts (``image_record.py``); left out where there are none.
     """
 
     schema: str
@@ -125,6 +126,7 @@ class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
     questions: int
     answer: Annotated[dict[str, Any], Meta(description="a table")]
     significance: float = SIGNIFICANCE
+    seen: object = None
 
     @property
     def source(self) -> str:

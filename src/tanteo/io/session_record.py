@@ -73,11 +73,45 @@ def session_document(session: Session) -> dict[str, Any]:
         questions=int(session.questions),
         answer=recognition_document(session.answer()),
         significance=session.significance,
+        seen=_seen_document(start),
     )
     document = dict(as_plain(record))
+    if record.seen is None:
+        del document["seen"]
     if session.significance == SIGNIFICANCE:
         del document["significance"]
     return document
+
+
+def _seen_document(start: Start) -> Any:
+    """Return the images of a start as plain values; None without any.
+
+    Raises:
+        InputError: the start has factors that a record cannot hold.
+    """
+    if not start.factors:
+        return None
+    from tanteo.io.image_record import SeenTable
+
+    return as_plain(SeenTable.of(start))
+
+
+def _with_images(values: dict[str, Any], targets: Sequence[PreparedPart], record: SessionRecord) -> dict[str, Any]:
+    """Return the values of a start with the images of a record as its factors.
+
+    Raises:
+        InputError: what the record says of images cannot be.
+        MissingExtraError: without OpenCV (the extra ``vision``).
+    """
+    if record.seen is None:
+        return values
+    from tanteo.io.image_record import SeenTable
+
+    seen = table(SeenTable, record.seen, record.at.inside("seen"))
+    place = f"{record.source}, seen"
+    rows = {"part": values["part"], "Ts": values["Ts"], "covariances": values["covariances"], "w": values["weights"]}
+    factors = made(seen.factors, {"targets": targets, **rows}, place)
+    return {**values, "factors": factors, "suggested": seen.suggested}
 
 
 def load_record(path: str | Path) -> SessionRecord:
@@ -147,6 +181,7 @@ def resumed(
     rough = record.start
     values = {name: getattr(rough, name) for name in PosePriors.__slots__}
     targets = prepare_all("parts", parts)
+    values = _with_images(values, targets, record)
     start = made(Start, {"targets": targets, **values}, f"{record.source}, start")
     sensing = Sensing(**record.sensing.values())
     session = made(

@@ -157,7 +157,8 @@ class Table:
             "Ts_world_hand": hand_poses(numbers, self._brand(numbers, stated)), "ranges": numbers.get("range"),
             "sensors": self._texts.get("sensor"), "max_ranges": numbers.get("max"),
             "is_free": None if status is None else np.array([s == "none" for s in status]),
-            "hole_radii": self._hole_radii(numbers), "material_sides": self._texts.get("side"),
+            "hole_radii": self._hole_radii(numbers), "half_angles": numbers.get("half_angle"),
+            "material_sides": self._texts.get("side"),
         }  # fmt: skip
         said = self.sheet.text.said()
         left = [c.written for c in self.sheet.columns if c.left_out]
@@ -166,18 +167,16 @@ class Table:
         return assemble(columns, self.count, stated, str(self.sheet.path), notes, outward=vectors(OUTWARD))
 
     def _hole_radii(self, numbers: dict[str, FloatArray]) -> FloatArray | None:
-        """Sizes of holes and bosses, half angles of cones; two of one row are refused."""
-        scales = {"hole_radius": 1.0, "hole_diameter": 0.5, "half_angle": 1.0}
-        given = [numbers[name] * scale for name, scale in scales.items() if name in numbers]
-        if not given:
-            return None
-        several = np.sum(~np.isnan(given), axis=0) > 1
-        if several.any():
+        """Return the radii of holes and bosses; a row with two sizes is refused."""
+        scales = {"hole_radius": 1.0, "hole_diameter": 0.5}
+        radii = [numbers[name] * scale for name, scale in scales.items() if name in numbers]
+        several = np.sum([~np.isnan(numbers[name]) for name in (*scales, "half_angle") if name in numbers], axis=0) > 1
+        if np.any(several):
             raise ReadingsError(
                 f"{self.sheet.place(int(np.argmax(several)))}: expected the radius or the diameter of "
                 "the hole, or the half angle of a cone, got two of them. Keep one."
             )
-        return np.asarray(np.fmax.reduce(given))
+        return np.asarray(np.fmax.reduce(radii)) if radii else None
 
     def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
         """Who writes the hand's rotation so; a matrix that is none is refused."""

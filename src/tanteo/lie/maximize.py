@@ -1,6 +1,9 @@
 """The iterative fit in NumPy, of one pose or a whole batch: Gauss-Newton on a manifold.
 
-The compiled core has its counterpart in ``_core/maximize.hpp``. A single cold fit without a batch uses SciPy instead.
+The compiled core has its counterpart in ``_core/maximize.hpp``, for factors of a part at a pose. States here have no
+factors in the core: averages of frames, sensed features under constraints, planes and edges of points, time offsets,
+calibrated beams. Their equations are arrays over a batch, so a compiled loop would call back to Python at each step. A
+single cold fit without a batch uses SciPy instead.
 """
 
 from __future__ import annotations

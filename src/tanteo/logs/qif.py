@@ -31,11 +31,12 @@ def recognise(contents: Contents) -> bool:
 def read(contents: Contents) -> Log:
     """Measured points and round features of all results in the document."""
     document = Document(contents)
-    rows, in_sets, others = list[RoundRow](), list[RoundRow](), 0
+    rows, points, in_sets, others = list[RoundRow](), list[RoundRow](), list[RoundRow](), 0
     for element in document.root.iter("{*}*"):
         name, kind = tag(element), round_kind(element)
         if name.endswith(_ENDS):
-            rows.append(_point(document, element))
+            points.append(_point(document, element))
+            rows.append(points[-1])
         elif kind is not None and (row := round_row(document, element, kind)) is not None:
             rows.append(row)
         elif name.endswith(_OTHER):
@@ -45,13 +46,13 @@ def read(contents: Contents) -> Log:
                 RoundRow(f"{element.get('id') or 'set'}.{k}", "point", point, *_NOTHING)
                 for k, point in enumerate(document.block(element), start=1)
             ]
-    fitted = [row for row in rows if row.kind != "point"] if in_sets else []
-    taken = [row for row in rows if row.kind == "point"] + in_sets if in_sets else rows
+    fitted = len(rows) - len(points) if in_sets else 0
+    taken = points + in_sets if in_sets else rows
     located = [row for row in taken if np.isfinite(row.point).all()]
     if not located:
         got = f"{counted(others, 'feature')} of other kinds" if others else "none"
         contents.fail("measured points (PointFeatureMeasurement with a Location)", got, "Export the points as well.")
-    return _log(document, located, _left_out(others, len(taken) - len(located), len(fitted)))
+    return _log(document, located, _left_out(others, len(taken) - len(located), fitted))
 
 
 _NOTHING = np.full(3, np.nan), float("nan"), "", float("nan")
@@ -80,15 +81,13 @@ def _left_out(others: int, nowhere: int, fitted: int) -> tuple[str, ...]:
 
 def _log(document: Document, rows: list[RoundRow], notes: tuple[str, ...]) -> Log:
     axes, sizes, sds = (np.array([getattr(row, name) for row in rows]) for name in ("axis", "size", "sd"))
-    kinds = tuple(row.kind for row in rows)
-    has_round = any(kind != "point" for kind in kinds)
     return Log(
         points=np.array([row.point for row in rows]),
         unit=document.unit(),
         outward=None if np.isnan(axes).all() else axes,
-        kinds=kinds if has_round else None,
-        sizes=sizes if has_round and np.isfinite(sizes).any() else None,
-        sides=tuple(row.side for row in rows) if has_round else None,
+        kinds=tuple(row.kind for row in rows),
+        sizes=sizes if np.isfinite(sizes).any() else None,
+        sides=tuple(row.side for row in rows),
         sds=None if np.isnan(sds).all() else sds,
         ids=unique([row.name or str(k) for k, row in enumerate(rows, start=1)]),
         notes=notes,

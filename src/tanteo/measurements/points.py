@@ -232,7 +232,7 @@ def as_contact_points(
             measured.features[k], kind, points[k], covs[k], float(radii[k]),
             directions[k] if directions[k].any() else None,
             SensedDirection(measured.normals[k], float(normal_sds[k])) if sensed else None,
-            float(reach[k]), float(measured.circles[k, 0]) or None, int(measured.circles[k, 1]),
+            float(reach[k]), measured.sizes[k], measured.material_sides[k],
         )  # fmt: skip
         factors.append(factor_class(kind).from_row(row))
     return ContactPoints(

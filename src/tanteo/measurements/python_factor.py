@@ -76,12 +76,47 @@ class PythonFactor(PoseFactor):
         return Ts
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:
-        """Compile the factor for one part."""
+        """Compile the factor for one part.
+
+        Exceptions of the functions reach the caller with a note that names the factor.
+        """
         gradient = self.gradient
         return _core.python_term(
             self.name,
-            lambda Ts: self.log_density(Ts, part),
-            None if gradient is None else lambda Ts: gradient(Ts, part),
+            lambda Ts: self._called("log_density", self.log_density, Ts, part, finite=False),
+            None if gradient is None else lambda Ts: self._called("gradient", gradient, Ts, part, finite=True),
             *self.steps,
             self.outlier_rate,
         )
+
+    def _called(self, what: str, function: PoseFunction, Ts: Transforms, part: Part, *, finite: bool) -> FloatArray:
+        """Call a function of the user and check what it returns.
+
+        Raises:
+            InputError: it returns no numbers, another number of them than poses, nan or inf.
+        """
+        try:
+            found = function(Ts, part)
+        except BaseException as error:
+            error.add_note(f"This happened in {what} of the factor '{self.name}', for {len(Ts)} poses of {part.name}.")
+            raise
+        shape = (len(Ts), 6) if finite else (len(Ts),)
+        try:
+            values = np.asarray(found, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"{self.name}: expected {what} to return an array {shape} of numbers, got {type(found).__name__}."
+            ) from None
+        if values.shape != shape:
+            each = "six numbers" if finite else "one number"
+            raise InputError(
+                f"{self.name}: expected {what} to return {each} for each of {len(Ts)} poses, got shape {values.shape}."
+            )
+        wrong = ~np.isfinite(values) if finite else np.isnan(values) | (values == np.inf)
+        if wrong.any():
+            allowed = "finite numbers" if finite else "finite numbers or -inf"
+            raise InputError(
+                f"{self.name}: expected {what} to return {allowed}, got nan or inf for {int(np.sum(wrong))} of "
+                f"{values.size} numbers."
+            )
+        return np.ascontiguousarray(values)

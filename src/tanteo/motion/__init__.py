@@ -1,8 +1,9 @@
-"""Motions that sense without touching (paper, section 3; Sagues, Montano and Neira 1989; Montano and Sagues 1991).
+"""Sensing motions without contact (paper, section 3; Sagues, Montano and Neira 1989; Montano and Sagues 1991).
 
-Each is a function over a :class:`~tanteo.hand.Robot` that ends in a :class:`Motion`: a status, a sentence and the log
-of all that was sensed. Before every command :class:`Steering` slows it so that no sensor comes nearer to what it sees
-than the clearance, and no part of the hand to the bounds of its workspace. This room knows no estimator.
+Each motion is a function of a :class:`~tanteo.hand.Robot` that returns a :class:`Motion`: a status, a message and the
+log of all readings. Before every command, :class:`Steering` scales the velocity down so that nothing that a sensor
+measures comes nearer than the clearance, and no part of the hand leaves its workspace. The package contains no
+estimation.
 """
 
 from tanteo.motion.control import Loop

@@ -1,9 +1,9 @@
-"""Edges: cross one, come back from the other side, and say where each frontal sensor lost and found the surface.
+"""Cross an edge and return, and locate where each frontal sensor lost and found the surface.
 
-A sensor sees by a cone. While its spot slides over an edge, a growing share of its readings misses the surface. Where
-the edge is, is not the first reading that misses but the middle: the sum of the ways between the readings that met.
-With ways ``s`` and a spot of radius ``rho`` its variance is ``s rho 128 / (45 pi^2) + s^2 / 12``: the first part is
-``s`` times the integral of ``F (1 - F)`` over the crossing, ``F`` the share of a disc beyond a line.
+A beam is a cone. While its spot slides over an edge, a growing fraction of the readings misses the surface. The edge is
+at the middle of this transition, not at the first miss: the sum of the steps whose reading is on the surface. With step
+length ``s`` and spot radius ``rho``, its variance is ``s rho 128 / (45 pi^2) + s^2 / 12``. The first term is ``s``
+times the integral of ``F (1 - F)`` over the crossing, where ``F`` is the fraction of a disc beyond a line.
 """
 
 from __future__ import annotations
@@ -21,41 +21,42 @@ from tanteo.sensors import error_model
 from tanteo.typing import BoolArray, Transforms, Vectors
 
 STRIDE = 0.01
-"""Way of the hand from reading to reading during a crossing, as a share of the stand-off."""
+"""Step of the hand between two readings during a crossing, as a fraction of the stand-off."""
 
 _HALF_MEAN_DIFFERENCE = 128 / (45 * math.pi**2)
 """Integral of F (1 - F) for a disc of radius one: half the mean difference of two points of it along an axis."""
 
 _BESIDE = 12
-"""Readings on the surface next to the event whose mean is the range there."""
+"""Number of readings on the surface next to the edge whose mean is the range there."""
 
 _DROP = 0.15
-"""A range that is longer by this share of the stand-off is off the surface."""
+"""Increase of a range, as a fraction of the stand-off, at which the sensor is off the surface."""
 
 _BEYOND = 2e-3
-"""How far beyond its spot a sensor goes before the edge counts as crossed [m]."""
+"""Distance beyond its spot that a sensor moves before the edge counts as crossed [m]."""
 
 _WHOLE = 0.95
-"""Share of the readings before the spot that must meet the surface; less, and the spot slides along another edge."""
+"""Smallest fraction of the readings before the spot that must be on the surface; below it, the spot slides along
+another edge."""
 
 _NEAR = 0.3
-"""A surface that is not at the stand-off within this share of it is another one."""
+"""Largest deviation of a surface from the stand-off, as a fraction of it; beyond it is a different surface."""
 
 _MOSTLY = 0.8
-"""Share of the readings at rest that must meet the surface under a sensor that is over it."""
+"""Smallest fraction of the readings at rest that must be on the surface for a sensor over it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeEvent:
-    """Where the axis of one sensor passed over an edge.
+    """Pose of the hand at which the axis of one sensor passed over an edge.
 
     Attributes:
-        sensor: Its number on the rig.
-        T_world_hand: The hand's pose at that instant, by the robot ``(4, 4)``.
-        distance: Range to the surface at the edge [m].
-        along_sd: Standard deviation of that range, apart from what the sensor's readings share [m].
-        across_sd: Standard deviation of the place along the crossing [m].
-        outwards: It left the surface; otherwise it came back.
+        sensor: index of the sensor on the rig.
+        T_world_hand: reported pose of the hand at that instant ``(4, 4)``.
+        distance: range to the surface at the edge [m].
+        along_sd: standard deviation of that range without the sensor's shared errors [m].
+        across_sd: standard deviation of the position along the crossing [m].
+        outwards: whether the sensor left the surface; otherwise it returned.
     """
 
     sensor: int
@@ -68,13 +69,12 @@ class EdgeEvent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossing:
-    """One crossing, there and back.
+    """Result of one crossing, out and back.
 
     Attributes:
-        motion: How it ended: ``reached`` if at least one sensor crossed both ways.
-        events: Of the sensors that crossed.
-        creases: Of the sensors below which the surface turned away instead.
-        seen: Their numbers.
+        motion: ending of the motion; ``reached`` if at least one sensor crossed both ways.
+        events: events of the sensors that crossed the edge.
+        creases: events of the sensors below which the surface bent away instead.
     """
 
     motion: Motion
@@ -83,30 +83,30 @@ class Crossing:
 
     @property
     def seen(self) -> tuple[int, ...]:
-        """Sensors that crossed, each once."""
+        """Return the indices of the sensors that crossed, each once."""
         return tuple(dict.fromkeys(e.sensor for e in self.events))
 
 
 def cross_edge(
     robot: Robot, direction: Vectors, reach: float, standoff: float, rules: Rules, *, spread: float = 0.015
 ) -> Crossing:
-    """Go straight until both frontal sensors are off the surface, or the reach is over, and come straight back.
+    """Move straight until both frontal sensors are off the surface or the reach is exceeded, then move straight back.
 
-    The hand keeps its orientation: it should have settled square to the surface before. Nothing steers by ranges here,
-    the guard of the rules still does.
+    The hand keeps its orientation; it should be settled square to the surface before. Ranges do not control the motion,
+    but the steering still slows it down near obstacles.
 
     Args:
-        robot: The hand, over the surface.
-        direction: In the hand's frame, across z, towards the edge ``(3,)``.
-        reach: How far to go at most [m].
-        standoff: Height over the surface [m].
-        rules: What to keep to.
-        spread: How far to go on after one sensor has crossed, for the other one [m].
+        robot: robot with the hand over the surface.
+        direction: direction towards the edge, perpendicular to z ``(3,)``, hand frame.
+        reach: largest distance to move [m].
+        standoff: height above the surface [m].
+        rules: limits of the motion.
+        spread: distance to move on after one sensor has crossed, for the other one [m].
 
     Returns:
-        Motion ``reached`` with the events of every sensor that crossed both ways; ``nothing`` within the reach, or
-        because the surface only bends; ``lost`` if neither sensor is over the surface, or not in the same way there
-        and back; ``limit``; ``timeout``.
+        ``reached`` with the events of every sensor that crossed both ways; ``nothing`` if there is no edge within the
+        reach, or the surface only bends; ``lost`` if neither sensor is over the surface, or the ways out and back
+        disagree; ``limit``; ``timeout``.
     """
     heading = level(direction)
     run = Steering("cross edge", robot, rules)
@@ -120,7 +120,7 @@ def cross_edge(
     for number in np.flatnonzero(~np.isnan(surface.ranges)):
         met = [_met(run, int(number), leg, surface) for leg in (out, back[::-1])]
         creases += [m for m in met if isinstance(m, Crease)]
-        # there and back belong together: a sensor that only left or only came has met something else
+        # a sensor that only left or only returned has passed something else than this edge
         if isinstance(met[0], EdgeEvent) and isinstance(met[1], EdgeEvent):
             events += [met[0], replace(met[1], outwards=False)]
     if events:
@@ -137,7 +137,7 @@ def cross_edge(
 
 
 def _met(run: Steering, number: int, leg: list[HandReading], surface: Surface) -> EdgeEvent | Crease | None:
-    """What one sensor met on a leg that begins over the surface."""
+    """Return the edge or crease that one sensor passed on a leg that begins over the surface, or None."""
     if len(leg) < 2 * _BESIDE:
         return None
     sensor = run.hand.frontal[number]
@@ -153,7 +153,7 @@ def _met(run: Steering, number: int, leg: list[HandReading], surface: Surface) -
 
 
 def _surface(run: Steering, standoff: float) -> Surface:
-    """From a few readings at rest."""
+    """Measure the surface under the frontal sensors by a few readings at rest."""
     pair = list(run.hand.frontal)
     readings = [run.sensed.ranges[pair]]
     for _ in range(_BESIDE - 1):
@@ -171,7 +171,7 @@ def _surface(run: Steering, standoff: float) -> Surface:
 
 
 def _dropped(surface: Surface, sensed: HandReading, pair: tuple[int, int]) -> BoolArray:
-    """Which of the two sensors look past the surface: to something farther, to nothing, or along a side face."""
+    """Return which of the two sensors miss the surface: a longer range, none, or a grazed side face."""
     ranges, states = sensed.ranges[list(pair)], sensed.states[list(pair)]
     return np.asarray(np.where(states == MET, ranges > surface.ranges + surface.slack, states != NEAR))
 
@@ -179,10 +179,10 @@ def _dropped(surface: Surface, sensed: HandReading, pair: tuple[int, int]) -> Bo
 def _leave(
     run: Steering, velocity: Vectors, surface: Surface, reach: float, spread: float
 ) -> tuple[list[HandReading], Ending | None]:
-    """Outwards until both sensors have been off the surface for more than their spots, or one for long enough.
+    """Move outwards until both sensors have been off the surface for more than their spots, or one for long enough.
 
     Returns:
-        The readings, and what kept them from it: the end of the reach is ``nothing``.
+        The readings, and the reason for a premature end: None, ``nothing`` beyond the reach, ``limit`` or ``timeout``.
     """
     leg, pair = [run.sensed], run.hand.frontal
     start, speed = run.sensed.T_world_hand, float(np.linalg.norm(velocity))
@@ -202,7 +202,7 @@ def _leave(
 
 
 def _come_back(run: Steering, velocity: Vectors, first: HandReading) -> list[HandReading]:
-    """Straight back to where the crossing began."""
+    """Move straight back to the start of the crossing and return the readings."""
     leg, pace = [run.sensed], velocity / np.linalg.norm(velocity)
     while True:
         left = first.T_world_hand[:3, 3] - run.sensed.T_world_hand[:3, 3]
@@ -212,10 +212,10 @@ def _come_back(run: Steering, velocity: Vectors, first: HandReading) -> list[Han
 
 
 def _event(sensor: int, number: int, track: Track, surface: Surface, last: int) -> EdgeEvent | None:
-    """Where one sensor passed the edge; None if it was not wholly over the surface before."""
+    """Return where one sensor passed the edge; None if it was not fully over the surface before."""
     ways, on, spot = track.ways, track.on, float(surface.spots[number])
-    # the way over the surface: every reading that met it stands for the way around it, from well before the spot
-    # comes to the edge: what is missed before that, beside another edge, says nothing of this one
+    # Sum the steps whose reading is on the surface, from well before the spot reaches the edge. Misses before that
+    # belong to another edge nearby.
     shares = np.gradient(ways)
     begin = int(np.searchsorted(ways, ways[last] - 3 * spot - _BEYOND))
     place = float(ways[begin] - 0.5 * shares[begin] + shares[begin : last + 1] @ on[begin : last + 1])
@@ -235,5 +235,5 @@ def _event(sensor: int, number: int, track: Track, surface: Surface, last: int) 
 
 
 def crossing_sd(stride: float, spot: float) -> float:
-    """Standard deviation of an edge's place [m] from a stride and the radius of the spot [m] (this module's head)."""
+    """Return the standard deviation of an edge's position [m] for a step and a spot radius [m] (see the module)."""
     return math.sqrt(_HALF_MEAN_DIFFERENCE * stride * spot + stride**2 / 12)

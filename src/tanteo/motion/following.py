@@ -1,8 +1,8 @@
-"""Towards a surface until a stand-off, back from it, and along it without touching it.
+"""Guarded motions: approach a surface up to a stand-off, retreat from it, settle square to it, and follow it.
 
-The ranges of the two frontal sensors give the height ``h`` of the front over the surface and its tilt ``a`` about the
-axis across the pair. Both are driven to their references by the gain of :class:`~tanteo.motion.Loop`; the hand turns
-about the point of the surface that it looks at, so that the tilt loop does not disturb the height loop.
+The ranges of the two frontal sensors give the height ``h`` of the hand's front above the surface and the tilt ``a``
+about the axis perpendicular to the pair. :class:`~tanteo.motion.Loop` drives both to their references. The hand rotates
+about the surface point below its front, so that the tilt loop does not disturb the height loop.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from tanteo.motion.steering import Motion, Rules, Steering, blind, frontal
 from tanteo.typing import FloatArray, Tangents, Transforms, Vectors
 
 _NEAR_ENOUGH = 0.05
-"""An approach has arrived within this share of the stand-off."""
+"""Deviation from the stand-off, as a fraction of it, at which an approach has arrived."""
 
 _STILL = 5
-"""Periods, beyond the dead time, that it has to stay there."""
+"""Number of periods beyond the dead time for which an approach must stay there."""
 
 
 def approach(robot: Robot, standoff: float, rules: Rules, *, reach: float) -> Motion:
-    """Move ahead until the nearer of the two frontal ranges is the stand-off, and hold it (guarded motion).
+    """Move ahead until the shorter of the two frontal ranges equals the stand-off, and hold it (guarded motion).
 
     Args:
-        robot: The hand.
-        standoff: Of the hand's front from the surface [m].
-        rules: What to keep to.
-        reach: How far to go at most [m].
+        robot: robot that carries the hand.
+        standoff: distance of the hand's front from the surface [m].
+        rules: limits of the motion.
+        reach: largest distance to move [m].
 
     Returns:
-        ``reached``; ``nothing`` after the reach; ``lost`` where the surface gives no ranges; ``limit``; ``timeout``.
+        ``reached``; ``nothing`` beyond the reach; ``lost`` if the surface gives no ranges; ``limit``; ``timeout``.
     """
     run = Steering("approach", robot, rules)
     start, still = run.sensed.T_world_hand, 0
@@ -43,7 +43,7 @@ def approach(robot: Robot, standoff: float, rules: Rules, *, reach: float) -> Mo
         ranges = np.where(np.isfinite(ranges), ranges, run.room[list(run.hand.frontal)])
         error = float(ranges.min()) - standoff
         if blind(run):
-            return run.end("lost", "what is ahead gives no ranges: it is met too obliquely")
+            return run.end("lost", "the surface ahead gives no ranges: the beams hit it too obliquely")
         still = still + 1 if abs(error) < _NEAR_ENOUGH * standoff else 0
         if still > _STILL + run.loop.delay:
             return run.end("reached", f"{1e3 * standoff:.3g} mm before the surface")
@@ -56,9 +56,17 @@ def approach(robot: Robot, standoff: float, rules: Rules, *, reach: float) -> Mo
 
 
 def retreat(robot: Robot, distance: float, rules: Rules) -> Motion:
-    """Move straight back by a distance [m]: ``reached``, ``limit`` or ``timeout``.
+    """Move straight back by a distance.
 
-    Nothing looks backwards; the hand goes back along a path that it has just come, or through free space.
+    No sensor covers the space behind the hand: retreat along a path that the hand has just taken, or in free space.
+
+    Args:
+        robot: robot that carries the hand.
+        distance: distance to move [m].
+        rules: limits of the motion.
+
+    Returns:
+        ``reached``, ``limit`` or ``timeout``.
     """
     run = Steering("retreat", robot, rules)
     start = run.sensed.T_world_hand
@@ -72,36 +80,36 @@ def retreat(robot: Robot, distance: float, rules: Rules) -> Motion:
 
 
 JUMP = 0.5
-"""A range that leaves the last one by this share of the stand-off has lost the surface."""
+"""Change between successive ranges, as a fraction of the stand-off, at which the surface is lost."""
 
 SLOWEST_ANSWER = 0.15
-"""Along the surface the hand goes at most this share of stand-off times gain: on a slope of 45 degrees the height is
-then wrong by less than a sixth of the stand-off."""
+"""Largest speed along the surface as a fraction of stand-off times gain; on a slope of 45 degrees the height error then
+stays below a sixth of the stand-off."""
 
 _BENT, _CREEP = math.radians(6.0), 0.1
-"""The more the hand is tilted the slower it goes on, down to this share at this tilt: first it turns, then it goes."""
+"""Tilt at which the speed is reduced most [rad], and the remaining fraction of the speed."""
 
 _ASTRAY = 3
-"""Readings in a row that must be outliers: a single one may be an echo from the rim of the cone."""
+"""Number of successive outliers that end the motion; a single one may be an echo from the rim of the cone."""
 
 _AT_REST, _LEVEL = 0.03, math.radians(1.0)
-"""The hand has settled with the height within this share of the stand-off and the tilt within this angle [rad]."""
+"""Largest height error, as a fraction of the stand-off, and tilt [rad] of a settled hand."""
 
 
 def settle(robot: Robot, standoff: float, rules: Rules, *, max_tilt: float = math.radians(60.0)) -> Motion:
-    """Turn the hand square to the surface in the plane of its two frontal sensors, at the stand-off.
+    """Rotate the hand square to the surface in the plane of its two frontal sensors, at the stand-off.
 
-    The tilt about the line that joins them stays as it is: the paper's second direction needs a turn of the hand by a
-    quarter, or a scan across.
+    The tilt about the line through the sensors stays unchanged. The paper's second direction needs a quarter turn of
+    the hand, or a scan across.
 
     Args:
-        robot: The hand, near the surface.
-        standoff: Height to hold [m].
-        rules: What to keep to.
-        max_tilt: A greater tilt is not that of one surface under both sensors, but a step between them [rad].
+        robot: robot with the hand near the surface.
+        standoff: height to hold [m].
+        rules: limits of the motion.
+        max_tilt: largest tilt of a single surface [rad]; a greater one indicates a step between the sensors.
 
     Returns:
-        ``reached``; ``lost`` where one of the two sensors meets no surface, or another one; ``limit``; ``timeout``.
+        ``reached``; ``lost`` if one of the two sensors hits no surface, or a different one; ``limit``; ``timeout``.
     """
     run = Steering("settle", robot, rules)
     window = 8 + run.loop.delay
@@ -124,15 +132,15 @@ def settle(robot: Robot, standoff: float, rules: Rules, *, max_tilt: float = mat
 
 
 def settled(hand: Hand, sensed: HandReading, standoff: float) -> Transforms | None:
-    """Where :func:`settle` would bring the hand over what its two frontal sensors meet now ``(4, 4)``.
+    """Return the pose to which :func:`settle` would bring the hand, computed from one reading.
 
     Args:
-        hand: The hand.
-        sensed: What it senses.
-        standoff: Height to hold [m].
+        hand: sensors and body of the hand.
+        sensed: current reading.
+        standoff: height to hold [m].
 
     Returns:
-        The pose, if the surface is flat; None unless both sensors meet one.
+        The pose ``(4, 4)`` for a flat surface; None unless both frontal sensors have a range.
     """
     ranges = sensed.ranges[list(hand.frontal)]
     if not (sensed.states[list(hand.frontal)] == MET).all():
@@ -145,18 +153,18 @@ def settled(hand: Hand, sensed: HandReading, standoff: float) -> Transforms | No
 def follow(
     robot: Robot, direction: Vectors, distance: float, standoff: float, rules: Rules, *, max_tilt: float = math.inf
 ) -> Motion:
-    """Go along a surface in a direction of the hand, held at the stand-off and square to it by the frontal sensors.
+    """Move along a surface, at the stand-off and square to it by control of the frontal ranges.
 
     Args:
-        robot: The hand, near the surface.
-        direction: In the hand's frame, across z ``(3,)``.
-        distance: How far [m].
-        standoff: Height to hold [m].
-        rules: What to keep to.
-        max_tilt: A surface that turns the hand by more than this has bent away [rad].
+        robot: robot with the hand near the surface.
+        direction: direction of motion, perpendicular to z ``(3,)``, hand frame.
+        distance: distance to move [m].
+        standoff: height to hold [m].
+        rules: limits of the motion.
+        max_tilt: rotation of the hand from its start at which the surface has bent away [rad].
 
     Returns:
-        ``reached`` after the distance; ``lost`` where the surface ends or bends away; ``limit``; ``timeout``.
+        ``reached`` after the distance; ``lost`` if the surface ends or bends away; ``limit``; ``timeout``.
     """
     heading = level(direction)
     run = Steering("follow", robot, rules)
@@ -185,7 +193,7 @@ def follow(
 
 
 def seen_surface(run: Steering) -> tuple[float, float, bool]:
-    """Height [m] and tilt [rad] of the surface under the two frontal sensors, and whether both met it."""
+    """Return height [m] and tilt [rad] of the surface under the frontal sensors, and whether both have a range."""
     ranges, met = frontal(run)
     if not met.all():
         return float(ranges.min()), 0.0, False
@@ -198,12 +206,12 @@ def _height_and_tilt(hand: Hand, ranges: FloatArray) -> tuple[float, float]:
 
 
 def _axis(hand: Hand) -> Vectors:
-    """About which a positive turn takes a positive tilt back ``(3,)``."""
+    """Return the axis about which a positive rotation reduces a positive tilt ``(3,)``, hand frame."""
     return np.array([hand.pair[1], -hand.pair[0], 0.0])
 
 
 def hold(run: Steering, standoff: float, height: float, tilt: float) -> Tangents:
-    """The twist that brings height and tilt back, within the rules."""
+    """Return the twist that corrects height [m] and tilt [rad], within the speed limits of the rules."""
     gain, rules = run.loop.gain, run.rules
     speed = max(-rules.speed, min(rules.speed, gain * (height - standoff)))
     rate = max(-rules.turn, min(rules.turn, gain * tilt))
@@ -212,10 +220,10 @@ def hold(run: Steering, standoff: float, height: float, tilt: float) -> Tangents
 
 
 def level(direction: Vectors) -> FloatArray:
-    """A unit direction across the hand's z.
+    """Return the unit direction of the part of a vector that is perpendicular to the hand's z.
 
     Raises:
-        InputError: It has no part across z.
+        InputError: The vector is parallel to z.
     """
     across = np.array([float(direction[0]), float(direction[1]), 0.0])
     length = float(np.linalg.norm(across))

@@ -1,6 +1,6 @@
-"""The guard between a motion and its robot, and how a motion ends.
+"""Safety filter between a motion and its robot, and the endings of motions.
 
-Every command is slowed as far as what is near demands.
+:class:`Steering` scales every command down so that the clearance is kept.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from tanteo.motion.control import Loop
 from tanteo.typing import FloatArray, Tangents
 
 Ending: TypeAlias = Literal["reached", "lost", "nothing", "limit", "timeout"]
-"""``reached``: it did what it was for. ``lost``: the surface ended under a sensor, or gave no ranges any more.
-``nothing``: within its reach there was nothing to sense. ``limit``: something, or a bound of the workspace, was so near
-that it could not go on. ``timeout``: it took too long."""
+"""Status of an ended motion. ``reached``: the goal is reached. ``lost``: the surface ended under a sensor or gave no
+ranges any more. ``nothing``: there was nothing to sense within the reach. ``limit``: an obstacle or a bound of the
+workspace blocked the motion. ``timeout``: the time limit passed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """One motion that has ended; the hand is commanded to rest.
+    """Result of one motion; the hand is at rest afterwards.
 
     Attributes:
-        name: Of the motion.
-        status: How it ended.
-        message: The same in one sentence.
-        log: What was sensed, one entry a period, in order.
+        name: name of the motion.
+        status: ending of the motion.
+        message: reason for the ending, one sentence.
+        log: readings of every period, in order.
     """
 
     name: str
@@ -40,34 +40,35 @@ class Motion:
 
     @property
     def reached(self) -> bool:
-        """It did what it was for."""
+        """Return whether the motion reached its goal."""
         return self.status == "reached"
 
     @property
     def seconds(self) -> float:
-        """How long it took."""
+        """Return the duration of the motion [s]."""
         return self.log[-1].time - self.log[0].time if self.log else 0.0
 
 
 _STUCK = 0.1
-"""A command that is slowed below this share counts as refused."""
+"""Fraction of a command's velocity below which the command counts as refused."""
 
 _REMEMBERED = 0.5
-"""What a beam met counts so long after it met nothing: of something beside the beam an echo comes now and then [s]."""
+"""Time for which a range is remembered after the beam hits nothing [s]; objects at the rim of a cone echo only
+sometimes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What every motion keeps to.
+    """Limits that every motion keeps.
 
     Attributes:
-        clearance: What a sensor sees comes no nearer to the body along its beam, and no sphere of the body nearer to
-            the workspace's bounds and forbidden boxes [m].
-        workspace: Where the hand may be.
-        speed: Of the hand's front [m/s].
-        turn: Of the hand [rad/s].
-        patience: How long a command may be refused before the motion ends [s].
-        timeout: Of one motion [s].
+        clearance: smallest distance of sensed surfaces from the body along a beam, and of the body from the bounds and
+            forbidden boxes of the workspace [m].
+        workspace: bounds and forbidden boxes.
+        speed: largest speed of the hand's front [m/s].
+        turn: largest angular speed of the hand [rad/s].
+        patience: time for which commands may be refused before the motion ends [s].
+        timeout: time limit of one motion [s].
     """
 
     clearance: float
@@ -85,13 +86,18 @@ class Rules:
 
 
 class Steering:
-    """One motion under way: it commands through :meth:`step`, and :meth:`end` closes its log.
+    """State of one running motion: :meth:`step` sends limited commands, and :meth:`end` closes its log.
+
+    Args:
+        name: name of the motion.
+        robot: robot that carries the hand.
+        rules: limits of the motion.
 
     Attributes:
-        loop: Gain for distances and angles, chosen from the robot's latency.
-        share: How much of the last command was let through, 0 to 1.
-        refused: What slowed commands down lately, in words; empty if nothing did.
-        room: Along each beam to what it met last, if that was lately; infinite without [m].
+        loop: gain for distances and angles, chosen from the robot's latency.
+        share: fraction of the last command's velocity that was sent, 0 to 1.
+        refused: reason why commands were slowed down recently; empty if none were.
+        room: remembered free range along each beam ``(k,)`` [m]; infinite without a recent range.
     """
 
     def __init__(self, name: str, robot: Robot, rules: Rules) -> None:
@@ -105,14 +111,17 @@ class Steering:
 
     @property
     def sensed(self) -> HandReading:
-        """What was sensed last."""
+        """Return the most recent reading."""
         return self._log[-1]
 
     def step(self, twist: Tangents) -> Ending | None:
-        """Command a velocity, slowed where need be; says so when the motion has to end.
+        """Send a velocity command, slowed down to keep the clearance.
+
+        Args:
+            twist: velocity ``[v, w]``, hand frame [m/s, rad/s].
 
         Returns:
-            ``limit`` when commands have been refused for too long, ``timeout`` when time is over, else None.
+            ``limit`` if commands have been refused for too long, ``timeout`` if the time is over, else None.
         """
         self._remember()
         self.share, why = self._slowed(twist)
@@ -126,7 +135,7 @@ class Steering:
         return "timeout" if self.sensed.time >= self._deadline else None
 
     def end(self, status: Ending, message: str = "") -> Motion:
-        """Rest until the last command has had its effect, and close the log."""
+        """Stop, wait until the last command has taken effect, and close the log."""
         for _ in range(self.loop.delay + 1):
             self._log.append(self.robot.step(np.zeros(6)))
         if not message:
@@ -137,9 +146,9 @@ class Steering:
         return Motion(self._name, status, message, tuple(self._log))
 
     def _remember(self) -> None:
-        """Bring :attr:`room` to what was sensed last."""
+        """Update :attr:`room` with the most recent reading."""
         sensed = self.sensed
-        if len(self._log) > 1:  # what was met has come nearer by as much as the sensor went along its beam
+        if len(self._log) > 1:  # a remembered surface comes nearer by the motion of the sensor along its beam
             moved = gap(self._log[-2].T_world_hand, sensed.T_world_hand)
             way = about(self.hand.origins, np.concatenate(moved))
             self.room = np.maximum(self.room - np.sum(way * self.hand.axes, axis=1), 0.0)
@@ -149,7 +158,7 @@ class Steering:
         self.room[sensed.time >= self._until] = np.inf
 
     def _slowed(self, twist: Tangents) -> tuple[float, str]:
-        """The share of a command that keeps the clearance, and what limits it."""
+        """Return the fraction of a command's velocity that keeps the clearance, and the reason for the limit."""
         share, why = 1.0, ""
         closing = np.einsum("ij,ij->i", about(self.hand.origins, twist), self.hand.axes)
         free = self.loop.gain * (self.room - self.hand.overhangs - self.rules.clearance)
@@ -160,7 +169,7 @@ class Steering:
         return self._within(twist, share, why)
 
     def _within(self, twist: Tangents, share: float, why: str) -> tuple[float, str]:
-        """The same for the bounds of the workspace and its forbidden boxes, with the whole body."""
+        """Reduce the fraction of :meth:`_slowed` further where the body nears a bound or forbidden box."""
         if not self._limits:
             return share, why
         T, body = self.sensed.T_world_hand, self.hand.body
@@ -173,9 +182,9 @@ class Steering:
 
 
 def frontal(steering: Steering) -> tuple[FloatArray, FloatArray]:
-    """Ranges of the two frontal sensors [m], infinite where nothing is met, and which of them met something.
+    """Return the ranges of the two frontal sensors [m] and whether each has one.
 
-    A reading that is too near counts as zero; one without a range where something is, as not met.
+    A reading that is too near counts as zero, and one without a valid range as infinite.
     """
     sensed, pair = steering.sensed, list(steering.hand.frontal)
     states = sensed.states[pair]
@@ -184,6 +193,6 @@ def frontal(steering: Steering) -> tuple[FloatArray, FloatArray]:
 
 
 def blind(steering: Steering) -> bool:
-    """Neither frontal sensor gives a range, though something is there."""
+    """Return whether neither frontal sensor has a range although at least one has an echo."""
     states = steering.sensed.states[list(steering.hand.frontal)]
     return bool((states != MET).all() and (states == LOST).any())

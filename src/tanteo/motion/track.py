@@ -1,4 +1,4 @@
-"""What one sensor read on one leg of a crossing, and the creases at which a surface does not end but turns away."""
+"""Readings of one sensor during a crossing, and creases, at which a surface bends away without ending."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from tanteo.hand import FREE, LOST, MET, HandReading, advance, gap
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _DROPS = 3
-"""Readings past the surface that it takes to call its end an edge."""
+"""Number of readings beyond the surface that confirm an edge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """What the frontal sensors read on the surface, and what counts as off it.
+    """Readings of the frontal sensors on the surface before a crossing.
 
     Attributes:
-        ranges: Of the two sensors [m]; NaN for one that was not over it at the start.
-        slack: A range that is longer by this has dropped off [m].
-        sds: Standard deviation of one reading [m].
-        spots: Radii of the cones there [m].
+        ranges: ranges of the two sensors ``(2,)`` [m]; NaN for one that was not over the surface.
+        slack: increase of each range at which the sensor is off the surface ``(2,)`` [m].
+        sds: standard deviation of one reading of each sensor ``(2,)`` [m].
+        spots: radii of the cones on the surface ``(2,)`` [m].
     """
 
     ranges: FloatArray
@@ -34,15 +34,15 @@ class Surface:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """The readings of one sensor on a leg that begins over the surface.
+    """Readings of one sensor during a leg that begins over the surface.
 
     Attributes:
-        Ts_world_hand: Poses of the hand ``(n, 4, 4)``.
-        ways: From the begin of the leg ``(n,)`` [m].
-        ranges: ``(n,)`` [m]; NaN where nothing was met.
-        on: On the surface ``(n,)``.
-        dropped: Farther than the surface, or nothing within range ``(n,)``.
-        lost: No range, though something is there ``(n,)``.
+        Ts_world_hand: poses of the hand ``(n, 4, 4)``.
+        ways: path lengths from the beginning of the leg ``(n,)`` [m].
+        ranges: ranges ``(n,)`` [m]; NaN without one.
+        on: whether a reading is on the surface ``(n,)``.
+        dropped: whether a reading is beyond the surface, or nothing is within range ``(n,)``.
+        lost: whether a reading has an echo without a valid range ``(n,)``.
     """
 
     Ts_world_hand: Transforms
@@ -54,7 +54,7 @@ class Track:
 
     @classmethod
     def of(cls, leg: Sequence[HandReading], sensor: int, distance: float, slack: float) -> Track:
-        """Of one sensor over a surface at a distance [m], which may seem nearer or farther by a slack [m]."""
+        """Create the track of one sensor over a surface at a distance, within a slack [m]."""
         ranges = np.array([s.ranges[sensor] for s in leg])
         states = np.array([s.states[sensor] for s in leg])
         Ts = np.array([s.T_world_hand for s in leg])
@@ -65,10 +65,10 @@ class Track:
         return cls(Ts, ways, ranges, on, dropped, states == LOST)
 
     def last_on(self, gap: float, *, blindly: bool = False) -> int | None:
-        """The last reading on the surface before the first ``gap`` [m] in which all readings dropped off it.
+        """Return the index of the last reading on the surface before a stretch of ``gap`` [m] that is off it.
 
-        Readings without a range count neither way, unless ``blindly``: next to an edge the beam grazes the side face
-        below it.
+        At least three readings must confirm it. Echoes without a range count only with ``blindly``, because next to an
+        edge the beam grazes the side face below it.
         """
         ways, off = self.ways, self.dropped | self.lost
         counted = off if blindly else self.dropped
@@ -81,7 +81,7 @@ class Track:
         return None
 
     def pose_at(self, way: float) -> Transforms:
-        """Where the hand was after a way [m]."""
+        """Return the pose of the hand after a path length [m]."""
         k = int(np.clip(np.searchsorted(self.ways, way), 1, len(self.ways) - 1))
         before, after = self.Ts_world_hand[k - 1], self.Ts_world_hand[k]
         share = (way - self.ways[k - 1]) / max(self.ways[k] - self.ways[k - 1], 1e-12)
@@ -89,27 +89,27 @@ class Track:
 
 
 STEEP = math.radians(75.0)
-"""Said of a bend beyond which the sensor gives no ranges: at about this angle and more they do not answer [rad]."""
+"""Angle reported for a bend beyond which the sensor gives no ranges [rad]; at about this incidence echoes fail."""
 
 _LEAST = math.radians(2.0)
-"""Less than this is no bend [rad]."""
+"""Smallest angle of a bend [rad]."""
 
 _SOME = 6
-"""Readings beyond the bend that tell its angle."""
+"""Smallest number of readings beyond the bend for its angle."""
 
 _MOSTLY = 0.7
-"""Share of the ranges beyond that must be near."""
+"""Smallest fraction of the ranges beyond that must be near the surface."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crease:
-    """Where the axis of one sensor passed over a bend.
+    """Pose of the hand at which the axis of one sensor passed over a bend of the surface.
 
     Attributes:
-        sensor: Its number on the rig.
-        T_world_hand: The hand's pose at that instant, by the robot ``(4, 4)``.
-        distance: Range to the surface there [m].
-        angle: By which the surface turns away along the crossing [rad]; :data:`STEEP` for all that gives no ranges.
+        sensor: index of the sensor on the rig.
+        T_world_hand: reported pose of the hand at that instant ``(4, 4)``.
+        distance: range to the surface there [m].
+        angle: angle by which the surface bends away along the crossing [rad]; :data:`STEEP` without ranges beyond it.
     """
 
     sensor: int
@@ -119,14 +119,14 @@ class Crease:
 
 
 def crease_of(sensor: int, number: int, track: Track, surface: Surface, beyond: float) -> Crease | None:
-    """The bend at the end of a leg, None if there is none: the surface goes on, ends in a drop, or meets a wall.
+    """Return the bend at the end of a leg, or None if the surface continues, ends in a drop, or meets a wall.
 
     Args:
-        sensor: Its number on the rig.
-        number: Its number of the pair.
-        track: What it read.
-        surface: What it read before.
-        beyond: How far beyond the surface all readings have to be off it [m].
+        sensor: index of the sensor on the rig.
+        number: index of the sensor in the frontal pair.
+        track: readings of the sensor during the leg.
+        surface: readings on the surface before the crossing.
+        beyond: distance beyond the surface for which all readings must be off it [m].
     """
     distance, slack = float(surface.ranges[number]), float(surface.slack[number])
     last, steep = track.last_on(beyond), track.last_on(beyond, blindly=True)
@@ -139,14 +139,14 @@ def crease_of(sensor: int, number: int, track: Track, surface: Surface, beyond: 
     if near.sum() < max(_SOME, _MOSTLY * (after & np.isfinite(track.ranges)).sum()):
         return None
     slope, higher = _line(track.ways[near] - track.ways[last], track.ranges[near] - distance)
-    # where the surface ends in a step, it is farther at once, and not more and more
+    # at a step the range grows at once, at a bend gradually
     if higher > 2 * slack or slope < math.tan(_LEAST):
         return None
     return Crease(sensor, track.pose_at(float(track.ways[last] - higher / slope)), distance, math.atan(slope))
 
 
 def crease_angle(creases: Sequence[Crease]) -> str:
-    """By how much a surface bends away, in words."""
+    """Return the angle of a bend as text for messages."""
     angle = float(np.median([c.angle for c in creases]))
     return f"by about {math.degrees(angle):.0f} deg" if angle < STEEP else "too steeply for the sensors to answer"
 

@@ -1,7 +1,7 @@
-"""Through free space: to a pose, the front of the hand going straight, and a look around from a safe distance.
+"""Motions through free space: go to a pose with the hand's front on a straight line, and scan the surroundings.
 
-A look runs the hand's axis along a spiral of tilts about the hand's thickest part. Nothing looks where the back of the
-hand goes, so that the back stays where it is and the fingers, which carry the sensors, swing and turn.
+A scan moves the hand's axis along a spiral of tilts about the centre of the hand's thickest part. No sensor covers the
+space behind the hand, so its back stays in place while the fingers, which carry the sensors, swing and rotate.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from tanteo.motion.steering import Motion, Rules, Steering
 from tanteo.typing import FloatArray, Transforms
 
 _CLOSE, _TURNED = 5e-4, 2e-3
-"""A pose is reached within this distance [m] and angle [rad]."""
+"""Distance [m] and angle [rad] within which a pose counts as reached."""
 
 
 def go_to(robot: Robot, T_world_hand: Transforms, rules: Rules) -> Motion:
-    """Bring the hand to a pose.
+    """Move the hand to a pose.
 
     Args:
-        robot: The hand.
-        T_world_hand: Where to ``(4, 4)``, as the robot measures it.
-        rules: What to keep to.
+        robot: robot that carries the hand.
+        T_world_hand: target pose ``(4, 4)``, as the robot reports poses.
+        rules: limits of the motion.
 
     Returns:
         ``reached``, ``limit`` or ``timeout``.
@@ -40,7 +40,16 @@ def go_to(robot: Robot, T_world_hand: Transforms, rules: Rules) -> Motion:
 
 
 def dwell(robot: Robot, instants: int, rules: Rules) -> Motion:
-    """Stay at rest and read: ``reached`` after so many periods, or ``timeout``."""
+    """Stay at rest and read.
+
+    Args:
+        robot: robot that carries the hand.
+        instants: number of readings.
+        rules: limits of the motion.
+
+    Returns:
+        ``reached`` after the readings, or ``timeout``.
+    """
     run = Steering("dwell", robot, rules)
     for _ in range(instants):
         if run.step(np.zeros(6)) == "timeout":
@@ -49,7 +58,17 @@ def dwell(robot: Robot, instants: int, rules: Rules) -> Motion:
 
 
 def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Transforms:
-    """Poses on the way of :func:`go_to` ``(n, 4, 4)``: the front goes straight."""
+    """Return evenly spaced poses on the path of :func:`go_to`, whose front moves on a straight line.
+
+    Args:
+        T_from: first pose of the hand ``(4, 4)``.
+        T_to: last pose of the hand ``(4, 4)``.
+        front: midpoint of the frontal sensors ``(3,)``, hand frame [m].
+        n: number of poses.
+
+    Returns:
+        Poses ``(n, 4, 4)``.
+    """
     turned, shares = gap(T_from, T_to)[1], np.linspace(0, 1, n)
     out = np.stack([advance(T_from, np.array([0.0, 0.0, 0.0, *turned]), s) for s in shares])
     a, b = (SE3.apply(T, front) for T in (T_from, T_to))
@@ -58,10 +77,10 @@ def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Tra
 
 
 def towards(run: Steering, T_world_hand: Transforms) -> tuple[FloatArray, float, float]:
-    """The twist that takes the front straight to where it belongs; what is missing [m] and [rad]."""
+    """Return the twist that moves the front straight to a pose, and the remaining distance [m] and angle [rad]."""
     front, T = run.hand.front, run.sensed.T_world_hand
     p, w = gap(T, T_world_hand)
-    # of the front: R_gap front + p - front, with the target's axes seen from here
+    # displacement of the front in the current hand frame: p + R_gap front - front
     p = p + (T[:3, :3].T @ (T_world_hand[:3, :3] @ front)) - front
     missing, angle = math.sqrt(p @ p), math.sqrt(w @ w)
     share = min(1.0, run.rules.speed / max(run.loop.gain * missing, 1e-12))
@@ -71,25 +90,25 @@ def towards(run: Steering, T_world_hand: Transforms) -> tuple[FloatArray, float,
 
 
 _SPIN, _SPIN_OVER = 0.8, 2.8
-"""Meanwhile the hand turns about its axis to both sides by so much [rad], slower than the spiral by so many times: four
-lateral beams a quarter apart then sweep all the way round."""
+"""Amplitude of the oscillation about the hand's axis during a scan [rad], and its period relative to the spiral's. Four
+lateral beams a quarter turn apart then cover the full circle."""
 
 _PACE = 0.4
-"""Along the spiral from pose to pose where all of it is asked for [rad]."""
+"""Spacing along the spiral of the poses of :func:`looked` [rad]."""
 
 _LAG = 0.15
-"""The spiral waits while the hand is this far behind it [rad]."""
+"""Lag of the hand behind the spiral at which the spiral waits [rad]."""
 
 
 def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, begin: float = 0.0) -> Motion:
-    """Turn the hand so that its beams sweep a cone, and back.
+    """Rotate the hand so that its beams scan a cone, and return to the initial pose.
 
     Args:
-        robot: The hand, some way off what it shall see.
-        widest: Tilt of the hand's axis at the end of the spiral [rad].
-        rules: What to keep to. Where the hand cannot go, it leaves that part of the spiral out.
-        spacing: From turn to turn of the spiral [rad].
-        begin: Where the spiral begins [rad]; one that begins half a turn later goes between the turns of the first.
+        robot: robot with the hand at a safe distance from the surfaces to scan.
+        widest: tilt of the hand's axis at the end of the spiral [rad].
+        rules: limits of the motion; parts of the spiral that they forbid are skipped.
+        spacing: tilt between two turns of the spiral [rad].
+        begin: start angle of the spiral [rad]; an offset of half a turn interleaves two scans.
 
     Returns:
         ``reached``; ``nothing`` if no frontal beam met anything; ``timeout``.
@@ -119,7 +138,18 @@ def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, be
 def looked(
     hand: Hand, T_world_hand: Transforms, widest: float, *, spacing: float = 0.09, begin: float = 0.0
 ) -> Transforms:
-    """The poses that a look from a pose takes, about a finger's breadth from one to the next ``(n, 4, 4)``."""
+    """Return the poses of a scan by :func:`look`, about a finger's breadth apart.
+
+    Args:
+        hand: sensors and body of the hand.
+        T_world_hand: pose of the hand at the start of the scan ``(4, 4)``.
+        widest: tilt of the hand's axis at the end of the spiral [rad].
+        spacing: tilt between two turns of the spiral [rad].
+        begin: start angle of the spiral [rad].
+
+    Returns:
+        Poses ``(n, 4, 4)``.
+    """
     last = 2 * math.pi * widest / spacing
     angles = np.linspace(0.0, last, 2 + int(last / _PACE))
     poses = [_tilted(T_world_hand, _pivot(hand), spacing * a / (2 * math.pi), a, begin) for a in angles]
@@ -127,12 +157,12 @@ def looked(
 
 
 def _pivot(hand: Hand) -> FloatArray:
-    """The middle of the hand's thickest part ``(3,)``, in its frame [m]."""
+    """Return the centre of the largest sphere of the body ``(3,)``, hand frame [m]."""
     return np.asarray(hand.body.centres[int(np.argmax(hand.body.radii))])
 
 
 def _tilted(T: Transforms, pivot: FloatArray, tilt: float, angle: float, begin: float) -> Transforms:
-    """A pose turned by ``tilt`` about an axis across z at ``angle``, and about z, through a point of the hand."""
+    """Return a pose rotated about a fixed point: by ``tilt`` about an axis perpendicular to z, then about z."""
     x, y = math.cos(begin + angle), math.sin(begin + angle)
     tilted = advance(T, turn(np.array([tilt * x, tilt * y, 0.0]), pivot), 1.0)
     return advance(tilted, turn(np.array([0.0, 0.0, _SPIN * math.sin(angle / _SPIN_OVER)]), pivot), 1.0)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -80,25 +81,20 @@ def assignments(
 
 def _pair_gate(first: Feature, second: Feature, candidates: dict[str, Candidates], significance: float) -> BoolArray:
     """Gates (25) of one sensed pair against all pairs of the model ``(Ni, Nj)``."""
-    kind = first.kind.name
-    A, B = candidates[kind], candidates[second.kind.name]
-    if kind != second.kind.name or kind == "vertex":
+    pairing = _PAIRINGS.get(first.kind.name)
+    A, B = candidates[first.kind.name], candidates[second.kind.name]
+    if first.kind is not second.kind or pairing is None:
         return np.ones((len(A), len(B)), dtype=bool)
     T1, T2 = first.T_world_feature, second.T_world_feature
     C1, C2 = feature_covariance(first), feature_covariance(second)
-    angle = np.arccos(np.clip(A.directions @ B.directions.T, -1.0, 1.0))
-    if kind == "edge":
-        angle = np.minimum(angle, np.pi - angle)  # "the smallest angle which fits" (16)
+    angle = pairing.least(np.arccos(np.clip(A.directions @ B.directions.T, -1.0, 1.0)))
     parallel = (angle < _PARALLEL) | (angle > np.pi - _PARALLEL)
     with np.errstate(divide="ignore", invalid="ignore"):
-        measure = published.angle_planes if kind == "plane" else published.angle_edges
-        found = measure(T1, C1, T2, C2)
-        value = np.minimum(found.value, np.pi - found.value) if kind == "edge" else found.value
-        ok = _passes(value, found.variance, angle, significance)
-        relation = published.parallel_planes if kind == "plane" else published.parallel_edges
-        cosine, distance = relation(T1, C1, T2, C2)
+        found = pairing.angle(T1, C1, T2, C2)
+        ok = _passes(pairing.least(found.value), found.variance, angle, significance)
+        cosine, distance = pairing.parallel(T1, C1, T2, C2)
         beside = _passes(np.abs(cosine.value), cosine.variance, np.ones_like(angle), significance)
-        beside &= _passes(np.abs(distance.value), distance.variance, _distances(A, kind), significance)
+        beside &= _passes(np.abs(distance.value), distance.variance, pairing.distance(A), significance)
     return np.where(parallel, beside, ok)
 
 
@@ -108,10 +104,46 @@ def _passes(value: FloatArray, variance: FloatArray, model: FloatArray, signific
     return np.asarray(gate(np.nan_to_num(value), safe, model, significance).accept, dtype=np.bool_)
 
 
-def _distances(candidates: Candidates, kind: str) -> FloatArray:
-    """Distance of parallel model features: ``|p_z|`` (24), or across for edges (section 4.4)."""
+def _gaps(candidates: Candidates) -> tuple[FloatArray, FloatArray]:
+    """Return the squared distance of each two frames, and its component along the first's direction ``(N, N)``."""
     gap = candidates.Ts_part_feature[None, :, :3, 3] - candidates.Ts_part_feature[:, None, :3, 3]
-    along = np.einsum("aj,abj->ab", candidates.directions, gap)
-    if kind == "plane":
-        return np.abs(along)
-    return np.sqrt(np.maximum((gap**2).sum(axis=-1) - along**2, 0.0))
+    return (gap**2).sum(axis=-1), np.einsum("aj,abj->ab", candidates.directions, gap)
+
+
+def _between_planes(candidates: Candidates) -> FloatArray:
+    """Return the distance ``|p_z|`` of parallel planes, (24)."""
+    return np.abs(_gaps(candidates)[1])
+
+
+def _between_edges(candidates: Candidates) -> FloatArray:
+    """Return the distance of parallel edges across them (section 4.4)."""
+    square, along = _gaps(candidates)
+    return np.sqrt(np.maximum(square - along**2, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class _Pairing:
+    """Constraints of the paper on pairs of one kind of feature.
+
+    Attributes:
+        angle: angle of two sensed features, with variance.
+        parallel: cosine and distance of two parallel ones, with variance.
+        distance: distance of parallel model features ``(N, N)`` [m].
+        is_undirected: whether angles are the smallest that fit, (16).
+    """
+
+    angle: Callable[..., Any]
+    parallel: Callable[..., Any]
+    distance: Callable[[Candidates], FloatArray]
+    is_undirected: bool
+
+    def least(self, angle: FloatArray) -> FloatArray:
+        """Return an angle, or of undirected features the smaller one of two."""
+        return np.minimum(angle, np.pi - angle) if self.is_undirected else angle
+
+
+_PAIRINGS = {
+    "plane": _Pairing(published.angle_planes, published.parallel_planes, _between_planes, False),
+    "edge": _Pairing(published.angle_edges, published.parallel_edges, _between_edges, True),
+}
+"""Constraints by kind; the paper has none on vertices."""

@@ -11,7 +11,7 @@ from tanteo.errors import InputError
 from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.paper.recognition import identify_as_published
 from tanteo.parts import Part
-from tanteo.sensors import CENTRES, PointMeasurements
+from tanteo.sensors import PointMeasurements, reading_kind
 
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
@@ -43,7 +43,7 @@ def identify_labelled_as_published(
     Raises:
         InputError: what the paper has no place for: points without label, centres of round features, a known pose.
     """
-    if any(kind in CENTRES for kind in measured.kinds):
+    if any(reading_kind(kind).is_centre for kind in measured.kinds):
         raise InputError(
             "as_published: expected planes, edges and vertices, got centres of round features, which the paper does not"
             " have. Leave those rows out, or as_published."

@@ -1,7 +1,7 @@
-"""Probing programs: the touches of a plan in the language of a machine or a robot, and what they write as readings.
+"""Write probing programs: a plan's touches in the language of a controller, which logs them as readings.
 
-``job_of`` turns a plan into starts, contacts and ends of guarded motions, ``write_program`` into text; ``PROGRAMS``
-names the controllers.
+:func:`job_of` turns a plan into starts, contacts and ends of guarded motions, :func:`write_program` turns them into
+text. :data:`PROGRAMS` lists the supported controllers.
 """
 
 from tanteo.programs.job import Job, Touch, first_way, job_of, leaves, tool_axes, transfer

@@ -1,6 +1,6 @@
-"""RAPID: ``SearchL`` with its stop, and ``ERR_WHLSEARCH`` where nothing was met, as in public programs; a file as log.
+r"""Write ABB RAPID programs: ``SearchL\Stop`` with the error ``ERR_WHLSEARCH`` if there is no contact; file as log.
 
-``rapidchecker`` finds the text well formed (``tests/programs``).
+The use of ``SearchL`` follows published programs. ``tests/programs`` checks the syntax with ``rapidchecker``.
 """
 
 from __future__ import annotations
@@ -11,7 +11,11 @@ from tanteo.typing import Rotations, Vectors
 
 
 def abb(job: Job) -> str:
-    """RAPID: ``SearchL``, with a file of readings in ``HOME:``."""
+    """Return the RAPID program of a job; it logs its readings to a file in ``HOME:``.
+
+    Args:
+        job: touches of the program.
+    """
     log = ["log: HOME:/tanteo_touches.csv, a readings file", "set tProbe and diProbe to those of the cell"]
     lines = ["MODULE TanteoProbe", *(f"  ! {text}" for text in robot_header(job, log)), *_RAPID_DATA.splitlines()]
     lines += ["  PROC TanteoProbe()", '    Open "HOME:"\\File:="tanteo_touches.csv",log\\Write;']
@@ -46,7 +50,7 @@ _RAPID_TOUCH = """  PROC Touch(string number,robtarget start,robtarget stop,stri
     MoveL start,v50,fine,tProbe\\WObj:=wobj0;
   ERROR
     IF ERRNO=ERR_WHLSEARCH OR ERRNO=ERR_SIGSUPSEARCH THEN
-      TPWrite "tanteo: nothing was met, or the probe was high before, at touch " + number;
+      TPWrite "tanteo: no contact, or the probe was high before, at touch " + number;
       Stop;
       EXIT;
     ENDIF

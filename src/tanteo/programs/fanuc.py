@@ -1,6 +1,6 @@
-"""FANUC TP: ``SKIP CONDITION``, and ``Skip,LBL[n],PR[m]=LPOS``, which jumps where nothing was met.
+"""Write FANUC TP programs: ``SKIP CONDITION`` with ``Skip,LBL[n],PR[m]=LPOS``, which jumps if there is no contact.
 
-Read for it: public programs; position registers keep where the skip came (High-Speed Skip).
+The commands follow published programs. Position registers keep the position of the skip (option High-Speed Skip).
 """
 
 from __future__ import annotations
@@ -13,7 +13,11 @@ from tanteo.typing import Rotations, Vectors
 
 
 def fanuc(job: Job) -> str:
-    """A TP program: touches go to position registers from 101 on."""
+    """Return the TP program of a job; it stores contacts in position registers from 101 on.
+
+    Args:
+        job: touches of the program.
+    """
     log = [f"log: PR[101] to PR[{100 + len(job.touches)}], X Y Z of the ball's centre in millimetres"]
     log += ["PR=LPOS at the skip needs the option High-Speed Skip. All positions have CONFIG N U T"]
     steps = [f"!{row}" for text in robot_header(job, log) for row in textwrap.wrap(text, 30)]
@@ -32,7 +36,7 @@ def fanuc(job: Job) -> str:
         steps += [f"L P[{stop}] {max(1e3 * job.feed, 0.1):.1f}mm/sec FINE Skip,LBL[999],PR[{100 + touch.number}]=LPOS"]
         steps += [f"L P[{start}] 50mm/sec FINE", f"L P[{len(poses) - 2}] {1e3 * TRAVEL:g}mm/sec FINE"]
     steps += ["END", "LBL[998:HIGH]", "MESSAGE[PROBE IS HIGH]", "ABORT"]
-    steps += ["LBL[999:NOTHING]", "MESSAGE[NOTHING WAS MET]", "ABORT"]
+    steps += ["LBL[999:NOTHING]", "MESSAGE[NO CONTACT]", "ABORT"]
     body = [f"{n:4d}:  {step} ;" for n, step in enumerate(steps, 1)]
     top = ["/PROG  TANTEO", "/ATTR", 'COMMENT\t\t= "TANTEO";', "DEFAULT_GROUP\t= 1,*,*,*,*;", "/MN"]
     return "\n".join([*top, *body, "/POS", *poses, "/END", ""])

@@ -1,8 +1,8 @@
-"""Probing programs of 3-axis machines: LinuxCNC and GRBL, ``G38.2``.
+"""Write probing programs of 3-axis machines with ``G38.2``, for LinuxCNC and GRBL.
 
-LinuxCNC: G-code reference, "G38.n Straight Probe" and "Probe Logging" (``PROBEOPEN``): a search that meets nothing is
-an error and ends the program, and so is a probe that trips in any other motion. GRBL 1.1, "Interface": ``G38.2``
-answers ``[PRB:x,y,z:1]`` in machine coordinates, and ends in ``ALARM:5`` where nothing was met.
+LinuxCNC (G-code reference, "G38.n Straight Probe" and "Probe Logging"): a search without contact is an error and ends
+the program, and so does a probe that trips in any other motion. ``PROBEOPEN`` logs the contacts. GRBL 1.1
+("Interface"): ``G38.2`` answers ``[PRB:x,y,z:1]`` in machine coordinates and raises ``ALARM:5`` without contact.
 """
 
 from __future__ import annotations
@@ -15,27 +15,35 @@ from tanteo.programs.job import Job, Touch
 from tanteo.typing import Vectors
 
 LOG = "tanteo_touches.txt"
-"""Name of the file that LinuxCNC writes."""
+"""Name of the log file that LinuxCNC writes."""
 
 _WIDTH = 76
-"""Of comments: GRBL's senders take 80 characters a line."""
+"""Line length of comments [characters]; GRBL senders accept 80 per line."""
 
 
 def linuxcnc(job: Job) -> str:
-    """The program, with its log in the work coordinate system that it runs in."""
+    """Return the LinuxCNC program of a job; its log is in the work coordinate system that it runs in (G54).
+
+    Args:
+        job: touches of the program.
+    """
     head = [
         f"log: one line a touch in {LOG}, X Y Z of the ball's centre in G54 coordinates, millimetres",
-        "a search that meets nothing, or a probe that trips elsewhere, ends the program",
+        "a search without contact, or a probe that trips elsewhere, ends the program",
     ]
     return _program(job, head, before=[f"(PROBEOPEN {LOG})"], after=["(PROBECLOSE)"])
 
 
 def grbl(job: Job) -> str:
-    """The program; the console of the sender is its log."""
+    """Return the GRBL program of a job; the console output of the sender is its log.
+
+    Args:
+        job: touches of the program.
+    """
     head = [
         "log: the sender's console, one [PRB:x,y,z:1] a touch, in machine coordinates, millimetres:",
         "they are the plan's if G54 is zero (G10 L2 P1 X0 Y0 Z0 before)",
-        "a search that meets nothing ends in ALARM:5; nothing stops a motion between touches",
+        "a search without contact ends in ALARM:5; nothing stops a motion between touches",
     ]
     return _program(job, head, before=[], after=[])
 
@@ -49,7 +57,11 @@ def _program(job: Job, head: list[str], *, before: list[str], after: list[str]) 
 
 
 def header(job: Job) -> list[str]:
-    """What a person must know before the program runs."""
+    """Return the lines of the header that the operator must read before the program runs.
+
+    Args:
+        job: touches of the program.
+    """
     return [
         f"tanteo plan: {len(job.touches)} touches of {job.part}",
         job.message,
@@ -57,7 +69,7 @@ def header(job: Job) -> list[str]:
         f"positions: centre of the ball, radius {1e3 * job.radius:g} mm: the tool length of the probe (G43) ends there",
         "tool: the stylus points down (-Z) and is at most half as thick as the ball",
         f"safe height Z {1e3 * job.safe_height:.2f}: nothing else may stand as high between the touches",
-        "look at every motion, and run it without the part and slowly first",
+        "check every motion, and run it without the part and slowly first",
     ]
 
 
@@ -80,5 +92,5 @@ def _xyz(point: Vectors) -> str:
 
 
 def _comment(text: str) -> str:
-    """Without what ends a comment or begins another."""
+    """Return the text without characters that would end a comment or begin another."""
     return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))

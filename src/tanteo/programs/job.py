@@ -1,7 +1,7 @@
-"""What a probing program does, in numbers: where each touch starts, meets and ends, and how the ball gets there.
+"""Compute the geometry of a probing program: start, contact and end of each touch, and the paths between touches.
 
-Positions are of the centre of the ball. A touch is a straight motion; the ball goes back the way it came, and over the
-part to the next at a safe height.
+Positions are those of the ball's centre. A touch is a straight guarded motion. The ball returns along the same line and
+moves to the next touch over the part at a safe height.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ if TYPE_CHECKING:
     from tanteo.parts import Part
 
 _SDS, _LEAST_OVERTRAVEL = 3.0, 2e-3
-"""Standard deviations of the surface's place that the search goes beyond it, and the least way [m]."""
+"""Default overtravel: standard deviations of the surface position, and the smallest distance [m]."""
 
 _NEAR = 1e-7
-"""Nearer than this two places are one [m]."""
+"""Distance below which two positions are equal [m]."""
 
 DOWN = np.diag([1.0, -1.0, -1.0])
-"""Axes of a tool that looks down."""
+"""Axes of a tool that points down ``(3, 3)``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touch:
-    """One guarded motion; world frame, metres, centres of the ball.
+    """Guarded motion of one touch; positions of the ball's centre in the world frame [m].
 
     Attributes:
-        number: from 1, in the order of the plan.
-        face: name of the face that it should meet.
-        start: where the guarded motion begins ``(3,)``.
-        direction: of it, unit ``(3,)``.
-        contact: where it is expected to stop ``(3,)``.
-        stop: where it is given up ``(3,)``.
-        outer: on the straight way back from the start, outside of the part's surroundings ``(3,)``.
+        number: number of the touch from 1, in the order of the plan.
+        face: name of the face that the ball should touch.
+        start: start of the guarded motion ``(3,)``.
+        direction: unit direction of the guarded motion ``(3,)``.
+        contact: expected position at contact ``(3,)``.
+        stop: position at which the search ends without contact ``(3,)``.
+        outer: point outside of the cylinder around the part, on the straight line back from the start ``(3,)``.
         tool: axes of a robot's tool ``(3, 3)``, its z along the motion.
     """
 
@@ -58,18 +58,18 @@ class Touch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """The touches of a program and what they have in common.
+    """Touches of a probing program with their common settings.
 
     Attributes:
-        part: name.
-        message: what the plan promises, one sentence.
-        touches: in their order.
-        radius: of the ball [m].
-        feed: of the guarded motion [m/s].
-        safe_height: of the ball above the part, world z [m].
-        lowest: as far below it [m].
-        centre: of the part's box ``(3,)`` [m].
-        around: radius of the upright cylinder about it that holds the part and all starts [m].
+        part: name of the part.
+        message: expected accuracy of the plan, one sentence.
+        touches: touches in the order of the program.
+        radius: radius of the ball [m].
+        feed: speed of the guarded motions [m/s].
+        safe_height: world z at which the ball moves over the part [m].
+        lowest: world z below the part and all starts, by the same clearance [m].
+        centre: centre of the part's bounding box ``(3,)``, world frame [m].
+        around: radius of the vertical cylinder about ``centre`` that contains the part and all starts [m].
     """
 
     part: str
@@ -92,17 +92,17 @@ def job_of(
     overtravel: float | None = None,
     retract_height: float | None = None,
 ) -> Job:
-    """The program's numbers for a plan.
+    """Compute the motions of a probing program for a plan.
 
     Args:
-        plan: the readings.
-        part: that they are of.
-        probe: a touch probe, as the plan had it.
-        covariance: of the part's expected pose before the first touch ``(6, 6)``, part frame.
-        feed: of the guarded motion [m/s].
-        overtravel: how far beyond the expected contact it goes on [m]; three standard deviations of the surface's
-            place, and 2 mm at least, if not given.
-        retract_height: world z at which the ball goes over the part [m]; the least that is safe, if not given.
+        plan: planned readings.
+        part: part that is touched.
+        probe: touch probe that the plan assumes.
+        covariance: covariance of the part's expected pose before the first touch ``(6, 6)``, part frame.
+        feed: speed of the guarded motions [m/s].
+        overtravel: distance of the search beyond the expected contact [m]. The default is three standard deviations
+            of the surface position, at least 2 mm.
+        retract_height: world z at which the ball moves over the part [m]. The default is the lowest safe height.
 
     Raises:
         InputError: The plan has no readings, or the retract height is not above part and starts.
@@ -113,7 +113,7 @@ def job_of(
     if retract_height is not None and retract_height < empty.safe_height:
         raise InputError(
             f"--retract-height: expected {1e3 * empty.safe_height:.1f} mm or more, above part and starts with "
-            f"clearance and three sd, got {1e3 * retract_height:g} mm. Leave it out, or say more."
+            f"clearance and three sd, got {1e3 * retract_height:g} mm. Omit it or increase it."
         )
     job = replace(empty, feed=feed, safe_height=empty.safe_height if retract_height is None else retract_height)
     surface, T, touches = Surface(part.vertices, part.triangles), plan.T_world_part, []
@@ -127,7 +127,7 @@ def job_of(
 
 
 def _surroundings(plan: Plan, part: Part, probe: Probe, covariance: Covariances) -> Job:
-    """A job without touches: how high, how low and how far out the part and all starts reach, with room around."""
+    """Return a job without touches: the height, depth and radius of the part and all starts, with clearance."""
     corners = SE3.apply(plan.T_world_part, box_corners(part))
     starts = np.array([r.origin for r in plan.readings])
     room = probe.clearance + probe.radius + _SDS * _height_sd(plan.T_world_part, part, covariance)
@@ -138,9 +138,18 @@ def _surroundings(plan: Plan, part: Part, probe: Probe, covariance: Covariances)
 
 
 def transfer(job: Job, one: Touch, other: Touch) -> list[tuple[Vectors, Rotations]]:
-    """Places and axes of a robot's tool from the outer point of one touch to that of another.
+    """Return the path of a robot's tool from the outer point of one touch to that of the next.
 
-    Up to the safe height outside of the part's surroundings, over them with the tool looking down, and down again.
+    The path rises to the safe height outside of the cylinder around the part, crosses the part with the tool pointing
+    down, and descends.
+
+    Args:
+        job: touches of the program.
+        one: touch that was made last.
+        other: next touch.
+
+    Returns:
+        Positions ``(3,)`` of the ball's centre and axes ``(3, 3)`` of the tool, world frame.
     """
     up, down = _column(job, one), _column(job, other)[::-1]
     rise = [(place, one.tool) for place in up[1:]]
@@ -149,13 +158,18 @@ def transfer(job: Job, one: Touch, other: Touch) -> list[tuple[Vectors, Rotation
 
 
 def first_way(job: Job, touch: Touch) -> list[tuple[Vectors, Rotations]]:
-    """The way to the first outer point, from the safe height."""
+    """Return the path from the safe height to the first outer point, as positions and tool axes.
+
+    Args:
+        job: touches of the program.
+        touch: first touch.
+    """
     down = _column(job, touch)[::-1]
     return [(down[0], DOWN), *((place, touch.tool) for place in down)]
 
 
 def _column(job: Job, touch: Touch) -> list[Vectors]:
-    """From an outer point up to the safe height; from below the part it goes aside first."""
+    """Return the path from an outer point up to the safe height; below the part it first leaves the cylinder."""
     places = [touch.outer]
     aside = touch.outer[:2] - job.centre[:2]
     distance = float(np.linalg.norm(aside))
@@ -167,7 +181,7 @@ def _column(job: Job, touch: Touch) -> list[Vectors]:
 
 
 def _way_to_contact(surface: Surface, T: Transforms, origin: Vectors, direction: Vectors, radius: float) -> float:
-    """How far the ball goes until it touches."""
+    """Return the distance that the ball moves until contact [m]."""
     to_part = SE3.inverse(T)
     way = ball_contact(surface, SE3.apply(to_part, origin), direction @ T[:3, :3], radius)
     if not np.isfinite(way):
@@ -178,20 +192,29 @@ def _way_to_contact(surface: Surface, T: Transforms, origin: Vectors, direction:
 
 
 def _beyond(T: Transforms, covariance: Covariances, point: Vectors, direction: Vectors) -> float:
-    """Overtravel where none is given [m]."""
+    """Return the default overtravel [m]."""
     moves = T[:3, :3] @ point_moves(SE3.apply(SE3.inverse(T), point[None]))[0]
     sd = float(np.sqrt(direction @ moves @ covariance @ moves.T @ direction))
     return max(_LEAST_OVERTRAVEL, _SDS * sd)
 
 
 def _height_sd(T: Transforms, part: Part, covariance: Covariances) -> float:
-    """Of the corner of the part's box whose height is known least [m]."""
+    """Return the largest standard deviation of height over the corners of the part's box [m]."""
     moves = (T[:3, :3] @ point_moves(box_corners(part)))[:, 2]
     return float(np.sqrt(np.einsum("ki,ij,kj->k", moves, covariance, moves).max()))
 
 
 def leaves(origin: Vectors, back: Vectors, job: Job) -> Vectors:
-    """Where a straight way back from a start leaves the upright cylinder about the part; the start if it is outside."""
+    """Return the point where a straight line back from a start leaves the vertical cylinder around the part.
+
+    Args:
+        origin: start of a touch ``(3,)``, world frame [m].
+        back: unit direction of the retreat ``(3,)``.
+        job: job whose cylinder, safe height and lowest height bound the surroundings of the part.
+
+    Returns:
+        The point ``(3,)`` [m]; the start itself if it is outside already.
+    """
     a, b = origin[:2] - job.centre[:2], back[:2]
     flat, half, rest = float(b @ b), float(a @ b), float(a @ a) - job.around**2
     ways = [(-half + np.sqrt(half**2 - flat * rest)) / flat] if flat > 0 and rest < 0 else []
@@ -203,7 +226,14 @@ def leaves(origin: Vectors, back: Vectors, job: Job) -> Vectors:
 
 
 def tool_axes(direction: Vectors) -> FloatArray:
-    """Axes of a tool whose z is along a direction, turned as little as may be from one that looks down."""
+    """Return the axes of a tool with z along a direction, by the smallest rotation of a tool that points down.
+
+    Args:
+        direction: unit direction ``(3,)``, world frame.
+
+    Returns:
+        Rotation matrix ``(3, 3)``.
+    """
     axis = np.cross(DOWN[:, 2], direction)
     length = float(np.linalg.norm(axis))
     if length < 1e-9:

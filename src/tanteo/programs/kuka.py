@@ -1,7 +1,7 @@
-"""KRL: an interrupt ends the motion that searches and keeps where it was; two files, of which the second is the log.
+"""Write KUKA KRL programs: an interrupt ends the search motion and stores the position; the second file is the log.
 
-``RESUME`` ends the subprograms below the one that declares the interrupt and needs ``$ADVANCE`` 0 (KRL reference, by
-way of articles on it); nobody here has run it.
+``RESUME`` ends the subprograms below the one that declares the interrupt and needs ``$ADVANCE`` 0 (articles on the KRL
+reference). The program has not been run on a controller.
 """
 
 from __future__ import annotations
@@ -12,9 +12,13 @@ from tanteo.typing import Rotations, Vectors
 
 
 def kuka(job: Job) -> str:
-    """KRL: an interrupt ends the motion and keeps where it was; two files, of which the second is the log."""
+    """Return the KRL program of a job: two files, of which the second (``.dat``) is the log.
+
+    Args:
+        job: touches of the program.
+    """
     log = [
-        "two files: save what is below the line of dashes as TANTEO.DAT beside TANTEO.SRC",
+        "two files: save the text below the line of dashes as TANTEO.DAT beside TANTEO.SRC",
         "log: FOUND[1].. of TANTEO.DAT after the run, positions of the ball's centre in millimetres",
         "the search by interrupt was not verified: try it on the controller with a hand on the stop",
     ]
@@ -52,11 +56,11 @@ ENDIF
 LIN P_START
 WAIT SEC 0
 IF $IN[1] THEN
-HALT ; the probe met something on the way
+HALT ; the probe touched something on the way
 ENDIF
 SEARCH()
 IF NOT MET THEN
-HALT ; nothing was met
+HALT ; no contact
 ENDIF
 $VEL.CP=0.05
 LIN P_START

@@ -1,6 +1,6 @@
-"""What the robots' programs have in common: ways, poses, what their heads say, rows of a log.
+"""Common elements of robot programs: paths, poses, header and log rows.
 
-The tool's z is the stylus, its TCP the centre of the ball.
+The tool's z is along the stylus, and its TCP is the centre of the ball.
 """
 
 from __future__ import annotations
@@ -15,27 +15,36 @@ from tanteo.programs.job import Job, Touch, first_way, transfer
 from tanteo.typing import Rotations, Vectors
 
 COLUMNS = "id,x_mm,y_mm,z_mm,radius_mm,dx,dy,dz"
-"""Of a readings file, as logs have them."""
+"""Columns of the readings file that the log becomes."""
 
 TRAVEL = 0.1
 """Speed between touches [m/s]."""
 
 
 def robot_header(job: Job, log: list[str]) -> list[str]:
-    """Lines that a person must read before the program runs, those on its log last."""
+    """Return the header lines that the operator must read before the program runs.
+
+    Args:
+        job: touches of the program.
+        log: lines on the log of this controller; they come last.
+    """
     return [
         f"tanteo plan: {len(job.touches)} touches of {job.part}",
         job.message,
         "frame: world of the plan = the robot's base; tool: TCP at the centre of the ball, z along the stylus,",
         f"away from the flange; ball radius {1e3 * job.radius:g} mm; probe on digital input 1 (UR: 0), high at contact",
         "before it starts: a free straight way from where the robot is to the first point.",
-        "around the part nothing is known: look at every motion, and run it without the part and slowly first",
+        "obstacles around the part are unknown: check every motion, and run it without the part and slowly first",
         *log,
     ]
 
 
 def ways(job: Job) -> Iterator[tuple[Touch, list[tuple[Vectors, Rotations]]]]:
-    """Each touch, and the way to its outer point from the one before."""
+    """Yield each touch with the path from the outer point of the previous touch to its own.
+
+    Args:
+        job: touches of the program.
+    """
     before: Touch | None = None
     for touch in job.touches:
         way = first_way(job, touch) if before is None else transfer(job, before, touch)
@@ -46,7 +55,13 @@ def ways(job: Job) -> Iterator[tuple[Touch, list[tuple[Vectors, Rotations]]]]:
 
 
 def pose_text(name: str, place: Vectors, tool: Rotations) -> str:
-    """A pose in a controller's syntax."""
+    """Return a pose in the syntax of a controller.
+
+    Args:
+        name: brand of the controller, a key of :data:`tanteo.io.BRANDS`.
+        place: position ``(3,)``, world frame [m].
+        tool: axes of the tool ``(3, 3)``.
+    """
     brand = BRANDS[name]
     values = pose_as_brand(name, SE3.from_parts(tool, place)) + 0.0
     of_place, of_turn = (4 if brand.metre < 1 else 7), (5 if brand.radian < 1 else 7)
@@ -55,6 +70,11 @@ def pose_text(name: str, place: Vectors, tool: Rotations) -> str:
 
 
 def facts(job: Job, touch: Touch) -> str:
-    """What a row of the log has behind the place."""
+    """Return the columns of a log row after the position: radius of the ball [mm] and direction of the touch.
+
+    Args:
+        job: touches of the program.
+        touch: touch of the row.
+    """
     d = ",".join(f"{v:.6f}" for v in np.round(touch.direction, 6) + 0.0)
     return f"{1e3 * job.radius:g},{d}"

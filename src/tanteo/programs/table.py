@@ -1,4 +1,4 @@
-"""The languages of controllers that a probing program can be written in."""
+"""Controllers for which a probing program can be written."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from tanteo.programs.ur import ur
 
 @dataclass(frozen=True, slots=True)
 class ProgramLanguage:
-    """The language of a controller.
+    """Language of a controller.
 
     Attributes:
-        write: function that writes the program of a job.
-        points_down: whether the stylus always points down, as on a 3-axis machine; otherwise it is in line with each
-            touch.
+        write: function that returns the program of a job as text.
+        points_down: whether the stylus always points down, as on a 3-axis machine. Otherwise the program turns it
+            along each touch.
     """
 
     write: Callable[[Job], str]
@@ -41,14 +41,17 @@ PROGRAMS: Registry[ProgramLanguage] = Registry(
         "abb": ProgramLanguage(abb),
     },
 )
-"""Languages by the name of their controller."""
+"""Languages by the name of the controller."""
 
 
 def program_language(name: str) -> ProgramLanguage:
     """Return the language of a controller.
 
+    Args:
+        name: name of the controller, as in :data:`PROGRAMS`.
+
     Raises:
-        InputError: There is none of that name; the message lists all.
+        InputError: There is no controller of that name; the message lists all.
         PluginError: The plug-in of that name cannot be used.
     """
     found = PROGRAMS.find(name)
@@ -62,19 +65,22 @@ def write_program(name: str, job: Job) -> str:
     """Write the probing program of a job.
 
     Args:
-        name: name of a controller, as in :data:`PROGRAMS`.
-        job: touches, with their starts, contacts and ends.
+        name: name of the controller, as in :data:`PROGRAMS`.
+        job: touches of the program.
+
+    Returns:
+        The program as text.
 
     Raises:
-        InputError: There is no such controller, or a stylus that points down is to touch from below.
-        PluginError: A plug-in fails, or returns something else.
+        InputError: There is no such controller, or a stylus that points down would have to touch from below.
+        PluginError: A plug-in fails or does not return text.
     """
     language = program_language(name)
     upward = [f"touch {t.number} on {t.face}" for t in job.touches if t.direction[2] > 1e-6]
     if language.points_down and upward:
         raise InputError(
             f"--program {name}: expected touches from above or from the side, as the stylus points down, got "
-            f"{', '.join(upward)} from below. Say --approach 0,0,-1,90deg."
+            f"{', '.join(upward)} from below. Use --approach 0,0,-1,90deg."
         )
     origin = PROGRAMS.origin(name)
     with guarded(origin, "a program to be written"):

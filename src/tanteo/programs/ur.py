@@ -1,7 +1,6 @@
-"""URScript: a thread moves, the program watches a digital input.
+"""Write URScript programs: a thread moves the tool while the program polls a digital input.
 
-Read for it: ``to_str``, ``textmsg`` and threads (Script Manual e-Series, 14.1), and loops of public drivers that move
-and watch.
+Sources: ``to_str``, ``textmsg`` and threads (Script Manual e-Series, 14.1), and polling loops of published drivers.
 """
 
 from __future__ import annotations
@@ -11,7 +10,11 @@ from tanteo.programs.robot import COLUMNS, TRAVEL, facts, pose_text, robot_heade
 
 
 def ur(job: Job) -> str:
-    """URScript: a thread moves, the program watches the input."""
+    """Return the URScript program of a job; it logs its readings with ``textmsg``.
+
+    Args:
+        job: touches of the program.
+    """
     log = [
         "log: lines of a readings file (CSV) in the log of PolyScope (textmsg): copy those that begin with a number,"
     ]
@@ -50,7 +53,7 @@ _UR = """def tanteo_probe():
     end
     movel(start, a=0.5, v=0.05)
     if met():
-      fail("the probe met something on the way to the start")
+      fail("the probe touched something on the way to the start")
     end
     goal = stop
     arrived = False
@@ -62,7 +65,7 @@ _UR = """def tanteo_probe():
     kill handle
     stopl(2.0)
     if not met():
-      fail("nothing was met")
+      fail("no contact")
     end
     line = str_cat(number, ",")
     line = str_cat(line, str_cat(to_str(here[0]), ","))

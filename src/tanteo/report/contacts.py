@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.answers import Hypothesis, PosePrior
 from tanteo.features import shared_root
 from tanteo.lie import SE3, SO3
-from tanteo.parts import Part, exact_faces
+from tanteo.parts import NamedFace, Part, exact_faces, named_class, named_feature
 from tanteo.sensors import PointMeasurements, Readings
 from tanteo.session import Sensing
 from tanteo.shapes import Surface, signed_distance
@@ -59,10 +59,6 @@ def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior 
     alone = measured if sensing.robot is None else replace(sensing, robot=None).measured(readings)
     reach = np.asarray(readings.ranges[measured.rows])
     return Sensed(readings.source, measured, measured.covs - alone.covs, reach, sensing.tolerance, prior)
-
-
-_LABELLED = ("plane", "edge", "corner")
-"""What a pairing of a labelled feature is called; an unlabelled reading is on a ``face``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +137,7 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
         noise=np.concatenate([noise, tilts[2]]),
         repeatability=np.concatenate([repeatability, np.zeros(len(tilts[0]))]),
         shared_jacobian=tuple(np.concatenate([g, np.zeros((len(tilts[0]), g.shape[1]))]) for g in shared_jacobian),
-        labelled=any(name.startswith(_LABELLED) for name in paired.values()),
+        labelled=any((one := named_class(name)) is not None and one.is_labelled for name in paired.values()),
         form=np.pad(_form(part, q, met, reading, slot), ((0, len(tilts[0])), (0, 0))),
     )
 
@@ -158,43 +154,19 @@ def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vecto
     axes[:, 0] = away
     met = [name or part.faces[k].name for name, k in zip(names, nearest, strict=True)]
     for i, name in enumerate(names):
-        kind, _, number = name.partition(" ")
-        if kind == "plane":
-            k = int(np.flatnonzero(part.planes.faces == int(number))[0])
-            n = part.planes.normals[k]
-            feet[i], axes[i, 0] = q[i] - n * (n @ (q[i] - part.planes.centroids[k])), n
-        elif kind == "edge":
-            T = part.edges.Ts_part_feature[int(number)]
-            x = T[:3, 0]
-            feet[i], axes[i, 0], axes[i, 1] = T[:3, 3] + x * (x @ (q[i] - T[:3, 3])), T[:3, 1], T[:3, 2]
-        elif kind == "corner":
-            feet[i], axes[i] = part.corners.points[int(number)], np.eye(3)
+        feature = named_feature(part, name)
+        if feature is not None and (found := feature.nearest(q[i])) is not None:
+            feet[i], axes[i, : len(found[1])] = found
     return met, feet, axes
 
 
 def _form(part: Part, q: Vectors, met: list[str], reading: IntArray, slot: IntArray) -> FloatArray:
-    """Columns ``(m, k)`` as the estimators assume them: made surfaces deviate as a whole.
-
-    A labelled plane is off in height and tilts by the tolerance over its radius of gyration, an edge likewise; of a
-    face that an unlabelled reading met, the height.
-    """
+    """Columns ``(m, k)`` as the estimators assume them: made surfaces deviate as a whole."""
     columns, names = [np.zeros((len(reading), 0))], np.array([met[i] for i in reading], dtype=object)
     for name in dict.fromkeys(met):
-        kind, _, number = name.partition(" ")
-        rows = np.flatnonzero(names == name)
+        rows, feature = np.flatnonzero(names == name), named_feature(part, name)
         block = np.zeros((len(reading), 4))
-        if kind in ("edge", "corner"):
-            block[rows, slot[rows]] = 1
-        else:
-            block[rows, 0] = 1
-        if kind == "plane":
-            k = int(np.flatnonzero(part.planes.faces == int(number))[0])
-            local = SE3.apply(SE3.inverse(part.planes.Ts_part_feature[k]), q[reading[rows]])
-            block[rows, 1:3] = local[:, :2] / np.maximum(part.planes.gyration[k], 1e-9)
-        elif kind == "edge":
-            T, long = part.edges.Ts_part_feature[int(number)], part.edges.lengths[int(number)]
-            along = (q[reading[rows]] - T[:3, 3]) @ T[:3, 0] * np.sqrt(12.0) / max(long, 1e-9)
-            block[rows, 2 + slot[rows]] = along
+        block[rows] = (feature or NamedFace(part, 0)).form(q[reading[rows]], slot[rows])
         columns.append(block[:, np.any(block != 0, axis=0)])
     return np.concatenate(columns, axis=1)
 

@@ -59,20 +59,6 @@ def _clustered(part: Part, cells: int) -> tuple[FloatArray, IntArray]:
     return vertices, triangles[(a != b) & (b != c) & (c != a)]
 
 
-def feature_lines(part: Part, feature: str) -> FloatArray:
-    """Lines that show a face, an edge or a vertex by its name, in the part frame ``(L, 2, 3)`` [m]."""
-    kind, number = feature.split()
-    k = int(number)
-    if kind == "edge":
-        return part.edges.ends[[k]]
-    if kind == "vertex":
-        arms = 0.03 * part.diagonal * np.eye(3)
-        return part.corners.points[k] + np.stack([-arms, arms], axis=1)
-    corners = part.triangles[part.triangle_face == k][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    pairs, count = np.unique(np.sort(corners, axis=1), axis=0, return_counts=True)
-    return part.vertices[pairs[count == 1]]
-
-
 def _lines(part: Part) -> FloatArray:
     """Edges of the mesh between two faces of the part, the sharpest first ``(L, 2, 3)``."""
     edges, normals = mesh_edges(part.triangles), Surface(part.vertices, part.triangles).normals

@@ -10,11 +10,10 @@ import numpy as np
 from tanteo.active import Plan, PlannedReading, Probe
 from tanteo.answers import box_corners, percent
 from tanteo.lie import SE3
-from tanteo.parts import Part
+from tanteo.parts import Part, named_feature
 from tanteo.report.answered import Layer, picture, times
 from tanteo.report.charts import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.report.page import Front, Html, Section, element, fact_list, join, make_page, table
-from tanteo.report.part_drawn import feature_lines
 from tanteo.report.scene import overlay_numbers, packed, part_document, pose_numbers, view_document
 from tanteo.report.sections import pose_figures, rerun_section
 from tanteo.report.ways import Way, find_ways
@@ -179,7 +178,8 @@ def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
     seen = np.concatenate([corners, starts])
     centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     size = 2 * float(np.linalg.norm(seen - centre, axis=1).max())
-    lines = np.zeros((0, 2, 3)) if plan.feature is None else SE3.apply(T, feature_lines(part, plan.feature)) - centre
+    feature = None if plan.feature is None else named_feature(part, plan.feature)
+    lines = np.zeros((0, 2, 3)) if feature is None else SE3.apply(T, feature.outline) - centre
     return {
         **view_document(centre, size),
         "seen": packed(seen - centre),

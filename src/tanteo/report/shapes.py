@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.errors import SideError
 from tanteo.features import CIRCLE, Feature, outline, outlines_off
 from tanteo.fitting import fit_labelled, given_round
-from tanteo.sensors import CENTRE, PointMeasurements
+from tanteo.sensors import PointMeasurements, reading_kind
 from tanteo.typing import FloatArray
 
 _SDS, _SEEN = 2.0, 0.04
@@ -64,16 +64,17 @@ def shapes_of(measured: PointMeasurements, size: float, tolerance: float = 0.0) 
 
 def _rims(measured: PointMeasurements) -> list[Feature]:
     """The circles of centres that came with their axis and radius."""
-    known = np.isfinite(measured.normals).all(axis=1) & (measured.circles[:, 0] > 0)
-    rows = np.flatnonzero(known & (np.array(measured.kinds) == CENTRE))
     sds = np.sqrt(np.linalg.eigvalsh(measured.total_covs())[:, -1])
     return [
         given_round(
             CIRCLE, measured.points[k], measured.total_covs()[k], axis=measured.normals[k],
-            axis_sd=float(measured.normal_sds[k]), size=float(measured.circles[k, 0]), size_sd=float(sds[k]),
+            axis_sd=float(measured.normal_sds[k]), size=size, size_sd=float(sds[k]),
             label=measured.features[k] or measured.ids[k],
         )
-        for k in rows
+        for k, size in enumerate(measured.sizes)
+        if size is not None
+        and reading_kind(measured.kinds[k]).centre_of is CIRCLE
+        and np.isfinite(measured.normals[k]).all()
     ]  # fmt: skip
 
 

@@ -1,8 +1,7 @@
-"""A node of ROS 2 that recognises and locates: ranges and touches from topics, poses with covariance to topics.
+"""Provide a ROS 2 node for recognition and localization: it reads ranges and touches and publishes poses.
 
-Messages become readings in :class:`Intake`, readings an answer in a :class:`Knowledge`; only ``network`` and
-``node`` know rclpy. What messages mean, and what answers are as messages, is in :mod:`tanteo.io`, as recordings need
-it too.
+:class:`Intake` converts messages into readings, and a :class:`Knowledge` converts readings into an answer. Only
+``network`` and ``node`` import rclpy. :mod:`tanteo.io` defines the meaning of messages, because recordings need it too.
 """
 
 from collections.abc import Callable

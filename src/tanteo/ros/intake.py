@@ -1,4 +1,4 @@
-"""Messages as they come to readings, once the frames are known at their stamps; what cannot become one is counted."""
+"""Conversion of incoming messages into readings once their frames are known; rejected messages are counted."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from tanteo.errors import ReadingsError
 from tanteo.sensors import Readings
 
 _HISTORY = 30.0
-"""How long moving frames are remembered [s]."""
+"""Time for which moving frames are remembered [s]."""
 _MARGIN = 2.0
-"""How much before the first reading that waits transforms matter [s]."""
+"""Time before the first waiting reading from which transforms are kept [s]."""
 _AHEAD = 1.0
-"""A stamp that is later than now by more is of another clock [s]."""
+"""Difference by which a stamp may be later than now [s]; beyond it, the clocks differ."""
 _SOURCE = "tanteo ros"
 
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """What is waited for, and what is too late.
+    """Waiting times and age limits of messages.
 
     Attributes:
-        settle: until the frames that are there are all that will be, from the first reading on [s].
-        transform: for the transforms at the stamp of a reading [s].
-        age: of a reading when it comes [s]: what is older is not told.
-        every: least time between two readings of a topic that are told [s].
+        settle: time after the first reading until all frames are assumed to be known [s].
+        transform: time to wait for the transforms at the stamp of a reading [s].
+        age: largest age of a reading on arrival [s]; older ones are dropped.
+        every: smallest time between two used readings of a topic [s].
     """
 
     settle: float = 1.0
@@ -40,7 +40,7 @@ class Patience:
 
 
 class Waiting(NamedTuple):
-    """A row of a topic, and when it came [s]."""
+    """Reading that waits for its frame: topic, row and time of arrival [s]."""
 
     topic: str
     row: io.Row
@@ -49,17 +49,17 @@ class Waiting(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class Intake:
-    """Rows that wait for their frames.
+    """Queue of readings that wait for their frames.
 
     Attributes:
-        options: topics, world, latency; the world is guessed once, after :attr:`Patience.settle`.
-        stated: what is known beside the messages.
-        patience: what is waited for.
-        dropped: how many readings were left out, by why.
-        notes: what a person should know, each once.
-        taken: readings that came of it.
-        world: name of the frame that they are in; empty until it is known.
-        latest: the last stamp of them [s]; NaN before.
+        options: topics, world frame and latency. The world frame is chosen once, after :attr:`Patience.settle`.
+        stated: settings that the messages do not contain.
+        patience: waiting times and age limits.
+        dropped: number of dropped readings by reason.
+        notes: messages to the user, each once.
+        taken: number of readings that were returned.
+        world: name of the frame of the readings; empty until it is known.
+        latest: latest stamp of a returned reading [s]; NaN before the first.
     """
 
     options: io.RosOptions
@@ -81,7 +81,15 @@ class Intake:
         self._said_world = self.options.world is not None
 
     def hear(self, topic: str, kind: str) -> None:
-        """A topic from which messages may come."""
+        """Register a topic with its message type.
+
+        Args:
+            topic: name of the topic.
+            kind: type of its messages.
+
+        Raises:
+            ReadingsError: The chosen topics have both ranges and points.
+        """
         self._messages.kinds[topic] = kind
         kinds = {kind for kind in self._messages.kinds.values() if kind in (io.RANGE, io.POINT)}
         if len(kinds) > 1 and self.options.topics:
@@ -94,7 +102,13 @@ class Intake:
             self.say("Ranges and points come: the ranges are taken; others with --topic.")
 
     def take(self, topic: str, now: float, message: Any) -> None:
-        """A message of a topic that was heard of, and when it came [s]."""
+        """Add a message.
+
+        Args:
+            topic: name of a registered topic.
+            now: time of arrival [s].
+            message: message of the topic's type.
+        """
         messages = self._messages
         messages.take(topic, now, message)
         if messages.kinds[topic] not in (io.RANGE, io.POINT):
@@ -137,10 +151,13 @@ class Intake:
             self._waiting.append(one)
 
     def ready(self, now: float) -> Readings | None:
-        """Readings whose place is known by now, each once; None if there are none.
+        """Return new readings whose frames are known, or None without any.
+
+        Args:
+            now: current time [s].
 
         Raises:
-            ReadingsError: what the messages say cannot be a reading: what is missing has to be said beside them.
+            ReadingsError: The messages lack information that must be stated in the options.
         """
         self._forget(now)
         if not self._waiting or now - self._begun < self.patience.settle:
@@ -156,7 +173,7 @@ class Intake:
         return self._readings(told) if told else None
 
     def _placed(self, now: float) -> list[bool]:
-        """Which of the rows that wait can be placed; one frame that nothing places holds up no other."""
+        """Return which waiting rows have a known frame; an unknown frame does not delay the others."""
         recent = self._recent(self._waiting)
         tree = recent.tree()
         known = [False] * len(self._waiting)
@@ -168,11 +185,11 @@ class Intake:
         return known
 
     def _recent(self, rows: list[Waiting]) -> io.RosMessages:
-        """What matters for some rows."""
+        """Return the messages that the rows need."""
         return self._messages.since(min(one.row.stamp for one in rows) - self.options.latency - _MARGIN)
 
     def _forget(self, now: float) -> None:
-        """Drop what is older than any reading can be."""
+        """Drop messages that are too old for any reading."""
         if not now - self._forgotten < _HISTORY / 10:
             self._forgotten = now
             self._messages = self._messages.since(now - _HISTORY - self.options.latency)
@@ -210,10 +227,10 @@ class Intake:
         return replace(readings, ids=tuple(str(k) for k in range(first, first + len(readings))))
 
     def say(self, note: str) -> None:
-        """What a person should know, once."""
+        """Add a message to the user unless it was given before."""
         if note not in self.notes:
             self.notes.append(note)
 
     def left_out(self) -> Iterator[tuple[str, int]]:
-        """Why readings were left out, and how many."""
+        """Yield the reasons for dropped readings with their counts."""
         return ((why, count) for why, count in self.dropped.items() if count)

@@ -1,4 +1,4 @@
-"""What is known of the object from all readings so far, and which reading should be next."""
+"""Belief about the object from all readings so far, and the choice of the next reading."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ _NOTHING_YET = Done(False, "No reading has come yet, and nobody says where the p
 
 
 class Knowledge(Protocol):
-    """What takes readings and has an answer."""
+    """Interface of an estimator that takes readings and has an answer."""
 
     def tell(self, readings: Readings) -> Answer:
-        """Take readings, and say what they make of it."""
+        """Add readings and return the updated answer."""
 
     def ask(self) -> Action | Done:
-        """The next reading to make, or why there is none."""
+        """Return the next reading to make, or the reason why there is none."""
 
     def readings(self) -> Readings | None:
-        """All that was told."""
+        """Return all readings so far, or None."""
 
     def reset(self) -> None:
-        """Forget all: another object lies there, or the same elsewhere."""
+        """Discard all readings, for another object or another pose."""
 
 
 @dataclass(slots=True, eq=False)
 class Prior:
-    """A session: where the part may be is known beforehand.
+    """Estimator with prior poses: a session.
 
     Attributes:
-        make: a new one.
+        make: function that creates a new session.
     """
 
     make: Callable[[], Session]
@@ -47,34 +47,34 @@ class Prior:
         self.reset()
 
     def tell(self, readings: Readings) -> Answer:
-        """Take readings into the session."""
+        """Add readings to the session and return the updated answer."""
         self._session.tell(readings)
         return self._session.answer()
 
     def ask(self) -> Action | Done:
-        """What the session asks."""
+        """Return the next action of the session."""
         return self._session.ask()
 
     def readings(self) -> Readings | None:
-        """All that it was told."""
+        """Return all readings of the session, or None."""
         return self._session.readings
 
     def reset(self) -> None:
-        """A new session."""
+        """Start a new session."""
         self._session = self.make()
 
 
 @dataclass(slots=True, eq=False)
 class Anywhere:
-    """Nothing is known beforehand: all readings are looked at together, each time.
+    """Estimator without prior poses: every answer uses all readings jointly.
 
     Attributes:
-        parts: that it may be.
-        probe: what senses.
-        sensing: how readings are made into measurements.
-        stop: when nothing more is asked.
-        priors: of the unknown object and of outliers.
-        seed: of the search.
+        parts: candidate parts.
+        probe: model of the sensor for planning.
+        sensing: conversion of readings into measurements.
+        stop: stopping rule.
+        priors: priors of the unknown object and of outliers.
+        seed: seed of the search.
     """
 
     parts: Sequence[Part]
@@ -87,7 +87,7 @@ class Anywhere:
     _answer: Answer | None = field(init=False, default=None)
 
     def tell(self, readings: Readings) -> Answer:
-        """Look for the part with all readings."""
+        """Identify the part from all readings, the new ones included."""
         sensing = self.sensing
         joined = readings if self._readings is None else concatenate([self._readings, readings])
         self._answer = identify(
@@ -99,16 +99,16 @@ class Anywhere:
         return self._answer
 
     def ask(self) -> Action | Done:
-        """What would tell most between the hypotheses there are."""
+        """Return the most informative reading to separate the current hypotheses."""
         if self._answer is None or not self._answer.hypotheses:
             return _NOTHING_YET
         start = from_hypotheses(self._answer.hypotheses, self.parts, self.priors)
         return Session(start, self.probe, self.sensing, stop=self.stop, seed=self.seed).ask()
 
     def readings(self) -> Readings | None:
-        """All that was told."""
+        """Return all readings so far, or None."""
         return self._readings
 
     def reset(self) -> None:
-        """Forget all."""
+        """Discard all readings."""
         self._readings = self._answer = None

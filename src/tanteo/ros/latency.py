@@ -1,7 +1,7 @@
-"""How much older readings are than their stamps, from the motion of the sensor and a part that stands still.
+"""Estimate the latency of readings relative to their stamps, from the motion of the sensor and a part at rest.
 
-A sensor that moves by ``v`` and is late by ``t`` says points that are off by ``v t``. Where readings were made in
-motion in several directions, no pose of the part explains that, and ``t`` is estimated together with it.
+With sensor velocity ``v`` and latency ``t``, points are displaced by ``v t``. If the sensor moved in several
+directions, no pose of the part explains that, and ``t`` is estimated jointly with the pose.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from tanteo.shapes import Surface
 from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 STEP = 2e-3
-"""By how much readings are shifted to see how they move [s]."""
+"""Time shift of the readings for the velocity by central differences [s]."""
 _LEAST, _TRIALS = 10, 12
-"""Readings that are needed, and steps of the fit at most."""
+"""Smallest number of readings, and largest number of steps of the fit."""
 _SETTLED = 1e-6
-"""Squared length of a step, in standard deviations, that ends the fit."""
+"""Squared length of a step, in standard deviations, at which the fit has converged."""
 _SDS, _WORTH = 4.0, 5e-4
-"""A latency counts from so many standard deviations on, and from so much on [s]."""
+"""Smallest significant latency, in standard deviations and in absolute terms [s]."""
 _TOLD = 0.1
-"""One that is known less well is not told by the motion [s]."""
+"""Largest standard deviation of a usable estimate [s]."""
 _TURN, _SHIFT = 0.1, 0.02
-"""How far the pose may be from the one of the answer, one standard deviation [rad, m]."""
+"""Prior standard deviation of the pose about the hypothesis [rad, m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Latency:
-    """How much older readings are than was taken.
+    """Estimated difference of the true latency from the assumed one.
 
     Attributes:
-        seconds: the estimate; negative where they are younger.
-        sd: of it [s].
+        seconds: estimate [s], positive if readings are older than assumed.
+        sd: standard deviation of the estimate [s].
     """
 
     seconds: float
@@ -46,14 +46,14 @@ class Latency:
 
     @property
     def contradicts(self) -> bool:
-        """Whether the readings contradict what was taken."""
+        """Return whether the estimate differs significantly from the assumed latency."""
         return abs(self.seconds) > max(_SDS * self.sd, _WORTH)
 
     def words(self, taken: float) -> str:
-        """One sentence for a person, with what to do.
+        """Return a message to the user with the option to set.
 
         Args:
-            taken: latency with which they were read [s].
+            taken: assumed latency of the readings [s].
         """
         total, more = 1e3 * (taken + self.seconds), "older" if self.seconds > 0 else "younger"
         if self.contradicts:
@@ -73,17 +73,17 @@ def estimate_latency(
     hypothesis: Hypothesis,
     part: Part,
 ) -> Latency | None:
-    """The latency that explains the readings best, together with a pose near that of a hypothesis.
+    """Estimate the latency jointly with a correction of a hypothesis pose, by robust Gauss-Newton.
 
     Args:
-        shifted: the same readings as taken, and as if they were younger and older by ``step``.
-        step: that time [s].
-        measured: makes measurements of them.
-        hypothesis: what is there.
-        part: the part of it.
+        shifted: the readings with the assumed latency, and with it changed by ``-step`` and ``step``.
+        step: time shift [s].
+        measured: function that converts readings into measurements.
+        hypothesis: recognized part with its pose.
+        part: part of the hypothesis.
 
     Returns:
-        None where the readings are few, or their motion does not tell it.
+        The estimate, or None if there are too few readings or their motion does not determine it.
     """
     points, before, after = (measured(one) for one in shifted)
     kept = np.array([name not in hypothesis.outliers for name in points.ids], dtype=bool)
@@ -97,7 +97,7 @@ def estimate_latency(
 def _fitted(
     points: Vectors, velocity: Vectors, covs: Covariances, radii: FloatArray, T: Transforms, part: Part
 ) -> Latency | None:
-    """Gauss-Newton over the latency and six motions of the part."""
+    """Fit latency and pose by Gauss-Newton; return None without convergence."""
     surface = Surface(part.vertices, part.triangles)
     prior = np.diag([1e-9, *[_SHIFT**-2] * 3, *[_TURN**-2] * 3])
 
@@ -109,7 +109,7 @@ def _fitted(
         along = normals @ T[:3, :3].T
         sds = np.sqrt(np.einsum("ni,nij,nj->n", along, covs, along))
         r = (np.einsum("ni,ni->n", normals, local - near.points) - radii) / sds
-        weights = 1 / np.maximum(1.0, np.abs(r) / 3)  # of Huber: a reading beside an edge may have another face
+        weights = 1 / np.maximum(1.0, np.abs(r) / 3)  # Huber: near an edge the matched face may be wrong
         J = np.c_[np.einsum("ni,ni->n", normals, moving), -normals, -np.cross(local, normals)] / sds[:, None]
         return J.T @ (weights[:, None] * J) + prior, -J.T @ (weights * r), float(weights @ r**2)
 

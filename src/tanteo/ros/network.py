@@ -1,4 +1,4 @@
-"""The node on the network of ROS: how it appears there, until it leaves."""
+"""Creation and shutdown of the rclpy node."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tanteo.ros.types import NEEDS_ROS
 
 @dataclass(slots=True, eq=False)
 class Settings:
-    """How the node appears.
+    """Settings of the ROS node.
 
     Attributes:
-        name: of the node.
-        simulated: the time is that of ``/clock``.
-        max_measurements: readings that are told; later ones are left out until it is reset.
-        once: end when the answer is decided.
+        name: name of the node.
+        simulated: whether time is taken from ``/clock``.
+        max_measurements: largest number of used readings; later ones are dropped until a reset.
+        once: whether the node ends when a part is recognized.
     """
 
     name: str = "tanteo"
@@ -30,10 +30,14 @@ class Settings:
 
 @contextmanager
 def opened(settings: Settings) -> Iterator[Any]:
-    """A node of rclpy, which leaves the network at the end.
+    """Create an rclpy node and shut it down at the end of the context.
+
+    Args:
+        settings: settings of the node.
 
     Raises:
         MissingExtraError: rclpy or a message package is missing.
+        InputError: rclpy cannot create the node.
     """
     try:
         import rclpy
@@ -45,10 +49,10 @@ def opened(settings: Settings) -> Iterator[Any]:
     try:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         node = rclpy.create_node(settings.name, parameter_overrides=[sim])
-    except RuntimeError as error:  # of rclpy, all of them
+    except RuntimeError as error:  # base class of all errors of rclpy
         rclpy.try_shutdown()
         raise InputError(
-            f"ROS 2: expected a node on its network, got: {str(error).splitlines()[0]}. Look at RMW_IMPLEMENTATION, "
+            f"ROS 2: expected a node on its network, got: {str(error).splitlines()[0]}. Check RMW_IMPLEMENTATION, "
             "ROS_DOMAIN_ID and ROS_LOG_DIR."
         ) from None
     try:

@@ -1,4 +1,4 @@
-"""The node: messages in, answers out. Everything else about them is decided by rooms that know nothing of rclpy."""
+"""ROS node that receives messages and publishes answers; packages without rclpy do the rest."""
 
 from __future__ import annotations
 
@@ -25,23 +25,25 @@ from tanteo.sensors import Readings
 from tanteo.session import Done
 
 _LOOK, _TELL, _SAY = 0.5, 0.05, 1.0
-"""How often topics are looked for, readings told, and diagnostics sent at least [s]."""
+"""Intervals of topic discovery, of processing of readings, and of diagnostics [s]."""
 _DEPTH = 1000
-"""Messages that wait while a callback runs."""
+"""Depth of the subscription queues [messages]."""
 
 
 @dataclass(slots=True, eq=False)
 class RosNode:
-    """Readings of topics to a posterior, and what is known of it to topics.
+    """Subscribe to readings, update the estimate, and publish answers.
 
     Attributes:
-        node: of rclpy.
-        intake: of its messages.
-        knowledge: that is told.
-        parts: that it may be.
-        settings: how it appears.
-        say: called with what a person should know.
-        heard: called with every answer.
+        node: rclpy node.
+        intake: queue that converts messages into readings.
+        knowledge: estimator.
+        parts: candidate parts by name.
+        settings: settings of the node.
+        say: callback for messages to the user.
+        heard: callback for every answer.
+        answer: latest answer; None before the first.
+        ended: event that ends :meth:`run`.
     """
 
     node: Any
@@ -62,10 +64,10 @@ class RosNode:
     _failed: BaseException | None = None
 
     def run(self) -> Answer | None:
-        """Listen and answer until :attr:`ended` is set; the last answer.
+        """Process messages until :attr:`ended` is set, and return the last answer.
 
         Raises:
-            TanteoError: what comes cannot be read without more that has to be said.
+            TanteoError: The messages lack information that must be stated in the options.
         """
         from rclpy.executors import MultiThreadedExecutor
 
@@ -90,7 +92,7 @@ class RosNode:
         return self.answer
 
     def _offer(self) -> None:
-        """Topics and services of the node."""
+        """Create the publishers and services of the node."""
         from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -109,7 +111,7 @@ class RosNode:
         self.node.create_service(Trigger, "~/reset", self._reset, callback_group=group)
 
     def _look(self) -> None:
-        """Subscribe to what matters of the topics that have come."""
+        """Subscribe to new relevant topics."""
         own, topics = f"/{self.settings.name}/", self.node.get_topic_names_and_types()
         there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
         for topic, kind in io.wanted_topics(there, self.intake.options).items():
@@ -126,7 +128,7 @@ class RosNode:
             self._note(f"{topic} cannot be read. {error}")
             return
         static = topic.endswith("tf_static")
-        # best effort meets publishers of both sorts; what is sent once and kept needs a reliable reader
+        # a best-effort reader matches both kinds of publishers; latched messages need a reliable reader
         profile = QoSProfile(
             depth=_DEPTH,
             reliability=ReliabilityPolicy.RELIABLE if static else ReliabilityPolicy.BEST_EFFORT,
@@ -150,7 +152,7 @@ class RosNode:
             self.intake.say(words)
 
     def _work(self) -> None:
-        """Tell what is ready, and send what came of it, until the end."""
+        """Process ready readings and publish results until the node ends."""
         said = -np.inf
         try:
             while not self.ended.wait(_TELL):
@@ -186,13 +188,13 @@ class RosNode:
         return True
 
     def _answer_to(self, readings: Readings) -> Answer | None:
-        """What the readings make of it, without those that cannot be; None if nothing new can."""
+        """Return the answer after the readings, without rejected ones; None if all are rejected."""
         if not len(readings):
             return None
         try:
             return self.knowledge.tell(readings)
         except InputError as error:
-            if len(readings) > 1:  # one of them spoils no other
+            if len(readings) > 1:  # isolate the rejected reading
                 answers = [self._answer_to(readings.take(np.array([k]))) for k in range(len(readings))]
                 return next((answer for answer in reversed(answers) if answer is not None), None)
             self.intake.dropped["refused"] += 1
@@ -229,7 +231,7 @@ class RosNode:
         publisher.publish(filled(kind, fields))
 
     def _next(self, request: Any, response: Any) -> Any:
-        """``~/next``: the next reading, as JSON."""
+        """Answer the service ``~/next`` with the next reading as JSON."""
         with self._telling:
             try:
                 asked = self.knowledge.ask()
@@ -245,7 +247,7 @@ class RosNode:
         return response
 
     def _reset(self, request: Any, response: Any) -> Any:
-        """``~/reset``: forget all readings."""
+        """Answer the service ``~/reset``: discard all readings."""
         with self._telling:
             self.knowledge.reset()
             self.answer = None

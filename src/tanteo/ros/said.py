@@ -1,4 +1,4 @@
-"""What the node says beside poses: the next reading as a document and a pose, its own state as diagnostics."""
+"""Messages of the node other than poses of parts: the next reading, and diagnostics."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ SCHEMA = "tanteo.next/1"
 
 
 def next_document(asked: Action | Done, frame: str) -> dict[str, Any]:
-    """The next reading, ``tanteo.next/1`` (``docs/ros.md``), SI units, in a frame.
+    """Return the next reading as a document ``tanteo.next/1`` (``docs/ros.md``) in SI units.
+
+    Args:
+        asked: next action, or the reason why there is none.
+        frame: name of the frame of the coordinates.
 
     Example:
         >>> next_document(Done(True, "Enough."), "base")["status"]
@@ -33,7 +37,13 @@ def next_document(asked: Action | Done, frame: str) -> dict[str, Any]:
 
 
 def next_pose(asked: Action | Done, stamp: int, frame: str) -> dict[str, Any]:
-    """``geometry_msgs/PoseStamped`` of it: x along the beam, as of ``sensor_msgs/Range``."""
+    """Return the next reading as ``geometry_msgs/PoseStamped``, x along the beam as in ``sensor_msgs/Range``.
+
+    Args:
+        asked: next action.
+        stamp: time stamp [ns].
+        frame: name of the frame of the coordinates.
+    """
     assert isinstance(asked, Action)
     T = SE3.from_parts(SO3.frame_from_axis(asked.direction, 0), asked.origin)
     return {"header": io.ros_header(stamp, frame), "pose": io.pose(T)}
@@ -42,14 +52,14 @@ def next_pose(asked: Action | Done, stamp: int, frame: str) -> dict[str, Any]:
 def state_message(
     answer: Answer | None, taken: int, left_out: Mapping[str, int], delays: Sequence[float], stamp: int
 ) -> dict[str, Any]:
-    """``diagnostic_msgs/DiagnosticArray`` of the node.
+    """Return the state of the node as ``diagnostic_msgs/DiagnosticArray``.
 
     Args:
-        answer: so far.
-        taken: readings that were told.
-        left_out: readings that were not, by why.
-        delays: from the stamp of a reading to its answer, of the last ones [s].
-        stamp: moment [ns].
+        answer: latest answer; None before the first.
+        taken: number of used readings.
+        left_out: number of dropped readings by reason.
+        delays: recent delays from the stamp of a reading to its answer [s].
+        stamp: time stamp [ns].
     """
     values: dict[str, object] = {"readings": taken}
     values |= {f"left out, {why}": count for why, count in left_out.items()}

@@ -1,4 +1,4 @@
-"""Messages of plain dictionaries as those of rclpy; what is missing has its default."""
+"""Conversion of plain dictionaries into rclpy messages; missing fields keep their defaults."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ NEEDS_ROS = (
     "tanteo ros: expected ROS 2 for Python (rclpy), got none. Source your ROS 2 (/opt/ros/DISTRO/setup.bash) and start "
     "tanteo with its Python, or install wheels of it: pip install 'tanteo[ros]'."
 )
-"""What is said where rclpy is missing."""
+"""Message to the user if rclpy is missing."""
 
 
 def type_named(kind: str) -> Any:
-    """The class of a type, as ``sensor_msgs/msg/Range``.
+    """Return the class of a message type.
+
+    Args:
+        kind: name of the type, such as ``sensor_msgs/msg/Range``.
 
     Raises:
-        MissingExtraError: its package is not installed.
+        MissingExtraError: The package of the type is not installed.
     """
     package, _, name = kind.partition("/msg/")
     try:
@@ -30,11 +33,11 @@ def type_named(kind: str) -> Any:
 
 
 def filled(kind: str, fields: Mapping[str, Any]) -> Any:
-    """A message of a type.
+    """Return a message with the given fields.
 
     Args:
-        kind: its type, as ``geometry_msgs/msg/Pose``.
-        fields: by name; messages in it are dictionaries, too.
+        kind: name of the type, such as ``geometry_msgs/msg/Pose``.
+        fields: values by field name; nested messages are dictionaries.
     """
     message = type_named(kind)()
     types = message.get_fields_and_field_types()

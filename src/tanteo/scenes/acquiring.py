@@ -1,4 +1,4 @@
-"""One feature of a scene, acquired by the simulated hand."""
+"""Acquisition of a feature of a scene by the simulated hand."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def change_scene(
     forbidden: Sequence[ForbiddenBox] = (),
     scaled: bool = False,
 ) -> SceneFile:
-    """The scene with something else than its file says.
+    """Return a copy of a scene with changed settings.
 
     Args:
-        scene: The scene.
-        seed: Of all errors.
-        standoff: Of the hand's front [m].
-        forbidden: Boxes to stay out of as well.
-        scaled: Whether the clearance changes with the stand-off.
+        scene: scene to change.
+        seed: seed of all errors; unchanged if None.
+        standoff: stand-off of the hand's front [m]; unchanged if None.
+        forbidden: additional forbidden boxes.
+        scaled: whether the clearance is scaled with the stand-off.
     """
     w = scene.workspace
     far = scene.standoff if standoff is None else standoff
@@ -46,14 +46,14 @@ def change_scene(
 
 
 def expected_feature(kind: str, scene: SceneFile, part: Part, best: Hypothesis, face: str | None = None) -> Predicted:
-    """The feature of a part that an image has placed to which the hand goes.
+    """Return the feature that the hand acquires, on a part whose pose an image has given.
 
     Args:
         kind: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
-        scene: Says where the hand is.
-        part: The part.
-        best: What the image says of its pose.
-        face: Name of the face to go to, or from which to sense an edge or a corner; the best if not given.
+        scene: scene with the pose of the hand.
+        part: part in the image.
+        best: hypothesis of the image with the pose of the part.
+        face: name of the face, or of the face of an edge or corner; the best one if None.
 
     Raises:
         InputError: The part has no such feature that faces the hand.
@@ -71,14 +71,14 @@ def expected_feature(kind: str, scene: SceneFile, part: Part, best: Hypothesis, 
 
 
 def acquire(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
-    """Acquire a feature from the scene's guess of it.
+    """Acquire a feature, starting from the scene's guess of it.
 
     Args:
         kind: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
-        scene: The scene; its seed is that of all errors.
+        scene: scene; its seed determines all errors.
 
     Returns:
-        What came of it, and the hand that did it.
+        The result of the acquisition, and the simulated hand with its true poses.
 
     Raises:
         InputError: The scene has no guess of such a feature.
@@ -94,5 +94,10 @@ def acquire(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
 
 
 def least_clearance(scene: SceneFile, robot: SimulatedHand) -> float:
-    """The least distance that the whole hand truly had from everything in the scene [m]."""
+    """Return the smallest true distance of the whole hand from the solids of the scene during a run [m].
+
+    Args:
+        scene: scene with its solids.
+        robot: simulated hand after the run.
+    """
     return float(clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min())

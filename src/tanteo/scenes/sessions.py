@@ -1,4 +1,4 @@
-"""A session in a scene: where it starts, and the simulated hand that carries it out."""
+"""Session in a scene: initial poses of the parts, and the simulated hand that carries the session out."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 
 def prior_start(scene: SceneFile, targets: Sequence[PreparedPart], known: PosePrior | None = None) -> Start | None:
-    """Where each part may be before anything is sensed; None where nobody says.
+    """Return the prior poses of all parts before anything is sensed, or None if neither source states them.
 
     Args:
-        scene: Says where the middle of a part is, unless ``known`` says more.
-        targets: Any of them may be there.
-        known: A prior pose of their frames.
+        scene: scene, whose prior of the part's centre is used if ``known`` has no pose.
+        targets: candidate parts.
+        known: prior pose of the part frame.
     """
     if known is not None and known.T_world_part is not None and known.covariance is not None:
         n = len(targets)
@@ -48,18 +48,18 @@ def start_of(
     outlier_rate: float | None = None,
     unknown: float | None = None,
 ) -> tuple[Start | None, Sighting | None]:
-    """What an image leaves open, or the prior poses; the latter also where the image is wrong.
+    """Return the start of a session from an image or from prior poses; with both, the prior covers a wrong image.
 
     Args:
-        scene: Says where the middle of a part is, unless ``known`` says more.
-        parts: Any of them may be there.
-        known: A prior pose of their frames.
-        view: What the camera sees.
-        outlier_rate: Expected outlier fraction; the usual one if not given.
-        unknown: Prior probability of an unknown object, likewise.
+        scene: scene, whose prior of the part's centre is used if ``known`` has no pose.
+        parts: candidate parts.
+        known: prior pose of the part frame.
+        view: camera image of the scene.
+        outlier_rate: expected outlier fraction; the default of the priors if None.
+        unknown: prior probability of an unknown object; the default of the priors if None.
 
     Returns:
-        Where a session starts, None where nobody says; and the object in the image.
+        The start, or None without image and prior; and the object in the image, or None.
     """
     targets = prepare_all("parts", parts)
     start = prior_start(scene, targets, known)
@@ -76,13 +76,15 @@ def start_of(
 def session_of(
     scene: SceneFile, start: Start, stop: Stop, policy: str = "information"
 ) -> tuple[Session, SimulatedHand, Rules]:
-    """The session, which knows nothing of the truth, the hand that is in it, and what its motions keep to.
+    """Create a session, the simulated hand that carries it out, and the limits of its motions.
+
+    The session has no access to the true scene.
 
     Args:
-        scene: The scene; its seed is that of the session and of all errors.
-        start: Where the parts may be.
-        stop: When to end.
-        policy: Name of the policy.
+        scene: scene; its seed determines the session and all errors.
+        start: initial poses of the parts.
+        stop: stopping rule.
+        policy: name of the policy that chooses actions.
     """
     occluders = [ForbiddenBox(f"occluder {b.name}", b.low, b.high, b.T_world_box) for b in scene.occluders]
     w = scene.workspace
@@ -98,5 +100,5 @@ def session_of(
 
 
 def furniture_of(scene: SceneFile) -> Furniture | None:
-    """What is known to stand in the scene, for readings that meet it; None without any."""
+    """Return the known furniture of the scene for the evaluation of readings, or None without any."""
     return Furniture(Scene.of(scene.furniture).surface) if scene.furniture else None

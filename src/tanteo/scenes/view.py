@@ -1,4 +1,4 @@
-"""What a camera sees of a scene: its image, read or rendered, and where the camera stands."""
+"""Camera image of a scene, read or rendered, with the pose of the camera."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision import Camera, CameraPose, Sighting, Stage, Thing, fit_camera, render, see_table, silhouette
 
 RENDER = "render"
-"""In place of a file: the image that the simulator makes of the scene itself."""
+"""Image argument for a rendering of the scene by the simulator, instead of a file."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneView:
-    """What the camera sees of the scene.
+    """Camera image of a scene.
 
     Attributes:
-        image: Grey levels.
-        camera: Where it stands included.
-        T_world_table: Of the table's top ``(4, 4)``.
-        ignore: Pixels of known furniture; None without any.
+        image: grey levels ``(H, W)``.
+        camera: camera with its pose.
+        T_world_table: pose of the top of the table ``(4, 4)``.
+        ignore: mask of the pixels of known furniture ``(H, W)``; None without any.
     """
 
     image: FloatArray
@@ -38,11 +38,14 @@ class SceneView:
     ignore: BoolArray | None
 
     def look(self, parts: Sequence[Part], prior: Start | None = None) -> Sighting | None:
-        """The object that is meant: the one nearest to the prior pose, else the largest; None without any.
+        """Recognize objects and return the one nearest to the prior pose, or the largest one without a prior.
 
         Args:
-            parts: That it may be.
-            prior: Where they may be without the image.
+            parts: candidate parts.
+            prior: prior poses of the parts.
+
+        Returns:
+            The object, or None if there is none.
         """
         sight = see_table(
             self.image, self.camera, parts, T_world_table=self.T_world_table, top=HYPOTHESES, ignore=self.ignore
@@ -51,18 +54,17 @@ class SceneView:
 
 
 def view_of(scene: SceneFile, image: str, camera: str | None = None, marks: str | None = None) -> SceneView:
-    """What a camera sees of the table of a scene.
+    """Return the camera image of the table of a scene.
 
     Args:
-        scene: The scene.
-        image: File, or :data:`RENDER`.
-        camera: Calibration file; that of the scene if not given.
-        marks: File of known points of the table; that of the scene if not given, or where the calibration says where
-            the camera stands.
+        scene: scene with a table.
+        image: image file, or :data:`RENDER`.
+        camera: calibration file; that of the scene if None.
+        marks: file of known points on the table, for the pose of the camera; that of the scene if None.
 
     Raises:
-        InputError: No table or no camera, or a file that cannot be read.
-        MissingExtraError: Without OpenCV.
+        InputError: The scene has no table or camera, or a file cannot be read.
+        MissingExtraError: OpenCV is missing.
     """
     tables = [s for s in scene.furniture if s.name == "table"]
     if not tables:
@@ -74,7 +76,11 @@ def view_of(scene: SceneFile, image: str, camera: str | None = None, marks: str 
 
 
 def place_camera(camera: Camera, marks: str) -> tuple[Camera, CameraPose]:
-    """A camera with its place from a file of known points of the table, and how well they fit.
+    """Return a camera with its pose, fitted to known points on the table, and the fit.
+
+    Args:
+        camera: calibrated camera.
+        marks: file of pixels and positions of the points.
 
     Raises:
         InputError: The file cannot be read, or has too few points.
@@ -102,7 +108,7 @@ def _camera_of(scene: SceneFile, file: str | None, marks: str | None) -> Camera:
 
 
 def _rendered(scene: SceneFile, camera: Camera, T_world_table: Transforms) -> FloatArray:
-    """What the camera would see of the true scene."""
+    """Render the true scene from the camera."""
     assert camera.T_world_camera is not None
     to_table = SE3.inverse(T_world_table)
     things = [
@@ -115,7 +121,7 @@ def _rendered(scene: SceneFile, camera: Camera, T_world_table: Transforms) -> Fl
 
 
 def _furniture(scene: SceneFile, camera: Camera) -> BoolArray | None:
-    """Pixels that show what is known to stand on the table."""
+    """Return the mask of the pixels that show known furniture on the table, or None without any."""
     standing = [s for s in scene.furniture if s.name != "table"]
     if not standing:
         return None

@@ -6,16 +6,7 @@ ranges with errors drawn from the very model that ``measure`` assumes.
 This room has never heard of shapes: it knows rays, ranges and covariances.
 """
 
-from tanteo.sensors.checks import (
-    APEX,
-    BALL,
-    CENTRE,
-    CENTRE_OF,
-    CENTRES,
-    WALLS,
-    check_features,
-    reading_kinds,
-)
+from tanteo.sensors.checks import check_features
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
     Status,
@@ -51,21 +42,18 @@ from tanteo.sensors.presets import (
     sensor_preset,
     sensor_presets,
 )
+from tanteo.sensors.reading_kinds import SIZES, ReadingKind, centre_notes, reading_kind, reading_kinds
 from tanteo.sensors.readings import Readings, check_readings_kind, concatenate, thinned
 from tanteo.sensors.rig import Rig, RigSensor
 
 __all__ = [
-    "APEX",
-    "BALL",
-    "CENTRE",
-    "CENTRES",
-    "CENTRE_OF",
-    "WALLS",
+    "SIZES",
     "Device",
     "ErrorModel",
     "FreeBeams",
     "NoiseLaw",
     "PointMeasurements",
+    "ReadingKind",
     "Readings",
     "Rig",
     "RigSensor",
@@ -74,6 +62,7 @@ __all__ = [
     "Status",
     "UnitErrors",
     "blend",
+    "centre_notes",
     "check_features",
     "check_readings_kind",
     "concatenate",
@@ -93,6 +82,7 @@ __all__ = [
     "measure",
     "misspelt",
     "range_variance",
+    "reading_kind",
     "reading_kinds",
     "reported_poses",
     "robot_preset",

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.features import KINDS
 from tanteo.limits import LARGEST, LARGEST_TILT_SD, LEAST_SD, LEAST_TILT_SD
+from tanteo.sensors.reading_kinds import SIZES, reading_kind, reading_kinds
 from tanteo.typing import BoolArray
 
 if TYPE_CHECKING:
@@ -18,31 +18,16 @@ if TYPE_CHECKING:
 
 _ARRAYS = (
     "points", "directions", "normals", "normal_sds", "sds", "across_sds", "radii", "Ts_world_hand", "ranges",
-    "max_ranges", "hole_radii",
+    "max_ranges", "hole_radii", "half_angles",
 )  # fmt: skip
-WALLS, CENTRE, BALL, APEX = ("circle", "cylinder"), "centre", "sphere_centre", "apex"
-"""Kinds of contacts on the wall of a hole or boss; of the centre of a circle, of a sphere, and the apex of a cone."""
-
-CENTRES = {CENTRE: 2, BALL: 3, APEX: 3}
-"""Kinds of readings that are in the middle of a round feature, not on it, and in how many directions these are held."""
-
-CENTRE_OF = {"circle": CENTRE, "cylinder": CENTRE, "sphere": BALL, "cone": APEX}
-"""What is in the middle of each round kind of feature."""
-
-_LEAST_ON_WALL = 3
-"""Contacts of one wall: of fewer nobody knows whether they are contacts."""
-
 _SIDES = "", "hole", "boss"
 
-_POSITIVE = {"normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m", "hole_radii": "m"}
+_POSITIVE = {
+    "normal_sds": "rad", "sds": "m", "across_sds": "m", "ranges": "m", "max_ranges": "m", "hole_radii": "m",
+    "half_angles": "rad",
+}  # fmt: skip
 
 _LENGTHS = "points", "ranges", "max_ranges", "radii", "hole_radii", "sds", "across_sds"
-
-
-def reading_kinds() -> tuple[str, ...]:
-    """What a reading can be taken on: a kind of feature, any ``point``; ``free`` is a beam without echo."""
-    labelled = (kind.name for kind in KINDS.values() if kind.min_readings)
-    return tuple(dict.fromkeys((*labelled, *WALLS, *CENTRES, "point", "free")))
 
 
 def check_readings(readings: Readings) -> None:
@@ -69,7 +54,7 @@ def check_features(readings: Readings) -> None:
     """
     counts = Counter(zip(readings.features, readings.kinds, strict=True))
     for (label, kind), count in counts.items():
-        least = _LEAST_ON_WALL if kind in WALLS else KINDS[kind].min_readings if kind in KINDS else 0
+        least = reading_kind(kind).least
         if label and count < least:
             members = [i for i, f in zip(readings.ids, readings.features, strict=True) if f == label]
             raise ReadingsError(
@@ -87,10 +72,8 @@ def _check_ids(ids: tuple[str, ...]) -> None:
 
 
 def _check_kinds(readings: Readings) -> None:
-    known = reading_kinds()
-    unknown = set(readings.kinds) - set(known)
-    if unknown:
-        raise ReadingsError(f"kind: expected one of {', '.join(known)}, got '{min(unknown)}'. Correct the kind.")
+    for kind in sorted(set(readings.kinds)):
+        reading_kind(kind)
     if any((kind == "free") != free for kind, free in zip(readings.kinds, readings.is_free.tolist(), strict=True)):
         raise ReadingsError("is_free: expected it true exactly where kind is 'free', got a mixture. Use from_columns.")
 
@@ -161,7 +144,7 @@ def _check_labels(readings: Readings) -> None:
                 f"kind of reading '{name}': expected '{kinds[label]}' as for the other readings of feature "
                 f"'{label}', got '{kind}'. Give one label one kind."
             )
-        if not label and kind in KINDS:
+        if not label and reading_kind(kind).is_labelled:
             raise ReadingsError(
                 f"feature of reading '{name}': expected a label for kind '{kind}', got none. Label the readings "
                 "that were taken on one feature, or leave kind empty."
@@ -172,22 +155,30 @@ def _check_centres(readings: Readings) -> None:
     """Only centres of round features have the size and the side of a hole or boss, and they have no ball."""
     if strange := set(readings.material_sides) - set(_SIDES):
         raise ReadingsError(f"material_sides: expected hole, boss or nothing, got '{min(strange)}'. Correct it.")
-    centre = np.array([kind in CENTRES for kind in readings.kinds], dtype=bool)
-    said = ~np.isnan(readings.hole_radii) | np.array([bool(side) for side in readings.material_sides], dtype=bool)
-    if who := _first_bad(readings, said & ~centre):
+    kinds = [reading_kind(kind) for kind in readings.kinds]
+    centre = np.array([kind.is_centre for kind in kinds], dtype=bool)
+    stated = np.array([bool(side) for side in readings.material_sides], dtype=bool)
+    sized = {column: ~np.isnan(getattr(readings, column)) for column in SIZES.values()}
+    if who := _first_bad(readings, np.any([stated, *sized.values()], axis=0) & ~centre):
+        centres = [name for name in reading_kinds() if reading_kind(name).is_centre]
         raise ReadingsError(
-            f"kind of reading {who}: expected one of {', '.join(CENTRES)} of a row with the radius or side of a hole "
+            f"kind of reading {who}: expected one of {', '.join(centres)} of a row with the radius or side of a hole "
             "or boss, got another. Correct the kind, or leave radius and side of the hole empty."
         )
+    for column, given in sized.items():
+        if who := _first_bad(readings, given & np.array([kind.size != column for kind in kinds], dtype=bool)):
+            raise ReadingsError(
+                f"{column} of reading {who}: expected the half angle of an apex, or the radius of another centre, got "
+                "the other. Give the size that the feature has."
+            )
     if who := _first_bad(readings, centre & (readings.radii > 0)):
         raise ReadingsError(
             f"radii of reading {who}: expected none of the centre of a circle, which is no centre of a tip's ball, got "
             "one. The radius of a hole or boss is hole_radii (hole_radius_mm in a file)."
         )
-    apex = np.array([kind == APEX for kind in readings.kinds], dtype=bool)
-    if who := _first_bad(readings, apex & (readings.hole_radii >= np.pi / 2)):
+    if who := _first_bad(readings, readings.half_angles >= np.pi / 2):
         raise ReadingsError(
-            f"hole_radii of reading {who}: expected the half angle of a cone below pi/2 rad, got more. Is it in "
+            f"half_angles of reading {who}: expected the half angle of a cone below pi/2 rad, got more. Is it in "
             "degrees?"
         )
 

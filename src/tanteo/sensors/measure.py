@@ -30,6 +30,8 @@ _ACROSS_FLOOR = 1e-2
 """Least spread across a beam, as a share of the spread along it: keeps covariances invertible."""
 
 
+_SIDES = {"hole": 1, "boss": -1, "": 0}
+
 UNSTATED_SD = 1e-4
 """Of touches of which nobody said how well they repeat [m]: between a touch probe and a hand-held tip."""
 
@@ -89,6 +91,7 @@ def measure(
     if bias_sd is not None:
         covs = covs + _unaimed(aims, bias_sd)
         shared.append(offset(aims, hit, bias_sd))
+    sizes = np.fmax(readings.hole_radii, readings.half_angles)
     return PointMeasurements(
         ids=tuple(np.array(readings.ids, dtype=object)[hit]),
         points=points[hit],
@@ -104,7 +107,8 @@ def measure(
         rows=np.flatnonzero(hit),
         free=_free_beams(readings, placed, devices, numbers, shared),
         taken_off=(readings.radii - radii)[hit],
-        circles=_circles(readings)[hit],
+        sizes=tuple(None if np.isnan(size) else size for size in sizes[hit].tolist()),
+        material_sides=tuple(_SIDES[readings.material_sides[k]] for k in np.flatnonzero(hit)),
     )
 
 
@@ -121,13 +125,6 @@ def _check_sds(sd: float | None, bias_sd: float | None) -> None:
 def _unaimed(aims: Vectors, sds: FloatArray | float) -> Covariances:
     """A bias whose direction is unknown cannot be shared: it widens the independent part ``(n, 3, 3)``."""
     return np.asarray(np.where(np.isnan(aims[:, 0]), np.square(sds), 0.0)[:, None, None] * np.eye(3))
-
-
-def _circles(readings: Readings) -> FloatArray:
-    """Radius and side of the hole or boss of each centre ``(n, 2)``; 0 where nobody said."""
-    side = {"hole": 1.0, "boss": -1.0}
-    sides = np.array([side.get(name, 0.0) for name in readings.material_sides])
-    return np.column_stack([np.nan_to_num(readings.hole_radii), sides])
 
 
 def unstated_sd(

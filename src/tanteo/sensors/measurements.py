@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -72,8 +72,8 @@ class PointMeasurements:
         rows: Row of each point in the readings, ``(n,)``.
         free: The beams that met nothing.
         taken_off: Radius of the tip that was taken off along the sensed normal [m], ``(n,)``; 0 where it was not.
-        circles: Of centres of circles: radius [m] or 0, and 1 for a hole, -1 for a boss, 0 where unknown, ``(n, 2)``;
-            zero elsewhere, or if not given.
+        sizes: Radius [m] or half angle [rad] of the round feature of which each is the centre; None if not reported.
+        material_sides: 1 for the centre of a hole, -1 of a boss, 0 where unknown or no centre.
     """
 
     ids: tuple[str, ...]
@@ -90,12 +90,11 @@ class PointMeasurements:
     rows: IntArray
     free: FreeBeams
     taken_off: FloatArray
-    circles: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    sizes: tuple[float | None, ...]
+    material_sides: tuple[int, ...]
 
     def __post_init__(self) -> None:
         n = len(self.ids)
-        circles = self.circles if len(self.circles) == n else np.zeros((n, 2))
-        object.__setattr__(self, "circles", frozen_array(circles))
         for name in ("points", "radii", "directions", "normals", "normal_sds", "taken_off"):
             array = frozen_array(getattr(self, name))
             if array.shape[0] != n:

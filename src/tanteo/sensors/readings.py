@@ -15,7 +15,7 @@ from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _COLUMNS = {
     "points": (3,), "directions": (3,), "normals": (3,), "normal_sds": (), "sds": (), "across_sds": (), "radii": (),
-    "Ts_world_hand": (4, 4), "ranges": (), "max_ranges": (), "hole_radii": (),
+    "Ts_world_hand": (4, 4), "ranges": (), "max_ranges": (), "hole_radii": (), "half_angles": (),
 }  # fmt: skip
 _NAMES = ("ids", "features", "kinds", "sensors", "material_sides")
 
@@ -47,8 +47,8 @@ class Readings:
         sensors: Name of the sensor of the rig that gave the range.
         is_free: The beam met nothing (status ``none``).
         max_ranges: How far a free-space ray was free [m].
-        hole_radii: Radius of the hole, boss or sphere of which the row gives the centre [m]; half angle of a cone of
-            which it gives the apex [rad].
+        hole_radii: Radius of the hole, boss or sphere of which the row gives the centre [m].
+        half_angles: Half angle of the cone of which the row gives the apex [rad].
         material_sides: ``hole``, ``boss`` or ``''`` of the same.
         source: Where the readings come from (a file name), for messages.
         notes: What was left out or taken as something when they were read, a sentence each.
@@ -75,6 +75,7 @@ class Readings:
     is_free: BoolArray
     max_ranges: FloatArray
     hole_radii: FloatArray
+    half_angles: FloatArray
     material_sides: tuple[str, ...]
     source: str = field(default="readings")
     notes: tuple[str, ...] = ()
@@ -113,6 +114,7 @@ class Readings:
         is_free: BoolArray | None = None,
         max_ranges: FloatArray | None = None,
         hole_radii: FloatArray | None = None,
+        half_angles: FloatArray | None = None,
         material_sides: Sequence[str] | None = None,
         source: str = "readings",
         notes: Sequence[str] = (),
@@ -137,7 +139,7 @@ class Readings:
             "normals": units_of("normals", normals), "normal_sds": normal_sds, "sds": sds,
             "across_sds": across_sds,
             "radii": np.zeros(n) if radii is None else radii, "Ts_world_hand": Ts_world_hand,
-            "ranges": ranges, "max_ranges": max_ranges, "hole_radii": hole_radii,
+            "ranges": ranges, "max_ranges": max_ranges, "hole_radii": hole_radii, "half_angles": half_angles,
         }  # fmt: skip
         arrays = {k: np.broadcast_to(np.nan, (n, *_COLUMNS[k])) if v is None else v for k, v in columns.items()}
         return cls(

@@ -70,8 +70,7 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
         return Answer.of("unknown", (NoPartLeft(),), (), state.unknown, seed=seed, significance=significance)
     found = [goodness_of_fit(mode) for mode in state.modes[:top]]
     hypotheses = tuple(
-        as_hypothesis(touches, one, PosePrior(start.Ts[row], start.covariances[row]))
-        for one, row in zip(found, state.rows, strict=False)
+        as_hypothesis(touches, one, start.stated(row)) for one, row in zip(found, state.rows, strict=False)
     )
     shares = [(mode.prepared.part.name, mode.probability) for mode in state.modes]
     enough = bool(stop.reached(state))
@@ -106,11 +105,16 @@ def contradiction(state: SensingState, stop: Stop, significance: float, *, reach
 
 
 def p_of_start(state: SensingState) -> float:
-    """P-value of the prior pose beside the readings, of several that of the nearest; 1 where no pose is likely."""
+    """P-value of the prior pose beside the readings, of several that of the nearest.
+
+    It is 1 where no pose is likely, or only factors suggest it.
+    """
     start = state.start
     if not state.modes or state.modes[0].probability < _HALF:
         return 1.0
-    best, own = state.modes[0], np.flatnonzero(start.part == state.part[0])
+    if start.stated(int(state.rows[0])) is None:
+        return 1.0
+    best, own = state.modes[0], start.suggested + np.flatnonzero(start.part[start.suggested :] == state.part[0])
     there = np.repeat(state.poses[:1], len(own), axis=0)
     row = own[np.argmin(np.sum(prior_residuals(start.prior(own), best.prepared.part, there) ** 2, axis=1))]
     pose = PosePrior(start.Ts[row], start.covariances[row])

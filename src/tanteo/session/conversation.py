@@ -106,7 +106,8 @@ class Session:
     @property
     def prior(self) -> PosePrior:
         """The prior pose of the start that the best hypothesis comes from; the likeliest before the first reading."""
-        row = int(self._state.rows[0]) if self._state.modes else int(np.argmax(self.start.weights))
+        row = int(self._state.rows[0]) if self._state.modes else -1
+        row = row if row >= 0 else int(np.argmax(self.start.weights))
         return PosePrior(self.start.Ts[row], self.start.covariances[row])
 
     @property

@@ -1,7 +1,7 @@
-"""The truth: a scene of solids, and a hand that moves and senses in it with seeded errors.
+"""Simulate the true cell: a scene of solids and a robot hand that moves and senses in it with seeded errors.
 
-Nothing here knows an estimator, a matcher or a policy; what leaves this room is what a real robot would say
-(:class:`~tanteo.hand.HandReading`), and :func:`clearances` for a judge.
+The package contains no estimation, matching or planning. It outputs what a real robot would report
+(:class:`~tanteo.hand.HandReading`); :func:`clearances` gives the true clearance to evaluations and tests.
 """
 
 from tanteo.simulator.scene import Scene, Solid, box, clearances

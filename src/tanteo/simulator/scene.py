@@ -1,4 +1,4 @@
-"""What stands in the cell: solids as triangle meshes in the world, and how near a hand is to them."""
+"""Solids of the cell as triangle meshes in the world frame, and the distance of a hand from them."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from tanteo.typing import FloatArray, IntArray, Transforms
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solid:
-    """One closed mesh in the world.
+    """Closed triangle mesh in the world frame.
 
     Attributes:
-        name: Its own.
-        vertices: ``(V, 3)`` in the world [m].
-        triangles: ``(T, 3)``, corners counter-clockwise seen from outside.
+        name: unique name of the solid in its scene.
+        vertices: corner points ``(V, 3)``, world frame [m].
+        triangles: vertex indices ``(T, 3)``, counter-clockwise seen from outside.
     """
 
     name: str
@@ -32,15 +32,28 @@ class Solid:
 
     @classmethod
     def at(cls, name: str, vertices: npt.ArrayLike, triangles: IntArray, T_world_solid: Transforms) -> Solid:
-        """A mesh in its own frame, put at a pose."""
+        """Create a solid from a mesh in its own frame and its pose in the world.
+
+        Args:
+            name: unique name of the solid in its scene.
+            vertices: corner points ``(V, 3)`` in the frame of the solid [m].
+            triangles: vertex indices ``(T, 3)``, counter-clockwise seen from outside.
+            T_world_solid: pose of the solid ``(4, 4)``.
+        """
         return cls(name, frozen_array(SE3.apply(T_world_solid, np.asarray(vertices, dtype=np.float64))), triangles)
 
 
 def box(name: str, low: npt.ArrayLike, high: npt.ArrayLike, T_world_box: Transforms | None = None) -> Solid:
-    """A box between two corners of its own frame [m]: a table, a clamp, anything in the way.
+    """Return a box as a solid, for example a table, a clamp or another obstacle.
+
+    Args:
+        name: unique name of the solid in its scene.
+        low: smallest corner ``(3,)`` in the frame of the box [m].
+        high: largest corner ``(3,)`` in the frame of the box [m].
+        T_world_box: pose of the box ``(4, 4)``; the world frame by default.
 
     Raises:
-        InputError: The corners are not in order.
+        InputError: A coordinate of ``low`` is not below that of ``high``.
     """
     a, b = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     if a.shape != (3,) or b.shape != (3,) or not (a < b).all():
@@ -53,15 +66,15 @@ def box(name: str, low: npt.ArrayLike, high: npt.ArrayLike, T_world_box: Transfo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Solids and one surface of them all, in the world.
+    """Solids of the cell and their joint surface, in the world frame.
 
     Attributes:
-        solids: What stands there; names are unique.
-        surface: All their triangles.
-        owner: Number of the solid of every triangle.
+        solids: solids with unique names.
+        surface: triangles of all solids, for ray casts and distances.
+        owner: index of the solid of every triangle ``(T,)``.
 
     Raises:
-        InputError: No solid, or two of one name.
+        InputError: There is no solid, or two have the same name.
     """
 
     solids: tuple[Solid, ...]
@@ -71,7 +84,7 @@ class Scene:
     def __post_init__(self) -> None:
         names = [s.name for s in self.solids]
         if not names or len(set(names)) < len(names):
-            raise InputError(f"scene: expected solids with names of their own, got {names}. Name each once.")
+            raise InputError(f"scene: expected solids with unique names, got {names}. Rename the duplicates.")
         starts = np.cumsum([0, *(len(s.vertices) for s in self.solids)])
         triangles = np.concatenate([s.triangles + k for s, k in zip(self.solids, starts, strict=False)])
         surface = Surface(np.concatenate([s.vertices for s in self.solids]), triangles)
@@ -82,23 +95,23 @@ class Scene:
 
     @classmethod
     def of(cls, solids: Sequence[Solid]) -> Scene:
-        """A scene of these solids."""
+        """Create a scene from a sequence of solids."""
         return cls(tuple(solids))
 
 
 def clearances(scene: Scene, body: Body, Ts_world_hand: Transforms) -> FloatArray:
-    """Least distance of the hand's body from every solid of the scene, zero or less at contact.
+    """Return the smallest distance of the hand's body from the solids, zero or negative at contact.
 
-    A sphere whose centre is in the material has a clearance below minus its radius; a path that is sampled finer
-    than the smallest radius cannot get there without a contact before.
+    A sphere whose centre is inside a solid has a clearance below minus its radius. A path that is sampled more finely
+    than the smallest radius therefore shows a contact before any sphere is fully inside.
 
     Args:
-        scene: What stands there.
-        body: The hand's spheres.
-        Ts_world_hand: True poses of the hand ``(*batch, 4, 4)``.
+        scene: solids of the cell.
+        body: spheres of the hand.
+        Ts_world_hand: true poses of the hand ``(*batch, 4, 4)``.
 
     Returns:
-        ``(*batch,)`` [m].
+        Smallest clearance over all spheres ``(*batch,)`` [m].
     """
     centres = body.placed(np.asarray(Ts_world_hand))
     return np.asarray((scene.surface.closest(centres).distances - body.radii).min(axis=-1))

@@ -1,4 +1,4 @@
-"""A hand that moves by velocity commands and senses through true rays: a :class:`~tanteo.hand.Robot`."""
+"""Simulated robot hand with velocity commands and ray-cast ranges; it implements :class:`~tanteo.hand.Robot`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tanteo.simulator.scene import Scene
 from tanteo.typing import FloatArray, Tangents, Transforms, Vectors
 
 _BLOCK = 256
-"""Readings whose aims are drawn at a time."""
+"""Number of readings whose ray directions are drawn at once."""
 
 _STATES = np.zeros(len(Status), dtype=np.int64)
 _STATES[[Status.OK, Status.NONE, Status.NEAR, Status.OBLIQUE]] = MET, FREE, NEAR, LOST
@@ -24,16 +24,16 @@ _STATES[[Status.OK, Status.NONE, Status.NEAR, Status.OBLIQUE]] = MET, FREE, NEAR
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """How the simulated robot behaves.
+    """Settings of the simulated robot.
 
     Attributes:
-        period: Between commands and readings [s].
-        latency: From a command to its motion [s]; need not be a multiple of the period.
-        max_speed: Of the hand's origin [m/s]; faster commands are scaled down as a whole.
-        max_turn: Of the hand [rad/s]; the same.
-        robot: Errors of the pose that the robot reports; none without it.
-        cone: Rays that fill each beam's cone and are blended into one range; 0 draws one ray of it a reading, which
-            is the model that :func:`~tanteo.sensors.measure` assumes.
+        period: time between two commands, and between two readings [s].
+        latency: time from a command to its motion [s]; any value, not only multiples of the period.
+        max_speed: limit of the speed of the hand's origin [m/s]; a faster twist is scaled down as a whole.
+        max_turn: limit of the hand's angular speed [rad/s]; a faster twist is scaled down as a whole.
+        robot: error model of the reported pose; no errors if None.
+        cone: number of rays that sample each beam's cone and are blended into one range. With 0, one random ray of the
+            cone is cast per reading, as :func:`~tanteo.sensors.measure` assumes.
     """
 
     period: float = 0.01
@@ -55,13 +55,20 @@ class Cell:
 
 
 class SimulatedHand:
-    """A hand in a scene; the only thing of this room with memory.
+    """Simulated robot hand in a scene, with state: pose, pending commands and drawn errors.
 
-    Errors that stay (bias, scale and mounting of every sensor, the robot's absolute error) are drawn once when it is
-    made, the others at every reading. One seed, one run.
+    Constant errors (bias, scale and mounting of every sensor, the robot's absolute error) are drawn once on creation;
+    the others are drawn at every reading. The same seed and commands give the same run.
+
+    Args:
+        scene: solids of the cell.
+        hand: sensors and body of the hand.
+        T_world_hand: true initial pose ``(4, 4)``.
+        rng: random generator of all errors.
+        cell: settings of the robot; the defaults if None.
 
     Attributes:
-        truth: Where the hand truly was at every reading, ``(4, 4)`` each.
+        truth: true pose of the hand at every reading, ``(4, 4)`` each.
     """
 
     def __init__(
@@ -80,7 +87,7 @@ class SimulatedHand:
         self._rays = self._filled() if self._cell.cone else None
         whole = math.floor(self._cell.latency / self._cell.period + 1e-9)
         self._late = self._cell.latency - whole * self._cell.period
-        # the oldest command is the one that the hand still follows when a period begins
+        # while a period begins, the hand still follows the oldest command for the fractional part of the latency
         self._commands: deque[Tangents] = deque([np.zeros(6)] * (whole + 1), maxlen=whole + 2)
         self._aims, self._next = np.zeros((0, len(hand.origins), 3)), 0
         self._beams = self._aims
@@ -89,26 +96,29 @@ class SimulatedHand:
 
     @property
     def hand(self) -> Hand:
-        """The hand."""
+        """Return the hand that the robot carries."""
         return self._hand
 
     @property
     def period(self) -> float:
-        """Between two commands [s]."""
+        """Return the time between two commands [s]."""
         return self._cell.period
 
     @property
     def latency(self) -> float:
-        """From a command to its motion [s]."""
+        """Return the time from a command to its motion [s]."""
         return self._cell.latency
 
     @property
     def sensed(self) -> HandReading:
-        """What was sensed last."""
+        """Return the most recent reading."""
         return self._sensed
 
     def step(self, twist: Tangents) -> HandReading:
-        """Command a velocity in the hand's frame for one period; the hand follows it after the latency.
+        """Command a twist for one period and return the reading at its end; the hand follows after the latency.
+
+        Args:
+            twist: velocity ``[v, w]`` in the hand frame [m/s, rad/s].
 
         Raises:
             InputError: The command is not six finite numbers.
@@ -132,7 +142,7 @@ class SimulatedHand:
     def _sense(self) -> HandReading:
         T_true, robot = self._base @ self._T, self._cell.robot
         if robot is not None:
-            # the pose that is reported is the nominal one; the hand is off by its repeatability
+            # the robot reports its nominal pose; the true pose differs by the repeatability
             repeat = np.repeat([robot.pos_repeat_std, robot.rot_repeat_std], 3) * self._rng.standard_normal(6)
             T_true = advance(T_true, repeat, 1.0)
         self.truth.append(T_true)
@@ -141,7 +151,7 @@ class SimulatedHand:
         return HandReading(self._time, self._T, reported, _STATES[statuses])
 
     def _look(self, T: Transforms) -> tuple[FloatArray, FloatArray, Vectors | None]:
-        """True ranges and incidences along the rays, and the rays in their cones if one was drawn of each."""
+        """Return true ranges, incidence angles and the drawn ray directions (None where cones are sampled)."""
         Rt = T[:3, :3].T
         starts = self._origins @ Rt + T[:3, 3]
         if self._rays is not None:
@@ -150,7 +160,7 @@ class SimulatedHand:
         return *self._met(starts, beams @ Rt), aims
 
     def _aim(self) -> tuple[Vectors, Vectors]:
-        """The next drawn rays in the sensors' frames and in the hand's ``(k, 3)``."""
+        """Return the next drawn ray directions in the sensor frames and in the hand frame, ``(k, 3)`` each."""
         if self._next >= len(self._aims):
             self._aims = draw_aims(self._rng, self._model.beam_half_angle, (_BLOCK,))
             self._beams, self._next = np.einsum("kij,nkj->nki", self._axes, self._aims), 0

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from tanteo.vision.ellipse_fit import Ellipse, fit_ellipse
     from tanteo.vision.ellipses import Ellipses, find_ellipses
     from tanteo.vision.features import image_centre, image_circle, image_corner, image_edge
+    from tanteo.vision.image_edges import ImageEdges, Weights, chance_map
     from tanteo.vision.models import VisionModel, prepare_vision
     from tanteo.vision.outlines import Narrowed, OutlineOfReadings, narrowed, outline_of_readings, seen_outline
     from tanteo.vision.picture import draw_sight
@@ -43,13 +44,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DESCRIPTOR_NAMES", "DISTORTION_COUNTS", "PIXELS", "USUAL_EDGE_SD", "Camera", "CameraPose", "CirclePose",
-    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "Look", "Narrowed", "OutlineOfReadings",
-    "Question", "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing", "View", "VisionModel",
-    "circle_poses", "describe", "draw_sight", "find_corners", "find_edges", "find_ellipses", "find_regions",
-    "find_segments", "fit_camera", "fit_ellipse", "follow", "image_centre", "image_circle", "image_corner",
-    "image_edge", "map_edges", "narrowed", "on_plane", "opencv", "outline_of_readings", "prepare_vision", "project",
-    "project_circle", "rays", "render", "rigid", "see", "see_anywhere", "see_table", "seen_outline", "silhouette",
-    "thing", "view_factors", "without_distortion",
+    "Corners", "Descriptors", "EdgeMap", "EdgePoints", "Ellipse", "Ellipses", "ImageEdges", "Look", "Narrowed",
+    "OutlineOfReadings", "Question", "Region", "Segments", "Sight", "Sighting", "Stage", "TableErrors", "Thing",
+    "View", "VisionModel", "Weights", "chance_map", "circle_poses", "describe", "draw_sight", "find_corners",
+    "find_edges", "find_ellipses", "find_regions", "find_segments", "fit_camera", "fit_ellipse", "follow",
+    "image_centre", "image_circle", "image_corner", "image_edge", "map_edges", "narrowed", "on_plane", "opencv",
+    "outline_of_readings", "prepare_vision", "project", "project_circle", "rays", "render", "rigid", "see",
+    "see_anywhere", "see_table", "seen_outline", "silhouette", "thing", "view_factors", "without_distortion",
 ]  # fmt: skip
 
 __getattr__: Callable[[str], Any]
@@ -65,6 +66,7 @@ __getattr__, __dir__ = lazy(
         "ellipse_fit": "Ellipse fit_ellipse",
         "ellipses": "Ellipses find_ellipses",
         "features": "image_centre image_circle image_corner image_edge",
+        "image_edges": "ImageEdges Weights chance_map",
         "models": "VisionModel prepare_vision",
         "outlines": "Narrowed OutlineOfReadings narrowed outline_of_readings seen_outline",
         "picture": "draw_sight",

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
+from tanteo.lie import SE3
 from tanteo.measurements import PoseFactor
 from tanteo.parts import Part
 from tanteo.typing import BoolArray, FloatArray, Transforms
@@ -42,6 +43,13 @@ ASTRAY = 0.02
 """Density of an edge that is another's, relative to that of the part's own at its place: three in ten edges are
 another's, a pixel off (decision 32), where own ones are some hundredths (``python benchmarks/vision_poses.py 12``)."""
 
+SAME_TURN, SAME_SHIFT = 0.04, 0.02
+"""Poses nearer than this are one that the image suggests [rad, diagonals]."""
+
+_NEAR = 4 * (SAME_SHIFT + 0.5 * SAME_TURN) / 2
+"""Motion of the part's points, over their spread, up to which a pose has the constant of one that the image suggests:
+points half a diagonal from the middle move by so much where two poses are just one, twice over."""
+
 _OF_LENS = np.sqrt(0.5)
 """Share of a lens's error, as a deviation, that shifts all edges alike; the same share is each edge's own
 (decision 43)."""
@@ -58,6 +66,9 @@ _MOST_PULLED = 0.5
 
 
 _NO_LEVELS = np.zeros((0, 4, 4)), np.zeros(0)
+
+_AWAY = SE3.from_parts(np.eye(3), np.full(3, 1e6))[None]
+"""A pose that no other is near."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +93,7 @@ class Weights:
     spilled: float = -0.624
 
     def rules(self, *, located: bool = True) -> FloatArray:
-        """Return all constants of the formula, in the order of ``EdgeRules`` ``(16,)``.
+        """Return all constants of the formula, in the order of ``EdgeRules`` ``(17,)``.
 
         Args:
             located: whether there is a sum of where edges are.
@@ -90,7 +101,7 @@ class Weights:
         return np.array([
             STRETCH, _WHOLE, _RIM_SHOWS, _CREASE_SHOWS, REACH, _SPREAD, _DISPLACED, _DISPLACED_SD,
             self.hits, self.misses, self.spilled, _BESIDE, _ALONG, _MOST_PULLED, CORRELATION,
-            ASTRAY if located else 0.0,
+            ASTRAY if located else 0.0, _NEAR,
         ])  # fmt: skip
 
 
@@ -108,7 +119,7 @@ class ImageEdges(PoseFactor):
         log_unknown: log density of the image if the object is unknown.
         proposed: poses ``T_world_part`` of each part that the image suggests.
         levels: of each part, poses ``T_world_part`` and the constant that is taken from the log density of poses that
-            are nearest to each; none if not given.
+            are nearest to each; None if there are none yet.
     """
 
     camera: Camera
@@ -118,7 +129,7 @@ class ImageEdges(PoseFactor):
     weights: Weights = field(default_factory=Weights)
     log_unknown: float = 0.0
     proposed: Mapping[Part, Transforms] = field(default_factory=dict)
-    levels: Mapping[Part, tuple[Transforms, FloatArray]] = field(default_factory=dict)
+    levels: Mapping[Part, tuple[Transforms, FloatArray]] | None = None
     image: _core.EdgeImage = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -142,11 +153,18 @@ class ImageEdges(PoseFactor):
         return self.image.states
 
     def term(self, part: Part, first: int) -> _core.ImageEdges:
-        """Compile the factor for one part."""
-        level_poses, levels = self.levels.get(part, _NO_LEVELS)
-        return _core.image_edges(
-            prepare_vision(part).seen, self.image, self.weights.rules(), level_poses, levels, REACH, first
-        )
+        """Compile the factor for one part.
+
+        Of a part for which the image suggests no pose, the constant is the largest of all: the image fixes its pose as
+        exactly as those of others, where it shows the part. If it suggests no pose of any part, where edges are does
+        not count.
+        """
+        known = self.levels
+        at, constants = _NO_LEVELS if known is None else known.get(part, _NO_LEVELS)
+        if known and part not in known:
+            at, constants = _AWAY, np.array([max(own.max() for _, own in known.values())])
+        rules = self.weights.rules(located=known is None or len(known) > 0)
+        return _core.image_edges(prepare_vision(part).seen, self.image, rules, at, constants, REACH, first)
 
     def poses(self, part: Part) -> Transforms:
         """Return the poses of a part that the image suggests ``(k, 4, 4)``."""

@@ -19,14 +19,11 @@ from tanteo.measurements import ContactPoints, FreeRays, OnTable
 from tanteo.parts import Part
 from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Transforms
-from tanteo.vision.image_edges import ImageEdges, Sums, standing
+from tanteo.vision.image_edges import SAME_SHIFT, SAME_TURN, ImageEdges, Sums, standing
 from tanteo.vision.models import VisionModel
 
 MISSED = 0.04
 """Probability that the true pose is not among those proposed: 3 of 74 (``python benchmarks/vision_fit.py 102``)."""
-
-_MERGE_TURN, _MERGE_SHIFT = 0.04, 0.02
-"""Poses nearer than this are one that the image suggests [rad, diagonals]."""
 
 _SEED = 0
 """Seed of the samples: the same image gives the same answer."""
@@ -43,6 +40,8 @@ class ImagePosterior:
         left_out: probability of the parts that were not looked for, at most.
         count: number of these.
         log_unknown: log density of the image if the object is unknown.
+        log_known: log density of the image if the object is one of the parts.
+        image: the edges of the image with the constants about its poses; None without proposed poses.
     """
 
     modes: tuple[Mode, ...] = ()
@@ -50,6 +49,57 @@ class ImagePosterior:
     left_out: float = 0.0
     count: int = 0
     log_unknown: float = 0.0
+    log_known: float = -np.inf
+    image: ImageEdges | None = None
+
+
+def levelled(
+    images: Sequence[ImageEdges],
+    proposals: Sequence[tuple[Part, Transforms]],
+    priors: Priors,
+    lying: OnTable | None = None,
+) -> tuple[ImageEdges, ...]:
+    """Return images with the constants about the poses of their parts, corrected by samples of the posterior.
+
+    Args:
+        images: edges of images of the object.
+        proposals: parts that are looked for, with poses ``T_world_part`` from which maximizations start.
+        priors: what is assumed beforehand.
+        lying: prior of the pose on a table; any pose if not given.
+    """
+    images, problem, searches = searched(images, proposals, priors, lying)
+    found = weigh(problem, searches, np.zeros(len(searches)), -np.inf, np.random.default_rng(_SEED))
+    return corrected(images, found, lying, 0.0)
+
+
+def corrected(
+    images: Sequence[ImageEdges], found: Posterior, lying: OnTable | None, prior: float
+) -> tuple[ImageEdges, ...]:
+    """Return images whose constants make the integral by samples about each pose the density that edges are there.
+
+    The constants of a search are those of a normal density about each maximum; the difference to the integral by
+    samples is added to them.
+
+    Args:
+        images: edges of images of the object.
+        found: the posterior of the images alone.
+        lying: prior of the pose on a table; any pose if not given.
+        prior: log probability of each part beforehand.
+    """
+    levels = dict(images[0].levels or {})
+    for part in dict.fromkeys(mode.prepared.part for mode in found.modes):
+        own = [mode for mode in found.modes if mode.prepared.part is part]
+        Ts, zs = np.stack([mode.T_peak for mode in own]), np.stack([mode.z for mode in own])
+        first, *others = _sums_of(images, part, Ts, zs)
+        wanted = _there(part, Ts, first, lying) + sum(sums.there for sums in others)
+        at, constants = levels[part]
+        constants = np.array(constants)
+        for members in _near(part, Ts, wanted):
+            mass = float(log_sum([own[k].log_mass for k in members])) - prior
+            near = [k for k, T in enumerate(at) if _are_near(part, Ts[members[0]], T)]
+            constants[near] += mass - wanted[members[0]]
+        levels[part] = at, constants
+    return replace(images[0], levels=levels), *images[1:]
 
 
 def searched(
@@ -114,16 +164,20 @@ def _near(part: Part, Ts: Transforms, log: FloatArray) -> list[list[int]]:
     groups: list[list[int]] = []
     for k in np.argsort(-log, kind="stable"):
         for members in groups:
-            gap = SE3.inverse(Ts[members[0]]) @ Ts[k]
-            shift = np.linalg.norm(SE3.apply(gap, part.centroid) - part.centroid)
-            # the norm of R - 1 is 2 sqrt(2) times the sine of half the turn
-            turn = np.linalg.norm(gap[:3, :3] - np.eye(3))
-            if shift < _MERGE_SHIFT * part.diagonal and turn < np.sqrt(8) * np.sin(_MERGE_TURN / 2):
+            if _are_near(part, Ts[members[0]], Ts[k]):
                 members.append(int(k))
                 break
         else:
             groups.append([int(k)])
     return groups
+
+
+def _are_near(part: Part, T: Transforms, other: Transforms) -> bool:
+    """Return whether two poses are one that the image suggests."""
+    gap = SE3.inverse(T) @ other
+    shift = float(np.linalg.norm(SE3.apply(gap, part.centroid) - part.centroid))
+    turn = float(np.linalg.norm(gap[:3, :3] - np.eye(3)))  # 2 sqrt(2) times the sine of half the turn
+    return shift < SAME_SHIFT * part.diagonal and turn < np.sqrt(8) * np.sin(SAME_TURN / 2)
 
 
 def infer(
@@ -166,7 +220,12 @@ def infer(
     none = float(np.exp(np.log(found.unknown) + found.log_evidence - log_evidence)) if found.unknown else 0.0
     # that none of the poses holds is a strange part's doing, or of the proposals that missed the true one
     strange = problem.priors.unknown / (problem.priors.unknown + (1 - problem.priors.unknown) * MISSED)
-    return ImagePosterior(modes, strange * (none - left) + left, left, left_out, unknown)
+    log_known = float(log_sum([mode.log_mass for mode in modes])) - known
+    (image,) = corrected((image,), found, lying, prior)
+    proposed = {part: at for part, (at, _) in (image.levels or {}).items()}
+    return ImagePosterior(
+        modes, strange * (none - left) + left, left, left_out, unknown, log_known, replace(image, proposed=proposed)
+    )  # fmt: skip
 
 
 def _weighed(
@@ -210,9 +269,13 @@ def _there(part: Part, Ts: Transforms, sums: Sums, lying: OnTable | None) -> Flo
 
 def sums_at(images: Sequence[ImageEdges], search: PartSearch) -> list[Sums]:
     """Return the sums of each image at the maxima of a part."""
+    return _sums_of(images, search.objective.prepared.part, search.peaks.Ts, search.peaks.zs)
+
+
+def _sums_of(images: Sequence[ImageEdges], part: Part, Ts: Transforms, zs: FloatArray) -> list[Sums]:
+    """Return the sums of each image at poses ``(k, 4, 4)`` and the shared errors of all images there ``(k, D)``."""
     out, first = [], 0
     for image in images:
-        zs = search.peaks.zs[:, first : first + image.states]
-        out.append(image.sums_at(search.objective.prepared.part, search.peaks.Ts, zs))
+        out.append(image.sums_at(part, Ts, np.ascontiguousarray(zs[:, first : first + image.states])))
         first += image.states
     return out

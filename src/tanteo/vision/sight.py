@@ -13,7 +13,7 @@ from tanteo.answers import Answer
 from tanteo.defaults import TOP
 from tanteo.errors import InputError
 from tanteo.lie import SE3
-from tanteo.measurements import OnTable
+from tanteo.measurements import OnTable, PoseFactor
 from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.answers import ImageMode, Question, ask, hypothesis, judged, too_many
@@ -102,6 +102,9 @@ class Sighting:
             a region.
         alike: names of parts whose outlines from there are the likest, the likest first: a first look.
         rims: of each ellipse of the image, of which hole or boss of the best answer it is a rim; empty if of none.
+        factors: the image as factors of a posterior, with the prior of a part on a table if there is one; none without
+            an answer.
+        log_known: log density of the image if the object is one of the parts.
     """
 
     answer: Answer
@@ -111,6 +114,8 @@ class Sighting:
     outline: Descriptors | None = None
     alike: tuple[str, ...] = ()
     rims: tuple[str, ...] = ()
+    factors: tuple[PoseFactor, ...] = ()
+    log_known: float = -np.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -187,16 +192,19 @@ def see_table(
         errors = seen_table(table, camera, T_world_table)
         found = candidates_in(models, image_edges, T_camera_table, region, errors, chosen.rests)
         own = {id(c.model): c.T_camera_part for c in found}
+        lying = OnTable(T_world_table, table.height, table.tilt, area_of(region, camera, T_camera_table))
         posterior = infer(
             image_edges,
             [(model, own.get(id(model), np.zeros((0, 4, 4)))) for model in models],
             len(parts),
-            lying=OnTable(T_world_table, table.height, table.tilt, area_of(region, camera, T_camera_table)),
+            lying=lying,
             log_left_out=chosen.log_left_out,
             left_out=chosen.left_out,
         )
         seen = _sighting(posterior, image_edges, region, T_world_table, top)
         names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.alike))
+        factors = () if posterior.image is None else (posterior.image, lying)
+        seen = replace(seen, factors=factors, log_known=posterior.log_known)
         objects.append(replace(seen, outline=drawn, alike=names))
     ellipses = find_ellipses(camera, points)
     seconds = {"total": time.perf_counter() - start}

@@ -85,7 +85,10 @@ def see_anywhere(
     hypotheses = tuple(hypothesis(mode, seen) for mode in posterior.modes[:top])
     status, message = judged(hypotheses, posterior)
     answer = Answer(status, message, hypotheses, posterior.unknown)
-    found = Sighting(answer, image_modes(posterior, camera, top), None, None)
+    factors = () if posterior.image is None else (posterior.image,)
+    found = Sighting(
+        answer, image_modes(posterior, camera, top), None, None, factors=factors, log_known=posterior.log_known
+    )
     objects = (with_rims(found, camera, ellipses),) if found.modes else ()
     frame = "camera" if camera.T_world_camera is None else "world"
     return Sight(objects, points, standing(camera), frame, ellipses)

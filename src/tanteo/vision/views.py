@@ -16,7 +16,7 @@ from tanteo.vision.candidates import candidates_in
 from tanteo.vision.edges import find_edges, map_edges
 from tanteo.vision.image_edges import ImageEdges, Weights, standing
 from tanteo.vision.outlines import region_of_readings
-from tanteo.vision.posterior import searched
+from tanteo.vision.posterior import levelled
 from tanteo.vision.sight import check_place, image_of_region, prepared
 from tanteo.vision.table import TableErrors, seen_table
 
@@ -71,6 +71,6 @@ def view_factors(
             proposed.setdefault(found.model.part, []).append(Ts)
         images.append(image)
     suggested = [(part, np.concatenate(proposed.get(part, [np.zeros((0, 4, 4))]))) for part in parts]
-    (first, *others), _, _ = searched(images, suggested, priors)
+    first, *others = levelled(images, suggested, priors)
     poses = {part: np.ascontiguousarray(Ts) for part, Ts in suggested}
     return replace(first, proposed=poses), *others

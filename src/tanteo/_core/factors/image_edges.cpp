@@ -81,8 +81,10 @@ double ImageEdges::spilled_area(const Pose& pose, const Lens& lens) const {
     return area;
 }
 
-// The level of the nearest pose, by the sum of squared distances of the part's marks.
-double ImageEdges::level_at(const Pose& T) const {
+// The level of the nearest pose, by the mean squared distance of the part's marks. Farther off than `near` of their
+// spread it is `least` at least: the constants of poses at which few edges are met hold for no others.
+double ImageEdges::level_at(const Pose& T, double least) const {
+    if (levels.empty()) return 0;
     double best = 1e300, level = 0;
     for (const PoseLevel& one : levels) {
         double apart = 0;
@@ -90,7 +92,11 @@ double ImageEdges::level_at(const Pose& T) const {
             apart += squared(one.T_world_part.R * p + one.T_world_part.t - (T.R * p + T.t));
         if (apart < best) best = apart, level = one.level;
     }
-    return level;
+    Vec3 middle;
+    for (const Vec3& p : part->marks) middle += (1.0 / part->marks.size()) * p;
+    double spread = 0;
+    for (const Vec3& p : part->marks) spread += squared(p - middle);
+    return best < rules.near * rules.near * spread ? level : std::max(level, least);
 }
 
 ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) const {
@@ -192,7 +198,7 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     if (rules.astray > 0) locate(all, crowded(everywhere, rules.beside, rules.along), sums, slope, columns, 6 + states);
     sums.there = rules.hits * sums.hits + rules.misses * sums.misses +
                  rules.spilled * sums.spilled / (rules.stretch * rules.stretch);
-    sums.log = sums.there + sums.located - level_at(state.pose);
+    sums.log = sums.there + sums.located - level_at(state.pose, sums.astray);
     return sums;
 }
 
@@ -211,6 +217,7 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
     for (int e = 0; e < part->edges; ++e) {
         if (!visible[e]) continue;
         std::vector<const Met*>& own = edges[e];
+        sums.astray += std::log(rules.astray);
         if (own.empty()) {
             sums.located += std::log(rules.astray);
             continue;

@@ -23,6 +23,7 @@
 // the density g, relative to that of the part's own with usual noise. S_0, a constant about each pose that the image
 // suggests, makes the integral of the whole there that of the first three sums at that pose: the places of
 // edges inform the pose and not the identity, because edges are more exact than models of parts and of light (decision 87).
+// Farther from these poses S_0 is S of edges that are all another's, at least: there the image says nothing of the pose.
 //
 // Shared errors: the camera's pose, T_world_camera exp(S z) with S S' its covariance, and a shift of all edges in the image.
 #pragma once
@@ -63,6 +64,7 @@ struct EdgeRules {
     double most_pulled;                   // the displacement of a blurred rim is corrected up to this [px]
     double correlation;                   // noise of edge points is one draw over this length [px]
     double astray;                        // g; 0 leaves S out
+    double near;                          // S_0 is that of a pose up to this motion, over the spread of the part's marks
 };
 
 // S_0 of poses that are nearest to this one.
@@ -97,6 +99,7 @@ class ImageEdges : public PoseTerm {
         double log = 0, there = 0;  // log density, and that part of it that says that edges are there
         double hits = 0, misses = 0, spilled = 0;  // before h, m and b; spilled in [px^2]
         double located = 0;          // S
+        double astray = 0;           // S if all edges are another's
         double chi2 = 0, draws = 0;  // of the offsets of edges that are the part's own, and how many independent ones
         double squares = 0, met = 0;  // of all offsets [px^2], and how many there are
     };
@@ -112,7 +115,7 @@ class ImageEdges : public PoseTerm {
                 const int* columns, int count) const;
     std::shared_ptr<const View> view_from(const Vec3& eye) const;
     double spilled_area(const Pose& pose, const Lens& lens) const;
-    double level_at(const Pose& T_world_part) const;
+    double level_at(const Pose& T_world_part, double least) const;
 
     std::shared_ptr<const EdgePart> part;
     std::shared_ptr<const EdgeImage> image;

@@ -1,12 +1,17 @@
-// Python bindings of the additional terms of the log density: edges of an image, stable poses on a table.
+// Python bindings of the additional terms of the log density: edges of an image, stable poses on a table, normal
+// densities of the pose, and alternatives of such terms.
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <memory>
 
 #include "../image_door.hpp"
 #include "../parallel.hpp"
+#include "alternatives.hpp"
 #include "image_edges.hpp"
+#include "normal_poses.hpp"
+#include "normal_poses_door.hpp"
 #include "stable_poses.hpp"
 
 namespace tanteo {
@@ -65,12 +70,12 @@ std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints 
 
 std::shared_ptr<ImageEdges> image_edges(std::shared_ptr<EdgePart> part, std::shared_ptr<EdgeImage> image, Doubles rules,
                                         Doubles level_poses, Doubles levels, double reach, int first) {
-    expect(rules, "rules", {16});
-    if (rules.size() == 0) refuse("rules", "expected 16 numbers");
+    expect(rules, "rules", {17});
+    if (rules.size() == 0) refuse("rules", "expected 17 numbers");
     const double* r = rules.data();
     const EdgeRules all{r[0], r[1],  r[2],  r[3],  r[4],  r[5],  r[6],  r[7], r[8],
-                        r[9], r[10], r[11], r[12], r[13], r[14], r[15]};
-    for (const int k : {0, 1, 4, 5, 7, 14}) expect(r[k], "rules", 1e-9, 1e9);
+                        r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16]};
+    for (const int k : {0, 1, 4, 5, 7, 14, 16}) expect(r[k], "rules", 1e-9, 1e9);
     for (const int k : {2, 3, 6, 15}) expect(r[k], "rules, probabilities", 0, 1 - 1e-12);
     const std::vector<Pose> at = poses(level_poses, "level_poses");
     expect(levels, "levels", {at.size()});
@@ -121,6 +126,19 @@ std::shared_ptr<StablePoses> stable_poses(Doubles ups, Doubles heights, Doubles 
                                          expect(tilt_sd, "tilt_sd", 1e-12, 1e12), expect(area, "area", 1e-18, 1e18));
 }
 
+std::shared_ptr<NormalPoses> normal_poses(Doubles means, Doubles roots, Doubles log_weights) {
+    return std::make_shared<NormalPoses>(pose_priors(means, roots, log_weights));
+}
+
+std::shared_ptr<Alternatives> alternatives(std::vector<std::vector<std::shared_ptr<PoseTerm>>> groups, Doubles log_weights) {
+    if (groups.empty()) refuse("groups", "expected one group of terms at least");
+    expect(log_weights, "log_weights", {groups.size()});
+    std::vector<TermGroup> all;
+    for (size_t k = 0; k < groups.size(); ++k)
+        all.push_back({log_weights.data()[k], {groups[k].begin(), groups[k].end()}});
+    return std::make_shared<Alternatives>(std::move(all));
+}
+
 // The log density of a term at states, its gradient and its information about a centre.
 nb::tuple term_slopes(const PoseTerm& term, Doubles Ts, Doubles shared, Doubles centre) {
     const std::vector<Pose> all = poses(Ts);
@@ -151,6 +169,8 @@ void offer_pose_terms(nb::module_& m) {
     nb::class_<EdgePart>(m, "EdgePart");
     nb::class_<ImageEdges, PoseTerm>(m, "ImageEdges");
     nb::class_<StablePoses, PoseTerm>(m, "StablePoses");
+    nb::class_<NormalPoses, PoseTerm>(m, "NormalPoses");
+    nb::class_<Alternatives, PoseTerm>(m, "Alternatives");
     m.def("make_edge_image", &make_edge_image, "camera"_a, "T_world_camera"_a, "camera_root"_a, "shift_sd"_a, "nearest"_a,
           "pixels"_a, "sds"_a, "commons"_a, "widths"_a, "chance"_a, "bare"_a);
     m.def("make_edge_part", &make_edge_part, "frame"_a, "groups"_a, "bends"_a, "cover"_a, "cover_normals"_a,
@@ -160,6 +180,8 @@ void offer_pose_terms(nb::module_& m) {
     m.def("image_sums", &image_sums, "term"_a, "poses"_a, "shared"_a);
     m.def("stable_poses", &stable_poses, "ups"_a, "heights"_a, "log_weights"_a, "centroid"_a, "freedom"_a, "axis"_a,
           "T_world_table"_a, "height_sd"_a, "tilt_sd"_a, "area"_a);
+    m.def("normal_poses", &normal_poses, "means"_a, "roots"_a, "log_weights"_a);
+    m.def("alternatives", &alternatives, "groups"_a, "log_weights"_a);
     m.def("term_slopes", &term_slopes, "term"_a, "poses"_a, "shared"_a, "centre"_a);
 }
 

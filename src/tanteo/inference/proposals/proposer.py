@@ -13,14 +13,14 @@ from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals.sensed_planes import SensedPlanes
-from tanteo.inference.settings import Effort
+from tanteo.inference.settings import DEFAULTS, Effort
 from tanteo.typing import BoolArray, Indices, IntArray, Transforms
 
-BITS = np.iinfo(np.int64).bits - 1
-"""Independent sources that are counted apart: bits of a whole number."""
+BITS = DEFAULTS.search.sources
+"""Number of independent sources that are counted apart: bits of a whole number."""
 
-EXHAUSTIVE = np.iinfo(np.int64).max
-"""All sources: of poses that are all that measurements allow, of samples, and of what was known before."""
+EXHAUSTIVE = (1 << DEFAULTS.search.often) - 1
+"""Sources of poses that are all that measurements allow: as many as make a maximum surely found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

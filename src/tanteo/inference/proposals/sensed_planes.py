@@ -7,7 +7,6 @@ from itertools import combinations
 
 import numpy as np
 
-from tanteo.features import label_kind
 from tanteo.inference.around import outlier_log_density
 from tanteo.inference.labels import groups_of
 from tanteo.inference.problem import Problem
@@ -48,7 +47,7 @@ def labelled_planes(points: ContactPoints, settings: SearchSettings) -> Planes:
     groups, found = groups_of(points), []
     for g in range(groups.max(initial=-1) + 1):
         rows = np.flatnonzero(groups == g)
-        if len(rows) < 3 or label_kind(points.kinds[rows[0]]).shape != "plane":
+        if len(rows) < 3 or not points.factors[rows[0]].flat_face:
             continue
         p, sd = points.points[rows], float(points.sd[rows].max())
         middle = p.mean(axis=0)

@@ -1,0 +1,28 @@
+// A mixture of normal densities of the pose, each in the tangent space at its mean:
+//
+//   log p(T) = log sum_k exp(w_k - |L_k log(T_k^-1 T)|^2 / 2),
+//
+// with L' L the information of each, x y z rx ry rz in the part frame, and w_k its log weight with its normalization.
+#pragma once
+#include <utility>
+#include <vector>
+
+#include "../pose_term.hpp"
+#include "../problem.hpp"
+
+namespace tanteo {
+
+double add_normal_poses(const std::vector<PosePrior>& normals, const Pose& pose, const Slope* slope);
+
+class NormalPoses : public PoseTerm {
+  public:
+    explicit NormalPoses(std::vector<PosePrior> normals) : normals(std::move(normals)) {}
+    double add(const State& state, const Slope* slope) const override {
+        return add_normal_poses(normals, state.pose, slope);
+    }
+
+  private:
+    std::vector<PosePrior> normals;
+};
+
+}  // namespace tanteo
