@@ -9,7 +9,7 @@ import pytest
 
 from random_parts import write_off
 from tanteo.answers import SeenOutline, WholeObject
-from tanteo.catalogue import known_rests
+from tanteo.catalogue import known_stable_poses
 from tanteo.errors import InputError
 from tanteo.inference import candidates
 from tanteo.lie import SE3, SO3
@@ -40,7 +40,7 @@ def parts(tmp_path_factory):
 
 def outline(part, rest, yaw, *, place=(0.03, 0.02), light=None, noise=None):
     """What the camera sees of a part in a stable pose, with its shadow under a light from a direction."""
-    ways = known_rests(part)
+    ways = known_stable_poses(part)
     T = SE3.from_parts(SO3.axis_rotation(2, yaw), np.array([*place, 0.0])) @ ways[rest].T_table_part
     x = SE3.apply(T, part.vertices)
     seen = EYE[:2] + (x[:, :2] - EYE[:2]) * (EYE[2] / (EYE[2] - x[:, 2:]))
@@ -56,7 +56,7 @@ def test_an_outline_is_its_own_part_s_at_any_yaw(parts):
     for k in range(12):
         part, rest = parts[k], k % 3
         log, _ = outline(part, rest, rng.uniform(-3, 3)).by_rest([part])
-        assert log[rest] == pytest.approx(np.log(known_rests(part)[rest].probability), abs=0.05)
+        assert log[rest] == pytest.approx(np.log(known_stable_poses(part)[rest].probability), abs=0.05)
 
 
 def test_an_outline_tells_the_pose_of_its_part(parts):
@@ -64,7 +64,7 @@ def test_an_outline_tells_the_pose_of_its_part(parts):
     rng = np.random.default_rng(4)
     T_world_table = SE3.exp(np.array([0.3, -0.1, 0.2, 0.1, 0.2, 0.3]))
     for k in range(8):
-        yaw, rest = rng.uniform(-3, 3), known_rests(parts[k])[0]
+        yaw, rest = rng.uniform(-3, 3), known_stable_poses(parts[k])[0]
         seen = replace(outline(parts[k], 0, yaw), T_world_table=T_world_table)
         lying = SE3.from_parts(SO3.axis_rotation(2, yaw), np.array([0.03, 0.02, 0.0])) @ rest.T_table_part
         truth = SE3.apply(T_world_table @ lying, parts[k].vertices)
@@ -79,7 +79,7 @@ def test_a_shadow_does_not_make_it_another_s(parts):
         seen = outline(parts[k], 0, rng.uniform(-3, 3), light=length * np.array([np.cos(turn), np.sin(turn)]))
         log = seen.log_likelihood(parts)
         assert log[k] > log.max() - 4
-        assert log[k] > np.log(known_rests(parts[k])[0].probability) - 2
+        assert log[k] > np.log(known_stable_poses(parts[k])[0].probability) - 2
 
 
 def test_the_true_part_is_as_probable_as_said(parts):

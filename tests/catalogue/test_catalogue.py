@@ -19,10 +19,10 @@ from tanteo.catalogue import (
     coarse_field,
     compiled_shape,
     hull_points,
-    known_rests,
+    known_stable_poses,
     open_catalogue,
     read_parts,
-    rests,
+    stable_poses,
 )
 from tanteo.errors import InputError, PartError, UnitError
 from tanteo.inference import prepare
@@ -62,10 +62,10 @@ def test_parts_of_a_catalogue_are_those_of_their_files(parts, built):
 
 def test_a_part_of_a_catalogue_lies_as_that_of_its_file(parts, built, monkeypatch):
     read = list(read_parts(parts, unit="mm", workers=0, cache=False))
-    lying = [rests(part) for part in read]
-    monkeypatch.setattr("tanteo.catalogue.resting._computed", lambda part: pytest.fail("it is in the catalogue"))
+    lying = [stable_poses(part) for part in read]
+    monkeypatch.setattr("tanteo.catalogue.stability._computed", lambda part: pytest.fail("it is in the catalogue"))
     for stored, part, expected in zip(open_catalogue(built), read, lying, strict=True):
-        known = known_rests(stored)
+        known = known_stable_poses(stored)
         np.testing.assert_array_equal([r.T_table_part for r in known], [r.T_table_part for r in expected])
         assert [(r.probability, r.height) for r in known] == [(r.probability, r.height) for r in expected]
         corners = {tuple(corner) for corner in part.vertices.astype(np.float32)}
@@ -75,7 +75,7 @@ def test_a_part_of_a_catalogue_lies_as_that_of_its_file(parts, built, monkeypatc
 def test_a_sheet_lies_on_both_sides(tmp_path):
     (tmp_path / "sheet.off").write_text("OFF\n4 2 0\n0 0 0\n50 0 0\n50 30 0\n0 30 0\n3 0 1 2\n3 0 2 3\n")
     assert build_catalogue(tmp_path / "sheet.off", tmp_path / "catalogue", unit="mm", workers=0).parts == 1
-    lying = known_rests(open_catalogue(tmp_path / "catalogue")[0])
+    lying = known_stable_poses(open_catalogue(tmp_path / "catalogue")[0])
     assert sum(rest.probability for rest in lying) == pytest.approx(1)
     assert {abs(rest.T_table_part[2, 2]) for rest in lying} == {1.0}
 

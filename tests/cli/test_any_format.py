@@ -55,8 +55,8 @@ def test_what_a_log_lacks_is_asked_for_before_the_parts_are_read(run, tmp_path):
 def test_notes_of_the_file_are_warnings(run, wedge, tmp_path):
     text = "".join("[PRB:{},{},{}:1]\n".format(*p) for p in POINTS) + "[PRB:0,0,-9:0]\n"
     result = run("locate", save(tmp_path, "grbl.log", text), *wedge, "--radius", "0mm", "--json")
-    assert "warning: 1 probe met nothing" in result.err
-    assert any("1 probe met nothing" in note for note in json.loads(result.out)["warnings"])
+    assert "warning: 1 probe made no contact" in result.err
+    assert any("1 probe made no contact" in note for note in json.loads(result.out)["warnings"])
 
 
 @pytest.mark.parametrize(

@@ -185,7 +185,7 @@ OPTIONS = [
     ),
     options("rig is not toml", "", "expected TOML", FAILED, RANGED, "[sensors"),
     options("rig misspelt", "", "Did you mean 'position_mm'", FAILED, RANGED, RIG.replace("position", "postion")),
-    options("rig without unit", "", "Say the unit in the name", FAILED, RANGED, RIG.replace("position_mm", "position")),
+    options("rig without unit", "", "the unit in the name", FAILED, RANGED, RIG.replace("position_mm", "position")),
     options("empty rig", "", "expected tables [sensors.NAME]", FAILED, RANGED, ""),
 ]
 

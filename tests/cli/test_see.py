@@ -109,5 +109,5 @@ def test_what_is_taken_of_a_camera_file_is_said(run, tmp_path):
     got = run("see", IMAGES / "three_parts.png", *words, "--parts", EXAMPLES / "parts" / "flange.step")
     assert got.err.count("warning: ") == 3
     warnings = " ".join(json.loads(got.out)["warnings"])
-    for said in ("640 x 480 pixels, as the image", "no projection_matrix", "the skew of the camera matrix is left out"):
+    for said in ("640 x 480 pixels, as the image", "no projection_matrix", "the skew of the camera matrix is ignored"):
         assert said in warnings

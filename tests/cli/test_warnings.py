@@ -42,7 +42,7 @@ def test_a_folder_within_the_folder(run, parts, touches):
     (parts / "empty").mkdir()
     (parts / "wedge.stl").rename(parts / "old" / "wedge.stl")
     (warning,) = told(run, "identify", touches, "--parts", parts, "--units", "mm")
-    words = "1 CAD file in it is not read, as folders in a folder are not looked into. Name it, too."
+    words = "1 CAD file in it is not read, because subfolders are not searched. Name it, too."
     assert warning == f"{parts / 'old'}: {words}"
     assert told(run, "identify", touches, "--parts", parts, "--parts", parts / "old", "--units", "mm") == []
     (parts / "block.stl").rename(parts / "old" / "block.stl")
@@ -60,7 +60,7 @@ def test_a_unit_instead_of_that_of_the_file(run, touches, parts):
     step = parts / "x.step"
     step.write_bytes(part.read_bytes())
     (warning, *_) = told(run, "identify", touches, "--parts", parts, "--units", "in")
-    assert warning == f"--units in is of the files that say no unit; others are as they say: {step} in mm."
+    assert warning == f"--units in applies to files without a unit. Others keep their own: {step} in mm."
 
 
 def test_a_command_does_not_tell_the_warnings_of_the_one_before(run, parts, touches):

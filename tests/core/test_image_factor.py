@@ -10,7 +10,7 @@ import pytest
 from silhouettes import spilled
 from tanteo import _core
 from tanteo.answers import Priors
-from tanteo.catalogue import known_rests
+from tanteo.catalogue import known_stable_poses
 from tanteo.inference import Problem, prepare
 from tanteo.lie import SE3
 from tanteo.measurements import ContactPoints, FreeRays, OnTable
@@ -242,7 +242,7 @@ def test_stable_poses_have_their_probabilities(name):
 def test_the_slope_of_stable_poses_is_that_of_differences():
     part = read_part(PARTS / "bracket_left.step")
     T = OnTable(np.eye(4), 1e-3, 0.02, 1.0)
-    rest = known_rests(part)[0].T_table_part
+    rest = known_stable_poses(part)[0].T_table_part
     pose = rest @ SE3.exp(np.array([1e-3, 5e-4, 2e-3, 0.01, -0.02, 0.015]))
     c, about = part.centroid, SE3.from_parts(np.eye(3), part.centroid)
     _, gradient, information = _core.term_slopes(T.term(part, 0), pose[None], np.zeros((1, 0)), c)

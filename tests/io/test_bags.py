@@ -30,7 +30,7 @@ def test_ranges_are_placed_at_their_stamps(kind, tmp_path):
     assert np.allclose(readings.ranges, [0.2, np.nan, 0.3], equal_nan=True)
     assert readings.max_ranges[1] == pytest.approx(0.5)
     notes = " ".join(readings.notes)
-    assert "taken of /range" in notes
+    assert "taken from /range" in notes
     assert "the frame 'base'" in notes
     assert "4.0 ms after their stamp" in notes
 
@@ -124,7 +124,7 @@ def test_damaged_recordings_are_read_as_far_as_they_hold(kind, tmp_path):
     n = len(readings)
     assert 500 < n < 3000
     assert {tuple(p) for p in readings.points.tolist()} < {tuple(p) for p in before.points.tolist()}
-    assert "not whole" in readings.notes[0]
+    assert "is damaged" in readings.notes[0]
     assert "are lost" in readings.notes[0]
 
 
@@ -226,7 +226,7 @@ def test_numbers_that_are_none_are_left_out(tmp_path):
     assert np.allclose(readings.directions[0], (hand(0.55) @ T_HAND_SENSOR)[:3, 0], atol=1e-6)
     notes = " ".join(readings.notes)
     assert "5 of 6 ranges are too near or none" in notes
-    assert "1 messages have numbers that are no pose" in notes
+    assert "1 messages were left out because their numbers form no valid pose" in notes
 
 
 def test_of_two_topics_of_hand_poses_one_is_named(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.io import read_camera, read_image, read_marks, write_image
-from tanteo.io.camera_keys import WRITE_IT
+from tanteo.io.camera_layouts import WRITE_IT
 from tanteo.lie import SE3, SO3
 from tanteo.vision import USUAL_EDGE_SD
 

@@ -87,7 +87,7 @@ def test_matrices_and_ros(tmp_path):
 @pytest.mark.parametrize(
     ("names", "row", "message"),
     [
-        ("hand_a_deg hand_b_deg hand_c_deg", [1, 2, 3], "(kuka, mitsubishi, doosan), got none. Say --brand kuka."),
+        ("hand_a_deg hand_b_deg hand_c_deg", [1, 2, 3], "(kuka, mitsubishi, doosan), got none. Use --brand kuka."),
         ("hand_w_deg hand_p_deg hand_r_deg", [3.14159, 0, 1.5708], "are these radians? Name the column hand_w_rad"),
         ("hand_rx_rad hand_ry_rad hand_rz_rad", [4, 4, 4], "expected a rotation vector of at most a full turn"),
         ("hand_rx_rad hand_ry_rad hand_rz_rad", [180, 0, 0], "are these degrees? Name the column hand_rx_deg"),

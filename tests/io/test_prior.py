@@ -169,10 +169,10 @@ NEAR = "[pose_prior]\nposition_mm = [1, 2, 3]\nturn_deg = [0, 0, 90]\n"
         ("[table]\ntop_mm = 1\npoint_mm = [1, 2, 3]\nsd_mm = 1\n", "got both"),
         ("[table]\ntop_mm = 1\n", "expected 'sd_mm', got nothing"),
         ("[table]\ntop_mm = 1\nsd_mm = 0\n", "table, sd_mm: expected a positive length"),
-        ("[table]\ntop = 1\nsd_mm = 1\n", "Say the unit in the name"),
+        ("[table]\ntop = 1\nsd_mm = 1\n", "Write the unit in the name"),
         ("[box]\nlow_mm = [0, 0, 0]\n", "expected 'high_mm'"),
         ("[box]\nlow_mm = [0, 0, 0]\nhigh_mm = [1, 1, -1]\n", "expected low below high"),
-        (NEAR, "expected how well it is known once"),
+        (NEAR, "expected the uncertainty once"),
         (NEAR + "sd_mm = 1\n", "expected 'turn_sd_deg'"),
         (NEAR + "turn_sd_deg = 1\n", "expected 'sd_mm'"),
         (

@@ -110,7 +110,7 @@ QUAT = "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,han
         ("id,x_mm,y_mm,z_mm\n", ReadingsError, "expected at least one reading"),
         (b"PK\x03\x04\0\0\0", ReadingsError, "Save the sheet as CSV"),
         (b"\x7fELF\0\0\1\2\0", ReadingsError, "got a binary one"),
-        ("1,2,3\n4,5,6\n", UnitError, "expected --units with a list of points (X Y Z ...), got none. Say --units mm."),
+        ("1,2,3\n4,5,6\n", UnitError, "expected --units with a list of points (X Y Z ...), got none. Use --units mm."),
         ("1,2,a\n4,5,6\n", ReadingsError, "expected a header"),
         ("x_mm|y_mm|z_mm\n1|2|3\n", ReadingsError, "expected commas"),
         ("x,y,z\n1,2,3\n", UnitError, "line 1, column 1: expected a unit in the name (x_mm, x_m, x_um, x_in), got 'x'"),

@@ -191,7 +191,7 @@ def test_vectors_that_point_inwards_are_asked_about(tmp_path):
     away = P - P.mean(axis=0)
     inwards = -away / np.linalg.norm(away, axis=1, keepdims=True)
     path = save(tmp_path, rows(np.c_[P, inwards]))
-    with pytest.raises(ReadingsError, match="say --direction ijk"):
+    with pytest.raises(ReadingsError, match="--direction ijk; otherwise"):
         read_readings(path, units="mm")
     np.testing.assert_allclose(read_readings(path, units="mm", direction="-ijk").directions, -inwards, atol=1e-5)
 
@@ -211,7 +211,7 @@ def test_positions_of_robots_are_poses_with_a_tool(tmp_path, case):
 @pytest.mark.parametrize(
     ("case", "notes"),
     [
-        ("grbl", ["1 probe met nothing"]),
+        ("grbl", ["1 probe made no contact"]),
         ("linuxcnc with a rotary axis", ["Axis A was at 90"]),
         ("fusion", ["1 nominal point without"]),
         ("dmis", ["1 feature of other kinds"]),
@@ -236,12 +236,12 @@ def test_what_was_left_out_is_said(tmp_path, case, notes):
         (
             "linuxcnc",
             {},
-            "expected --units and --radius with a LinuxCNC probe log (PROBEOPEN), got none. Say",
+            "expected --units and --radius with a LinuxCNC probe log (PROBEOPEN), got none. Use",
         ),
         ("linuxcnc", MM, "expected --radius with a LinuxCNC"),
-        ("grbl", {}, "Say --radius 1.5mm (of the tip's ball; 0mm of a sharp tip)"),
-        ("ply", {}, "expected --units with a PLY point cloud, got none. Say --units mm."),
-        ("csv without units", {}, "Add it, or say --units mm."),
+        ("grbl", {}, "Use --radius 1.5mm (of the tip's ball; 0mm of a sharp tip)"),
+        ("ply", {}, "expected --units with a PLY point cloud, got none. Use --units mm."),
+        ("csv without units", {}, "Add it, or use --units mm."),
         ("qif", {"units": "in"}, "expected lengths in mm, as the file says, got --units in"),
         ("fusion", {"units": "mm", "radius": 0.001}, "got 1.5 mm in the file and --radius"),
         ("pcd", {"units": "mm", "direction": "ijk"}, "expected vectors I J K"),
@@ -262,7 +262,7 @@ def test_what_is_lacking_or_too_much_is_named(tmp_path, case, said, message):
     ("content", "message"),
     [
         (rows(np.c_[P, np.arange(24).reshape(4, 6)]), "expected axis A to stand still"),
-        ("[PRB:1,2,3:0]\n", "expected at least one probe that met something"),
+        ("[PRB:1,2,3:0]\n", "expected at least one probe move with contact"),
         ("[PRB:1,2,x:1]\n", "line 1: expected finite numbers of a probe report, got 'x'"),
         ("G800 N1 X0. Y0. Z0. I0. J0. K1.\n", "Export the results of the measurement, not the program"),
         ("UNITS/MM\nFILNAM/'A'\nFA(C)=FEAT/CIRCLE,CART,0,0,0,0,0,1,5\n", "got 1 feature of other kinds"),

@@ -68,7 +68,7 @@ def test_zones_and_their_status_however_they_are_printed(tmp_path, way):
     np.testing.assert_allclose(at["tof.1.1"], 0.3)
     np.testing.assert_allclose(at["tof.8.8"], 0.363)
     np.testing.assert_allclose(at["tof.2.1"], 0.308)
-    assert "Of 64 zones, 62 met something, 1 nothing, 1 were unreliable" in readings.notes[0]
+    assert "64 zones: 62 with a target, 1 without, 1 unreliable" in readings.notes[0]
 
 
 def test_frames_are_measured_with_a_rig(tmp_path):

@@ -201,7 +201,7 @@ ORIGIN = np.zeros((1, 3))
         (
             {"points": ORIGIN, "ranges": [0.01]},
             {"sensor": "vl53l0x"},
-            "got 0.01 m. Leave it out, for nothing is",
+            "got 0.01 m. Remove the row",
         ),
         (
             {"ranges": [0.5], "sensors": ["eye"], "Ts_world_hand": np.eye(4)[None]},

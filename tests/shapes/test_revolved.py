@@ -53,7 +53,7 @@ def test_bends_are_the_derivative_of_the_gradient(kind, sign):
     q, n = surface_of(kind, rng.uniform(0, 2 * np.pi, 30), rng.uniform(-1, 1, 30))
     profiles, R, point = placed(kind, sign, 30)
     at = (q + rng.uniform(-5e-3, 5e-3, (30, 1)) * n) @ R.T + point
-    b, e, g = profiles.bends(at)
+    b, e, g = profiles.curvatures(at)
     H = np.einsum("kc,kci,kcj->kij", b, e, e)
     for axis, step in enumerate(1e-7 * np.eye(3)):
         slope = (profiles.distance(at + step)[1] - profiles.distance(at - step)[1]) / 2e-7
@@ -66,7 +66,7 @@ def test_on_the_axis_there_is_no_gradient_and_the_mesh_stays():
     phi, g = profiles.distance(point[None])
     assert phi == pytest.approx(-0.03)
     assert not g.any()
-    assert not profiles.bends(point[None])[0].any()
+    assert not profiles.curvatures(point[None])[0].any()
 
 
 def tube(count=24, radius=0.03, height=0.1):
@@ -138,4 +138,4 @@ def test_the_apex_of_cone_and_slivers_of_mesh_not_leave_it_out():
     found = revolved(cone, np.zeros(len(triangles), dtype=int), corners, normals, np.array([1e-9]))
     assert found is not None
     assert np.abs(found.profiles.signs) == 1.0
-    assert np.arccos(found.alike[0]) < 0.2
+    assert np.arccos(found.min_cosines[0]) < 0.2

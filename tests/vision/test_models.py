@@ -10,7 +10,7 @@ import pytest
 
 from random_parts import random_part, write_off
 from silhouettes import spilled
-from tanteo.catalogue import known_rests, read_parts, rests
+from tanteo.catalogue import known_stable_poses, read_parts, stable_poses
 from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import Camera, prepare_vision
@@ -30,20 +30,20 @@ def block(folder, a, b, c):
 
 
 def test_a_block_lies_in_three_ways(tmp_path):
-    found = rests(block(tmp_path, 90, 50, 20))
+    found = stable_poses(block(tmp_path, 90, 50, 20))
     assert [round(1e3 * rest.height) for rest in found] == [20, 50, 90]
     assert sum(rest.probability for rest in found) == pytest.approx(1)
     assert found[0].probability > found[1].probability > found[2].probability
 
 
 def test_a_cube_lies_in_one(tmp_path):
-    assert len(rests(block(tmp_path, 40, 40, 40))) == 1
+    assert len(stable_poses(block(tmp_path, 40, 40, 40))) == 1
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_what_lies_lies_stably(tmp_path, seed):
     part = random_part(tmp_path / "part.off", np.random.default_rng(seed))
-    for rest in rests(part):
+    for rest in stable_poses(part):
         lying = SE3.apply(rest.T_table_part, part.vertices)
         assert lying[:, 2].min() == pytest.approx(0, abs=1e-9)
         foot = lying[lying[:, 2] < 1e-6, :2]
@@ -57,7 +57,7 @@ def test_what_lies_lies_stably(tmp_path, seed):
 def test_a_part_is_laid_down_where_it_was(tmp_path):
     rng = np.random.default_rng(5)
     part = random_part(tmp_path / "part.off", rng)
-    for rest in rests(part):
+    for rest in stable_poses(part):
         turned = SE3.from_parts(SO3.axis_rotation(2, rng.uniform(-3, 3)), np.array([*rng.normal(size=2), 0]))
         truth = turned @ rest.T_table_part
         tipped = truth @ SE3.exp(rng.normal(size=6) * np.r_[np.full(3, 1e-3), np.full(3, 0.02)])
@@ -129,10 +129,10 @@ def test_resting_poses_are_cached_and_found_anew_if_damaged(tmp_path, monkeypatc
     monkeypatch.setenv("TANTEO_CACHE", str(tmp_path / "cache"))
     block(tmp_path, 90, 50, 20)
     file = tmp_path / "block.off"
-    first = known_rests(read_parts([file], unit="mm").parts[0])
+    first = known_stable_poses(read_parts([file], unit="mm").parts[0])
     (kept,) = (tmp_path / "cache").rglob("*.rests2")
-    monkeypatch.setattr("tanteo.catalogue.resting._computed", lambda part: pytest.fail("it is in the cache"))
-    again = known_rests(read_parts([file], unit="mm").parts[0])
+    monkeypatch.setattr("tanteo.catalogue.stability._computed", lambda part: pytest.fail("it is in the cache"))
+    again = known_stable_poses(read_parts([file], unit="mm").parts[0])
     assert [(r.probability, r.height) for r in again] == [(r.probability, r.height) for r in first]
     np.testing.assert_array_equal([r.T_table_part for r in again], [r.T_table_part for r in first])
     monkeypatch.undo()
@@ -140,6 +140,6 @@ def test_resting_poses_are_cached_and_found_anew_if_damaged(tmp_path, monkeypatc
     whole = kept.read_bytes()
     for damaged in (whole[:-9], np.full(18, np.nan).tobytes(), b""):
         kept.write_bytes(damaged)
-        found = known_rests(read_parts([file], unit="mm").parts[0])
+        found = known_stable_poses(read_parts([file], unit="mm").parts[0])
         np.testing.assert_array_equal([r.T_table_part for r in found], [r.T_table_part for r in first])
         assert kept.read_bytes() == whole

@@ -149,7 +149,7 @@ _Table: TypeAlias = tuple[Any, Any, Any, Any]
 
 def _tables(parts: Sequence[Any]) -> Iterator[_Table]:
     """Hulls and stable poses of parts, and where those of each start: of a catalogue as they lie on disk."""
-    from tanteo.catalogue import Catalogue, hull_points, rest_rows
+    from tanteo.catalogue import Catalogue, hull_points, stable_pose_rows
 
     if isinstance(parts, Catalogue):
         for segment in parts.segments:
@@ -159,7 +159,7 @@ def _tables(parts: Sequence[Any]) -> Iterator[_Table]:
     for one in parts:
         part = getattr(one, "part", one)
         if "outline" not in part.derived:
-            part.derived["outline"] = hull_points(part), rest_rows(part)
+            part.derived["outline"] = hull_points(part), stable_pose_rows(part)
         hulls.append(part.derived["outline"][0])
         rests.append(part.derived["outline"][1])
     if hulls:

@@ -1,4 +1,4 @@
-"""Many parts: read in parallel, survive what crashes or never ends, remember what was read, keep it as a catalogue."""
+"""Read many CAD files in parallel, cache the parts, and store them as a catalogue on disk."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -8,15 +8,21 @@ from tanteo.lazy import lazy
 if TYPE_CHECKING:
     from tanteo.catalogue.building import Built, add_to_catalogue, build_catalogue
     from tanteo.catalogue.cache import cache_folder
+    from tanteo.catalogue.file_warnings import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
     from tanteo.catalogue.from_memory import part_from_mesh
     from tanteo.catalogue.opened import Catalogue, open_catalogue
     from tanteo.catalogue.reading import Failure, Parts, read_parts
-    from tanteo.catalogue.resting import Rest, hull_points, known_rests, rest_rows, rests
     from tanteo.catalogue.segment import tables_of
     from tanteo.catalogue.shaping import SAMPLES, SHAPE, compiled_shape
     from tanteo.catalogue.signatures import AXES, LEVELS, coarse_field, faces_of, field_table, signature, widths
+    from tanteo.catalogue.stability import (
+        StablePose,
+        hull_points,
+        known_stable_poses,
+        stable_pose_rows,
+        stable_poses,
+    )
     from tanteo.catalogue.store import is_catalogue
-    from tanteo.catalogue.surprises import cad_files, coarse_meshes, repaired, skipped_folders, unused_unit
 
 __all__ = [
     "AXES",
@@ -27,7 +33,7 @@ __all__ = [
     "Catalogue",
     "Failure",
     "Parts",
-    "Rest",
+    "StablePose",
     "add_to_catalogue",
     "build_catalogue",
     "cache_folder",
@@ -39,15 +45,15 @@ __all__ = [
     "field_table",
     "hull_points",
     "is_catalogue",
-    "known_rests",
+    "known_stable_poses",
     "open_catalogue",
     "part_from_mesh",
     "read_parts",
     "repaired",
-    "rest_rows",
-    "rests",
     "signature",
     "skipped_folders",
+    "stable_pose_rows",
+    "stable_poses",
     "tables_of",
     "unused_unit",
     "widths",
@@ -63,11 +69,11 @@ __getattr__, __dir__ = lazy(
         "from_memory": "part_from_mesh",
         "opened": "Catalogue open_catalogue",
         "reading": "Failure Parts read_parts",
-        "resting": "Rest hull_points known_rests rest_rows rests",
+        "stability": "StablePose hull_points known_stable_poses stable_pose_rows stable_poses",
         "segment": "tables_of",
         "shaping": "SAMPLES SHAPE compiled_shape",
         "signatures": "AXES LEVELS coarse_field faces_of field_table signature widths",
         "store": "is_catalogue",
-        "surprises": "cad_files coarse_meshes repaired skipped_folders unused_unit",
+        "file_warnings": "cad_files coarse_meshes repaired skipped_folders unused_unit",
     },
 )

@@ -1,7 +1,7 @@
-"""A part as bytes, of which only what is asked for is read: a checksum, JSON documents and the arrays, no pickle.
+"""Store a part as bytes of which only the requested attributes are decoded: a checksum, JSON documents and arrays.
 
-The first document holds numbers and names, the second says where the arrays are, the third holds the faces. A part that
-was opened keeps the bytes, and makes an attribute of them when it is first used.
+The first document holds numbers and names, the second the offsets of the arrays, the third the faces. An opened part
+keeps the bytes and decodes an attribute at its first use. No pickle is used.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from tanteo.errors import InputError
 from tanteo.parts import Face, ModelEdges, ModelPlanes, ModelVertices, Part, SymmetryGroup
 
 FORMAT_VERSION = 6
-"""Of the bytes and of the rules that made the part: raise it whenever a reader gives another answer."""
+"""Version of the byte format and of the readers; increase it whenever a reader gives another result."""
 
 _MAGIC = b"tanteoP\n"
 _HEAD = struct.Struct("<8sIIIQ")
-"""Magic, CRC-32 of all that follows, lengths of the first document, of the second, of everything."""
+"""Header: magic, CRC-32 of all that follows, lengths of the first document, of the second, and of everything."""
 
 _GROUPS: dict[str, tuple[type[Any], tuple[str, ...]]] = {
     "planes": (ModelPlanes, ("Ts_part_feature", "faces", "areas", "gyration", "boundary", "boundary_start")),
@@ -37,13 +37,19 @@ _FACE_VECTORS = ("centroid", "axis_point", "axis_direction")
 
 
 def part_to_bytes(part: Part) -> bytes:
-    """Write a part to bytes that :func:`part_from_bytes` reads back bit for bit."""
+    """Return a part as bytes that :func:`part_from_bytes` restores exactly.
+
+    Args:
+        part: part to store.
+    """
     arrays: dict[str, Any] = {name: getattr(part, name) for name in _ARRAYS}
     for group, (_, names) in _GROUPS.items():
         arrays.update({f"{group}.{name}": getattr(getattr(part, group), name) for name in names})
     arrays["symmetry.Ts"] = part.symmetry.Ts
     faces = json.dumps([_face_to_json(face) for face in part.faces]).encode()
-    parts, places, at = [faces], {}, len(faces)
+    parts = [faces]
+    places = {}
+    at = len(faces)
     for name, array in arrays.items():
         parts.append(bytes(-at % 8))
         at += -at % 8
@@ -60,17 +66,23 @@ def part_to_bytes(part: Part) -> bytes:
         "spherical": part.symmetry.spherical,
         "faces": len(faces),
     }
-    document, table = json.dumps(header).encode(), json.dumps(places).encode()
+    document = json.dumps(header).encode()
+    table = json.dumps(places).encode()
     table += b" " * (-(_HEAD.size + len(document) + len(table)) % 8)
     body = b"".join([document, table, *parts])
     return _HEAD.pack(_MAGIC, zlib.crc32(body), len(document), len(table), _HEAD.size + len(body)) + body
 
 
 def part_from_bytes(data: bytes, *, name: str | None = None, source: str | None = None) -> Part:
-    """Open a part of bytes, which it keeps, under a name and source of its own if they are given.
+    """Open a stored part, which keeps the bytes.
+
+    Args:
+        data: bytes of :func:`part_to_bytes`.
+        name: name of the part; None for the stored name.
+        source: origin of the part; None for the stored origin.
 
     Raises:
-        InputError: the bytes are damaged or of another format version.
+        InputError: the bytes are damaged or have another format version.
     """
     try:
         magic, checksum, length, table, size = _HEAD.unpack_from(data)
@@ -91,7 +103,7 @@ def part_from_bytes(data: bytes, *, name: str | None = None, source: str | None 
 
 
 class _Stored:
-    """The attributes of a part that are made when they are asked for."""
+    """Loader of a part's attributes, which decodes each at its first use."""
 
     def __init__(self, data: bytes, table: int, start: int, header: dict[str, Any]) -> None:
         self._data, self._table, self._start, self._header = data, table, start, header

@@ -1,6 +1,6 @@
-"""Build a catalogue, or bring one up to date: what has not changed is not read again.
+"""Build or update a catalogue: unchanged files are not read again.
 
-The old one is there until the new one is.
+The old catalogue stays valid until the new one is complete.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ Paths: TypeAlias = Iterable[str | os.PathLike[str]] | str | os.PathLike[str]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Built:
-    """What came of building a catalogue.
+    """Result of building a catalogue.
 
     Attributes:
-        parts: in it now.
-        read: files that were read anew.
-        kept: parts that were there already, of files that have not changed.
-        dropped: parts that are no longer in it.
+        parts: number of parts in the catalogue.
+        read: number of files that were read.
+        kept: number of parts taken over from unchanged files.
+        dropped: number of parts that were removed.
         failures: files that could not be read.
     """
 
@@ -57,22 +57,22 @@ def build_catalogue(
     scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Built:
-    """Make a catalogue of CAD files, or bring one up to date with them: parts of other files are no longer in it.
+    """Build a catalogue of CAD files, or update an existing one; parts of other files are removed.
 
     Args:
-        paths: files, and folders whose readable files are taken (subfolders are not).
-        out: folder of the catalogue; a new one, or one that has a catalogue.
-        unit: of files that carry none (STL, OBJ, PLY, OFF).
-        workers: processes to read with; as many as processors where left out; 0 reads everything in this process.
-        scheduler: of a Dask cluster whose workers read instead, ``tcp://HOST:PORT`` or ``local:N``; they have to see
-            the files under the same paths.
-        progress: called with (files done, files in all) after each file.
+        paths: files, and folders whose readable files are used (without subfolders).
+        out: folder of the catalogue; a new one, or one that contains a catalogue.
+        unit: length unit of files that carry none (STL, OBJ, PLY, OFF); None if there are none.
+        workers: number of reading processes; None for one per processor; 0 to read in this process.
+        scheduler: address of a Dask scheduler whose workers read instead, ``tcp://HOST:PORT`` or ``local:N``; the
+            workers must see the files under the same paths. None to read on this machine.
+        progress: function called after each file with the number of files done and the total number.
 
     Raises:
-        InputError: another process writes to it, it is a folder with other things in it, there is no room on the disk;
-            the scheduler does not answer, or has no workers.
+        InputError: another process writes to the catalogue, the folder has other content, the disk is full, or the
+            scheduler does not answer or has no workers.
         PartError: no file can be read.
-        UnitError: as of :func:`tanteo.read_parts`.
+        UnitError: the unit is unknown or missing, see :func:`tanteo.read_parts`.
 
     Example:
         >>> from tanteo.catalogue import build_catalogue
@@ -92,18 +92,18 @@ def add_to_catalogue(
     scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Built:
-    """Add the parts of CAD files to a catalogue; a file that is in it and has changed takes its old part's place.
+    """Add the parts of CAD files to a catalogue; a changed file replaces its old part.
 
     Args:
-        paths: as of :func:`build_catalogue`, like all that follow.
-        out: folder of a catalogue.
-        unit: of files that carry none.
-        workers: processes to read with.
-        scheduler: of a cluster that reads instead.
-        progress: called after each file.
+        paths: files and folders, see :func:`build_catalogue`.
+        out: folder of an existing catalogue.
+        unit: length unit of files that carry none.
+        workers: number of reading processes.
+        scheduler: address of a Dask scheduler whose workers read instead.
+        progress: function called after each file with the number of files done and the total number.
 
     Raises:
-        InputError: there is no catalogue, or as :func:`build_catalogue`.
+        InputError: there is no catalogue, or see :func:`build_catalogue`.
 
     Example:
         >>> from tanteo.catalogue import add_to_catalogue, build_catalogue
@@ -117,14 +117,19 @@ def add_to_catalogue(
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Who reads, and who is told."""
+    """Method of reading files: in this process, in worker processes, or on a cluster."""
 
     workers: int | None
     scheduler: str | None
     progress: Callable[[int, int], None] | None
 
     def read(self, todo: dict[int, Request], settle: Callable[[int, Any], None]) -> None:
-        """Read files, in any order."""
+        """Read files in any order.
+
+        Args:
+            todo: requests by index.
+            settle: function called with index and result of each file.
+        """
         if self.scheduler is not None and todo:
             read_on_cluster(todo, settle, self.scheduler)
             return
@@ -144,7 +149,7 @@ def _written(paths: Paths, folder: Path, unit: str | None, reader: _Reader, *, a
         taken = old.names if adding and old is not None else ()
         known = by_source(old) if adding and old is not None else {}
         _, requests, failures = requested(paths, unit, () if adding else taken)
-        # the same file is meant wherever the next writer is started
+        # absolute paths keep their meaning when the next writer starts in another folder
         requests = [replace(one, path=os.path.abspath(one.path)) for one in named(requests, known, set(taken))]
         keys = [cache_key(Path(one.path), one.unit) or NO_KEY for one in requests]
         plan = Plan(old, requests, keys, adding=adding)
@@ -170,7 +175,7 @@ def _written(paths: Paths, folder: Path, unit: str | None, reader: _Reader, *, a
 
 
 class _Output:
-    """Segments that are being written, one after the other."""
+    """Writer of consecutive segments."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -178,7 +183,12 @@ class _Output:
         self._done: list[dict[str, Any]] = []
 
     def add(self, record: Record, key: str) -> None:
-        """One more part."""
+        """Append a part.
+
+        Args:
+            record: part to write.
+            key: hash of its file.
+        """
         if self._now is None:
             self._now = SegmentWriter(self._folder)
         self._now.add(record, key)
@@ -186,12 +196,12 @@ class _Output:
             self._end()
 
     def closed(self) -> list[dict[str, Any]]:
-        """All of them, on the disk."""
+        """Finish the last segment and return the manifest entries of all new segments."""
         self._end()
         return self._done
 
     def drop(self) -> None:
-        """Write no more of what is not on the disk."""
+        """Discard the unfinished segment."""
         if self._now is not None:
             self._now.drop()
 
@@ -202,19 +212,23 @@ class _Output:
 
 
 def _read(plan: Plan, output: _Output, reader: _Reader) -> list[Failure]:
-    """Write what is copied and what is read, in the order of the requests; the files that could not be read."""
+    """Write the copied and the read parts in the order of the requests; return the files that could not be read."""
     for (segment, row), request in plan.copied:
         record = segment.record(row)
         if request is not None:
             record = replace(record, name=request.name, source=request.path)
         output.add(record, segment.key(row))
-    todo, waiting, failures = dict(plan.todo), dict[int, Record | str](), list[Failure]()
-    order, done = iter(sorted(todo)), len(plan.requests) - len(todo)
+    todo = dict(plan.todo)
+    waiting = dict[int, Record | str]()
+    failures = list[Failure]()
+    order = iter(sorted(todo))
+    done = len(plan.requests) - len(todo)
     following = next(order, None)
 
     def settle(index: int, result: Record | str) -> None:
         nonlocal following, done
-        waiting[index], done = result, done + 1
+        waiting[index] = result
+        done = done + 1
         while following in waiting:
             found = waiting.pop(following)
             if isinstance(found, str):
@@ -230,7 +244,7 @@ def _read(plan: Plan, output: _Output, reader: _Reader) -> list[Failure]:
 
 
 def _old(folder: Path, *, adding: bool) -> Catalogue | None:
-    """The catalogue that is there; None where it cannot be used and is built anew."""
+    """Return the existing catalogue; None if there is none or it is unusable and will be rebuilt."""
     if not is_catalogue(folder):
         return None
     try:
@@ -242,7 +256,7 @@ def _old(folder: Path, *, adding: bool) -> Catalogue | None:
 
 
 def _check_place(folder: Path) -> None:
-    """Refuse a folder that holds something else: a catalogue has one of its own."""
+    """Refuse a folder with other content: a catalogue needs its own folder."""
     if not folder.is_dir() or is_catalogue(folder):
         return
     own = {MANIFEST, LOCK}
@@ -264,9 +278,9 @@ def _nothing(folder: Path, failures: list[Failure]) -> str:
 
 @contextmanager
 def _room(folder: Path) -> Iterator[None]:
-    """What the system refuses becomes advice; the old catalogue is as it was."""
+    """Convert errors of the operating system to advice; the old catalogue is unchanged."""
     try:
         yield
     except OSError as error:
         why = error.strerror or error
-        raise InputError(f"{folder}: expected room to write a catalogue, got: {why}. Nothing was changed.") from None
+        raise InputError(f"{folder}: expected space to write a catalogue, got: {why}. Nothing was changed.") from None

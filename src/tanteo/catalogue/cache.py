@@ -1,9 +1,9 @@
-"""Read parts, and what was derived from them, remembered on disk by the content of their files.
+"""Cache parts, and data derived from them, on disk by the content of their files.
 
-An entry is named by a hash of the file's bytes, the unit it was read in and the version of the readers, so it is never
-out of date: another content is another entry. It ends in a checksum over its name and its bytes: one that was damaged,
-or is another's, is not used and is written again. The folder is ``$TANTEO_CACHE`` or the platform's own for caches, for
-its owner alone; deleting it costs only the time to read again. What cannot be written is not remembered.
+An entry's name is a hash of the file's bytes, its unit and the version of the readers, so an entry never becomes
+outdated. An entry ends in a checksum of its name and bytes; a damaged or foreign entry is ignored and rewritten. The
+folder is ``$TANTEO_CACHE`` or the platform's cache folder, accessible to its owner only. It may be deleted at any time.
+If the folder is not writable, nothing is cached.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from tanteo.parts import CAD_READERS, LARGEST_FILE, Part
 from tanteo.replaced import replaced
 
 _CHECKSUM = 8
-"""Bytes of it, at the end of an entry."""
+"""Length of the checksum at the end of an entry [bytes]."""
 
 
 _CHUNK = 1 << 24
 
 _REFERENCE = b"DOCUMENT_FILE"
-"""In STEP files that refer to others."""
+"""Keyword in STEP files that refer to other files."""
 
 
 def cache_folder() -> Path:
-    """Return the folder of the cache; it need not exist. Without a home it is one for temporary files."""
+    """Return the folder of the cache, which need not exist; without a home it is a temporary folder."""
     chosen = os.environ.get("TANTEO_CACHE")
     try:
         return Path(chosen).expanduser() if chosen else _platform_folder() / "tanteo"
@@ -54,11 +54,15 @@ def _platform_folder() -> Path:
 
 
 def cache_key(path: Path, unit: str | None) -> str | None:
-    """Name the entry of a file by its content, format, unit and the version of the readers.
+    """Return the name of a file's entry: a hash of content, format, unit and version of the readers.
+
+    Args:
+        path: CAD file.
+        unit: length unit; None if the file states it.
 
     Returns:
-        The name; None where the file cannot be read, is too large for a part, or refers to other files, or where it is
-        not known whether its reader has changed.
+        Name of the entry. None if the file cannot be read, is too large for a part, or refers to other files, or if a
+        plug-in reads it that has no fingerprint.
     """
     suffix = path.suffix.lower()
     plugin = CAD_READERS.fingerprint(suffix.removeprefix("."))
@@ -72,7 +76,7 @@ def cache_key(path: Path, unit: str | None) -> str | None:
         with open(path, "rb", buffering=0) as file:
             while content := file.read(_CHUNK):
                 if suffix in (".step", ".stp") and _REFERENCE in before + content:
-                    return None  # what it refers to may change while it stays the same
+                    return None  # the referenced files may change while this one does not
                 before = content[-len(_REFERENCE) :]
                 digest.update(content)
     except OSError:
@@ -81,7 +85,13 @@ def cache_key(path: Path, unit: str | None) -> str | None:
 
 
 def load(key: str, *, name: str, source: str) -> Part | None:
-    """Return the remembered part under a new name and source; None where there is none or it is damaged."""
+    """Return a cached part under a new name and source; None if there is no valid entry.
+
+    Args:
+        key: name of the entry, see :func:`cache_key`.
+        name: name for the part.
+        source: path of the file.
+    """
     try:
         data = _entry(key, "part").read_bytes()
         if not _whole(memoryview(data), key, "part"):
@@ -94,22 +104,28 @@ def load(key: str, *, name: str, source: str) -> Part | None:
 
 
 def store(key: str, part: Part) -> bool:
-    """Remember a part; return whether that worked."""
+    """Cache a part, and return whether that succeeded.
+
+    Args:
+        key: name of the entry, see :func:`cache_key`.
+        part: part to store.
+    """
     part.derived["key"] = key
     return _write(key, "part", part_to_bytes(part))
 
 
 def load_derived(part: Part, kind: str) -> npt.NDArray[np.uint8] | None:
-    """Open what was derived from a part and remembered beside it, in place.
+    """Return data derived from a part, from the cache or the part's catalogue.
 
     Args:
-        part: one that was read with the cache, or is of a catalogue, which keeps such beside it.
-        kind: of what was derived, and its version.
+        part: part that was read with the cache, or belongs to a catalogue.
+        kind: kind of data with its version.
 
     Returns:
-        The bytes, memory-mapped ``(n,)``; None where there are none, or others than were written.
+        Memory-mapped bytes ``(n,)``; None if there is no valid entry.
     """
-    key, stored = part.derived.get("key"), part.derived.get("stored")
+    key = part.derived.get("key")
+    stored = part.derived.get("stored")
     if stored is not None and (found := stored(kind)) is not None:
         return np.asarray(found)
     if key is None:
@@ -123,13 +139,19 @@ def load_derived(part: Part, kind: str) -> npt.NDArray[np.uint8] | None:
 
 
 def store_derived(part: Part, kind: str, data: bytes) -> bool:
-    """Remember what was derived from a part that was read with the cache; return whether that worked."""
+    """Cache data derived from a part that was read with the cache, and return whether that succeeded.
+
+    Args:
+        part: part that the data belongs to.
+        kind: kind of data with its version.
+        data: bytes to store.
+    """
     key = part.derived.get("key")
     return key is not None and _write(key, kind, data)
 
 
 def _write(key: str, kind: str, data: bytes) -> bool:
-    """Write an entry, which appears whole or not at all, also when several processes write it at once."""
+    """Write an entry atomically, also when several processes write it at once."""
     entry = _entry(key, kind)
     try:
         if not _private(entry.parent.parent):
@@ -144,7 +166,7 @@ def _write(key: str, kind: str, data: bytes) -> bool:
 
 
 def _private(folder: Path) -> bool:
-    """Make a folder that is its owner's alone; whether it is this user's."""
+    """Create a folder that only its owner can access, and return whether this user owns it."""
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     folder.mkdir(mode=0o700, exist_ok=True)
     if not hasattr(os, "getuid"):
@@ -158,7 +180,7 @@ def _private(folder: Path) -> bool:
 
 
 def _whole(data: memoryview, key: str, kind: str) -> bool:
-    """Whether an entry is what was written under this name."""
+    """Return whether an entry's checksum matches its name and content."""
     return bytes(data[-_CHECKSUM:]) == _checksum(data[:-_CHECKSUM], key, kind)
 
 

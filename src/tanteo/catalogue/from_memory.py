@@ -1,4 +1,4 @@
-"""A part from vertices and triangles in memory, remembered on disk by their content."""
+"""Make a part from vertices and triangles in memory, cached on disk by their content."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ def part_from_mesh(
     faces: npt.ArrayLike | None = None,
     cache: bool = True,
 ) -> Part:
-    """Make a part of vertices and triangles in memory.
+    """Make a part from vertices and triangles in memory.
 
-    The mesh is checked and repaired as one of a file is, and the part can be used wherever one of a file can. Its
-    repairs say what was changed. A surface that does not close is a part, too.
+    The mesh is checked and repaired like one from a file, and the part can be used like one from a file. Its
+    ``repairs`` list the changes. An open surface is accepted, too.
 
     Args:
-        vertices: corners ``(V, 3)`` in ``unit``.
-        triangles: rows of ``vertices`` ``(T, 3)``, counter-clockwise seen from outside.
+        vertices: vertices ``(V, 3)`` in ``unit``.
+        triangles: vertex indices ``(T, 3)``, counter-clockwise seen from outside.
         unit: length unit of the vertices: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``.
         name: name of the part.
-        faces: number of the face of each triangle ``(T,)``: triangles of one number that touch are one face. The faces
-            are found from the angles between triangles if it is None.
-        cache: whether to remember the part on disk, and use what is remembered.
+        faces: face number of each triangle ``(T,)``; touching triangles with one number form a face. None to find the
+            faces from the angles between triangles.
+        cache: whether to use the cache on disk.
 
     Returns:
-        The part in metres, in the frame of the vertices. Its ``source`` is empty.
+        Part in metres, in the frame of the vertices; its ``source`` is empty.
 
     Raises:
         PartError: the arrays have another shape or type, an index is out of range, a coordinate is not finite, or the
-            triangles are no surface of a plausible size; the message says which.
-        UnitError: the unit is not known.
+            triangles do not form a surface of plausible size; the message names the fault.
+        UnitError: the unit is unknown.
 
     Example:
         >>> corners = [[x, y, z] for x in (0, 60) for y in (0, 40) for z in (0, 20)]
@@ -54,7 +54,7 @@ def part_from_mesh(
     """
     mesh = checked_mesh(CadMesh(vertices, triangles, unit, faces), name)
     if mesh.unit is None:
-        raise UnitError(f"{name}: expected the length unit of the vertices, got None. Say unit='mm'.")
+        raise UnitError(f"{name}: expected the length unit of the vertices, got None. Use unit='mm'.")
     if not cache:
         return part_of_mesh(mesh, name)
     key = _key(mesh)

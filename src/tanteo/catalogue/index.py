@@ -1,4 +1,4 @@
-"""What is sorted over all parts of a segment: distances and angles of faces, and which parts are like which."""
+"""Index the parts of a segment: sorted distances and angles between faces, and groups of similar parts."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ import numpy as np
 from tanteo.typing import FloatArray, Indices
 
 LIKE = 0.06
-"""Boxes, centroids and sizes that differ by less than this share of the diagonal are of one kind of part."""
+"""Largest difference of box, centroid and size, relative to the diagonal, between similar parts."""
 
 
 def index_of(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Sorted columns ``<name>_key`` with the rows of their parts ``<name>_row``, and ``kind``: the first part alike."""
+    """Return sorted columns ``<name>_key`` with their part rows ``<name>_row``, and ``kind``, the first similar part.
+
+    Args:
+        arrays: columns of the parts' signatures.
+    """
     out = {}
     for name in ("same", "opposite", "angles"):
         rows = np.repeat(np.arange(len(arrays["numbers"]), dtype=np.int32), np.diff(arrays[f"{name}_start"]))
@@ -24,15 +28,23 @@ def index_of(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def kinds(numbers: FloatArray) -> Indices:
-    """Row of the first part that each is like ``(n,)``: their poses are worth trying on it.
+    """Return the row of the first similar part of each part ``(n,)``, whose poses are good initial poses for it.
 
-    Parts of one kind have nearly the same box and centroid in their own frames, and nearly the same area and volume.
+    Similar parts have nearly the same box and centroid in their own frames, and nearly the same area and volume.
+
+    Args:
+        numbers: column ``numbers`` of the signatures ``(n, 17)``.
     """
-    area, volume, centroid, box = numbers[:, 0], numbers[:, 1], numbers[:, 5:8], numbers[:, 8:14]
+    area = numbers[:, 0]
+    volume = numbers[:, 1]
+    centroid = numbers[:, 5:8]
+    box = numbers[:, 8:14]
     size = np.linalg.norm(box[:, 3:] - box[:, :3], axis=1)
     sizes = np.column_stack([np.sqrt(area / 6), np.cbrt(volume)])
     rows = np.column_stack([box, centroid, sizes])
-    order, out, heads = np.argsort(size, kind="stable"), np.full(len(numbers), -1, dtype=np.int32), list[int]()
+    order = np.argsort(size, kind="stable")
+    out = np.full(len(numbers), -1, dtype=np.int32)
+    heads = list[int]()
     for k in order:
         known = np.array(heads[-_HEADS:], dtype=np.int64)
         off = np.abs(rows[known] - rows[k]).max(axis=1, initial=0.0) if len(known) else np.zeros(0)
@@ -46,4 +58,4 @@ def kinds(numbers: FloatArray) -> Indices:
 
 
 _HEADS = 1000
-"""First parts, those nearest in size, that a part is compared with."""
+"""Number of group representatives, nearest in size, that a part is compared with."""

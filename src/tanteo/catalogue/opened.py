@@ -1,4 +1,4 @@
-"""A catalogue that is open: a sequence of parts, of which none is read before it is asked for."""
+"""Open a catalogue as a sequence of parts that are read at first use."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from tanteo.parts import Part, StoredParts
 from tanteo.typing import FloatArray, IntArray
 
 _TRIES = 5
-"""Times that a manifest is read again whose segments a writer has just replaced."""
+"""Number of attempts to read a manifest whose segments a writer replaces at the same time."""
 
 
 class Catalogue(StoredParts):
-    """Parts on disk, opened in milliseconds however many there are; any number of processes may read one.
+    """Parts on disk, opened in milliseconds for any number of parts and readable by any number of processes.
 
-    It is a sequence: ``catalogue[3]`` and ``catalogue["bracket"]`` are parts, and ``tanteo.identify`` takes it as
-    parts. What is compared with readings first, sizes and distances of faces of all parts, is mapped, not read.
+    A catalogue is a sequence: ``catalogue[3]`` and ``catalogue["bracket"]`` are parts, and ``tanteo.identify`` accepts
+    it as candidate parts. The columns for the coarse evaluation (sizes, distances between faces) are memory-mapped.
 
     Attributes:
-        folder: where it is.
-        paths: files and folders that it was built of.
+        folder: folder of the catalogue.
+        paths: files and folders from which it was built.
 
     Example:
         >>> from tanteo.catalogue import build_catalogue
@@ -57,11 +57,11 @@ class Catalogue(StoredParts):
     def __getitem__(self, which: slice) -> tuple[Part, ...]: ...
 
     def __getitem__(self, which: int | str | slice) -> Part | tuple[Part, ...]:
-        """A part by its number or name, or several.
+        """Return a part by number or name, or several by a slice.
 
         Raises:
-            InputError: there is none of that name, or its bytes are damaged.
-            IndexError: there are not so many.
+            InputError: there is no part of that name, or its bytes are damaged.
+            IndexError: the number is out of range.
         """
         if isinstance(which, slice):
             return tuple(self[k] for k in range(*which.indices(len(self))))
@@ -82,27 +82,35 @@ class Catalogue(StoredParts):
 
     @cached_property
     def _opened(self) -> WeakValueDictionary[int, Part]:
-        """Parts that someone has: what is prepared of a part stays with it, and no longer."""
+        """Parts in use, so that data prepared for a part lives as long as the part."""
         return WeakValueDictionary()
 
     def where(self, row: int) -> tuple[Segment, int]:
-        """Segment of a part and its number there."""
+        """Return the segment of a part and its number there.
+
+        Args:
+            row: number of the part.
+        """
         k = int(np.searchsorted(self.starts, row, side="right")) - 1
         return self.segments[k], row - int(self.starts[k])
 
     def name(self, row: int) -> str:
-        """Of a part, by its number."""
+        """Return the name of a part.
+
+        Args:
+            row: number of the part.
+        """
         segment, at = self.where(row)
         return segment.text(at)[0]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of all parts."""
+        """Names of all parts."""
         return tuple(segment.text(row)[0] for segment in self.segments for row in range(len(segment)))
 
     @cached_property
     def numbers(self) -> FloatArray:
-        """Sizes of all parts, as :func:`tanteo.catalogue.signature` has them ``(n, 17)``."""
+        """Sizes of all parts, see :func:`tanteo.catalogue.signature` ``(n, 17)``."""
         rows = [segment.table["numbers"] for segment in self.segments]
         return np.concatenate(rows) if rows else np.zeros((0, 17))
 
@@ -111,24 +119,28 @@ class Catalogue(StoredParts):
         return {name: row for row, name in enumerate(self.names)}
 
     def row_of(self, name: str) -> int | None:
-        """Number of the part of that name; None where there is none."""
+        """Return the number of the part with a given name; None if there is none.
+
+        Args:
+            name: name of a part.
+        """
         return self._rows.get(name)
 
     @property
     def units(self) -> frozenset[str]:
-        """Units that the parts were read in."""
+        """Length units of the files from which the parts were read."""
         return frozenset(unit for segment in self.segments for unit in segment.known.get("units", ()))
 
     @property
     def size(self) -> int:
-        """Bytes on disk, the manifest aside."""
+        """Size on disk without the manifest [bytes]."""
         return sum(int(s.known["bytes"]) + int(s.known["table"]["bytes"]) for s in self.segments)
 
     def check(self) -> None:
         """Read every byte and compare it with its checksum.
 
         Raises:
-            InputError: something is not as it was written; the message names it.
+            InputError: a file is damaged; the message names it.
         """
         for segment in self.segments:
             segment.check()
@@ -138,13 +150,13 @@ class Catalogue(StoredParts):
 
 
 def open_catalogue(path: str | os.PathLike[str]) -> Catalogue:
-    """Open a catalogue, read-only.
+    """Open a catalogue for reading.
 
     Args:
-        path: its folder, as ``tanteo catalogue build`` made it.
+        path: folder of the catalogue, see ``tanteo catalogue build``.
 
     Raises:
-        InputError: there is none, it is damaged, or of another version of tanteo.
+        InputError: there is no catalogue, or it is damaged or of another version of tanteo.
 
     Example:
         >>> from tanteo.catalogue import build_catalogue

@@ -1,4 +1,4 @@
-"""What is done with each part of a catalogue that is written: left where it is, copied, or read."""
+"""Plan the update of a catalogue: which parts stay in place, which are copied, and which files are read."""
 
 from __future__ import annotations
 
@@ -13,23 +13,26 @@ from tanteo.catalogue.pool import Request
 from tanteo.catalogue.segment import MOST, Segment
 
 SEGMENTS = 24
-"""Segments of a catalogue beyond which the small ones are written into one."""
+"""Number of segments above which small segments are merged."""
 
 NO_KEY = "0" * 64
-"""Of a file that is read every time: it refers to others, or is too large."""
+"""Key of a file that is read every time, because it refers to other files or is too large."""
 
 Place: TypeAlias = tuple[Segment, int]
-"""A segment and the number of a part in it."""
+"""Segment, and the number of a part in it."""
 
 
 class Plan:
-    """What stays where it is, what is copied, and what has to be read.
+    """Division of an update into segments that stay, parts that are copied, and files that are read.
 
     Attributes:
-        whole: segments that stay.
-        copied: places of parts that are written anew, with the request that names them, if there is one.
-        todo: numbers of the requests that have to be read, with these.
-        keys: of all requests.
+        whole: segments that stay unchanged.
+        copied: positions of parts that are copied, each with the request that renames it or None.
+        todo: requests that must be read, by number.
+        keys: file hashes of all requests.
+        requests: all requests.
+        kept: number of parts that are not read again.
+        in_place: number of parts in the unchanged segments.
     """
 
     def __init__(self, old: Catalogue | None, requests: list[Request], keys: list[str], *, adding: bool) -> None:
@@ -56,7 +59,7 @@ class Plan:
     def _sorted(
         self, old: Catalogue | None, wanted: Mapping[Place, Request | None]
     ) -> tuple[list[Segment], list[tuple[Place, Request | None]]]:
-        """Segments of which every part stays as it is, and the other parts that stay."""
+        """Return the segments in which every part stays unchanged, and the other parts that are kept."""
         segments = old.segments if old is not None else ()
         same = {place for place, request in wanted.items() if request is None or _is_named(place, request)}
         whole = [s for s in segments if all((s, row) in same for row in range(len(s)))]
@@ -72,7 +75,7 @@ def _is_named(place: Place, request: Request) -> bool:
 
 
 def _places(old: Catalogue | None) -> dict[str, list[Place]]:
-    """Where the parts of each key are."""
+    """Return the positions of the parts by file hash."""
     out: dict[str, list[Place]] = {}
     for segment in old.segments if old is not None else ():
         for row, key in enumerate(segment.keys()):
@@ -81,13 +84,23 @@ def _places(old: Catalogue | None) -> dict[str, list[Place]]:
 
 
 def by_source(old: Catalogue) -> dict[str, str]:
-    """Names of parts by where their files really are."""
+    """Return the names of parts by the real path of their file.
+
+    Args:
+        old: existing catalogue.
+    """
     texts = (segment.text(row) for segment in old.segments for row in range(len(segment)))
     return {os.path.realpath(source): name for name, source, _ in texts}
 
 
 def named(requests: list[Request], known: Mapping[str, str], taken: set[str]) -> list[Request]:
-    """The requests, under the names that their files have in the catalogue already; no other takes one of its names."""
+    """Return the requests with the names that their files have in the catalogue; new names are made unique.
+
+    Args:
+        requests: requests to name.
+        known: names by real path, see :func:`by_source`.
+        taken: names in use; updated in place.
+    """
     out = []
     for one in requests:
         name = known.get(os.path.realpath(one.path))

@@ -1,10 +1,9 @@
-"""Worker processes that may crash or hang without taking the program with them, as CAD kernels do.
+"""Read files in worker processes that may crash or hang, as CAD kernels do, without affecting the program.
 
-Each worker has a thread here that hands it one file at a time. A worker that dies or exceeds the time limit is
-replaced, and its file becomes a sentence. Workers are plain ``python -c`` processes and not ``multiprocessing``
-ones, so a script that calls this needs no ``if __name__ == "__main__"``. The first line to a worker says what it may
-use, each other one is a request, as JSON; a reply is a letter (``P`` part, ``R`` record, ``E`` error), eight bytes of
-length, and that many bytes.
+A thread serves each worker with one file at a time. A worker that dies or exceeds the time limit is replaced, and its
+file yields an error message. Workers are plain ``python -c`` processes instead of ``multiprocessing`` ones, so that
+calling scripts need no ``if __name__ == "__main__"``. The first line to a worker states its limits; each further line
+is a request in JSON. A reply is a letter (``P`` part, ``R`` record, ``E`` error), eight bytes of length, and the data.
 """
 
 from __future__ import annotations
@@ -28,21 +27,21 @@ from tanteo.errors import InputError
 from tanteo.parts import Part
 
 LEAST_SECONDS, SECONDS_PER_BYTE, MOST_SECONDS = 15.0, 60e-6, 600.0
-"""Forty times what the slowest real files take a megabyte, and a worker starts in two; nobody waits for longer."""
+"""Time limit of a file: constant [s] (a worker starts in 2 s), per byte [s] (40 times the slowest file), limit [s]."""
 
 _COMMAND = "from tanteo.catalogue.worker import main; main()"
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One file to read.
+    """Request to read one file.
 
     Attributes:
-        path: of the file.
-        unit: as of ``read_part``.
-        name: of the part.
-        key: of its entry in the cache, if it may be there.
-        record: whether the part is wanted as it goes into a catalogue.
+        path: path of the file.
+        unit: length unit, see ``read_part``; None if the file states it.
+        name: name for the part.
+        key: name of its cache entry; None if it is not cached.
+        record: whether the part is returned as a catalogue record.
     """
 
     path: str
@@ -53,7 +52,11 @@ class Request:
 
 
 def seconds_for(path: str) -> float:
-    """How long a file may take."""
+    """Return the time limit for reading a file [s].
+
+    Args:
+        path: path of the file.
+    """
     with suppress(OSError):
         return min(LEAST_SECONDS + SECONDS_PER_BYTE * os.stat(path).st_size, MOST_SECONDS)
     return LEAST_SECONDS
@@ -71,13 +74,13 @@ def read_in_processes(
     """Read files in worker processes.
 
     Args:
-        requests: files to read, by any number.
-        settle: called in this thread with the number and the part, its record where that is wanted, or the sentence
-            that says why there is none.
-        workers: how many processes.
-        time_limit: for one file [s]; by its size, if not given.
-        command: what a worker runs; tests put a worse one here.
-        memory: that each worker may use [bytes]; 0 for no limit, by the machine where left out.
+        requests: requests by number.
+        settle: function called in this thread with the number and the part, its record if requested, or the error
+            message.
+        workers: number of processes.
+        time_limit: time limit for one file [s]; None for one by file size.
+        command: Python code of a worker; tests replace it.
+        memory: memory limit of each worker [bytes]; 0 for no limit; None for one by the machine's memory.
     """
     rules = {"parent": os.getpid(), "memory": memory_for(workers) if memory is None else memory}
     waiting: queue.SimpleQueue[tuple[int, Request]] = queue.SimpleQueue()
@@ -135,7 +138,7 @@ def _started(command: str, rules: Mapping[str, int]) -> subprocess.Popen[bytes]:
         env=environment,
     )
     assert worker.stdin is not None
-    with suppress(OSError):  # a worker that died at its start is found out by what it is asked
+    with suppress(OSError):  # a worker that died at its start is detected at the first request
         worker.stdin.write(json.dumps(rules).encode() + b"\n")
         worker.stdin.flush()
     return worker
@@ -156,7 +159,7 @@ def _limit(rules: Mapping[str, int]) -> str:
 def _ask(
     worker: subprocess.Popen[bytes], request: Request, time_limit: float | None, rules: Mapping[str, int]
 ) -> tuple[Part | Record | str, bool]:
-    """Send one request and wait for its reply; say whether the worker can be used again."""
+    """Send one request and return its result, and whether the worker is still usable."""
     label = Path(request.path).name
     assert worker.stdin is not None
     assert worker.stdout is not None
@@ -176,7 +179,9 @@ def _ask(
         size = int.from_bytes(head[1:], "big")
         reply = worker.stdout.read(size) if len(head) == 9 else b""
     except OSError:
-        head, size, reply = b"", 0, b""
+        head = b""
+        size = 0
+        reply = b""
     finally:
         timer.cancel()
     if late.is_set():

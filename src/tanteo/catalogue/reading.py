@@ -1,4 +1,4 @@
-"""Files and folders -> parts, in parallel, with a sentence for every file that could not be read."""
+"""Read parts from files and folders in parallel, with an error message for every file that could not be read."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from tanteo.errors import InputError, PartError, UnitError, check_kind
 from tanteo.parts import Part, check_file, is_unitless, read_part, readable_suffixes, unit_name
 
 FEW_MESHES, SMALL_FILE = 16, 300_000
-"""Up to this many mesh files of up to this many bytes are read in this process."""
+"""Largest number and size [bytes] of mesh files that are read in this process."""
 
 _MESHES = (".stl", ".obj", ".ply", ".off", ".3mf")
-"""Suffixes of mesh files whose readers do not crash or hang; those of plug-ins may."""
+"""Suffixes of mesh files whose readers never crash or hang; readers of plug-ins may."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Failure:
-    """A file that could not be read.
+    """File that could not be read.
 
     Attributes:
-        path: as it was given or found.
-        reason: one sentence for a person.
+        path: path as given or found.
+        reason: error message for the user.
     """
 
     path: str
@@ -38,10 +38,10 @@ class Failure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """What was read.
+    """Parts read from files.
 
     Attributes:
-        parts: in the order of the files; names are unique.
+        parts: parts in the order of the files, with unique names.
         failures: files that could not be read, in the same order.
     """
 
@@ -55,10 +55,10 @@ class Parts:
         return iter(self.parts)
 
     def __getitem__(self, name: str) -> Part:
-        """Return the part of that name.
+        """Return the part with a given name.
 
         Raises:
-            InputError: there is none.
+            InputError: there is no such part.
         """
         for part in self.parts:
             if part.name == name:
@@ -76,19 +76,19 @@ def read_parts(
     progress: Callable[[int, int], None] | None = None,
     time_limit: float | None = None,
 ) -> Parts:
-    """Read CAD files and folders of them.
+    """Read CAD files and folders of CAD files.
 
-    STEP, IGES and GLB files and large sets are read in worker processes, so that a crash of the CAD kernel, a file
-    that never ends or one that fills the memory costs that file only.
+    STEP, IGES and GLB files and large sets are read in worker processes, so that a file that crashes the CAD kernel,
+    never ends or exhausts the memory does not affect the others.
 
     Args:
-        paths: files, and folders whose readable files are taken in alphabetical order (subfolders are not).
-        unit: of files that carry none (STL, OBJ, PLY, OFF); required where there are such files. Where there are none,
-            it is taken instead of the files' own, and their repairs say so.
-        workers: processes to read with; as many as processors where left out; 0 reads everything in this process.
-        cache: whether to remember parts on disk and use what is remembered.
-        progress: called with (files done, files in all) after each file.
-        time_limit: for one file [s]; by its size, if not given; not enforced with ``workers=0``.
+        paths: files, and folders whose readable files are used in alphabetical order (without subfolders).
+        unit: length unit of files that carry none (STL, OBJ, PLY, OFF); required if there are such files. If there are
+            none, it overrides the files' own units, and their repairs state that.
+        workers: number of reading processes; None for one per processor; 0 to read in this process.
+        cache: whether to use the cache on disk.
+        progress: function called after each file with the number of files done and the total number.
+        time_limit: time limit for one file [s]; None for one by file size; not enforced with ``workers=0``.
 
     Returns:
         Parts and failures. Parts whose files have the same stem are named by more of their path.
@@ -135,11 +135,11 @@ def read_parts(
 def requested(
     paths: Iterable[str | os.PathLike[str]] | str | os.PathLike[str], unit: str | None, taken: Iterable[str] = ()
 ) -> tuple[list[Path], list[Request], list[Failure]]:
-    """The files to read, what to ask of a reader for each, and what is wrong with the given paths.
+    """Return the files to read, a request for each, and failures for invalid paths.
 
     Args:
         paths: files and folders.
-        unit: of files that carry none.
+        unit: length unit of files that carry none.
         taken: names that other parts have.
 
     Raises:
@@ -157,14 +157,14 @@ def requested(
             f"unit: expected the length unit of {first.name}{others}, whose format has none, got none. "
             "Pass unit='mm' (or um, cm, m, in, ft)."
         )
-    # Where some files need a unit, it is theirs; the others keep their own.
+    # If some files need a unit, it applies only to them; the others keep their own.
     units = [short if file in needy or not needy else None for file in files]
     named = zip(files, units, _names(files, set(taken)), strict=True)
     return files, [Request(str(f), u, name) for f, u, name in named], failures
 
 
 def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[Failure]]:
-    """List the files to read, each once, and what is wrong with the given paths."""
+    """Return the files to read, each once, and failures for invalid paths."""
     files: dict[str, Path] = {}
     failures = []
     for given in map(Path, paths):
@@ -176,7 +176,7 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
                 reason = f"{given}: expected a folder that may be read, got: {why}. Check its permissions."
                 failures.append(Failure(str(given), reason))
                 continue
-            reason = "expected a file, got a link that leads nowhere, or a device. Mend it, or take it away."
+            reason = "expected a file, got a broken link or a device. Repair or remove it."
             failures += [Failure(str(file), f"{file}: {reason}") for file in nowhere]
             for real, file in found.items():
                 files.setdefault(real, file)
@@ -197,11 +197,11 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
 
 
 _WALKED = 1000
-"""Folders that are looked into, at most, to say that the files are in one of them."""
+"""Largest number of folders searched for a hint that CAD files are in a subfolder."""
 
 
 def _deeper(folder: Path) -> str:
-    """What to do about a folder without CAD files: name one of those within it, if any of these has some."""
+    """Return advice for a folder without CAD files, which names a subfolder that has some."""
     readable = readable_suffixes()
     for path, _, names in islice(os.walk(folder), _WALKED):
         if any(os.path.splitext(name)[1].lower() in readable for name in names):
@@ -210,8 +210,9 @@ def _deeper(folder: Path) -> str:
 
 
 def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:
-    """Files of a folder that can be read, each once, by where they really are; and those that lead nowhere."""
-    root, readable = os.path.realpath(folder), readable_suffixes()
+    """Return the readable files of a folder by real path, and the broken links and devices."""
+    root = os.path.realpath(folder)
+    readable = readable_suffixes()
     with os.scandir(folder) as every:
         named = [e for e in every if os.path.splitext(e.name)[1].lower() in readable]
     entries = [e for e in named if not os.path.isdir(e.path)]
@@ -227,19 +228,25 @@ def _inside(folder: Path) -> tuple[dict[str, Path], list[Path]]:
 
 
 def _names(files: list[Path], others: set[str]) -> list[str]:
-    """Name each file by its stem, and by as much more of its path as it takes to be the only one."""
+    """Return a unique name for each file: its stem, extended by as much of the path as necessary."""
     longer: list[Callable[[Path], str]] = [lambda file: file.stem, lambda file: file.name]
     longer += [lambda file: f"{file.resolve().parent.name}/{file.name}", lambda file: str(file.resolve())]
     names: dict[Path, str] = {}
     for naming in longer:
         waiting = {file: naming(file) for file in files if file not in names}
-        counts, taken = Counter(waiting.values()), others.union(names.values())
+        counts = Counter(waiting.values())
+        taken = others.union(names.values())
         names.update({file: name for file, name in waiting.items() if counts[name] == 1 and name not in taken})
     return [names.get(file) or str(file.resolve()) for file in files]
 
 
 def read_inline(todo: dict[int, Request], workers: int | None) -> list[int]:
-    """Choose what to read in this process: everything with ``workers=0``, else a few small meshes."""
+    """Return the requests to read in this process: all with ``workers=0``, otherwise a few small meshes.
+
+    Args:
+        todo: requests by number.
+        workers: number of reading processes; None for one per processor.
+    """
     if workers == 0:
         return list(todo)
     meshes = [index for index, request in todo.items() if request.path.lower().endswith(_MESHES)]

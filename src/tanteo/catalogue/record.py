@@ -1,4 +1,4 @@
-"""One part as it goes from the process that read it into a catalogue: its bytes, packed, and its signature."""
+"""Define the record of a part that a reading process sends to the catalogue writer: compressed bytes and signature."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from tanteo.catalogue.signatures import signature
 from tanteo.parts import Part
 
 _LEVEL = 1
-"""Of compression: four to six times smaller, and opened in less than a millisecond."""
+"""Compression level of zlib: four to six times smaller, decompressed in less than a millisecond."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Record:
-    """A part, ready to be written.
+    """Part in the form in which a catalogue stores it.
 
     Attributes:
-        name: of the part.
-        source: where it was read from.
-        unit: that it was read in.
-        part: its bytes, packed.
-        shape: those of its compiled shape.
-        columns: rows of its signature, by the name of their column.
+        name: name of the part.
+        source: path of its file.
+        unit: length unit of the file.
+        part: compressed bytes of the part.
+        shape: compressed bytes of its compiled shape.
+        columns: signature by column name.
     """
 
     name: str
@@ -40,15 +40,24 @@ class Record:
 
 
 def record_of(part: Part) -> Record:
-    """A part as a record: its shape is compiled, its signature taken."""
+    """Return the record of a part, with its compiled shape and signature.
+
+    Args:
+        part: part to store.
+    """
     shape = compiled_shape(part)
     whole, own = (zlib.compress(data, _LEVEL) for data in (part_to_bytes(part), shape.bytes()))
     return Record(part.name, part.source, part.unit, whole, own, signature(part, shape))
 
 
 def record_to_bytes(record: Record) -> bytes:
-    """For another process; no pickle."""
-    out, text = io.BytesIO(), "\0".join([record.name, record.source, record.unit])
+    """Return a record as bytes for another process, without pickle.
+
+    Args:
+        record: record to send.
+    """
+    out = io.BytesIO()
+    text = "\0".join([record.name, record.source, record.unit])
     blobs = {"text": text.encode(), "part": record.part, "shape": record.shape}
     arrays = {f".{name}": np.frombuffer(data, dtype=np.uint8) for name, data in blobs.items()}
     every: dict[str, Any] = {**arrays, **record.columns}
@@ -57,7 +66,11 @@ def record_to_bytes(record: Record) -> bytes:
 
 
 def record_from_bytes(data: bytes) -> Record:
-    """What :func:`record_to_bytes` wrote."""
+    """Return the record from the bytes of :func:`record_to_bytes`.
+
+    Args:
+        data: bytes of a record.
+    """
     with np.load(io.BytesIO(data), allow_pickle=False) as known:
         arrays = {name: known[name] for name in known.files}
     text, part, shape = (arrays.pop(f".{name}").tobytes() for name in ("text", "part", "shape"))

@@ -1,4 +1,4 @@
-"""A segment of a catalogue: some thousand parts, written once, read in place."""
+"""Write and read a segment of a catalogue: some thousand parts, written once."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ import numpy as np
 from tanteo.catalogue.archive import part_from_bytes
 from tanteo.catalogue.index import index_of
 from tanteo.catalogue.record import Record
-from tanteo.catalogue.resting import RESTS
 from tanteo.catalogue.shaping import SHAPE
+from tanteo.catalogue.stability import RESTS
 from tanteo.catalogue.store import Mapped, Packed, Table, damaged, new_name, write_table
 from tanteo.errors import InputError
 from tanteo.parts import Part
 
 MOST = 8192
-"""Parts of a segment: so many rows are in memory while it is written."""
+"""Largest number of parts in a segment, whose signatures are in memory during writing."""
 
 RAGGED = ("planes", "rounds", "axes", "same", "opposite", "angles", "field", "hull", "rests")
-"""Columns of which a part has any number of rows; where they start is in ``<name>_start``."""
+"""Columns with a variable number of rows per part; ``<name>_start`` holds the offsets."""
 
 _KEY = 32
 
 
 class SegmentWriter:
-    """Parts go to disk as they come; what is known of all is written at the end."""
+    """Writer of a segment: parts are written as they come, columns at the end."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.name, self.keys = folder, new_name(), list[str]()
@@ -42,7 +42,12 @@ class SegmentWriter:
         return len(self._places)
 
     def add(self, record: Record, key: str) -> None:
-        """One more part."""
+        """Append a part.
+
+        Args:
+            record: part to write.
+            key: hash of its file.
+        """
         at = self._file.tell()
         self._file.write(record.part + record.shape)
         middle = at + len(record.part)
@@ -52,11 +57,11 @@ class SegmentWriter:
         self.keys.append(key)
 
     def drop(self) -> None:
-        """Write no more; what was written is swept away."""
+        """Close the unfinished file, which the next sweep removes."""
         self._file.close()
 
     def close(self) -> dict[str, Any]:
-        """All of it on the disk; what the manifest says of it."""
+        """Write all columns to disk, and return the manifest entry of the segment."""
         self._file.flush()
         os.fsync(self._file.fileno())
         size = self._file.tell()
@@ -74,7 +79,11 @@ class SegmentWriter:
 
 
 def tables_of(columns: Sequence[Mapping[str, Any]]) -> dict[str, np.ndarray]:
-    """The arrays of parts with these signatures, sorted columns among them."""
+    """Return the arrays of parts with these signatures, including the sorted columns.
+
+    Args:
+        columns: signatures of the parts.
+    """
     arrays = {name: np.stack([c[name] for c in columns]) for name in ("numbers", "grid")}
     for name in RAGGED:
         arrays[name] = np.concatenate([c[name] for c in columns])
@@ -87,7 +96,7 @@ def _starts(lengths: Iterable[int]) -> np.ndarray:
 
 
 class Segment:
-    """One that is open."""
+    """Opened segment."""
 
     def __init__(self, folder: Path, known: dict[str, Any]) -> None:
         self.known, self.folder, self.name = known, folder, str(known["name"])
@@ -100,7 +109,11 @@ class Segment:
         return self.count
 
     def text(self, row: int) -> list[str]:
-        """Name, source and unit of a part."""
+        """Return name, source and unit of a part.
+
+        Args:
+            row: number of the part in the segment.
+        """
         start = self.table["text_start"]
         try:
             name, source, unit = bytes(self.table["text"][start[row] : start[row + 1]]).decode().split("\0")
@@ -109,22 +122,37 @@ class Segment:
         return [name, source, unit]
 
     def key(self, row: int) -> str:
-        """Of a part: the hash of its file."""
+        """Return the file hash of a part.
+
+        Args:
+            row: number of the part in the segment.
+        """
         return bytes(self.table["key"][row]).hex()
 
     def keys(self) -> Iterator[str]:
-        """Of all parts."""
+        """Return an iterator over the file hashes of all parts."""
         return (self.key(row) for row in range(self.count))
 
     def packed(self, row: int) -> tuple[bytes, bytes]:
-        """Part and shape as they lie in the file."""
+        """Return the compressed bytes of a part and of its shape.
+
+        Args:
+            row: number of the part in the segment.
+
+        Raises:
+            InputError: the table is damaged.
+        """
         first, middle, last = (int(x) for x in self.table["record"][row])
         if not first <= middle <= last <= int(self.known["bytes"]):
             raise damaged(self.folder, f"{self.name}.table with places beyond {self.name}.parts")
         return self._file.read(first, middle), self._file.read(middle, last)
 
     def record(self, row: int) -> Record:
-        """A part as it was written, to be written elsewhere."""
+        """Return the record of a part, to be written to another segment.
+
+        Args:
+            row: number of the part in the segment.
+        """
         columns = {"numbers": self.table["numbers"][row], "grid": self.table["grid"][row]}
         for name in RAGGED:
             start = self.table[f"{name}_start"]
@@ -134,7 +162,10 @@ class Segment:
         return Record(name, source, unit, part, shape, columns)
 
     def part(self, row: int) -> Part:
-        """A part, of which nothing but what is known of it is read before it is asked for.
+        """Return a part whose attributes are decoded at first use.
+
+        Args:
+            row: number of the part in the segment.
 
         Raises:
             InputError: its bytes are damaged.
@@ -146,7 +177,7 @@ class Segment:
         return part
 
     def _beside(self, row: int, name: str) -> Callable[[str], Any]:
-        """What is kept beside a part, by its kind."""
+        """Return a function that loads stored data of a part by kind."""
 
         def load(kind: str) -> Any:
             if kind == RESTS:
@@ -165,10 +196,10 @@ class Segment:
             raise damaged(self.folder, f"damaged bytes of part '{name}' ({error})") from None
 
     def check(self) -> None:
-        """Read all of it.
+        """Read and check the whole segment.
 
         Raises:
-            InputError: something is not as it was written.
+            InputError: a part or a column is damaged.
         """
         from tanteo import _core
 

@@ -1,4 +1,4 @@
-"""A part as the compiled core reads it: made once, and kept as bytes that are used where they lie."""
+"""Compile a part for the C++ core; the result is stored as bytes that the core reads in place."""
 
 from __future__ import annotations
 
@@ -10,31 +10,37 @@ from tanteo.parts import Part, exact_faces
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 SHAPE = "shape6"
-"""Of the bytes beside a part in a cache or catalogue: another number where what is put into a shape changes."""
+"""Kind and version of the compiled bytes; increase the number whenever the content of a shape changes."""
 
 SAMPLES = 1024
-"""Places of the surface from which pose proposals are made."""
+"""Number of surface points from which pose proposals are made."""
 
 _CELLS = 40
-"""Cells of the distance grid along the longest side."""
+"""Number of distance-grid cells along the longest side."""
 
 _FEW = 500
-"""Vertices up to this number may all be ones on which the part stands."""
+"""Number of vertices up to which all are kept as possible support points."""
 
 
 def compiled_shape(part: Part) -> _core.Shape:
-    """The shape of a part, for the core; it takes milliseconds."""
+    """Return the compiled shape of a part for the core; this takes milliseconds.
+
+    Args:
+        part: part to compile.
+    """
     corners = part.vertices[part.triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(across, axis=1)
     normals = across / np.maximum(lengths, 1e-300)[:, None]
     samples, rows = _spread(corners, lengths)
     curved = exact_faces(part, normals)
-    profiles, profile_rows = np.zeros((0, 11)), np.full(len(corners), -1)
+    profiles = np.zeros((0, 11))
+    profile_rows = np.full(len(corners), -1)
     if curved is not None:
         p = curved.profiles
-        columns = p.points, p.axes, p.offsets, p.slopes, p.radii, p.signs, curved.alike
-        profiles, profile_rows = np.column_stack(columns), curved.rows
+        columns = p.points, p.axes, p.offsets, p.slopes, p.radii, p.signs, curved.min_cosines
+        profiles = np.column_stack(columns)
+        profile_rows = curved.rows
     return _core.make_shape(
         _doubles(part.vertices), _ints(part.triangles), _ints(part.triangle_face), _ints(profile_rows),
         _doubles(profiles), _doubles(part.edges.ends).reshape(-1, 6), _doubles(part.corners.points),
@@ -43,7 +49,7 @@ def compiled_shape(part: Part) -> _core.Shape:
 
 
 def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray]:
-    """Places even over the surface, one in each of as many strips of equal area, in no order; the same every time."""
+    """Return surface points, one in each equal-area strip, in random order with a fixed seed, and their triangles."""
     rng = np.random.default_rng(1991)
     along = (rng.permutation(SAMPLES) + rng.uniform(size=SAMPLES)) / SAMPLES
     rows = np.minimum(np.searchsorted(np.cumsum(weights) / weights.sum(), along), len(corners) - 1)
@@ -53,7 +59,7 @@ def _spread(corners: FloatArray, weights: FloatArray) -> tuple[Vectors, IntArray
 
 
 def _hull(part: Part) -> Vectors:
-    """Vertices on which the part may stand: those that are the farthest in some direction, or all of few."""
+    """Return the vertices on which the part may stand: those of the convex hull, or all if they are few."""
     if len(part.vertices) <= _FEW:
         return part.vertices
     from scipy.spatial import ConvexHull, QhullError  # slow to import

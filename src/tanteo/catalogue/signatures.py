@@ -1,6 +1,6 @@
-"""What is asked of every part of a catalogue before any is opened: sizes, faces, a coarse field, how it may lie.
+"""Compute the signature of a part for the coarse evaluation of a catalogue: sizes, faces, coarse field, stable poses.
 
-All of it is a function of the part alone, in its own frame, in metres, and small: three kilobytes a part.
+A signature depends only on the part, in its own frame in metres, and takes about three kilobytes.
 """
 
 from __future__ import annotations
@@ -14,53 +14,62 @@ import numpy as np
 from tanteo import _core
 from tanteo.catalogue.cache import load_derived, store_derived
 from tanteo.catalogue.index import kinds
-from tanteo.catalogue.resting import hull_points, rest_rows
+from tanteo.catalogue.stability import hull_points, stable_pose_rows
 from tanteo.factors import landmark_rows
 from tanteo.parts import Face, Part
 from tanteo.shapes import ClosestPoints, Surface, as_signed
 from tanteo.typing import FloatArray, Vectors
 
 FACES = 64
-"""Largest planar faces that are compared; what else a part's surface is made of is its unseen share."""
+"""Largest number of planar faces in a signature; the remaining surface counts as unseen fraction."""
 
 AXES = 128
-"""Holes and bosses of a part, the largest, and spheres, and cones, of which it is compared where centres may be."""
+"""Largest number of holes and bosses, of spheres, and of cones in a signature."""
 
 NODES, BEYOND = 14, 2
-"""Cells of the coarse field along the longest side, and beyond the part on each side. Along each side their number is
-even: a sheet has nodes in its middle, without which it would be half a cell away from every point."""
+"""Number of coarse-field cells along the longest side, and in the margin. The number along each side is even, so that
+a thin sheet has nodes at its middle plane."""
 
 LEVELS = 24
-"""Steps of the coarse field in the length of a cell; what is farther than 127 of them is as far as that."""
+"""Number of distance levels per cell of the coarse field; distances are clipped at 127 levels."""
 
 _FIELD, _GRID = "field1", 28
-"""What the field is called in the cache, and its version; bytes of where its nodes are."""
+"""Kind and version of the stored coarse field; length of its grid description [bytes]."""
 
 PARALLEL = 1e-3
-"""Faces that are turned by less than this are compared by their distance, others by their angle [rad]."""
+"""Angle below which faces count as parallel and are compared by distance instead of angle [rad]."""
 
 _APART = 1e-3
-"""Angles of a part that differ by less are kept once [rad]."""
+"""Resolution of stored angles [rad]."""
 
 _DIRECTIONS = 256
 
 
 @cache
 def directions() -> Vectors:
-    """Directions over half of the sphere, evenly (a spiral) ``(256, 3)``."""
+    """Return directions evenly spaced on half of the sphere (spiral) ``(256, 3)``."""
     k = np.arange(_DIRECTIONS) + 0.5
-    z, turn = k / _DIRECTIONS, np.pi * (1 + np.sqrt(5)) * k
+    z = k / _DIRECTIONS
+    turn = np.pi * (1 + np.sqrt(5)) * k
     return np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
 
 
 def widths(points: Vectors) -> FloatArray:
-    """Diameter and mean width of points ``(2,)`` [m]: no less than those of any points within their convex hull."""
+    """Return diameter and mean width of points ``(2,)`` [m], upper bounds for all points in their convex hull.
+
+    Args:
+        points: points ``(n, 3)`` [m].
+    """
     span = np.ptp(points @ directions().T, axis=0)
     return np.array([diameter(points), span.mean()])
 
 
 def diameter(points: Vectors) -> float:
-    """Largest distance between two points [m]; of very many points an upper bound."""
+    """Return the largest distance between two points [m]; an upper bound for more than 2000 points.
+
+    Args:
+        points: points ``(n, 3)`` [m].
+    """
     if len(points) > 2000:
         along = np.ptp(points @ directions().T, axis=0).max()
         return float(along / np.cos(2.5 / np.sqrt(_DIRECTIONS)))
@@ -70,26 +79,32 @@ def diameter(points: Vectors) -> float:
 
 
 def faces_of(part: Part) -> dict[str, np.ndarray]:
-    """The columns with which sensed planes are compared, as a table of one part has them."""
-    planes, rounds, numbers = _planes(part).astype(np.float32), rounds_of(part), np.zeros((1, 17))
+    """Return the columns for the comparison with sensed planes, as a table of one part.
+
+    Args:
+        part: the part.
+    """
+    planes = _planes(part).astype(np.float32)
+    rounds = rounds_of(part)
+    numbers = np.zeros((1, 17))
     numbers[0, 16] = _unseen_share(part)
     starts = {"planes_start": np.array([0, len(planes)]), "rounds_start": np.array([0, len(rounds)])}
     return {"planes": planes, "rounds": rounds, "numbers": numbers, **starts}
 
 
 def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
-    """The rows of a part by the name of their column.
+    """Return the signature of a part by column name.
 
     Args:
         part: the part.
-        shape: compiled of it.
+        shape: compiled shape of the part.
 
     Returns:
-        ``numbers`` of every part alike: area, volume, radius, diameter, mean width, centroid, box, order of symmetry,
-        whether it is continuous, unseen share. Arrays of any length: ``planes`` (normal, centroid, reach), ``rounds``
-        (cylinders), ``axes`` (where centres may be), ``same`` and ``opposite`` (distances of parallel faces),
-        ``angles`` (of others), ``field``, ``hull`` (corners of the convex hull), ``rests`` (stable poses: direction
-        down, probability); and ``grid`` (origin, step, counts).
+        ``numbers`` (17): area, volume, radius, diameter, mean width, centroid, box, order of symmetry, whether the
+        symmetry is continuous, unseen fraction. Arrays of variable length: ``planes`` (normal, centroid, reach),
+        ``rounds`` (cylinders), ``axes`` (possible centres), ``same`` and ``opposite`` (distances of parallel faces),
+        ``angles`` (between other faces), ``field``, ``hull`` (vertices of the convex hull), ``rests`` (stable poses:
+        downward direction, probability). And ``grid`` (origin, step, counts).
     """
     planes = _planes(part)
     grid, field = coarse_field(part, shape)
@@ -102,19 +117,22 @@ def signature(part: Part, shape: _core.Shape) -> dict[str, Any]:
     return {
         "numbers": numbers, "planes": planes.astype(np.float32), "rounds": rounds_of(part), "axes": _largest_axes(part),
         "same": same, "opposite": opposite, "angles": angles, "grid": grid, "field": field,
-        "hull": hull_points(part), "rests": rest_rows(part),
+        "hull": hull_points(part), "rests": stable_pose_rows(part),
     }  # fmt: skip
 
 
 def _unseen_share(part: Part) -> float:
-    """Share of a part's area that is of no face that is compared: free forms, cones, balls, the smallest planes."""
+    """Return the fraction of a part's area outside the compared faces.
+
+    Free forms, cones, spheres, the smallest planes.
+    """
     seen = np.sort(part.planes.areas)[::-1][:FACES].sum()
     seen += sum(face.area for _, face in _cylinders(part))
     return float(np.clip(1 - seen / part.area, 0.0, 1.0))
 
 
 def _cylinders(part: Part) -> list[tuple[int, Face]]:
-    """The largest cylinders, with their numbers."""
+    """Return the largest cylinders with their face numbers."""
     known = [
         (k, face)
         for k, face in enumerate(part.faces)
@@ -124,22 +142,27 @@ def _cylinders(part: Part) -> list[tuple[int, Face]]:
 
 
 def rounds_of(part: Part) -> np.ndarray:
-    """Of the largest cylinders ``(K, 9)``: middle and direction of the axis, radius, half length [m], 1 for a boss."""
+    """Return the largest cylinders ``(K, 9)``: middle and direction of the axis, radius, half length [m], 1 for a boss.
+
+    Args:
+        part: the part.
+    """
     rows = []
     for k, face in _cylinders(part):
         assert face.axis_point is not None
         assert face.axis_direction is not None
         along = (part.vertices[part.triangles[part.triangle_face == k]] - face.axis_point) @ face.axis_direction
         middle = face.axis_point + 0.5 * (along.min() + along.max()) * face.axis_direction
-        half, sign = 0.5 * np.ptp(along), 1.0 if face.convex else -1.0
+        half = 0.5 * np.ptp(along)
+        sign = 1.0 if face.convex else -1.0
         rows.append(np.r_[middle, face.axis_direction, face.radius, half, sign])
     return np.array(rows, dtype=np.float32).reshape(-1, 9)
 
 
 def _largest_axes(part: Part) -> np.ndarray:
-    """Where centres may be ``(K, 15)``, as the core has it; of each kind the largest, for most are sensed of these.
+    """Return possible centres ``(K, 15)`` in the core's layout; of each kind the largest, which are sensed most often.
 
-    Their weights are those among all: what they lack of 1 is the share of those that are left out.
+    The weights refer to all centres, so 1 minus their sum is the weight of the omitted ones.
     """
     rows = landmark_rows(part)
     kept = list[int]()
@@ -151,7 +174,7 @@ def _largest_axes(part: Part) -> np.ndarray:
 
 
 def _planes(part: Part) -> FloatArray:
-    """Of the largest planar faces ``(M, 7)``: normal, centroid, how far it reaches from there [m]."""
+    """Return normal, centroid and reach from the centroid of the largest planar faces ``(M, 7)`` [m]."""
     planes = part.planes
     if not len(planes):
         return np.zeros((0, 7))
@@ -163,27 +186,38 @@ def _planes(part: Part) -> FloatArray:
 
 
 def pairs_of(planes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Distances of parallel faces that look the same way, and opposite ways, and the angles of all others.
+    """Return distances of parallel faces with equal normals, with opposite normals, and the angles of all other pairs.
 
-    The distance of two that look the same way has no sign; that of opposite ones is negative with material between.
+    The distance of faces with equal normals is unsigned. That of faces with opposite normals is negative if material is
+    between them.
+
+    Args:
+        planes: normals, centroids and reach ``(M, 7)`` [m].
     """
     i, j = np.triu_indices(len(planes), 1)
-    n, c = planes[:, :3], planes[:, 3:6]
+    n = planes[:, :3]
+    c = planes[:, 3:6]
     angles = np.arctan2(np.linalg.norm(np.cross(n[i], n[j]), axis=1), np.sum(n[i] * n[j], axis=1))
     along = n[i] + np.sign(np.cos(angles))[:, None] * n[j]
     along /= np.maximum(np.linalg.norm(along, axis=1), 1e-12)[:, None]
     heights = np.sum(along * (c[j] - c[i]), axis=1)
-    same, opposite = angles < PARALLEL, angles > np.pi - PARALLEL
+    same = angles < PARALLEL
+    opposite = angles > np.pi - PARALLEL
     between = np.unique(np.round(angles[~same & ~opposite] / _APART)) * _APART
-    # the height of the second over the first, out of it: positive where both look at each other over a gap
+    # height of the second face above the first along its normal: positive where the faces bound a gap
     rows = np.abs(heights[same]), heights[opposite], between
     return tuple(np.asarray(row, dtype=np.float32) for row in rows)  # type: ignore[return-value]
 
 
 def coarse_field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Where the nodes of a grid about the part are, and signed distances to the surface there.
+    """Return the grid and the quantized signed distances of a part, from the part or the cache if stored there.
 
-    They are kept with the part, and beside it in the cache.
+    Args:
+        part: the part.
+        shape: compiled shape of the part.
+
+    Returns:
+        Origin, step [m] and counts of the grid ``(7,)``, and distance levels of its nodes ``(n,)``.
     """
     if "field" not in part.derived:
         known = _stored_field(part)
@@ -196,18 +230,24 @@ def coarse_field(part: Part, shape: _core.Shape) -> tuple[np.ndarray, np.ndarray
 
 
 def _stored_field(part: Part) -> tuple[np.ndarray, np.ndarray] | None:
-    """What is in the cache, if it is whole."""
+    """Return the coarse field in the cache; None if there is no valid entry."""
     stored = load_derived(part, _FIELD)
     if stored is None or len(stored) < _GRID:
         return None
-    grid, levels = stored[:_GRID].view(np.float32), stored[_GRID:].view(np.int8)
+    grid = stored[:_GRID].view(np.float32)
+    levels = stored[_GRID:].view(np.int8)
     counts = grid[4:]
     whole = bool(np.isfinite(grid).all() and counts.min() >= 2 and np.prod(counts) == len(levels))
     return (grid, levels) if whole else None
 
 
 def field_table(numbers: FloatArray, fields: Sequence[tuple[np.ndarray, np.ndarray]]) -> dict[str, np.ndarray]:
-    """The columns that a coarse look takes: of parts with these numbers, as in a signature, and fields."""
+    """Return the columns for the coarse evaluation of several parts.
+
+    Args:
+        numbers: column ``numbers`` of the signatures ``(n, 17)``.
+        fields: coarse fields of the parts, see :func:`coarse_field`.
+    """
     grids, levels = zip(*fields, strict=True)
     return {
         "numbers": numbers, "kind": kinds(numbers), "grid": np.stack(grids), "field": np.concatenate(levels),

@@ -1,4 +1,4 @@
-"""CAD files read by the workers of a scheduler, some at a time, each in a process that may crash or hang."""
+"""Read CAD files on the workers of a cluster, in batches, each batch in a process that may crash or hang."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from tanteo.cluster import spread
 Requests: TypeAlias = dict[int, Request]
 
 MOST_FILES, SMALL, BATCHES = 128, 300_000, 64
-"""Files of a task at most. Less than so many bytes, or this share of all, are not worth the start of a reader."""
+"""Largest number of files per task; smallest size of a task [bytes]; largest number of tasks by size."""
 
 
 def read_on_cluster(
     requests: Mapping[int, Request], settle: Callable[[int, Record | str], None], scheduler: str
 ) -> None:
-    """Read files on the workers of a scheduler; they see them under the same paths.
+    """Read files on the workers of a scheduler, which must see them under the same paths.
 
     Args:
-        requests: files to read, by any number.
-        settle: called in this thread with the number and the part's record, or why there is none.
-        scheduler: as of :func:`tanteo.cluster.spread`.
+        requests: requests by number.
+        settle: function called in this thread with the number and the part's record, or the error message.
+        scheduler: address of the scheduler, see :func:`tanteo.cluster.spread`.
     """
     batches = dict(enumerate(_batches(requests)))
 
@@ -41,13 +41,16 @@ def read_on_cluster(
 
 def _batches(requests: Mapping[int, Request]) -> Iterator[Requests]:
     sizes = {index: _bytes(request.path) for index, request in requests.items()}
-    enough, held = max(SMALL, sum(sizes.values()) // BATCHES), 0
+    enough = max(SMALL, sum(sizes.values()) // BATCHES)
+    held = 0
     batch: Requests = {}
     for index, request in requests.items():
-        batch[index], held = request, held + sizes[index]
+        batch[index] = request
+        held = held + sizes[index]
         if held >= enough or len(batch) == MOST_FILES:
             yield batch
-            batch, held = {}, 0
+            batch = {}
+            held = 0
     if batch:
         yield batch
 
@@ -59,7 +62,14 @@ def _bytes(path: str) -> int:
 
 
 def read_batch(requests: Requests) -> dict[int, Record | str]:
-    """What a worker does: read files that are the same here as where they were found, and say which are not."""
+    """Read a batch of files on a worker; files that differ from those of the caller yield an error message.
+
+    Args:
+        requests: requests by number.
+
+    Returns:
+        Record or error message by number.
+    """
     results: dict[int, Record | str] = {}
     for index, request in requests.items():
         if request.key is not None and cache_key(Path(request.path), request.unit) != request.key:

@@ -1,9 +1,9 @@
-"""A catalogue on disk: segments that never change once they are written, and a manifest that names those that count.
+"""Store a catalogue on disk: segments that never change, and a manifest that lists the valid ones.
 
-``catalogue.json`` is the manifest. A segment is ``<name>.parts``, the packed bytes of its parts one after the other,
-and ``<name>.table``, arrays of all of its parts, which are mapped. What is written goes into new segments, then the
-manifest is replaced: whoever opens a catalogue sees the old one or the new one. A writer holds a lock of the system's,
-which ends with its process.
+``catalogue.json`` is the manifest. A segment consists of ``<name>.parts``, the compressed bytes of its parts, and
+``<name>.table``, memory-mapped arrays of all its parts. New data goes into new segments, then the manifest is replaced,
+so a reader sees either the old or the new catalogue. A writer holds a lock of the operating system, which ends with its
+process.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MANIFEST, LOCK = "catalogue.json", "catalogue.lock"
 SCHEMA = "tanteo.catalogue/1"
 
 FORMATS = {"part": FORMAT_VERSION, "shape": SHAPE, "table": 2, "byteorder": sys.byteorder}
-"""Of what a catalogue holds: one that has others is built anew."""
+"""Versions of a catalogue's content; a catalogue with other versions must be rebuilt."""
 
 _ALIGNED = 64
 
@@ -43,20 +43,32 @@ _AGAIN = "Build the catalogue again: tanteo catalogue build FOLDER... --out {}."
 
 
 def is_catalogue(path: str | os.PathLike[str]) -> bool:
-    """Whether a path is a folder with a catalogue in it."""
+    """Return whether a path is a folder with a catalogue.
+
+    Args:
+        path: path to test.
+    """
     return (Path(path) / MANIFEST).is_file()
 
 
 def damaged(folder: Path, what: str) -> InputError:
-    """What is raised of a catalogue that is not as it was written."""
+    """Return the error for a damaged catalogue.
+
+    Args:
+        folder: folder of the catalogue.
+        what: found fault, in words.
+    """
     return InputError(f"{folder}: expected a catalogue as it was written, got {what}. {_AGAIN.format(folder)}")
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a catalogue.
+    """Return the manifest of a catalogue.
+
+    Args:
+        folder: folder of the catalogue.
 
     Raises:
-        InputError: there is none, it is damaged, or of another version.
+        InputError: there is none, or it is damaged or of another version.
     """
     if not is_catalogue(folder):
         raise InputError(
@@ -66,7 +78,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     content = read_whole(folder / MANIFEST, "the manifest of a catalogue", RECORD)
     try:
         manifest = json.loads(content)
-        known, total = manifest["schema"], manifest.pop("sha256")
+        known = manifest["schema"]
+        total = manifest.pop("sha256")
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise damaged(folder, f"a {MANIFEST} that is no manifest") from None
     if known != SCHEMA:
@@ -78,10 +91,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def check_formats(folder: Path, manifest: Mapping[str, Any]) -> None:
-    """Refuse what other readers made, or another machine.
+    """Check that this version and machine can read the catalogue.
+
+    Args:
+        folder: folder of the catalogue, for messages.
+        manifest: manifest of the catalogue.
 
     Raises:
-        InputError: the catalogue has another format of parts, shapes or tables.
+        InputError: the catalogue has other formats of parts, shapes or tables.
     """
     if manifest["formats"] != FORMATS:
         own = ", ".join(f"{name} {version}" for name, version in FORMATS.items())
@@ -92,7 +109,13 @@ def check_formats(folder: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def write_manifest(folder: Path, segments: list[dict[str, Any]], **facts: Any) -> None:
-    """Replace the manifest: from here on the catalogue is of these segments."""
+    """Replace the manifest, which makes the listed segments the content of the catalogue.
+
+    Args:
+        folder: folder of the catalogue.
+        segments: manifest entries of the segments.
+        facts: further entries of the manifest.
+    """
     manifest = {"schema": SCHEMA, "formats": FORMATS, **facts, "segments": segments}
     with replaced(folder / MANIFEST) as file:
         file.write_text(json.dumps({**manifest, "sha256": _sum(manifest)}, indent=1) + "\n", encoding="utf-8")
@@ -104,10 +127,13 @@ def _sum(manifest: Mapping[str, Any]) -> str:
 
 @contextmanager
 def writer(folder: Path) -> Iterator[None]:
-    """Write to a catalogue inside; another process that does is waited for by nobody.
+    """Hold the catalogue's write lock inside a with block; do not wait for another writer.
+
+    Args:
+        folder: folder of the catalogue, which is created if missing.
 
     Raises:
-        InputError: another process writes, or the folder is no place to write to.
+        InputError: another process writes, or the folder is not writable.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -122,11 +148,11 @@ def writer(folder: Path) -> Iterator[None]:
             raise InputError(f"{folder}: expected no other writer, got one at work. Wait until it has ended.") from None
         yield
     finally:
-        os.close(handle)  # which unlocks it
+        os.close(handle)  # closing releases the lock
 
 
 def _lock(handle: int) -> None:
-    """Take the lock of an open file, which the system takes back when the process ends in whatever way."""
+    """Lock an open file; the operating system releases the lock when the process ends."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -138,7 +164,14 @@ def _lock(handle: int) -> None:
 
 
 def sweep(folder: Path, segments: list[dict[str, Any]]) -> None:
-    """Take away what no manifest names: replaced segments, and what a killed writer left. A reader keeps its maps."""
+    """Remove segments that are not in the manifest: replaced ones, and those of interrupted writers.
+
+    Readers keep their mapped files.
+
+    Args:
+        folder: folder of the catalogue.
+        segments: manifest entries of the segments to keep.
+    """
     kept = {f"{segment['name']}{suffix}" for segment in segments for suffix in (".parts", ".table")}
     for suffix in (".parts", ".table"):
         for file in folder.glob(f"segment-*{suffix}"):
@@ -148,13 +181,19 @@ def sweep(folder: Path, segments: list[dict[str, Any]]) -> None:
 
 
 def new_name() -> str:
-    """Of a segment: none has it."""
+    """Return a unique name for a new segment."""
     return f"segment-{secrets.token_hex(8)}"
 
 
 def write_table(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Write arrays to one file, on the disk when it returns; where each is, with its checksum, for the manifest."""
-    places, at = {}, 0
+    """Write arrays to one file, synchronized to disk, and return its manifest entry.
+
+    Args:
+        path: file to write.
+        arrays: arrays by name.
+    """
+    places = {}
+    at = 0
     with path.open("wb") as file:
         for name, given in arrays.items():
             array = np.ascontiguousarray(given)
@@ -168,7 +207,7 @@ def write_table(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
 
 
 class Mapped:
-    """A file of a catalogue, mapped: its pages are shared by all who have it open."""
+    """Memory-mapped file of a catalogue, whose pages all processes share."""
 
     def __init__(self, folder: Path, name: str, size: int) -> None:
         self.folder, self.name = folder, name
@@ -181,7 +220,7 @@ class Mapped:
 
 
 class Packed:
-    """A file of a catalogue of which pieces are read: they are unpacked, so that there is no use in mapping them."""
+    """File of a catalogue that is read in pieces; mapping has no benefit, because the pieces are decompressed."""
 
     def __init__(self, folder: Path, name: str, size: int) -> None:
         self.folder, self.name, self.size = folder, name, size
@@ -194,14 +233,19 @@ class Packed:
             raise damaged(folder, f"{there:,} bytes of {name} instead of {size:,}")
 
     def read(self, first: int, last: int) -> bytes:
-        """The bytes between two places."""
+        """Return the bytes between two offsets.
+
+        Args:
+            first: offset of the first byte.
+            last: offset after the last byte.
+        """
         with self._lock:
             self._file.seek(first)
             return self._file.read(last - first)
 
 
 class Table:
-    """The arrays of a segment, each checked when it is first asked for."""
+    """Arrays of a segment, each checked at first use."""
 
     def __init__(self, file: Mapped, places: Mapping[str, Any]) -> None:
         self._file, self._places = file, places
@@ -219,7 +263,8 @@ class Table:
         file = self._file
         try:
             at, kind, shape, checksum = self._places[name]
-            dtype, count = np.dtype(kind), int(np.prod(shape, dtype=np.int64))
+            dtype = np.dtype(kind)
+            count = int(np.prod(shape, dtype=np.int64))
             array = np.frombuffer(file.data, dtype, count, at) if count else np.zeros(0, dtype)
         except (ValueError, TypeError, KeyError) as error:
             raise damaged(file.folder, f"a manifest that does not fit {file.name} ({error})") from None

@@ -1,4 +1,4 @@
-"""One process that reads CAD files for another: what it may use of the machine, and that it ends with its parent."""
+"""Run a process that reads CAD files for another one, within memory limits, and that ends with its parent."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from tanteo.parts import read_part
 Read = TypeVar("Read")
 
 LEAST_MEMORY = 2 << 30
-"""Bytes that a worker may use in any case."""
+"""Smallest memory limit of a worker [bytes]."""
 
 _SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 
 
 def main() -> None:
-    """Serve requests until standard input closes: one a line, as JSON; the first line says what holds for all."""
+    """Serve requests from standard input until it closes, one JSON line each; the first line states the limits."""
     # The kernel prints to standard output: give it standard error and keep the pipe for replies.
     pipe = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def _answered(request: Mapping[str, Any], memory: int) -> tuple[bytes, bytes]:
-    """The letter and the bytes of a reply."""
+    """Return letter and bytes of a reply."""
     asked = request["path"], request["unit"], request["name"], memory
     if request["record"]:
         found = attempt(partial(read_record, request["key"]), *asked)
@@ -55,16 +55,30 @@ def _answered(request: Mapping[str, Any], memory: int) -> tuple[bytes, bytes]:
 
 
 def read_record(key: str | None, path: str, *, unit: str | None, name: str) -> Record:
-    """A part as it goes into a catalogue; one that the cache has is not read again."""
+    """Return the catalogue record of a file's part, from the cache if possible.
+
+    Args:
+        key: name of its cache entry; None if it is not cached.
+        path: path of the file.
+        unit: length unit; None if the file states it.
+        name: name for the part.
+    """
     found = load(key, name=name, source=path) if key else None
     return record_of(found or read_part(path, unit=unit, name=name))
 
 
 def attempt(read: Callable[..., Read], path: str, unit: str | None, name: str, memory: int = 0) -> Read | str:
-    """Read one file: the part, or a sentence why there is none.
+    """Read one file, and return the part or an error message.
 
-    One bad file costs itself only, whatever it makes a reader raise: of many files nobody wants a traceback. This
-    and ``reader_of_others`` are the places that take every exception (``docs/decisions/0067``).
+    A bad file affects only itself, whatever its reader raises. This function and ``third_party_reader`` are the only
+    places that catch every exception (``docs/decisions/0067``).
+
+    Args:
+        read: function that reads a file.
+        path: path of the file.
+        unit: length unit; None if the file states it.
+        name: name for the part.
+        memory: memory limit for the message [bytes]; 0 for none.
     """
     label = Path(path).name
     try:
@@ -72,7 +86,7 @@ def attempt(read: Callable[..., Read], path: str, unit: str | None, name: str, m
     except (TanteoError, OSError) as error:
         return str(error)
     except MemoryError:
-        size = f"{memory / 1e9:.3g} GB of memory" if memory else "the memory that there is"
+        size = f"{memory / 1e9:.3g} GB of memory" if memory else "the available memory"
         return f"{label}: expected to be read with {size}, needs more. Simplify the part."
     except Exception as error:  # noqa: BLE001 - see above
         what = f"{type(error).__name__}: {error}".splitlines()[0][:200]
@@ -80,7 +94,11 @@ def attempt(read: Callable[..., Read], path: str, unit: str | None, name: str, m
 
 
 def memory_for(workers: int) -> int:
-    """Bytes that each of so many workers may use: together half of what the machine has."""
+    """Return the memory limit of each worker [bytes]: together half of the machine's memory.
+
+    Args:
+        workers: number of workers.
+    """
     try:
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):  # not on every system
@@ -89,7 +107,11 @@ def memory_for(workers: int) -> int:
 
 
 def limit_memory(size: int) -> None:
-    """Let this process use so many bytes of memory at most, where the system can see to that; 0 is no limit."""
+    """Limit the memory of this process, where the operating system supports it.
+
+    Args:
+        size: limit [bytes]; 0 for none.
+    """
     with suppress(ImportError, ValueError, OSError):
         import resource  # not on Windows
 
@@ -99,7 +121,11 @@ def limit_memory(size: int) -> None:
 
 
 def end_with(parent: int) -> None:
-    """End this process when its parent ends, also while a reader hangs in it."""
+    """End this process when its parent ends, also while a reader hangs.
+
+    Args:
+        parent: process id of the parent.
+    """
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
@@ -108,7 +134,7 @@ def end_with(parent: int) -> None:
 
 
 def _watch(parent: int) -> None:
-    """Elsewhere, and where the parent was gone before: as often as the reader lets threads run."""
+    """End this process when its parent changes; used on other systems, or if the parent ended earlier."""
     while os.getppid() == parent:
         time.sleep(1.0)
     os._exit(1)

@@ -1,7 +1,7 @@
-"""What two features say together, with variance: section 4 of the paper, and the gates of section 5.
+"""Compute constraints between features with their variances (section 4 of the paper) and test them (section 5).
 
-``relate`` and ``relate_all`` make the constraints of features; the functions named after a constraint are their array
-cores, over batches of frames and covariances. ``published`` has the paper's formulas as printed.
+``relate`` and ``relate_all`` compute the constraints of features. The functions named after a constraint are the
+underlying array functions, over batches of frames and covariances. ``published`` has the paper's formulas as printed.
 """
 
 from tanteo.constraints import published

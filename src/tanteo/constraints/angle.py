@@ -1,7 +1,7 @@
-"""Angles: between edges (16)-(18), between planes (19), between an edge and a plane; ``math.md`` section 4.4.
+"""Compute angles between edges (16)-(18), between planes (19), and of an edge over a plane (``math.md`` section 4.4).
 
-The paper's ``arccos`` has an unbounded slope at 0 and pi and its ``F*`` divides by ``cos(theta)``; here the angle is
-``atan2(|u1 x u2|, u1 . u2)`` and its gradient the unit covector of the turn.
+The paper's ``arccos`` has an unbounded slope at 0 and pi, and its ``F*`` divides by ``cos(theta)``. Here the angle is
+``atan2(|u1 x u2|, u1 . u2)``, with the unit covector of the rotation as gradient.
 """
 
 from __future__ import annotations
@@ -18,9 +18,14 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vector
 
 
 def angle_partials(b: Vectors, axis: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Angle [0, pi] between coordinate axis ``axis`` and unit ``b``, its sine and ``d angle / d b``.
+    """Return the angle [0, pi] between a coordinate axis and unit ``b``, its sine, and ``d angle / d b``.
 
-    Where the sine is zero the gradient does not exist; it is then finite but meaningless, for the caller to refuse.
+    Where the sine is zero the gradient does not exist; the returned one is finite but meaningless, and callers refuse
+    it.
+
+    Args:
+        b: unit vectors ``(*batch, 3)``.
+        axis: coordinate axis 0, 1 or 2.
     """
     along = b[..., axis]
     others = [k for k in range(3) if k != axis]
@@ -46,19 +51,19 @@ def _angle(
 def angle_edges(
     T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
 ) -> ScalarEstimate:
-    """Angle between the x axes of two edges, (16)-(18) [rad].
+    """Return the angle between the x axes of two edges, (16)-(18) [rad].
 
     Args:
-        T1: frames ``T_world_edge`` ``(*batch, 4, 4)``; turn the x axes away from the corner first
-            (:func:`away_from_corner`), since an undirected edge turns alpha into pi - alpha.
+        T1: frames ``T_world_edge`` ``(*batch, 4, 4)`` [m]. First orient the x axes away from the corner
+            (:func:`away_from_corner`), because reversing an edge turns alpha into pi - alpha.
         C1: body covariances ``(*batch, 6, 6)``, zero in the free rows.
-        T2: of the second edge.
-        C2: of the second edge.
-        C12: ``E[e1 e2']`` if the errors are correlated.
+        T2: frames of the second edge ``(*batch, 4, 4)`` [m].
+        C2: body covariances of the second edge ``(*batch, 6, 6)``.
+        C12: ``E[e1 e2']`` ``(*batch, 6, 6)`` if the errors are correlated; None if independent.
 
     Raises:
-        DegenerateError: if a pair is exactly parallel. Below ``sin(alpha) = 5 sigma`` the value is Rayleigh-like and
-            its 5 % gate rejects 14.6 %: use :func:`tanteo.constraints.parallel_edges` there (section 12).
+        DegenerateError: a pair is exactly parallel. Below ``sin(alpha) = 5 sigma`` the angle is Rayleigh-like and its 5
+            % gate rejects 14.6 % (``math.md`` section 12): use :func:`tanteo.constraints.parallel_edges` there.
     """
     return _angle(T1, T2, X_AXIS, (C1, C2, C12))
 
@@ -66,15 +71,31 @@ def angle_edges(
 def angle_planes(
     T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
 ) -> ScalarEstimate:
-    """Angle between the outward normals of two planes, (19) [rad]; the interior angle is ``pi - value`` if convex.
+    """Return the angle between the outward normals of two planes, (19) [rad].
+
+    The interior angle of a convex corner is ``pi - value``. Limits are those of :func:`angle_edges`.
 
     Arguments and limits as :func:`angle_edges`.
+
+    Args:
+        T1: frames ``T_world_plane`` ``(*batch, 4, 4)`` [m].
+        C1: body covariances ``(*batch, 6, 6)``.
+        T2: frames of the second plane.
+        C2: body covariances of the second plane.
+        C12: ``E[e1 e2']`` if the errors are correlated; None if independent.
+
+    Raises:
+        DegenerateError: a pair is exactly parallel.
     """
     return _angle(T1, T2, Z_AXIS, (C1, C2, C12))
 
 
 def edge_plane_partials(n: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rise of the direction ``n`` over the plane z = 0, its cosine and ``d rise / d n``."""
+    """Return the elevation of a direction over the plane z = 0, its cosine, and ``d elevation / d n``.
+
+    Args:
+        n: unit directions ``(*batch, 3)``.
+    """
     cosine = np.sqrt(n[..., 0] ** 2 + n[..., 1] ** 2)
     r = np.zeros_like(n)
     r[..., 2] = 1.0 / np.where(cosine > 0, cosine, 1.0)
@@ -84,12 +105,19 @@ def edge_plane_partials(n: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]
 def angle_edge_plane(
     T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
 ) -> ScalarEstimate:
-    """Angle of an edge (second) over a plane (first), positive towards the outward normal [rad].
+    """Return the elevation of an edge (second) over a plane (first), positive towards the outward normal [rad].
 
-    An addition to the paper (``math.md`` section 4.4).
+    This constraint is an addition to the paper (``math.md`` section 4.4).
+
+    Args:
+        T1: frames ``T_world_plane`` ``(*batch, 4, 4)`` [m].
+        C1: body covariances of the plane ``(*batch, 6, 6)``.
+        T2: frames ``T_world_edge``.
+        C2: body covariances of the edge.
+        C12: ``E[e1 e2']`` if the errors are correlated; None if independent.
 
     Raises:
-        DegenerateError: if the edge is exactly normal to the plane.
+        DegenerateError: the edge is exactly normal to the plane.
     """
     pair = relative(T1, T2)
     value, cosine, r = edge_plane_partials(pair.R[..., :, X_AXIS])
@@ -102,9 +130,14 @@ def angle_edge_plane(
 
 
 def signed_angle(d1: Vectors, d2: Vectors, normal: Vectors) -> FloatArray:
-    """Angle from ``d1`` to ``d2`` counted positive about ``normal``, in (-pi, pi] [rad].
+    """Return the angle from ``d1`` to ``d2``, positive about ``normal``, in (-pi, pi] [rad].
 
-    With the outward normal of the face it tells a convex from a concave corner, which (16) cannot.
+    With the outward normal of the face it separates convex from concave corners, which (16) cannot.
+
+    Args:
+        d1: directions ``(*batch, 3)``.
+        d2: directions ``(*batch, 3)``.
+        normal: normals ``(*batch, 3)``.
     """
     turn = np.sum(normal * np.cross(d1, d2), axis=-1)
     return np.arctan2(turn, np.sum(d1 * d2, axis=-1))
@@ -113,9 +146,15 @@ def signed_angle(d1: Vectors, d2: Vectors, normal: Vectors) -> FloatArray:
 def angle_bias(
     pair: Relative, axis: int, covariances: tuple[Covariances, Covariances, FloatArray | None]
 ) -> FloatArray:
-    """Second-order mean error of the angle [rad]: ``(s1^2 + s2^2)/2 cot(alpha) - c12 / sin(alpha)``.
+    """Return the second-order mean error of the angle [rad]: ``(s1^2 + s2^2)/2 cot(alpha) - c12 / sin(alpha)``.
 
-    ``s_i`` are the tilts out of the common plane and ``c12`` their covariance (``math.md`` sections 4.4 and 12).
+    ``s_i`` are the standard deviations of the tilts out of the common plane, and ``c12`` is their covariance
+    (``math.md`` sections 4.4 and 12).
+
+    Args:
+        pair: relative geometry of the pairs.
+        axis: coordinate axis of both features' directions.
+        covariances: body covariances of both features, and their cross covariance or None.
     """
     b = pair.R[..., :, axis]
     e = np.eye(3)[axis]
@@ -135,9 +174,16 @@ def _quadratic(a: FloatArray, C: Covariances, b: FloatArray) -> FloatArray:
 
 
 def away_from_corner(direction: Vectors, centroid: Vectors, corner: Vectors) -> BoolArray:
-    """Whether ``direction`` points from the corner to the edge's own points; turn it over where it does not.
+    """Return whether ``direction`` points from the corner to the sensed points of its edge.
 
-    All in the world; ``(*batch, 3)`` -> ``(*batch,)`` (section 4.2 of the paper: "both going away the intersection").
+    Reverse it where it does not.
+
+    Section 4.2 of the paper requires "both going away the intersection".
+
+    Args:
+        direction: directions of the edges, world frame ``(*batch, 3)``.
+        centroid: centroids of their sensed points ``(*batch, 3)`` [m].
+        corner: corners ``(*batch, 3)`` [m].
     """
     return np.sum(direction * (centroid - corner), axis=-1) >= 0
 
@@ -145,20 +191,37 @@ def away_from_corner(direction: Vectors, centroid: Vectors, corner: Vectors) -> 
 NEARLY_PARALLEL = "the directions are parallel within 5 sigma, where the angle has no valid variance: see parallelism."
 
 
-def bent_pairs(group: PairGroup, row: int) -> BoolArray:
-    """Whether the angle is a valid linear quantity: ``sin(alpha) > 5 sigma`` (``math.md`` section 12)."""
+def valid_angles(group: PairGroup, row: int) -> BoolArray:
+    """Return the mask of pairs whose angle is a valid linear quantity.
+
+    ``sin(alpha) > 5 sigma`` (``math.md`` section 12).
+
+    Args:
+        group: pairs with their values.
+        row: row of the angle.
+    """
     return np.sin(group.value[:, row]) > 5 * np.sqrt(group.S[:, row, row]) + RESOLUTION
 
 
 def angle_bias_of(group: PairGroup, axis: int) -> FloatArray:
-    """Bias of the angles of a group ``(n, 1)`` with shared errors, as :func:`tanteo.constraints.angle_bias`."""
+    """Return the bias of the angles of a group ``(n, 1)`` including shared errors, see :func:`angle_bias`.
+
+    Args:
+        group: pairs with their values.
+        axis: coordinate axis of both features' directions.
+    """
     arrays, (first, second) = group.arrays, group.pairs.T
     C12 = None
-    C1, C2 = arrays.C[first], arrays.C[second]
+    C1 = arrays.C[first]
+    C2 = arrays.C[second]
     if arrays.shared_jacobian is not None:
-        A1, A2 = arrays.shared_jacobian[first], arrays.shared_jacobian[second]
-        A1t, A2t = A1.swapaxes(1, 2), A2.swapaxes(1, 2)
-        C1, C2, C12 = C1 + A1 @ arrays.shared @ A1t, C2 + A2 @ arrays.shared @ A2t, A1 @ arrays.shared @ A2t
+        A1 = arrays.shared_jacobian[first]
+        A2 = arrays.shared_jacobian[second]
+        A1t = A1.swapaxes(1, 2)
+        A2t = A2.swapaxes(1, 2)
+        C1 = C1 + A1 @ arrays.shared @ A1t
+        C2 = C2 + A2 @ arrays.shared @ A2t
+        C12 = A1 @ arrays.shared @ A2t
     return angle_bias(group.pair, axis, (C1, C2, C12))[:, None]
 
 
@@ -171,7 +234,7 @@ def _fill_planes(p: Vectors, a: Vectors, value: FloatArray, q: FloatArray, r: Fl
 
 def _cut_planes(group: PairGroup) -> list[ConstraintColumn]:
     bias = partial(angle_bias_of, group, Z_AXIS)
-    return [group.column(PLANE_ANGLE, group.value, group.S, bent_pairs(group, 0), NEARLY_PARALLEL, bias=bias)]
+    return [group.column(PLANE_ANGLE, group.value, group.S, valid_angles(group, 0), NEARLY_PARALLEL, bias=bias)]
 
 
 register_relation(PairRelation((PLANE_ANGLE,), ("plane", "plane"), 1, _fill_planes, _cut_planes))
@@ -184,7 +247,8 @@ def _fill_plane_line(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r
 
 
 def _cut_plane_line(group: PairGroup) -> list[ConstraintColumn]:
-    angle, sd = np.abs(group.value), np.sqrt(group.S[:, 0, 0])
+    angle = np.abs(group.value)
+    sd = np.sqrt(group.S[:, 0, 0])
     upright = np.cos(angle[:, 0]) > 5 * sd + RESOLUTION
     folded = angle[:, 0] < 2 * sd
     return [

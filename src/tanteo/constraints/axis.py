@@ -1,8 +1,9 @@
-"""Axes of cylinders, cones and circles: angle, distance, coaxiality; angle and distance to a plane, squareness.
+"""Compute constraints of axes of cylinders, cones and circles.
 
-An axis is a line, so that the formulas are those of edges (``math.md`` sections 4.1 to 4.6) but for three things: it
-has no direction, so angles are from 0 to a right one; it has no corner to point away from; and it is square to a plane
-more often than in it. Section 4.8 has what is different.
+Angles, distances, coaxiality, perpendicularity to planes.
+
+An axis is a line, so the formulas are those of edges (``math.md`` sections 4.1 to 4.6), with three differences: an axis
+has no direction, so angles are from 0 to pi/2; it has no corner; and it is often normal to a plane (section 4.8).
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ def _crossing(of: str, meaning: str) -> tuple[ConstraintKind, ConstraintKind]:
 
 
 def _cut_crossing(kinds: tuple[ConstraintKind, ConstraintKind], group: PairGroup) -> list[ConstraintColumn]:
-    value, S, sd = group.value, group.S, np.sqrt(group.S[:, 0, 0])
+    value = group.value
+    S = group.S
+    sd = np.sqrt(group.S[:, 0, 0])
     sine = np.sqrt(group.b[:, 1] ** 2 + group.b[:, 2] ** 2)
     obtuse = value[:, :1] > np.pi / 2
     angle = np.where(obtuse, np.pi - value[:, :1], value[:, :1])
@@ -77,7 +80,8 @@ def _beside(of: str, together: str, meaning: str) -> tuple[ConstraintKind, Const
 def _cut_beside(
     kinds: tuple[ConstraintKind, ConstraintKind, ConstraintKind], group: PairGroup
 ) -> list[ConstraintColumn]:
-    value, S = group.value, group.S
+    value = group.value
+    S = group.S
     parallel = parallel_pairs(group)
     distance, variance, across = length_of(*condition_on_parallel(value[:, :2], value[:, 2:], S))
     apart = distance > 3 * np.sqrt(across)
@@ -93,7 +97,8 @@ def _cut_beside(
 
 
 def _register(shapes: tuple[Shape, Shape], of: str, together: str, meaning: str) -> None:
-    crossing, beside = _crossing(of, meaning), _beside(of, together, meaning)
+    crossing = _crossing(of, meaning)
+    beside = _beside(of, together, meaning)
     register_relation(PairRelation(crossing, shapes, 2, fill_crossing, partial(_cut_crossing, crossing)))
     register_relation(PairRelation(beside, shapes, 4, fill_lines, partial(_cut_beside, beside)))
 
@@ -109,7 +114,7 @@ AXIS_PLANE_DISTANCE = ConstraintKind("axis_plane_distance", ("m",), "height of a
 
 
 def _fill_plane_axis(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
-    """Rows: rise, two tilts against the normal, sine of the rise, height."""
+    """Fill the rows elevation, two tilts against the normal, sine of the elevation, height."""
     value[:, 0], _, r[:, 0] = edge_plane_partials(n)
     sign = sign_of(n[:, 2])
     value[:, 1:3] = n[:, :2] * sign[:, None]
@@ -119,8 +124,10 @@ def _fill_plane_axis(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r
 
 
 def _cut_plane_axis(group: PairGroup) -> list[ConstraintColumn]:
-    value, S = group.value, group.S
-    rise, sd = np.abs(value[:, :1]), np.sqrt(S[:, 0, 0])
+    value = group.value
+    S = group.S
+    rise = np.abs(value[:, :1])
+    sd = np.sqrt(S[:, 0, 0])
     upright = np.cos(rise[:, 0]) > 5 * sd + RESOLUTION
     tilt = S[:, 3, 3] + RESOLUTION**2
     along = value[:, 3] ** 2 <= chi2_limit(PARALLEL_ALPHA) * tilt

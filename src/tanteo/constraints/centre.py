@@ -1,7 +1,7 @@
-"""Centres of circles and spheres, apexes of cones: their distances to all else, concentricity.
+"""Compute constraints of centres of circles and spheres and apexes of cones: distances and concentricity.
 
-A centre is a point, so that the formulas are those of vertices (``math.md`` sections 4.3 and 12). A distance too short
-to be normal is absent; what it is the length of is tested itself, with its own degrees of freedom (section 4.8).
+A centre is a point, so the formulas are those of vertices (``math.md`` sections 4.3 and 12). A distance too short to be
+normally distributed is absent; its offset vector is tested instead, with its own degrees of freedom (section 4.8).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import partial
 
 from tanteo.constraints.constraint import ConstraintColumn, ConstraintKind
-from tanteo.constraints.point import cut_distance, fill_beside_line, fill_height, fill_offsets
+from tanteo.constraints.point import cut_distance, fill_height, fill_line_offsets, fill_offsets
 from tanteo.constraints.relation import PairGroup, PairRelation, register_relation
 
 CENTRE_PLANE_HEIGHT = ConstraintKind("centre_plane_height", ("m",), "height of a centre over a plane, signed")
@@ -29,7 +29,7 @@ def _cut_height(group: PairGroup) -> list[ConstraintColumn]:
 def _cut_apart(
     kind: ConstraintKind, together: ConstraintKind, sigmas: float, group: PairGroup
 ) -> list[ConstraintColumn]:
-    """The distance where it is clear of zero, and whether there is none."""
+    """Return the distance where it is clearly positive, and the test that it is zero."""
     (distance,) = cut_distance(kind, sigmas, group)
     return [distance, group.column(together, group.value, group.S)]
 
@@ -37,14 +37,14 @@ def _cut_apart(
 register_relation(PairRelation((CENTRE_PLANE_HEIGHT,), ("plane", "centre"), 1, fill_height, _cut_height))
 _EDGE = partial(cut_distance, CENTRE_EDGE_DISTANCE, 3.0)
 _VERTEX = partial(cut_distance, VERTEX_AXIS_DISTANCE, 3.0)
-register_relation(PairRelation((CENTRE_EDGE_DISTANCE,), ("line", "centre"), 2, fill_beside_line, _EDGE))
-register_relation(PairRelation((VERTEX_AXIS_DISTANCE,), ("axis", "point"), 2, fill_beside_line, _VERTEX))
+register_relation(PairRelation((CENTRE_EDGE_DISTANCE,), ("line", "centre"), 2, fill_line_offsets, _EDGE))
+register_relation(PairRelation((VERTEX_AXIS_DISTANCE,), ("axis", "point"), 2, fill_line_offsets, _VERTEX))
 register_relation(
     PairRelation(
         (CENTRE_AXIS_DISTANCE, CENTRE_ON_AXIS),
         ("axis", "centre"),
         2,
-        fill_beside_line,
+        fill_line_offsets,
         partial(_cut_apart, CENTRE_AXIS_DISTANCE, CENTRE_ON_AXIS, 3.0),
     )
 )

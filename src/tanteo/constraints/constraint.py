@@ -1,4 +1,4 @@
-"""What one constraint says, and the table of all that a set of features says."""
+"""Define a constraint, and the table of all constraints between a set of features."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True)
 class ConstraintKind:
-    """What a constraint measures.
+    """Kind of constraints.
 
     Attributes:
-        name: lower case.
-        units: of each value, ``m`` or ``rad``.
-        meaning: what the value is, in words.
-        null: whether the truth is zero when the condition that it states holds (coplanar, parallel).
+        name: name in lower case.
+        units: unit of each value, ``m`` or ``rad``.
+        meaning: description of the value.
+        null: whether the true value is zero if the stated condition holds (coplanar, parallel).
     """
 
     name: str
@@ -30,21 +30,21 @@ class ConstraintKind:
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom of its chi-square test."""
+        """Degrees of freedom of the chi-square test."""
         return len(self.units)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Constraint:
-    """What two (or, for a length, three) features say together.
+    """Measured relation between two features (three for a length, one for a size).
 
     Attributes:
-        kind: what it measures.
-        labels: of the features, the first one first.
-        value: ``(m,)`` in the units of the kind.
-        covariance: ``(m, m)``, first order, shared errors included exactly.
-        bias: second-order mean error of the value ``(m,)``; subtract it if it matters (``math.md`` section 12).
-        caution: a sentence if the value needs care, else empty.
+        kind: kind of the constraint.
+        labels: labels of the features, the first one first.
+        value: values ``(m,)`` in the units of the kind.
+        covariance: first-order covariance ``(m, m)``, with shared errors treated exactly.
+        bias: second-order mean error of the value ``(m,)``, to be subtracted if it matters (``math.md`` section 12).
+        caution: warning sentence about the value; empty if there is none.
     """
 
     kind: ConstraintKind
@@ -56,15 +56,23 @@ class Constraint:
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom of its chi-square test."""
+        """Degrees of freedom of the chi-square test."""
         return self.kind.dof
 
     def distance2(self, model: FloatArray | float = 0.0) -> FloatArray:
-        """Squared Mahalanobis distance to values in the model ``(*batch, m)``, (25) and its joint form."""
+        """Return the squared Mahalanobis distance to values in the model, (25) and its joint form ``(*batch,)``.
+
+        Args:
+            model: values in the model ``(*batch, m)``.
+        """
         return chi2_statistic(np.asarray(model, dtype=np.float64) - self.value, self.covariance)
 
     def p_value(self, model: FloatArray | float = 0.0) -> FloatArray:
-        """Probability of a larger distance if the model's value is the true one."""
+        """Return the probability of a larger distance if the model's value is the true one ``(*batch,)``.
+
+        Args:
+            model: values in the model ``(*batch, m)``.
+        """
         return chi2_p_value(self.distance2(model), self.dof)
 
 
@@ -73,14 +81,14 @@ class ConstraintColumn:
     """All constraints of one kind in a set of features, as arrays.
 
     Attributes:
-        kind: what they measure.
+        kind: kind of the constraints.
         pairs: indices of the features ``(N, 2)``, planes before edges before axes before vertices.
-        value: ``(N, m)``.
-        covariance: ``(N, m, m)``.
-        bias_source: the bias ``(N, m)``, or how to compute it: few need that of an angle.
-        present: whether the pair has the constraint at all ``(N,)``; rows without are not to be read.
-        caution: whether ``cautions[0]`` applies ``(N,)``.
-        cautions: what a raised flag means, and why a pair is not present.
+        value: values ``(N, m)``.
+        covariance: covariances ``(N, m, m)``.
+        bias_source: bias ``(N, m)``, or a function that computes it when needed.
+        present: mask of the pairs that have the constraint ``(N,)``; other rows are meaningless.
+        caution: mask of the pairs to which ``cautions[0]`` applies ``(N,)``.
+        cautions: warning for pairs with a caution, and reason why a pair is not present.
     """
 
     kind: ConstraintKind
@@ -103,7 +111,13 @@ class ConstraintColumn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AbsentConstraint:
-    """A constraint that a pair does not have, and why."""
+    """Constraint that a pair does not have, with the reason.
+
+    Attributes:
+        kind: kind of the constraint.
+        labels: labels of the features.
+        reason: reason for the absence, as a sentence.
+    """
 
     kind: ConstraintKind
     labels: tuple[str, ...]
@@ -112,21 +126,24 @@ class AbsentConstraint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstraintTable:
-    """All pairwise constraints of a set of features; iterate for :class:`Constraint` values.
+    """All pairwise constraints of a set of features; iteration yields :class:`Constraint` values.
 
     Attributes:
-        labels: of the features.
-        columns: one for each kind that some pair could have.
+        labels: labels of the features.
+        columns: one column for each kind that a pair could have.
     """
 
     labels: tuple[str, ...]
     columns: tuple[ConstraintColumn, ...]
 
     def column(self, kind: str) -> ConstraintColumn:
-        """The column of that kind.
+        """Return the column of a kind.
+
+        Args:
+            kind: name of the kind.
 
         Raises:
-            InputError: if no pair of these features could have it; the message lists the kinds there are.
+            InputError: no pair of these features could have it; the message lists the kinds of the table.
         """
         for column in self.columns:
             if column.kind.name == kind:
@@ -151,7 +168,7 @@ class ConstraintTable:
                 )
 
     def absent(self) -> tuple[AbsentConstraint, ...]:
-        """What pairs do not say, with the reason: parallel where an angle was wanted, coincident, and so on."""
+        """Return the constraints that pairs do not have, with the reason, such as an angle of parallel edges."""
         return tuple(
             AbsentConstraint(column.kind, self._names(column, k), column.cautions[1])
             for column in self.columns

@@ -1,9 +1,8 @@
-"""Does the edge lie on the plane? (3)-(5), ``math.md`` section 4.1.
+"""Test whether an edge lies on a plane: (3)-(5), ``math.md`` section 4.1.
 
-The paper reads the two variances off the third and fifth entries of ``Ee^S``, which are expressed in the edge's
-frame: they depend on psi, a free turn of the edge. The rows below are those of the plane's frame, and the two
-conditions are tested together with their covariance, which makes the statistic independent of where the edge's
-origin is.
+The paper takes the two variances from the third and fifth entries of ``Ee^S``, which are in the edge's frame and depend
+on psi, a free rotation of the edge. Here the rows are in the plane's frame, and both conditions are tested together
+with their covariance, so the statistic does not depend on the edge's origin.
 """
 
 from __future__ import annotations
@@ -22,28 +21,32 @@ _R = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 def coplanarity(
     T_plane: Transforms, C_plane: Covariances, T_edge: Transforms, C_edge: Covariances, C12: FloatArray | None = None
 ) -> VectorEstimate:
-    """The pair ``(p_z, n_z)``: height of the edge's origin over the plane [m] and rise of its direction.
+    """Return ``(p_z, n_z)``: height of the edge's origin over the plane [m], and normal component of its direction.
 
     Zero if the edge lies on the plane; ``value' S^-1 value`` is chi-square with 2 degrees of freedom
     (:func:`tanteo.constraints.chi2_statistic`), whatever the origin and the spin of the edge's frame.
 
     Args:
-        T_plane: ``T_world_plane`` ``(*batch, 4, 4)``.
-        C_plane: its body covariance ``(*batch, 6, 6)``.
-        T_edge: ``T_world_edge``.
-        C_edge: its body covariance.
-        C12: ``E[e_plane e_edge']`` if correlated.
+        T_plane: frames ``T_world_plane`` ``(*batch, 4, 4)`` [m].
+        C_plane: body covariances of the plane ``(*batch, 6, 6)``.
+        T_edge: frames ``T_world_edge``.
+        C_edge: body covariances of the edge.
+        C12: ``E[e_plane e_edge']`` if the errors are correlated; None if independent.
     """
     pair = relative(T_plane, T_edge)
     value = np.stack([pair.p[..., 2], pair.R[..., 2, 0]], axis=-1)  # (4) and (3)
-    q, r = np.broadcast_to(_Q, (*value.shape, 3)), np.broadcast_to(_R, (*value.shape, 3))
+    q = np.broadcast_to(_Q, (*value.shape, 3))
+    r = np.broadcast_to(_R, (*value.shape, 3))
     return vector_estimate(pair, X_AXIS, value, (q, r), (C_plane, C_edge, C12))
 
 
 def height_and_pitch(estimate: VectorEstimate) -> tuple[FloatArray, Covariances]:
-    """``(p_z, theta)`` as in (5), with the correct covariance: ``d theta = -d n_z / cos(theta)`` [m, rad].
+    """Return ``(p_z, theta)`` as in (5), with the correct covariance from ``d theta = -d n_z / cos(theta)`` [m, rad].
 
-    Undefined for an edge along the normal of the plane (theta = +-pi/2), where ``(p_z, n_z)`` still is.
+    It is undefined for an edge along the normal of the plane (theta = +-pi/2), where ``(p_z, n_z)`` is still defined.
+
+    Args:
+        estimate: result of :func:`coplanarity`.
     """
     n_z = estimate.value[..., 1]
     cosine = np.sqrt(np.maximum((1 - n_z) * (1 + n_z), 0.0))

@@ -1,8 +1,8 @@
-"""Length of an edge between the corners it makes with two others: (13)-(15), ``math.md`` section 4.3.
+"""Compute the length of an edge between its corners with two others: (13)-(15), ``math.md`` section 4.3.
 
-The paper adds the variances of both end points, although both were computed from the same middle edge; the missing
-term makes the printed variance wrong by a factor from 0 to 2. Here the length is the difference of two abscissae on
-that edge, with one gradient over the joint error of the three.
+The paper adds the variances of both end points, although both were computed from the same middle edge. The missing
+covariance makes the printed variance wrong by a factor from 0 to 2. Here the length is the difference of two abscissae
+on that edge, with one gradient over the joint error of the three edges.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class LengthEstimate:
     """Length of edge ``E`` between edges ``A`` and ``B``.
 
     Attributes:
-        value: ``(*batch,)`` [m].
-        variance: ``(*batch,)``.
-        gradient: over ``(e_A, e_E, e_B)`` ``(*batch, 18)``.
+        value: lengths ``(*batch,)`` [m].
+        variance: variances ``(*batch,)`` [m^2].
+        gradient: gradients over the body errors ``(e_A, e_E, e_B)`` ``(*batch, 18)``.
     """
 
     value: FloatArray
@@ -36,21 +36,22 @@ class LengthEstimate:
 
 
 def edge_length(T_A: Transforms, T_E: Transforms, T_B: Transforms, C: Covariances) -> LengthEstimate:
-    """Length of ``E`` between its corners with ``A`` and ``B`` [m], replacing (13)-(15).
+    """Return the length of ``E`` between its corners with ``A`` and ``B`` [m], replacing (13)-(15).
 
     ``A`` and ``B`` must be the *adjacent* edges: with others the end points are virtual.
 
     Args:
-        T_A: ``T_world_edge`` of one neighbour ``(*batch, 4, 4)``.
-        T_E: of the measured edge.
-        T_B: of the other neighbour.
+        T_A: ``T_world_edge`` of one adjacent edge ``(*batch, 4, 4)`` [m].
+        T_E: ``T_world_edge`` of the measured edge.
+        T_B: ``T_world_edge`` of the other adjacent edge.
         C: joint body covariance of ``(e_A, e_E, e_B)`` ``(*batch, 18, 18)``; block diagonal if independent.
 
     Raises:
-        DegenerateError: if a neighbour is parallel to ``E``.
+        DegenerateError: an adjacent edge is parallel to ``E``.
     """
     zero = np.zeros((6, 6))
-    start, end = intersect(T_A, zero, T_E, zero), intersect(T_B, zero, T_E, zero)
+    start = intersect(T_A, zero, T_E, zero)
+    end = intersect(T_B, zero, T_E, zero)
     difference = end.value - start.value
     sign = np.where(difference < 0, -1.0, 1.0)[..., None]
     gradient = np.concatenate([-start.g1, end.g2 - start.g2, end.g1], axis=-1) * sign
@@ -63,11 +64,16 @@ CONSTRAINT_KINDS[EDGE_LENGTH.name] = EDGE_LENGTH
 
 
 def relate_length(edge: Feature, first: Feature, second: Feature) -> Constraint:
-    """Length of ``edge`` between its corners with two *adjacent* edges, (13)-(15) corrected.
+    """Return the length of ``edge`` between its corners with two *adjacent* edges, (13)-(15) corrected.
+
+    Args:
+        edge: measured edge.
+        first: one adjacent edge.
+        second: other adjacent edge.
 
     Raises:
-        InputError: if one of them is no edge.
-        DegenerateError: if a neighbour is parallel to the edge.
+        InputError: a feature is not an edge.
+        DegenerateError: an adjacent edge is parallel to the edge.
     """
     features = (first, edge, second)
     for feature in features:
@@ -79,7 +85,8 @@ def relate_length(edge: Feature, first: Feature, second: Feature) -> Constraint:
     row = 0
     for k, feature in enumerate(features):
         block = slice(row, row + feature.kind.size)
-        B[block, 6 * k : 6 * k + 6], P[block, block] = feature.kind.B, feature.P
+        B[block, 6 * k : 6 * k + 6] = feature.kind.B
+        P[block, block] = feature.P
         row = block.stop
     T_A, T_E, T_B = (feature.T_world_feature for feature in features)
     length = edge_length(T_A, T_E, T_B, np.zeros((18, 18)))
@@ -95,5 +102,8 @@ def relate_length(edge: Feature, first: Feature, second: Feature) -> Constraint:
 
 
 def _meets(edge: Feature, other: Feature) -> bool:
-    """Whether two edges have a corner to speak of: ``sin(alpha) > 10 sigma`` (``math.md`` section 13, rule 4)."""
+    """Return whether two edges have a well-defined corner.
+
+    ``sin(alpha) > 10 sigma`` (``math.md`` section 13, rule 4).
+    """
     return bool(relate_all((edge, other)).column("edge_gap").present[0])

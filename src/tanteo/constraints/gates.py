@@ -1,4 +1,4 @@
-"""Accept or reject: (25) and the joint tests that it needs beside it; ``math.md`` sections 4.7 and 9."""
+"""Test constraints: the scalar gate (25) and joint chi-square tests (``math.md`` sections 4.7 and 9)."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from tanteo.typing import BoolArray, Covariances, FloatArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gate:
-    """Outcome of a test at one level.
+    """Result of a test at one significance level.
 
     Attributes:
         D2: squared Mahalanobis distances ``(*batch,)``.
-        D_M: the largest accepted Mahalanobis distance, (25).
-        accept: ``D2 <= D_M^2``.
+        D_M: largest accepted Mahalanobis distance, (25).
+        accept: mask of accepted values, ``D2 <= D_M^2`` ``(*batch,)``.
     """
 
     D2: FloatArray
@@ -34,7 +34,15 @@ def _level(significance: float) -> float:
 
 
 def chi2_limit(significance: float, dof: int = 1) -> float:
-    """What chi-square with ``dof`` degrees of freedom exceeds with probability ``significance``: ``D_M^2``."""
+    """Return ``D_M^2``, the quantile that chi-square exceeds with probability ``significance``.
+
+    Args:
+        significance: rejection rate of true matches.
+        dof: degrees of freedom.
+
+    Raises:
+        InputError: the significance is not in (0, 1), or ``dof`` is below 1.
+    """
     if dof < 1:
         raise InputError(f"dof: expected at least 1, got {dof}.")
     from scipy import special  # slow to import
@@ -43,21 +51,39 @@ def chi2_limit(significance: float, dof: int = 1) -> float:
 
 
 def chi2_p_value(D2: FloatArray, dof: int | FloatArray) -> FloatArray:
-    """Probability that chi-square with ``dof`` degrees of freedom exceeds ``D2``."""
+    """Return the probability that chi-square exceeds ``D2``.
+
+    Args:
+        D2: squared Mahalanobis distances ``(*batch,)``.
+        dof: degrees of freedom.
+    """
     from scipy import special  # slow to import
 
     return np.asarray(special.chdtrc(dof, np.asarray(D2, dtype=np.float64)), dtype=np.float64)
 
 
 def sidak(significance: float, tests: int) -> float:
-    """Level of each of ``tests`` independent one-shot tests so that together they reject ``significance``."""
+    """Return the level of each of several independent tests so that together they reject ``significance`` (Sidak 1967).
+
+    Args:
+        significance: joint rejection rate of true matches.
+        tests: number of tests.
+
+    Raises:
+        InputError: the significance is not in (0, 1), or ``tests`` is below 1.
+    """
     if tests < 1:
         raise InputError(f"tests: expected at least 1, got {tests}.")
     return float(-np.expm1(np.log1p(-_level(significance)) / tests))
 
 
 def chi2_statistic(value: FloatArray, covariance: Covariances) -> FloatArray:
-    """``value' S^-1 value`` for ``(*batch, m)`` values; by Cholesky, scaled, so that m and rad may mix."""
+    """Return ``value' S^-1 value`` ``(*batch,)``, by a scaled Cholesky factorization, so that m and rad may mix.
+
+    Args:
+        value: values ``(*batch, m)``.
+        covariance: covariances ``(*batch, m, m)``, positive definite.
+    """
     sd = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     unit = covariance / (sd[..., :, None] * sd[..., None, :])
     white = np.linalg.solve(np.linalg.cholesky(unit), (value / sd)[..., None])[..., 0]
@@ -67,16 +93,16 @@ def chi2_statistic(value: FloatArray, covariance: Covariances) -> FloatArray:
 def gate(
     value: FloatArray | float, variance: FloatArray | float, model: FloatArray | float, significance: float
 ) -> Gate:
-    """The paper's test (25) of one number: accept ``|c_model - c| <= sqrt(Var c) D_M``.
+    """Test one number by (25): accept ``|c_model - c| <= sqrt(Var c) D_M``.
 
     Args:
-        value: sensed values; broadcasts against ``model``.
-        variance: theirs.
-        model: the values in the model, as many as wanted.
-        significance: rejected share of true matches *per test*: with k tests give ``sidak(alpha, k)``.
+        value: sensed values; broadcast against ``model``.
+        variance: variances of the sensed values.
+        model: values in the model.
+        significance: rejection rate of true matches *per test*; for k tests use ``sidak(alpha, k)``.
 
     Raises:
-        InputError: if alpha is no probability or a variance is not positive.
+        InputError: the significance is not in (0, 1), or a variance is not positive.
     """
     variance = np.asarray(variance, dtype=np.float64)
     if not np.all(variance > 0):
@@ -90,13 +116,13 @@ def gate(
 
 
 def joint_gate(value: FloatArray, covariance: Covariances, model: FloatArray, significance: float) -> Gate:
-    """The same for vectors: ``(model - value)' S^-1 (model - value)`` against chi-square with ``m`` dof.
+    """Test a vector: ``(model - value)' S^-1 (model - value)`` against chi-square with ``m`` degrees of freedom.
 
     Args:
-        value: ``(m,)``.
-        covariance: ``(m, m)``, positive definite.
-        model: ``(*batch, m)``.
-        significance: as in :func:`gate`.
+        value: sensed value ``(m,)``.
+        covariance: covariance of the sensed value ``(m, m)``, positive definite.
+        model: values in the model ``(*batch, m)``.
+        significance: rejection rate of true matches, see :func:`gate`.
     """
     value = np.asarray(value, dtype=np.float64)
     sd = np.sqrt(np.diag(covariance))

@@ -1,8 +1,8 @@
-"""Where two edges meet, at which angle, and how far they miss each other: (6)-(12), ``math.md`` sections 4.1 and 4.2.
+"""Compute the intersection of two edges, their angle and their gap: (6)-(12), ``math.md`` sections 4.1 and 4.2.
 
-(8) and (9) each keep one of two redundant equations; (9) is singular exactly when the z axis of the first edge is
-normal to the common plane, which the paper's own coplanarity test wants. The foot of the common perpendicular is the
-same number when the lines do meet, has a finite variance for every frame, and needs no choice.
+(8) and (9) each keep one of two redundant equations. (9) is singular when the z axis of the first edge is normal to the
+common plane, which is the case that the paper's coplanarity test accepts. The foot of the common perpendicular equals
+the intersection if the lines meet, and has a finite variance for every frame.
 """
 
 from __future__ import annotations
@@ -18,18 +18,28 @@ from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vector
 
 
 def abscissa_partials(p: Vectors, n: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Abscissa on the second line of the foot of the common perpendicular, with its partials over ``p`` and ``n``.
+    """Return the abscissa of the common perpendicular's foot on the second line, with partials over ``p`` and ``n``.
 
     ``s = -(n_perp . p_perp) / |n_perp|^2``: (7) with both equations in least squares.
+
+    Args:
+        p: origin of the second line in the first frame ``(*batch, 3)`` [m].
+        n: direction of the second line in the first frame ``(*batch, 3)``.
     """
-    np_, pp = n * _PERP, p * _PERP
+    np_ = n * _PERP
+    pp = p * _PERP
     nn = np.maximum(np.sum(np_ * np_, axis=-1), np.finfo(float).tiny)[..., None]
     s = -np.sum(np_ * pp, axis=-1, keepdims=True) / nn
     return s[..., 0], -np_ / nn, -(pp + 2 * s * np_) / nn
 
 
 def gap_partials(p: Vectors, n: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Signed length of the common perpendicular along ``u1 x u2``, with its partials."""
+    """Return the signed length of the common perpendicular along ``u1 x u2``, with its partials over ``p`` and ``n``.
+
+    Args:
+        p: origin of the second line in the first frame ``(*batch, 3)`` [m].
+        n: direction of the second line in the first frame ``(*batch, 3)``.
+    """
     nn = np.maximum((n[..., 1] ** 2 + n[..., 2] ** 2), np.finfo(float).tiny)[..., None]
     sine = np.sqrt(nn)
     w = n[..., _SWAP] * _TURN / sine  # (0, -n_z, n_y) / sine
@@ -52,12 +62,19 @@ def _refuse_parallel(n: Vectors, what: str) -> None:
 def intersect(
     T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
 ) -> ScalarEstimate:
-    """Abscissa on the second edge, from its origin, of the point nearest to the first edge [m]: replaces (9), (12).
+    """Return the abscissa on the second edge of the point nearest to the first edge [m], replacing (9) and (12).
 
-    The abscissa on the first edge is the same call with the features exchanged.
+    It is measured from the second edge's origin. Exchange the features for the abscissa on the first edge.
+
+    Args:
+        T1: frames ``T_world_edge`` ``(*batch, 4, 4)`` [m].
+        C1: body covariances ``(*batch, 6, 6)``.
+        T2: frames of the second edge.
+        C2: body covariances of the second edge.
+        C12: ``E[e1 e2']`` if the errors are correlated; None if independent.
 
     Raises:
-        DegenerateError: for exactly parallel lines. It is trustworthy for ``sin(alpha) > 10 sigma_alpha``.
+        DegenerateError: the lines are exactly parallel. The result is reliable for ``sin(alpha) > 10 sigma_alpha``.
     """
     pair = relative(T1, T2)
     n = pair.R[..., :, 0]
@@ -69,12 +86,19 @@ def intersect(
 def gap_edges(
     T1: Transforms, C1: Covariances, T2: Transforms, C2: Covariances, C12: FloatArray | None = None
 ) -> ScalarEstimate:
-    """Signed distance between two skew lines along ``u1 x u2`` [m]: zero if the edges are coplanar.
+    """Return the signed distance of two skew lines along ``u1 x u2`` [m], which is zero for coplanar edges.
 
-    Tests coplanarity when no plane was sensed: ``value^2 / variance`` is chi-square with one degree of freedom.
+    It tests coplanarity without a sensed plane: ``value^2 / variance`` is chi-square with one degree of freedom.
+
+    Args:
+        T1: frames ``T_world_edge`` ``(*batch, 4, 4)`` [m].
+        C1: body covariances ``(*batch, 6, 6)``.
+        T2: frames of the second edge.
+        C2: body covariances of the second edge.
+        C12: ``E[e1 e2']`` if the errors are correlated; None if independent.
 
     Raises:
-        DegenerateError: for exactly parallel lines, which are always coplanar.
+        DegenerateError: the lines are exactly parallel, which are always coplanar.
     """
     pair = relative(T1, T2)
     n = pair.R[..., :, 0]
@@ -90,13 +114,23 @@ _NO_CORNER = "the lines are parallel within 10 sigma, so they have no common per
 
 
 def fill_crossing(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
-    """Rows: angle, gap."""
+    """Fill the rows angle and gap, see :class:`PairRelation`.
+
+    Args:
+        p: origins of the second features in the first frames ``(n, 3)`` [m].
+        n: axes of the second features in the first frames ``(n, 3)``.
+        value: values ``(n, rows)``; written.
+        q: derivatives by ``p`` ``(n, rows, 3)``; written.
+        r: derivatives by the axis ``(n, rows, 3)``; written.
+    """
     value[:, 0], _, r[:, 0] = angle_partials(n, X_AXIS)
     value[:, 1], q[:, 1], r[:, 1] = gap_partials(p, n)
 
 
 def _cut(group: PairGroup) -> list[ConstraintColumn]:
-    value, S, sd = group.value, group.S, np.sqrt(group.S[:, 0, 0])
+    value = group.value
+    S = group.S
+    sd = np.sqrt(group.S[:, 0, 0])
     sine = np.sqrt(group.b[:, 1] ** 2 + group.b[:, 2] ** 2)
     angle, unsure = _away(group, np.sqrt(S[:, 1, 1]) + 1e-12, np.where(sine > 0, sine, 1.0))
     return [
@@ -114,8 +148,10 @@ def _cut(group: PairGroup) -> list[ConstraintColumn]:
 
 
 def _away(group: PairGroup, sd: FloatArray, sine: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """The angle with both directions pointing away from the corner, and where a direction cannot be told."""
-    p, n, slide = group.pair.p, group.b, group.pair.slide[:, 0]
+    """Return the angle with both directions pointing away from the corner, and where a direction is undetermined."""
+    p = group.pair.p
+    n = group.b
+    slide = group.pair.slide[:, 0]
     s2 = -(p[:, 1] * n[:, 1] + p[:, 2] * n[:, 2]) / (sine * sine)  # abscissae of the feet
     s = np.empty((len(p), 2))
     s[:, 0], s[:, 1] = p[:, 0] + s2 * n[:, 0], s2 + slide

@@ -1,8 +1,8 @@
-"""The joint test of everything that depends on one unknown pose, at once or one by one; ``math.md`` section 9.
+"""Test all relations that depend on one unknown pose jointly, at once or incrementally (``math.md`` section 9).
 
-All that pairings say is ``f + H xi + noise = 0`` with the pose error ``xi`` unknown. What remains of ``f`` after the
-best ``xi`` is chi-square; it equals the Mahalanobis distance of a complete set of constraints that do not depend on
-the pose, and unlike pairwise angles and distances it sees mirror images and offsets.
+Pairings give ``f + H xi + noise = 0`` with unknown pose error ``xi``. The residual of ``f`` at the best ``xi`` is
+chi-square distributed. It equals the Mahalanobis distance of a complete set of constraints that do not depend on the
+pose. Unlike pairwise angles and distances, it detects mirror images and offsets.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ _RANK = 1e-10
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTest:
-    """Residual of stacked relations after the best pose.
+    """Residual of stacked relations at the best pose.
 
     Attributes:
         D2: joint squared Mahalanobis distance, ``D_J^2``.
-        dof: equations minus the rank of ``H``.
-        xi: the best pose error ``(k,)``; the shortest one if some directions are free.
+        dof: number of equations minus the rank of ``H``.
+        xi: best pose error ``(k,)``; the shortest one if some directions are free.
         information: ``H' S^-1 H`` ``(k, k)``.
         p_value: probability of a larger ``D2``; 1 without degrees of freedom.
     """
@@ -38,51 +38,58 @@ class JointTest:
 
 
 def joint_test(f: FloatArray, H: FloatArray, S: Covariances) -> JointTest:
-    """``min over xi of (f + H xi)' S^-1 (f + H xi)``.
+    """Return the joint test ``min over xi of (f + H xi)' S^-1 (f + H xi)``.
 
     Args:
         f: residuals ``(m,)``; rows may mix m and rad.
-        H: their derivatives by the pose error ``(m, k)``.
-        S: their covariance ``(m, m)``, with the blocks of shared errors, positive definite.
+        H: derivatives of the residuals by the pose error ``(m, k)``.
+        S: covariance of the residuals ``(m, m)``, with the blocks of shared errors, positive definite.
 
     Raises:
-        CovarianceError: if ``S`` is not positive definite.
+        CovarianceError: ``S`` is not positive definite.
     """
     whiten = _whitening(S)
     return whitened_test(whiten @ f, whiten @ H)
 
 
 def whitened_test(g: FloatArray, G: FloatArray) -> JointTest:
-    """:func:`joint_test` of standardised residuals ``(m,)`` and their derivatives ``(m, k)``.
+    """Return :func:`joint_test` from whitened residuals and derivatives.
 
-    Errors that residuals share may be unknowns beside the pose, with rows that say what is known of them: the same
-    statistic without a covariance of all residuals.
+    Shared errors may be additional unknowns, with rows that state their prior. The statistic is the same, without a
+    joint covariance of all residuals.
+
+    Args:
+        g: whitened residuals ``(m,)``.
+        G: whitened derivatives ``(m, k)``.
     """
     scale = np.linalg.norm(G, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     U, s, Vt = np.linalg.svd(G / scale, full_matrices=False)
     rank = int(np.count_nonzero(s > _RANK * s[0])) if len(s) and s[0] > 0 else 0
-    U, s, Vt = U[:, :rank], s[:rank], Vt[:rank]
+    U = U[:, :rank]
+    s = s[:rank]
+    Vt = Vt[:rank]
     along = U.T @ g
     rest = g - U @ along
-    rest = rest - U @ (U.T @ rest)  # twice: the residual may be far smaller than f
-    D2, dof = float(rest @ rest), len(g) - rank
+    rest = rest - U @ (U.T @ rest)  # repeated projection: the residual may be far smaller than f
+    D2 = float(rest @ rest)
+    dof = len(g) - rank
     return JointTest(D2, dof, -(Vt.T @ (along / s)) / scale, G.T @ G, _p_value(D2, dof))
 
 
 def joint_update(first: JointTest, f: FloatArray, H: FloatArray, S: Covariances) -> JointTest:
-    """Add relations that are independent of the first ones: one node of an interpretation tree.
+    """Add relations that are independent of the first ones, as at one node of an interpretation tree.
 
     ``D_J^2`` grows by ``r' (S + H L^-1 H')^-1 r`` with ``r = f + H xi`` (``math.md`` section 9).
 
     Args:
-        first: the test so far; its information must have full rank.
+        first: previous test; its information must have full rank.
         f: new residuals ``(m,)``, at the same pose as the first ones.
-        H: their derivatives ``(m, k)``.
-        S: their covariance ``(m, m)``.
+        H: derivatives of the new residuals ``(m, k)``.
+        S: covariance of the new residuals ``(m, m)``.
 
     Raises:
-        CovarianceError: if the information so far is singular: use :func:`joint_test` on all rows.
+        CovarianceError: the previous information is singular; use :func:`joint_test` on all rows.
     """
     try:
         LHt = np.linalg.solve(first.information, H.T)
@@ -92,7 +99,8 @@ def joint_update(first: JointTest, f: FloatArray, H: FloatArray, S: Covariances)
         ) from None
     r = f + H @ first.xi
     w = np.linalg.solve(S + H @ LHt, r)
-    D2, dof = first.D2 + float(r @ w), first.dof + len(f)
+    D2 = first.D2 + float(r @ w)
+    dof = first.dof + len(f)
     G = _whitening(S) @ H
     return JointTest(D2, dof, first.xi - LHt @ w, first.information + G.T @ G, _p_value(D2, dof))
 
@@ -100,14 +108,14 @@ def joint_update(first: JointTest, f: FloatArray, H: FloatArray, S: Covariances)
 def laplace_log_evidence(
     chi2: FloatArray, log_det: FloatArray, equations: FloatArray, information: FloatArray, log_prior: FloatArray | float
 ) -> FloatArray:
-    """Log density of all residuals with the pose integrated out, by Laplace's formula (``math.md`` section 10).
+    """Return the log density of all residuals with the pose integrated out by Laplace's method (``math.md`` 10).
 
     Args:
         chi2: joint statistic at the best pose ``(*batch,)``.
         log_det: sum of ``log |S|`` over the pairings ``(*batch,)``.
         equations: number of scalar residuals ``(*batch,)``.
-        information: on the pose at the best pose, positive definite ``(*batch, k, k)``.
-        log_prior: log density of the pose there; ``-log(8 pi^2 V)`` for any attitude and a volume ``V``.
+        information: information on the pose at the best pose, positive definite ``(*batch, k, k)``.
+        log_prior: log density of the pose at the best pose; ``-log(8 pi^2 V)`` for any attitude and a volume ``V``.
     """
     k = information.shape[-1]
     volume = 0.5 * (k * np.log(2 * np.pi) - np.linalg.slogdet(information)[1])

@@ -1,8 +1,8 @@
-"""A pattern of centres against one of a model, wherever it lies: the joint test of points; ``math.md`` section 4.8.
+"""Test a pattern of centres against a model pattern at any pose: the joint test of points (``math.md`` section 4.8).
 
-All distances of n points together have a singular covariance from five points on (four in a plane), and they accept the
-mirror image. What is left of the coordinates after the best rigid motion is the Mahalanobis distance of a complete set
-of constraints that do not depend on the pose (section 9), chi-square with ``3 n - 6`` degrees of freedom.
+The distances between n points have a singular covariance for five or more points (four in a plane), and accept mirror
+images. The residual of the coordinates after the best rigid motion is the Mahalanobis distance of a complete set of
+constraints that do not depend on the pose (section 9), chi-square with ``3 n - 6`` degrees of freedom.
 """
 
 from __future__ import annotations
@@ -21,20 +21,21 @@ _PASSES = 20
 
 
 def relate_pattern(features: Sequence[Feature], model: Vectors) -> JointTest:
-    """Whether centres (or vertices) are those of a model, in the order given, up to one rigid motion.
+    """Test whether centres (or vertices) match those of a model, in the given order, up to one rigid motion.
 
-    A mirror image is another pattern, but for one in a plane, which turned over is its own: the axes of its holes tell.
+    A mirror image is a different pattern, except in a plane: a planar pattern equals its mirror image turned over, and
+    only the axes of its holes separate the two.
 
     Args:
-        features: circles, spheres, cones or vertices, two or more; errors that they share count once.
+        features: two or more circles, spheres, cones or vertices; shared errors are treated exactly.
         model: the same points of the model ``(n, 3)`` [m], in any frame.
 
     Returns:
-        The joint test. ``dof`` is ``3 n - 6``, or ``3 n - 5`` for points on one line; ``xi`` is a left motion
-        ``(v, w)`` of the model about the mean of the sensed points that is left at the best pose: zero.
+        Joint test. ``dof`` is ``3 n - 6``, or ``3 n - 5`` for collinear points; ``xi`` is the remaining left motion
+        ``(v, w)`` of the model about the mean of the sensed points, which is zero.
 
     Raises:
-        InputError: for fewer than two features, a feature without a centre, or another number of points.
+        InputError: there are fewer than two features, a feature has no centre, or the number of points differs.
 
     Example:
         >>> holes = [
@@ -74,17 +75,19 @@ def relate_pattern(features: Sequence[Feature], model: Vectors) -> JointTest:
 
 
 def _by_motion(arms: Vectors) -> FloatArray:
-    """How ``sensed - placed`` changes with a motion of the model about the middle ``(3 n, 6)``."""
+    """Return the derivative of ``sensed - placed`` by a motion of the model about the mean ``(3 n, 6)``."""
     return -np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -SO3.hat(arms)], axis=-1).reshape(-1, 6)
 
 
 def _covariance(features: Sequence[Feature]) -> Covariances:
-    """Of all centres in the world ``(3 n, 3 n)``, shared errors included."""
+    """Return the covariance of all centres in the world ``(3 n, 3 n)``, with shared errors."""
     n = len(features)
     _, C, gains = collect_shared(features)
-    S, A = np.zeros((n, 3, n, 3)), np.zeros((n, 3, C.shape[0]))
+    S = np.zeros((n, 3, n, 3))
+    A = np.zeros((n, 3, C.shape[0]))
     for k, (feature, gain) in enumerate(zip(features, gains, strict=True)):
-        rows, R = [feature.kind.rows.index(i) for i in range(3)], feature.T_world_feature[:3, :3]
+        rows = [feature.kind.rows.index(i) for i in range(3)]
+        R = feature.T_world_feature[:3, :3]
         S[k, :, k] = R @ feature.P[np.ix_(rows, rows)] @ R.T
         A[k] = R @ gain[rows]
     flat = A.reshape(3 * n, -1)
@@ -92,8 +95,9 @@ def _covariance(features: Sequence[Feature]) -> Covariances:
 
 
 def _first(sensed: Vectors, model: Vectors) -> FloatArray:
-    """The motion of least squares."""
-    a, b = model - model.mean(axis=0), sensed - sensed.mean(axis=0)
+    """Return the least-squares rigid motion (Procrustes problem by SVD, Umeyama 1991)."""
+    a = model - model.mean(axis=0)
+    b = sensed - sensed.mean(axis=0)
     U, _, Vt = np.linalg.svd(b.T @ a)
     R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
     return SE3.from_parts(R, sensed.mean(axis=0) - R @ model.mean(axis=0))

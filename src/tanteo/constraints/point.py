@@ -1,4 +1,4 @@
-"""Distances of points (vertices): to a point (13), to a plane, to an edge; ``math.md`` sections 4.3 and 12."""
+"""Compute distances of vertices to a vertex (13), to a plane, and to an edge; ``math.md`` sections 4.3 and 12."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class DistanceEstimate:
     """Distance of two points.
 
     Attributes:
-        value: ``(*batch,)`` [m].
-        variance: ``(*batch,)``, first order.
-        bias: second-order mean error ``E[value] - truth`` [m]; subtract it, or test the vector below 5 sigma.
+        value: distances ``(*batch,)`` [m].
+        variance: first-order variances ``(*batch,)`` [m^2].
+        bias: second-order mean errors ``E[value] - truth`` ``(*batch,)`` [m]; below 5 sigma test the vector instead.
     """
 
     value: FloatArray
@@ -29,10 +29,15 @@ class DistanceEstimate:
 
 
 def point_distance(p1: Vectors, p2: Vectors, S: Covariances) -> DistanceEstimate:
-    """``|p2 - p1|`` (13) with the covariance ``S`` of the difference ``(*batch, 3, 3)`` [m].
+    """Return ``|p2 - p1|`` (13) with variance and bias [m].
+
+    Args:
+        p1: points ``(*batch, 3)`` [m].
+        p2: points ``(*batch, 3)`` [m].
+        S: covariances of the difference ``(*batch, 3, 3)`` [m^2].
 
     Raises:
-        DegenerateError: if the points coincide; test the difference itself (3 degrees of freedom) then.
+        DegenerateError: the points coincide; test the difference itself (3 degrees of freedom) then.
     """
     v = np.asarray(p2, dtype=np.float64) - p1
     value = np.sqrt(np.sum(v * v, axis=-1))
@@ -48,7 +53,15 @@ def point_distance(p1: Vectors, p2: Vectors, S: Covariances) -> DistanceEstimate
 def point_plane_distance(
     T_plane: Transforms, C_plane: Covariances, T_point: Transforms, C_point: Covariances, C12: FloatArray | None = None
 ) -> ScalarEstimate:
-    """Signed height of a vertex over a plane, positive outside [m]; unbiased to second order at the foot."""
+    """Return the signed height of a vertex over a plane, positive outside [m]; unbiased to second order at the foot.
+
+    Args:
+        T_plane: frames ``T_world_plane`` ``(*batch, 4, 4)`` [m].
+        C_plane: body covariances of the plane ``(*batch, 6, 6)``.
+        T_point: frames ``T_world_point``.
+        C_point: body covariances of the point.
+        C12: ``E[e1 e2']`` if the errors are correlated; None if independent.
+    """
     pair = relative(T_plane, T_point)
     q = np.broadcast_to(np.array([0.0, 0.0, 1.0]), pair.p.shape)
     return scalar_estimate(pair, X_AXIS, pair.p[..., 2], (q, None), (C_plane, C_point, C12))
@@ -57,10 +70,17 @@ def point_plane_distance(
 def point_edge_distance(
     T_edge: Transforms, C_edge: Covariances, T_point: Transforms, C_point: Covariances, C12: FloatArray | None = None
 ) -> ScalarEstimate:
-    """Distance of a vertex from an edge's line [m].
+    """Return the distance of a vertex from the line of an edge [m].
+
+    Args:
+        T_edge: frames ``T_world_edge`` ``(*batch, 4, 4)`` [m].
+        C_edge: body covariances of the edge ``(*batch, 6, 6)``.
+        T_point: frames ``T_world_point``.
+        C_point: body covariances of the point.
+        C12: ``E[e1 e2']`` if the errors are correlated; None if independent.
 
     Raises:
-        DegenerateError: if the vertex is exactly on the line.
+        DegenerateError: the vertex is exactly on the line.
     """
     pair = relative(T_edge, T_point)
     q = pair.p * np.array([0.0, 1.0, 1.0])
@@ -74,7 +94,12 @@ def point_edge_distance(
 
 
 def length_of(v: FloatArray, S: Covariances) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lengths of vectors ``(N, k)``, their variances, and the summed variance across them."""
+    """Return lengths of vectors, their variances, and the summed variance across them, each ``(N,)``.
+
+    Args:
+        v: vectors ``(N, k)``.
+        S: covariances ``(N, k, k)``.
+    """
     d = np.sqrt((v * v).sum(axis=1))
     u = v / np.where(d > 0, d, 1.0)[:, None]
     variance = (u[:, None] @ S @ u[..., None])[:, 0, 0]
@@ -87,28 +112,59 @@ POINT_DISTANCE = ConstraintKind("point_distance", ("m",), "distance of two verti
 
 
 def fill_height(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
-    """Row: height."""
-    value[:, 0], q[:, 0, 2] = p[:, 2], 1.0
+    """Fill the row height, see :class:`PairRelation`.
+
+    Args:
+        p: origins of the second features in the first frames ``(n, 3)`` [m].
+        n: axes of the second features in the first frames ``(n, 3)``.
+        value: values ``(n, rows)``; written.
+        q: derivatives by ``p`` ``(n, rows, 3)``; written.
+        r: derivatives by the axis ``(n, rows, 3)``; written.
+    """
+    value[:, 0] = p[:, 2]
+    q[:, 0, 2] = 1.0
 
 
 def _cut_plane_point(group: PairGroup) -> list[ConstraintColumn]:
     return [group.column(POINT_PLANE_HEIGHT, group.value, group.S)]
 
 
-def fill_beside_line(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
-    """Rows: two offsets."""
+def fill_line_offsets(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
+    """Fill the rows with the two offsets from a line, see :class:`PairRelation`.
+
+    Args:
+        p: origins of the second features in the first frames ``(n, 3)`` [m].
+        n: axes of the second features in the first frames ``(n, 3)``.
+        value: values ``(n, rows)``; written.
+        q: derivatives by ``p`` ``(n, rows, 3)``; written.
+        r: derivatives by the axis ``(n, rows, 3)``; written.
+    """
     value[:] = p[:, 1:]
     q[:, 0, 1] = q[:, 1, 2] = 1.0
 
 
 def fill_offsets(p: Vectors, n: Vectors, value: FloatArray, q: FloatArray, r: FloatArray) -> None:
-    """Rows: the three offsets."""
+    """Fill the rows with the three offsets from a point, see :class:`PairRelation`.
+
+    Args:
+        p: origins of the second features in the first frames ``(n, 3)`` [m].
+        n: axes of the second features in the first frames ``(n, 3)``.
+        value: values ``(n, rows)``; written.
+        q: derivatives by ``p`` ``(n, rows, 3)``; written.
+        r: derivatives by the axis ``(n, rows, 3)``; written.
+    """
     value[:] = p
     q[:, 0, 0] = q[:, 1, 1] = q[:, 2, 2] = 1.0
 
 
 def cut_distance(kind: ConstraintKind, sigmas: float, group: PairGroup) -> list[ConstraintColumn]:
-    """The length of the offsets of a group, where it is clear of zero by that many standard deviations."""
+    """Return the length of a group's offsets, present where it exceeds zero by several standard deviations.
+
+    Args:
+        kind: kind of the distance.
+        sigmas: smallest ratio of the length to its transverse standard deviation.
+        group: pairs with their offsets.
+    """
     value, variance, across = length_of(group.value, group.S)
     clear = value > sigmas * np.sqrt(across / (group.value.shape[1] - 1))
     reason = f"the distance is below {sigmas:g} sigma, where it is not normal: the features touch, as far as is known."
@@ -125,5 +181,5 @@ def _cut_points(group: PairGroup) -> list[ConstraintColumn]:
 
 
 register_relation(PairRelation((POINT_PLANE_HEIGHT,), ("plane", "point"), 1, fill_height, _cut_plane_point))
-register_relation(PairRelation((POINT_EDGE_DISTANCE,), ("line", "point"), 2, fill_beside_line, _cut_line_point))
+register_relation(PairRelation((POINT_EDGE_DISTANCE,), ("line", "point"), 2, fill_line_offsets, _cut_line_point))
 register_relation(PairRelation((POINT_DISTANCE,), ("point", "point"), 3, fill_offsets, _cut_points))

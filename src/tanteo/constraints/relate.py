@@ -1,8 +1,8 @@
-"""All that some features say about each other, as array programs over their pairs.
+"""Compute all constraints between features, as array operations over their pairs.
 
 One pass computes the relative geometry of all pairs, their values with partial derivatives, and one covariance per
-pair; the columns of the table are cut from it. Features are re-framed halfway to each other first (``math.md``
-section 13), and errors that they share cancel exactly.
+pair; the columns of the table are slices of it. Features are first re-framed halfway to each other (``math.md`` section
+13), and shared errors cancel exactly.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from tanteo.typing import FloatArray
 
 
 def relate_all(features: Sequence[Feature]) -> ConstraintTable:
-    """All pairwise constraints of some features, with covariances (section 4 of the paper).
+    """Return all pairwise constraints of some features, with covariances (section 4 of the paper).
 
     Args:
-        features: sensed or model features; a circle or cone meets others as an axis and as a centre (apex). Model
+        features: sensed or model features. A circle or cone has constraints as an axis and as a centre (apex). Model
             features may have zero ``P``.
 
     Returns:
-        One column of arrays per kind. Pairs that do not have a constraint (parallel where an angle is asked, coincident
-        where a distance is) are marked, and :meth:`ConstraintTable.absent` gives the reason.
+        One column of arrays per kind. Pairs without a constraint (an angle of parallel edges, a distance of coincident
+        ones) are marked, and :meth:`ConstraintTable.absent` gives the reason.
     """
     aspects = tuple([(k, shape) for k, feature in enumerate(features) for shape in feature.kind.aspects])
     plan = pair_plan(aspects)
@@ -38,8 +38,11 @@ def relate_all(features: Sequence[Feature]) -> ConstraintTable:
     arrays = stack_features(features, aspects)
     pair, b = _geometry(arrays, plan)
     blocks = _blocks(plan)
-    n, rows = len(plan.first), max((block.stop for _, _, block in blocks), default=0)
-    value, q, r = np.zeros((n, rows)), np.zeros((n, rows, 3)), np.zeros((n, rows, 3))
+    n = len(plan.first)
+    rows = max((block.stop for _, _, block in blocks), default=0)
+    value = np.zeros((n, rows))
+    q = np.zeros((n, rows, 3))
+    r = np.zeros((n, rows, 3))
     for part, relation, block in blocks:
         relation.fill(pair.p[part], b[part], value[part, block], q[part, block], r[part, block])
     g1, g2 = pull_back(pair, plan.axis_hats, q, r)
@@ -53,7 +56,7 @@ def relate_all(features: Sequence[Feature]) -> ConstraintTable:
 
 
 def _blocks(plan: PairPlan) -> list[tuple[slice, PairRelation, slice]]:
-    """Every relation with the pairs that have it, and the rows of its numbers."""
+    """Return every relation with its slice of the pairs, and its slice of the value rows."""
     blocks = []
     for shapes, part in plan.groups.items():
         start = 0
@@ -64,13 +67,19 @@ def _blocks(plan: PairPlan) -> list[tuple[slice, PairRelation, slice]]:
 
 
 def relate(first: Feature, second: Feature) -> tuple[Constraint, ...]:
-    """The constraints of two features; a plane is named before an edge, an edge before a vertex."""
+    """Return the constraints of two features; a plane precedes an edge, an edge precedes a vertex.
+
+    Args:
+        first: one feature.
+        second: other feature.
+    """
     return tuple(relate_all((first, second)))
 
 
 def _geometry(arrays: FeatureArrays, plan: PairPlan) -> tuple[Relative, FloatArray]:
-    """Relative geometry of all pairs, slid to the middle, and the second axis in the first frame."""
-    R1, R2 = arrays.R[plan.first], arrays.R[plan.second]
+    """Return the relative geometry of all pairs, re-framed to the middle, and the second axis in the first frame."""
+    R1 = arrays.R[plan.first]
+    R2 = arrays.R[plan.second]
     gap = arrays.c[plan.second] - arrays.c[plan.first]
     p = (gap[:, None] @ R1)[:, 0]
     pair = slide_to_middle(Relative(R1.swapaxes(1, 2) @ R2, p, p), plan.free)

@@ -1,7 +1,7 @@
-"""The registry of relations: what pairs of features of two shapes say, one entry a relation.
+"""Register the relations between pairs of features by their shapes.
 
-An entry states the shapes that meet, how many numbers it computes for a pair, the numbers with their partial
-derivatives, and the constraints cut from them once their covariance is known.
+An entry states the shapes, the number of values per pair, a function for the values with their partial derivatives, and
+a function that makes constraints once their covariance is known.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from tanteo.features import Shape
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
 RESOLUTION = 1e-6
-"""Tilt [rad] below which directions count as equal even if both features are known exactly (model features)."""
+"""Tilt [rad] below which directions count as equal, even for exactly known features (model features)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairGroup:
-    """Pairs of features of two shapes, with what a relation computed for them; makes columns.
+    """Pairs of features of two shapes, with the values of a relation.
 
     Attributes:
-        pairs: indices of what meets in ``arrays`` ``(n, 2)``.
-        pair: geometry of the second seen from the first.
+        pairs: indices of the aspects in ``arrays`` ``(n, 2)``.
+        pair: geometry of the second in the frame of the first.
         b: axis of the second in the first frame ``(n, 3)``.
-        value: numbers of the relation ``(n, rows)``.
-        S: their covariances ``(n, rows, rows)``.
+        value: values of the relation ``(n, rows)``.
+        S: covariances of the values ``(n, rows, rows)``.
         arrays: all aspects of the features.
     """
 
@@ -52,7 +52,17 @@ class PairGroup:
         caution: tuple[BoolArray, str] | None = None,
         bias: FloatArray | Callable[[], FloatArray] | None = None,
     ) -> ConstraintColumn:
-        """A column of these pairs; without ``present`` every pair has the constraint."""
+        """Return a column of constraints of these pairs.
+
+        Args:
+            kind: kind of the constraint.
+            value: values ``(n, m)``.
+            S: covariances ``(n, m, m)``.
+            present: mask of the pairs that have the constraint ``(n,)``; None for all.
+            reason: reason why a pair is not present, as a sentence.
+            caution: mask of the pairs with a caution ``(n,)``, and its sentence; None for none.
+            bias: second-order mean errors ``(n, m)``, or a function that computes them; None for zero.
+        """
         n = len(self.pairs)
         flags, sentence = caution or (np.zeros(n, dtype=bool), "")
         present = np.ones(n, dtype=bool) if present is None else present
@@ -62,16 +72,16 @@ class PairGroup:
 
 @dataclass(frozen=True, slots=True)
 class PairRelation:
-    """What two features of these shapes say together.
+    """Relation between two features of given shapes.
 
     Attributes:
-        kinds: of the constraints, in the order of their columns.
-        shapes: of the first and the second feature; a plane comes before a line, a line before an axis before a point.
-        rows: how many numbers it computes for a pair.
-        fill: ``(p, b, value, q, r)``: from the second origin ``p`` ``(n, 3)`` and its axis ``b`` (x of a line or an
-            axis, z of a plane), both in the first frame, writes values ``(n, rows)`` and their partial derivatives
-            ``q = d value / d p`` and ``r = d value / d b`` ``(n, rows, 3)``, which come as zeros.
-        cut: the columns, from the values and their covariances ``S``.
+        kinds: kinds of its constraints, in the order of the columns.
+        shapes: shapes of the first and the second feature; planes precede lines, axes and points in this order.
+        rows: number of values per pair.
+        fill: function ``(p, b, value, q, r)``. From the second origin ``p`` ``(n, 3)`` and its axis ``b`` (x of a line
+            or an axis, z of a plane), both in the first frame, it writes values ``(n, rows)`` and their partial
+            derivatives ``q = d value / d p`` and ``r = d value / d b`` ``(n, rows, 3)``, which are zero at the call.
+        cut: function that makes the columns from the values and their covariances ``S``.
     """
 
     kinds: tuple[ConstraintKind, ...]
@@ -82,17 +92,20 @@ class PairRelation:
 
 
 CONSTRAINT_KINDS: dict[str, ConstraintKind] = {}
-"""All kinds of constraint by name."""
+"""All kinds of constraints by name."""
 
 PAIR_RELATIONS: dict[tuple[Shape, Shape], list[PairRelation]] = {shapes: [] for shapes in MEETINGS}
-"""All relations by the shapes that meet."""
+"""All relations by the shapes of the pair."""
 
 
 def register_relation(relation: PairRelation) -> None:
-    """Let every pair of features of these shapes have the constraints of this relation.
+    """Register a relation for all pairs of features of its shapes.
+
+    Args:
+        relation: relation to register.
 
     Raises:
-        InputError: if the shapes are out of order, or a kind of constraint is there already.
+        InputError: the shapes are out of order, or a kind of constraint has the same name.
     """
     if relation.shapes not in PAIR_RELATIONS:
         known = "; ".join(", ".join(shapes) for shapes in PAIR_RELATIONS)

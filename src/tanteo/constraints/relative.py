@@ -1,9 +1,9 @@
-"""From a function of relative geometry to a value with variance: what all pairwise constraints share.
+"""Propagate covariances through functions of the relative geometry of two features.
 
-Seen from the first feature, the second has an origin ``p`` and an axis ``b`` (x of an edge, z of a plane). Every
-constraint is a function ``f(p, b)``; with its partial derivatives ``q = df/dp`` and ``r = df/db`` its gradients over
-the body errors of both features follow without Euler angles, so nothing is singular at theta = +-pi/2
-(``math.md`` sections 3 and 4; in the paper, ``F* J2(+){x12, 0}`` of (12), (15), (17)).
+In the frame of the first feature, the second has an origin ``p`` and an axis ``b`` (x of an edge, z of a plane). Every
+constraint is a function ``f(p, b)``. Its partial derivatives ``q = df/dp`` and ``r = df/db`` give its gradients over
+the body errors of both features without Euler angles, so nothing is singular at theta = +-pi/2 (``math.md`` sections 3
+and 4; in the paper, ``F* J2(+){x12, 0}`` of (12), (15), (17)).
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from tanteo.typing import Covariances, FloatArray, Rotations, Transforms, Vector
 
 X_AXIS, Z_AXIS = 0, 2
 AXIS_HATS = SO3.hat(np.eye(3))
-"""``[e_k]x`` of the three coordinate axes."""
+"""Matrices ``[e_k]x`` of the three coordinate axes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScalarEstimate:
-    """One number per pair.
+    """One value per pair.
 
     Attributes:
-        value: ``(*batch,)`` [m or rad].
-        variance: ``(*batch,)``, first order.
-        g1: gradient over the body error of the first feature ``(*batch, 6)``.
-        g2: the same of the second.
+        value: values ``(*batch,)`` [m or rad].
+        variance: first-order variances ``(*batch,)``.
+        g1: gradients over the body error of the first feature ``(*batch, 6)``.
+        g2: gradients over the body error of the second feature ``(*batch, 6)``.
     """
 
     value: FloatArray
@@ -39,13 +39,13 @@ class ScalarEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VectorEstimate:
-    """Several numbers per pair, to be tested together.
+    """Several values per pair, to be tested together.
 
     Attributes:
-        value: ``(*batch, m)``.
-        covariance: ``(*batch, m, m)``, first order.
+        value: values ``(*batch, m)``.
+        covariance: first-order covariances ``(*batch, m, m)``.
         g1: gradients over the body error of the first feature ``(*batch, m, 6)``.
-        g2: the same of the second.
+        g2: gradients over the body error of the second feature ``(*batch, m, 6)``.
     """
 
     value: FloatArray
@@ -56,12 +56,13 @@ class VectorEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relative:
-    """Second feature seen from the first.
+    """Second feature in the frame of the first.
 
     Attributes:
-        R: ``R12`` ``(*batch, 3, 3)``, columns ``n, o, a``.
-        p: origin of the second, in the first frame ``(*batch, 3)`` [m], after the slide.
-        slide: how far that origin was moved along the second feature's free directions, in the second frame [m].
+        R: rotation ``R12`` ``(*batch, 3, 3)``, columns ``n, o, a``.
+        p: origin of the second in the first frame ``(*batch, 3)`` [m], after re-framing.
+        slide: displacement of that origin along the second feature's free directions, in the second frame
+            ``(*batch, 3)`` [m].
     """
 
     R: Rotations
@@ -70,8 +71,14 @@ class Relative:
 
 
 def relative(T1: Transforms, T2: Transforms) -> Relative:
-    """``T1^-1 T2`` with both origins where they are; differences are taken before rotating, to keep the digits."""
-    R1, R2 = T1[..., :3, :3], T2[..., :3, :3]
+    """Return ``T1^-1 T2`` with both origins unchanged; positions are subtracted before rotation to preserve digits.
+
+    Args:
+        T1: frames of the first features ``(*batch, 4, 4)`` [m].
+        T2: frames of the second features ``(*batch, 4, 4)`` [m].
+    """
+    R1 = T1[..., :3, :3]
+    R2 = T2[..., :3, :3]
     gap = T2[..., :3, 3] - T1[..., :3, 3]
     p = (gap[..., None, :] @ R1)[..., 0, :]
     return Relative(np.swapaxes(R1, -1, -2) @ R2, p, np.zeros_like(p))
@@ -80,34 +87,34 @@ def relative(T1: Transforms, T2: Transforms) -> Relative:
 def slide_to_middle(pair: Relative, free: Vectors) -> Relative:
     """Re-frame the second feature halfway to the first origin (``math.md`` section 13, rule 3).
 
-    Second-order terms grow with the lever arms; halfway they are shortest for both. The first feature needs no
-    re-framing: no constraint depends on where its origin lies along its own free directions.
+    Second-order terms grow with the lever arms, which are shortest for both features at the middle. The first feature
+    needs no re-framing, because no constraint depends on its origin along its own free directions.
 
     Args:
-        pair: the geometry before.
-        free: 1 on the translations that are free for the second kind, else 0: ``(1,0,0)`` edge, ``(1,1,0)`` plane.
+        pair: relative geometry.
+        free: mask of the second kind's free translations: ``(1,0,0)`` for an edge, ``(1,1,0)`` for a plane.
     """
     slide = (-0.5 * pair.p[..., None, :] @ pair.R)[..., 0, :] * free
     return Relative(pair.R, pair.p + (pair.R @ slide[..., None])[..., 0], slide)
 
 
 def pull_back(pair: Relative, axis_hat: FloatArray, q: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Gradients over the two body errors of functions with partials ``q`` over ``p`` and ``r`` over the axis.
+    """Return gradients over the two body errors of functions with partials ``q`` over ``p`` and ``r`` over the axis.
 
     ``g1 = -[q, p x q + b x r]`` and ``g2 = [R'q, s x R'q + e x R'r]`` (``math.md`` section 4, with ``X`` the second
     origin and ``s`` its slide).
 
     Args:
-        pair: ``(*batch)`` pairs.
+        pair: relative geometry of the pairs.
         axis_hat: ``[e]x`` of the second feature's axis in its own frame, ``(*batch, 3, 3)`` or ``(3, 3)``.
-        q: ``(*batch, m, 3)``, in the first frame.
-        r: the same.
+        q: partial derivatives by ``p`` in the first frame ``(*batch, m, 3)``.
+        r: partial derivatives by the axis in the first frame ``(*batch, m, 3)``.
 
     Returns:
-        ``g1, g2``, each ``(*batch, m, 6)``.
+        Gradients ``g1, g2``, each ``(*batch, m, 6)``.
     """
     Re = pair.R @ axis_hat
-    # q' [p]x = (q x p)', so the minus signs of g1 are inside; R [e]x R' r = b x r
+    # q' [p]x = (q x p)' includes the minus sign of g1; R [e]x R' r = b x r
     g1_turn = q @ SO3.hat(pair.p) + r @ (Re @ np.swapaxes(pair.R, -1, -2))
     Rq = q @ pair.R
     g2_turn = -(Rq @ SO3.hat(pair.slide)) - r @ Re
@@ -117,12 +124,20 @@ def pull_back(pair: Relative, axis_hat: FloatArray, q: FloatArray, r: FloatArray
 def propagate(
     g1: FloatArray, g2: FloatArray, C1: Covariances, C2: Covariances, C12: FloatArray | None = None
 ) -> Covariances:
-    """First-order covariance ``(*batch, m, m)`` of values with those gradients.
+    """Return the first-order covariance ``(*batch, m, m)`` of values with given gradients.
 
-    The cross terms carry the sign of body errors, ``e12 = e2 - J e1``: the paper's appendix 2 turns it over and
-    would double common errors instead of cancelling them (``math.md`` section 3).
+    The cross terms have the sign of body errors, ``e12 = e2 - J e1``. The paper's appendix 2 reverses it and would
+    double common errors instead of cancelling them (``math.md`` section 3).
+
+    Args:
+        g1: gradients over the first body error ``(*batch, m, 6)``.
+        g2: gradients over the second body error ``(*batch, m, 6)``.
+        C1: body covariances of the first features ``(*batch, 6, 6)``.
+        C2: body covariances of the second features ``(*batch, 6, 6)``.
+        C12: ``E[e1 e2']`` if the errors are correlated; None if independent.
     """
-    g1t, g2t = np.swapaxes(g1, -1, -2), np.swapaxes(g2, -1, -2)
+    g1t = np.swapaxes(g1, -1, -2)
+    g2t = np.swapaxes(g2, -1, -2)
     S = g1 @ C1 @ g1t + g2 @ C2 @ g2t
     if C12 is not None:
         cross = g1 @ C12 @ g2t
@@ -137,7 +152,15 @@ def scalar_estimate(
     partials: tuple[FloatArray | None, FloatArray | None],
     covariances: tuple[Covariances, Covariances, FloatArray | None],
 ) -> ScalarEstimate:
-    """Assemble a scalar from its partials ``(q, r)`` ``(*batch, 3)``; ``None`` means zero."""
+    """Return a scalar estimate from values and partial derivatives.
+
+    Args:
+        pair: relative geometry of the pairs.
+        axis: coordinate axis of the second feature.
+        value: values ``(*batch,)``.
+        partials: derivatives ``(q, r)`` by origin and axis, each ``(*batch, 3)``; None for zero.
+        covariances: body covariances of both features, and their cross covariance or None.
+    """
     full = vector_estimate(
         pair,
         axis,
@@ -158,7 +181,15 @@ def vector_estimate(
     partials: tuple[FloatArray | None, FloatArray | None],
     covariances: tuple[Covariances, Covariances, FloatArray | None],
 ) -> VectorEstimate:
-    """Assemble a vector from its partials ``(q, r)`` ``(*batch, m, 3)``; ``None`` means zero."""
+    """Return a vector estimate from values and partial derivatives.
+
+    Args:
+        pair: relative geometry of the pairs.
+        axis: coordinate axis of the second feature.
+        value: values ``(*batch, m)``.
+        partials: derivatives ``(q, r)`` by origin and axis, each ``(*batch, m, 3)``; None for zero.
+        covariances: body covariances of both features, and their cross covariance or None.
+    """
     zero = np.zeros((*value.shape, 3))
     q = zero if partials[0] is None else partials[0]
     r = zero if partials[1] is None else partials[1]

@@ -1,4 +1,4 @@
-"""Radius or half angle of one round feature, as a constraint like the others; ``math.md`` section 4.8."""
+"""Return the radius or half angle of a round feature as a constraint (``math.md`` section 4.8)."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ CONSTRAINT_KINDS.update({kind.name: kind for kind in (RADIUS, HALF_ANGLE)})
 
 
 def relate_size(feature: Feature) -> Constraint:
-    """The radius of a circle, cylinder or sphere, or the half angle of a cone, with all its errors.
+    """Return the radius of a circle, cylinder or sphere, or the half angle of a cone, with its total variance.
 
-    A caution says where it is not known whether it is of a boss or a bore: a value in the model of either then matches.
+    A caution states if it is unknown whether the feature is a boss or a bore; then it matches model values of both.
+
+    Args:
+        feature: round feature.
 
     Raises:
-        InputError: for another kind of feature, or one whose size is not known.
+        InputError: the feature is not round, or its size is unknown.
 
     Example:
         >>> hole = tanteo.fitting.given_round(

@@ -1,4 +1,4 @@
-"""A set of features as arrays, and which pairs of them have which constraints; what :mod:`relate` works on."""
+"""Stack features in arrays, and list which pairs have which constraints."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MEETINGS: tuple[tuple[Shape, Shape], ...] = (
     ("point", "centre"),
     ("centre", "centre"),
 )
-"""Pairs of shapes, the first one first."""
+"""Pairs of shapes that have constraints, the first one first."""
 _ORDER: dict[Shape, int] = {"plane": 0, "line": 1, "axis": 2, "point": 3, "centre": 4}
 _AXIS: dict[Shape, int] = {"plane": 2, "line": 0, "axis": 0, "point": 0, "centre": 0}
 _FREE: dict[Shape, tuple[float, float, float]] = {
@@ -42,24 +42,24 @@ _FREE: dict[Shape, tuple[float, float, float]] = {
     "centre": (0.0, 0.0, 0.0),
 }
 _OF_LINES = {("line", "axis")}
-"""Shapes that slide along each other although they are not the same."""
+"""Pairs of different shapes that may still be re-framed along their common direction."""
 
 Aspect: TypeAlias = tuple[int, Shape]
-"""A feature's index, and as what it meets others."""
+"""Index of a feature, and one of its roles in constraints."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairPlan:
-    """Which aspects of features meet, sorted by the shapes of both; depends on the kinds only, so it is kept.
+    """Pairs of feature aspects, sorted by both shapes; cached, because it depends only on the kinds.
 
     Attributes:
-        first: index of the first aspect of each pair ``(N,)``; planes come before lines before axes before points.
-        second: of the second.
-        pairs: both ``(N, 2)``.
-        groups: for each pair of shapes, its slice of the pairs.
+        first: index of the first aspect of each pair ``(N,)``; planes precede lines, axes and points in this order.
+        second: index of the second aspect of each pair ``(N,)``.
+        pairs: both indices ``(N, 2)``.
+        groups: slice of the pairs for each pair of shapes.
         axis_hats: ``[e]x`` of the second feature's axis ``(N, 3, 3)``.
-        axis: that axis as a unit vector of its own frame ``(N, 3, 1)``.
-        free: directions along which the second origin may slide to the middle ``(N, 3)``.
+        axis: axis of the second feature as a unit vector in its own frame ``(N, 3, 1)``.
+        free: mask of the directions along which the second origin may move to the middle ``(N, 3)``.
     """
 
     first: IntArray
@@ -73,7 +73,11 @@ class PairPlan:
 
 @lru_cache(maxsize=256)
 def pair_plan(aspects: tuple[Aspect, ...]) -> PairPlan:
-    """The pairs of those aspects; of none with another of the same feature."""
+    """Return the pairs of aspects of different features.
+
+    Args:
+        aspects: aspects of the features.
+    """
     meetings: dict[tuple[Shape, Shape], list[tuple[int, int]]] = {key: [] for key in MEETINGS}
     for (i, (one, of)), (j, (other, shape)) in combinations(enumerate(aspects), 2):
         if one == other:
@@ -90,8 +94,8 @@ def pair_plan(aspects: tuple[Aspect, ...]) -> PairPlan:
             keys += [key] * len(members)
     index = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     axes = np.array([_AXIS[b] for _, b in keys], dtype=np.int64)
-    alike = [a == b or (a, b) in _OF_LINES for a, b in keys]
-    free = np.array([_FREE[b] if same else (0.0, 0.0, 0.0) for same, (_, b) in zip(alike, keys, strict=True)])
+    slides = [a == b or (a, b) in _OF_LINES for a, b in keys]
+    free = np.array([_FREE[b] if ok else (0.0, 0.0, 0.0) for ok, (_, b) in zip(slides, keys, strict=True)])
     return PairPlan(
         np.ascontiguousarray(index[:, 0]),
         np.ascontiguousarray(index[:, 1]),
@@ -105,16 +109,16 @@ def pair_plan(aspects: tuple[Aspect, ...]) -> PairPlan:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureArrays:
-    """The aspects of some features, stacked. An axis is a line like another: its frame is turned so that x is along it.
+    """Aspects of some features in arrays; the frame of an axis is rotated so that x is along it, like that of a line.
 
     Attributes:
         owner: index of the feature ``(n,)``.
         R: rotations ``(n, 3, 3)``.
         c: origins in the world ``(n, 3)`` [m].
         C: independent body covariances ``(n, 6, 6)``.
-        shared_jacobian: ``B' A`` of each feature on all shared errors ``(n, 6, D)``; none if nothing is shared.
+        shared_jacobian: ``B' A`` of each feature on all shared errors ``(n, 6, D)``; None if nothing is shared.
         shared: covariance of the shared errors ``(D, D)``.
-        extent: for lines, least, mean and greatest abscissa of the sensed points ``(n, 3)`` [m].
+        extent: smallest, mean and largest abscissa of the sensed points on lines ``(n, 3)`` [m].
     """
 
     owner: IntArray
@@ -127,17 +131,26 @@ class FeatureArrays:
 
 
 _TO_X = np.eye(3)[:, [2, 0, 1]]
-"""Turns a frame so that its x axis is where z was."""
+"""Rotation of a frame that puts its x axis along the former z axis."""
 _ROW_OF_AXIS = {0: 1, 1: 2, 3: 4, 4: 5}
-"""Where tangent rows of a round feature go when its z axis becomes x; those along and about it are of no axis."""
+"""New tangent rows of a round feature when its z axis becomes x; rows along and about the axis are dropped."""
 
 
 def stack_features(features: Sequence[Feature], aspects: tuple[Aspect, ...]) -> FeatureArrays:
-    """Copy frames, covariances and shared errors of the aspects of some features into arrays."""
+    """Return frames, covariances and shared errors of feature aspects as arrays.
+
+    Args:
+        features: sensed or model features.
+        aspects: aspects of the features.
+    """
     n = len(aspects)
     T = np.array([features[k].T_world_feature for k, _ in aspects]).reshape(n, 4, 4)
-    R, c, C = T[:, :3, :3], T[:, :3, 3], np.zeros((n, 6, 6))
-    shared_jacobian, shared, gains = None, np.zeros((0, 0)), None
+    R = T[:, :3, :3]
+    c = T[:, :3, 3]
+    C = np.zeros((n, 6, 6))
+    shared_jacobian = None
+    shared = np.zeros((0, 0))
+    gains = None
     if any(feature.shared for feature in features):
         _, shared, gains = collect_shared(features)
         shared_jacobian = np.zeros((n, 6, len(shared)))
@@ -154,7 +167,7 @@ def stack_features(features: Sequence[Feature], aspects: tuple[Aspect, ...]) -> 
 
 @lru_cache(maxsize=64)
 def _rows(rows: tuple[int, ...], shape: Shape) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Tangent rows of an aspect, and which of the feature's own they are."""
+    """Return the tangent rows of an aspect, and the positions of the feature's own rows that they come from."""
     if shape == "axis":
         of = tuple(k for k, row in enumerate(rows) if row in _ROW_OF_AXIS)
         return tuple(_ROW_OF_AXIS[rows[k]] for k in of), of
@@ -164,7 +177,7 @@ def _rows(rows: tuple[int, ...], shape: Shape) -> tuple[tuple[int, ...], tuple[i
 
 @lru_cache(maxsize=64)
 def _block(rows: tuple[int, ...]) -> tuple[IntArray, IntArray]:
-    """Index of the square block of those rows, kept: building it costs as much as using it."""
+    """Return the index of a square block of rows, cached because building it costs as much as using it."""
     index = np.array(rows, dtype=np.int64)
     return index[:, None], index
 
@@ -173,7 +186,7 @@ def _extents(features: Sequence[Feature], aspects: tuple[Aspect, ...], R: FloatA
     extent = np.zeros((len(aspects), 3))
     lines = [i for i, (k, shape) in enumerate(aspects) if shape == "line" and len(features[k].support)]
     if not lines:
-        return extent  # origins are the centroids, as fitting leaves them
+        return extent  # fitting puts the origins at the centroids
     supports = [features[aspects[i][0]].support for i in lines]
     counts = np.array([len(s) for s in supports])
     starts = np.cumsum(counts) - counts
@@ -186,9 +199,15 @@ def _extents(features: Sequence[Feature], aspects: tuple[Aspect, ...], R: FloatA
 
 
 def propagate_pairs(arrays: FeatureArrays, plan: PairPlan, g1: FloatArray, g2: FloatArray) -> Covariances:
-    """Covariance ``(N, m, m)`` of the values of each pair.
+    """Return the covariance ``(N, m, m)`` of the values of each pair.
 
-    The gains of shared errors are added before squaring, so that what is common cancels to the last digit.
+    The gains of shared errors are added before squaring, so that common errors cancel to the last digit.
+
+    Args:
+        arrays: stacked aspects.
+        plan: pairs of the aspects.
+        g1: gradients over the first body error ``(N, m, 6)``.
+        g2: gradients over the second body error ``(N, m, 6)``.
     """
     S = g1 @ arrays.C[plan.first] @ g1.swapaxes(1, 2)
     S += g2 @ arrays.C[plan.second] @ g2.swapaxes(1, 2)

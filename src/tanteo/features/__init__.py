@@ -1,6 +1,6 @@
-"""What can be felt: vertices, edges, planes and round features, with the motions that leave them as they are taken out.
+"""Represent sensed features: vertices, edges, planes and round features, without their symmetry directions.
 
-A feature is a frame, a kind and a covariance over the perturbations that matter for the kind (``math.md`` section 2).
+A feature is a frame, a kind, and a covariance of the perturbations that matter for the kind (``math.md`` section 2).
 """
 
 from collections.abc import Callable

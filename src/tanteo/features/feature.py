@@ -1,4 +1,4 @@
-"""The sensed feature and the errors that several features share."""
+"""Define the sensed feature, and the errors that several features share."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedError:
-    """One draw of an error that many readings share: robot base, tool tip, sensor bias.
+    """Error that many readings share in one draw, such as of the robot base, the tool tip or a sensor bias.
 
     Attributes:
-        name: identity; two terms with one name are the same draw.
-        covariance: ``(d, d)`` of the draw, in the units that ``meaning`` states.
-        meaning: what it is, in words.
+        name: identity of the draw; terms with the same name share it.
+        covariance: covariance of the draw ``(d, d)``, in the units that ``meaning`` states.
+        meaning: description of the error.
     """
 
     name: str
@@ -36,11 +36,11 @@ class SharedError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedTerm:
-    """How a shared error moves one feature: ``p += gain @ c``.
+    """Effect of a shared error on one feature: ``p += jacobian @ c``.
 
     Attributes:
-        error: the shared draw ``c``.
-        jacobian: ``A`` ``(kind.size, d)``, ``math.md`` section 6.
+        error: shared error ``c``.
+        jacobian: derivative of the feature's perturbations ``(kind.size, d)``, ``math.md`` section 6.
     """
 
     error: SharedError
@@ -49,17 +49,17 @@ class SharedTerm:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Round:
-    """The one number of a round feature, beside its frame: a radius, or the half angle of a cone.
+    """Size of a round feature: a radius, or the half angle of a cone.
 
     Attributes:
         value: radius [m] or half angle [rad].
-        variance: of its independent error; 0 if it was given.
-        covariance: of that error with the feature's perturbations ``(kind.size,)``; none means zero.
-        shared: what the feature's shared errors do to it: ``(1, d)`` each, in the order of ``Feature.shared``.
-        convex: True for a boss, False for a bore, None where no reading told on which side the material is.
+        variance: variance of its independent error; 0 if it was given.
+        covariance: covariance of that error with the feature's perturbations ``(kind.size,)``; empty for zero.
+        shared: derivatives by the feature's shared errors, each ``(1, d)``, in the order of ``Feature.shared``.
+        convex: True for a boss, False for a bore, None if unknown.
 
     Raises:
-        InputError: if the value is not positive, or the variance negative.
+        InputError: the value is not positive, or the variance is negative.
     """
 
     value: float
@@ -79,24 +79,24 @@ class Round:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Feature:
-    """A sensed feature: ``T = T_world_feature exp(B' p)``, ``p ~ N(0, P + sum of shared terms)``.
+    """Sensed feature: ``T = T_world_feature exp(B' p)``, ``p ~ N(0, P + sum of shared terms)``.
 
     Attributes:
         kind: vertex, edge, plane, circle, cylinder, cone or sphere.
-        T_world_feature: the estimated frame ``(4, 4)``.
+        T_world_feature: estimated frame ``(4, 4)`` [m].
         P: independent covariance over the kind's rows ``(size, size)`` [m, rad].
-        label: the name that the readings gave it.
-        shared: errors that it has in common with other features.
-        support: surface points from which it was sensed, in the world ``(n, 3)`` [m]; none if unknown.
-        readings: ids of those readings.
-        tip_radius: of the ball that touched there [m]: its centre was one radius off the surface, so nothing else of
-            the part is nearer to the centre than that; 0 for a beam or a point.
-        size: radius or half angle of a round feature; None for others, and where nothing is known of it.
-        second_size: a second size of a kind that has two, such as the radius of a torus's tube; None where unknown.
+        label: name given by the readings.
+        shared: effects of errors shared with other features.
+        support: surface points from which it was sensed, world frame ``(n, 3)`` [m]; empty if unknown.
+        readings: identifiers of those readings.
+        tip_radius: radius of the ball that touched the feature [m]; its centre was one radius from the surface, so no
+            other surface of the part is closer to it. 0 for a beam or a sharp tip.
+        size: radius or half angle of a round feature; None for other kinds and if unknown.
+        second_size: second size of a kind with two sizes, such as the tube radius of a torus; None if unknown.
 
     Raises:
-        InputError: if the frame is not a rigid motion, or a size is of no round kind or of wrong shape.
-        CovarianceError: if ``P``, or ``P`` with the size, is not a covariance.
+        InputError: the frame is not a rigid motion, or the size does not fit the kind.
+        CovarianceError: ``P``, or ``P`` with the size, is not a covariance.
     """
 
     kind: FeatureKind
@@ -125,10 +125,11 @@ class Feature:
 
     @property
     def full_covariance(self) -> Covariances:
-        """``P``; of a round feature with its size as the last row and column ``(size + 1, size + 1)``."""
+        """Covariance ``P``; for a round feature with its size as last row and column ``(size + 1, size + 1)``."""
         if self.size is None:
             return self.P
-        C, n = np.zeros((self.kind.size + 1, self.kind.size + 1)), self.kind.size
+        C = np.zeros((self.kind.size + 1, self.kind.size + 1))
+        n = self.kind.size
         C[:n, :n], C[n, n] = self.P, self.size.variance
         if len(self.size.covariance):
             C[:n, n] = C[n, :n] = self.size.covariance
@@ -136,22 +137,22 @@ class Feature:
 
     @property
     def radius(self) -> float | None:
-        """Radius [m] of a circle, cylinder or sphere, if it is known."""
+        """Radius of a circle, cylinder or sphere [m]; None if unknown."""
         return self.size.value if self.size is not None and self.kind.size_name == "radius" else None
 
     @property
     def half_angle(self) -> float | None:
-        """Half angle [rad] of a cone, if it is known."""
+        """Half angle of a cone [rad]; None if unknown."""
         return self.size.value if self.size is not None and self.kind.size_name == "half angle" else None
 
     @property
     def convex(self) -> bool | None:
-        """True for a boss, False for a bore, None where it is not known or has no meaning."""
+        """True for a boss, False for a bore, None if unknown or meaningless."""
         return None if self.size is None else self.size.convex
 
 
 def _check_size(name: str, kind: FeatureKind, size: Round, terms: int) -> None:
-    """Refuse the size of a kind that has none, or rows that do not match those of the feature."""
+    """Check that the kind has a size, and that its covariance and shared terms match those of the feature."""
     if not kind.size_name:
         raise InputError(f"{name}: expected no size, for a {kind.name} has none, got {size.value}. Leave it out.")
     if kind.size_name == "half angle" and not size.value < np.pi / 2:
@@ -165,11 +166,15 @@ def _check_size(name: str, kind: FeatureKind, size: Round, terms: int) -> None:
 
 
 Sides: TypeAlias = Feature | tuple[Feature, Feature]
-"""A feature; a plane whose outward side is unknown is a pair, once with either."""
+"""Feature; a plane with unknown outward side is a pair, one feature for each side."""
 
 
 def feature_covariance(feature: Feature) -> Covariances:
-    """Total ``6 x 6`` body covariance in the world, shared errors included; rows of free directions are zero."""
+    """Return the total body covariance ``(6, 6)`` with shared errors; rows of free directions are zero.
+
+    Args:
+        feature: sensed feature.
+    """
     B = feature.kind.B
     P = feature.P + sum(
         (term.jacobian @ term.error.covariance @ term.jacobian.T for term in feature.shared),
@@ -179,7 +184,12 @@ def feature_covariance(feature: Feature) -> Covariances:
 
 
 def cross_covariance(first: Feature, second: Feature) -> FloatArray:
-    """``E[e1 e2']`` ``(6, 6)`` that two features owe to the errors they share."""
+    """Return ``E[e1 e2']`` ``(6, 6)``, which two features have through shared errors.
+
+    Args:
+        first: first feature.
+        second: second feature.
+    """
     C = np.zeros((first.kind.size, second.kind.size))
     for a in first.shared:
         for b in second.shared:
@@ -189,19 +199,25 @@ def cross_covariance(first: Feature, second: Feature) -> FloatArray:
 
 
 def collect_shared(features: Sequence[Feature]) -> tuple[tuple[SharedError, ...], Covariances, tuple[FloatArray, ...]]:
-    """All shared errors of some features as one vector ``c``.
+    """Return all shared errors of some features as one vector ``c``.
+
+    Args:
+        features: sensed features.
 
     Returns:
-        The errors in order of first appearance, the block-diagonal covariance of ``c`` ``(D, D)``, and each
-        feature's gain on the whole of ``c`` ``(size, D)``.
+        Errors in the order of first appearance, block-diagonal covariance of ``c`` ``(D, D)``, and the derivative of
+        each
+        feature's perturbations by ``c`` ``(size, D)``.
     """
     errors: dict[str, SharedError] = {}
     for feature in features:
         for term in feature.shared:
             errors.setdefault(term.error.name, term.error)
-    start, D = {}, 0
+    start = {}
+    D = 0
     for name, error in errors.items():
-        start[name], D = D, D + len(error.covariance)
+        start[name] = D
+        D = D + len(error.covariance)
     C = np.zeros((D, D))
     for name, error in errors.items():
         block = slice(start[name], start[name] + len(error.covariance))
@@ -216,19 +232,28 @@ def collect_shared(features: Sequence[Feature]) -> tuple[tuple[SharedError, ...]
 
 
 def stacked_covariance(errors: Sequence[SharedError]) -> Covariances:
-    """Of all these shared errors as one vector ``c``, which know nothing of each other ``(D, D)``."""
+    """Return the block-diagonal covariance of independent shared errors as one vector ``c`` ``(D, D)``.
+
+    Args:
+        errors: shared errors.
+    """
     D = sum(len(error.covariance) for error in errors)
-    C, start = np.zeros((D, D)), 0
+    C = np.zeros((D, D))
+    start = 0
     for error in errors:
         stop = start + len(error.covariance)
-        C[start:stop, start:stop], start = error.covariance, stop
+        C[start:stop, start:stop] = error.covariance
+        start = stop
     return C
 
 
 def shared_root(errors: Sequence[SharedError]) -> FloatArray:
-    """What makes shared errors of whitened ones, ``c = root z`` with ``z`` unit normal ``(D, D)``.
+    """Return the symmetric root of the stacked covariance ``(D, D)``: ``c = root z`` with standard normal ``z``.
 
-    Symmetric, so that it mixes no error with another: the parts of ``z`` are those of the errors, in their order.
+    The symmetric root is block diagonal, so the parts of ``z`` correspond to the errors in their order.
+
+    Args:
+        errors: shared errors.
     """
     C = stacked_covariance(errors)
     values, vectors = np.linalg.eigh(C) if len(C) else (np.zeros(0), C)

@@ -1,7 +1,7 @@
-"""The kinds of feature, one registry entry each: which perturbations of the frame matter, which map it onto itself.
+"""Register the kinds of features: which perturbations of the frame matter, and which map the feature onto itself.
 
-Rows index the tangent ``(x, y, z, wx, wy, wz)``. The rows of a kind are its perturbation coordinates; the others are
-its degrees of freedom, along which it may be re-framed at will and carries no information (paper section 2,
+Rows index the tangent ``(x, y, z, wx, wy, wz)``. The rows of a kind are its perturbation coordinates. The other rows
+are its free directions: motions along them leave the feature unchanged and carry no information (paper section 2,
 ``math.md`` section 2).
 """
 
@@ -16,23 +16,23 @@ from tanteo.errors import InputError
 from tanteo.typing import FloatArray, Transforms
 
 Shape: TypeAlias = Literal["plane", "line", "point", "axis", "centre"]
-"""What a feature is to other features: a plane, a line or a point; a round one is an axis, a centre, or both."""
+"""Role of a feature in constraints: a plane, line or point; a round feature has an axis, a centre, or both."""
 
 _SHAPES: dict[tuple[int, ...], Shape] = {(0, 1): "plane", (0,): "line", (2,): "line", (3, 4, 5): "point"}
 
 
 @dataclass(frozen=True, slots=True)
 class FeatureKind:
-    """One kind of feature; all that other rooms ask about a kind follows from these entries.
+    """Kind of features; all properties of a kind follow from these entries.
 
     Attributes:
-        name: lower case, as in readings files.
+        name: name in lower case, as in readings files.
         rows: tangent rows that matter, in the order of the covariance ``P``.
-        frame: what the frame's axes mean, in words.
-        flip: a half turn (as rotation diagonal) that maps the undirected feature onto itself, if there is one.
-        min_readings: how many readings of one label determine it; 0 if readings are never labelled with this kind.
-        faces: how many faces of the part meet there.
-        size_name: of a round kind, what its one number is: ``radius`` [m] or ``half angle`` [rad]; empty for others.
+        frame: meaning of the frame's axes.
+        flip: half turn (as rotation diagonal) that maps the undirected feature onto itself; None if there is none.
+        min_readings: smallest number of readings that determine it; 0 if readings are never labelled with this kind.
+        faces: number of faces of the part that meet at the feature.
+        size_name: name of a round feature's size: ``radius`` [m] or ``half angle`` [rad]; empty for other kinds.
     """
 
     name: str
@@ -50,18 +50,18 @@ class FeatureKind:
 
     @property
     def free(self) -> tuple[int, ...]:
-        """Tangent rows of the continuous symmetry: the degrees of freedom of the frame."""
+        """Tangent rows of the continuous symmetry, the degrees of freedom of the frame."""
         return tuple(i for i in range(6) if i not in self.rows)
 
     @property
     def shape(self) -> Shape | None:
-        """Plane, line or point, by the translations that are free; None for others (cone, circle)."""
+        """Plane, line or point, by the free translations; None for other kinds (cone, circle)."""
         slides = tuple(i for i in self.free if i < 3)
         return _SHAPES.get(slides or self.free)
 
     @property
     def aspects(self) -> tuple[Shape, ...]:
-        """As what it enters constraints: its shape; a round kind as its axis, its centre (apex), or both.
+        """Roles in constraints: the shape; for a round kind its axis, its centre (apex), or both.
 
         Example:
             >>> tanteo.features.CIRCLE.aspects
@@ -74,13 +74,16 @@ class FeatureKind:
 
     @property
     def axis(self) -> int | None:
-        """Axis of the frame about which the feature is free to turn: its direction; None if there is not just one."""
+        """Frame axis of the only free rotation, which is the feature's direction.
+
+        None if there is no or more than one.
+        """
         turns = [i - 3 for i in self.free if i >= 3]
         return turns[0] if len(turns) == 1 else None
 
     @property
     def B(self) -> FloatArray:
-        """Binding (selection) matrix ``(size, 6)``: ``p = B e``."""
+        """Selection (binding) matrix ``(size, 6)``: ``p = B e``."""
         return np.eye(6)[list(self.rows)]
 
     @property
@@ -93,14 +96,17 @@ class FeatureKind:
 
 
 KINDS: dict[str, FeatureKind] = {}
-"""All kinds by name, in the order of their registration."""
+"""All kinds by name, in the order of registration."""
 
 
 def register_kind(kind: FeatureKind) -> FeatureKind:
-    """Make a kind known under its name: to readings, constraints and localization.
+    """Register a kind for readings, constraints and localization, and return it.
+
+    Args:
+        kind: kind to register.
 
     Raises:
-        InputError: if another kind has that name.
+        InputError: another kind has that name.
     """
     if KINDS.setdefault(kind.name, kind) != kind:
         raise InputError(f"kind: expected a name of its own, got {kind.name!r}, which is taken. Choose another name.")
@@ -134,10 +140,13 @@ SPHERE = register_kind(FeatureKind("sphere", (0, 1, 2), "origin at the centre", 
 
 
 def feature_kind(name: str) -> FeatureKind:
-    """The kind of that name.
+    """Return the kind with a given name.
+
+    Args:
+        name: name of the kind.
 
     Raises:
-        InputError: for an unknown name; the message lists the known ones.
+        InputError: the name is unknown; the message lists the known ones.
     """
     if name not in KINDS:
         raise InputError(f"kind: expected one of {', '.join(KINDS)}, got {name!r}.")
@@ -145,5 +154,9 @@ def feature_kind(name: str) -> FeatureKind:
 
 
 def binding(kind: FeatureKind | str) -> FloatArray:
-    """Binding matrix ``B`` ``(size, 6)`` of a kind or of its name."""
+    """Return the selection (binding) matrix ``B`` ``(size, 6)`` of a kind.
+
+    Args:
+        kind: kind, or its name.
+    """
     return (feature_kind(kind) if isinstance(kind, str) else kind).B

@@ -1,4 +1,4 @@
-"""How features are drawn: lines, where the feature is and where it is off by some standard deviations."""
+"""Compute line drawings of features, at their estimate and displaced by multiples of their standard deviation."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Vectors
 
 _AROUND = 72
-"""Lines of a circle."""
+"""Number of segments of a circle."""
 
 _RULINGS = 12
-"""Lines along a cylinder or a cone."""
+"""Number of lines along a cylinder or a cone."""
 
 _LEAST = 0.003
-"""Half the extent of what was sensed at one place [m]."""
+"""Half the drawn extent of a feature sensed at one point [m]."""
 
 
 def outline(feature: Feature) -> FloatArray:
-    """Lines that show a feature as far as it was sensed, in the world ``(L, 2, 3)`` [m].
+    """Return line segments that draw a feature over its sensed extent, world frame ``(L, 2, 3)`` [m].
 
-    A plane is a rectangle, an edge a line, a vertex a cross; a circle is itself, a cylinder or cone two circles and
-    lines along it, a sphere three circles. A kind that is not in :data:`OUTLINES` is a cross.
+    A plane is a rectangle, an edge a line, a vertex a cross, a circle itself, a cylinder or cone two circles with lines
+    between them, a sphere three circles. Kinds that are not in :data:`OUTLINES` are a cross.
+
+    Args:
+        feature: feature to draw.
     """
     T = feature.T_world_feature
     local = SE3.apply(SE3.inverse(T), feature.support) if len(feature.support) else np.zeros((1, 3))
@@ -35,16 +38,17 @@ def outline(feature: Feature) -> FloatArray:
 
 
 def outlines_off(feature: Feature, sds: float) -> FloatArray:
-    """The outlines at which it is off by so many standard deviations, to both sides ``(M, L, 2, 3)`` [m].
+    """Return the outlines displaced by several standard deviations to both sides ``(M, L, 2, 3)`` [m].
 
-    The directions are the principal ones of the covariance of frame and size, with the errors that readings share; the
-    worst known is the last, and each is there once to either side.
+    The displacements are along the principal axes of the covariance of frame and size, with shared errors; the largest
+    is last.
 
     Args:
-        feature: the feature.
-        sds: standard deviations; large ones show small errors.
+        feature: feature to draw.
+        sds: number of standard deviations; large numbers make small errors visible.
     """
-    kind, m = feature.kind, len(feature.kind.rows)
+    kind = feature.kind
+    m = len(feature.kind.rows)
     C = np.zeros((m + 1, m + 1))
     C[:m, :m] = feature_covariance(feature)[np.ix_(kind.rows, kind.rows)]
     if feature.size is not None:
@@ -58,16 +62,17 @@ def outlines_off(feature: Feature, sds: float) -> FloatArray:
 
 
 def _scale(feature: Feature, m: int) -> FloatArray:
-    """Units in which turns [rad] and lengths [m] are compared ``(m + 1,)``: turns at the extent of what was sensed."""
+    """Return units that make rotations and lengths comparable ``(m + 1,)``: rotations at the sensed extent."""
     size = max(float(np.ptp(feature.support, axis=0).max()) if len(feature.support) > 1 else 0.0, _LEAST)
     return np.array([1.0 if row < 3 else 1.0 / size for row in feature.kind.rows] + [1.0])
 
 
 def _moved(feature: Feature, step: FloatArray) -> Feature:
-    """The feature with frame and size perturbed."""
+    """Return the feature with perturbed frame and size."""
     xi = np.zeros(6)
     xi[list(feature.kind.rows)] = step[:-1]
-    T, move = feature.T_world_feature, SE3.exp(xi)
+    T = feature.T_world_feature
+    move = SE3.exp(xi)
     size = None if feature.size is None else replace(feature.size, value=max(feature.size.value + step[-1], 1e-9))
     moved = T @ move @ SE3.inverse(T)
     support = SE3.apply(moved, feature.support) if len(feature.support) else feature.support
@@ -81,8 +86,9 @@ def _circle(radius: float, height: float = 0.0) -> FloatArray:
 
 
 def _extent(values: FloatArray) -> tuple[float, float]:
-    """From where to where it was sensed, some at least."""
-    low, high = float(values.min()), float(values.max())
+    """Return the interval of the sensed positions, with a minimum length."""
+    low = float(values.min())
+    high = float(values.max())
     more = max(_LEAST - 0.5 * (high - low), 0.0)
     return low - more, high + more
 
@@ -118,7 +124,7 @@ def _cone(local: Vectors, size: float) -> FloatArray:
 
 
 def _wall(*ends: tuple[float, float]) -> FloatArray:
-    """Circles at two heights with their radii, and lines between them."""
+    """Return circles at two heights with given radii, and lines between them."""
     rings = [_circle(radius, z) for z, radius in ends]
     rows = np.arange(0, _AROUND, _AROUND // _RULINGS)
     return np.concatenate([*rings, np.stack([ring[rows, 0] for ring in rings], axis=1)])
@@ -133,4 +139,4 @@ OUTLINES: dict[str, Callable[[Vectors, float], FloatArray]] = {
     PLANE.name: _plane, EDGE.name: _edge, VERTEX.name: _cross, CIRCLE.name: _rim, CYLINDER.name: _cylinder,
     CONE.name: _cone, SPHERE.name: _sphere,
 }  # fmt: skip
-"""Lines of each kind in its own frame ``(L, 2, 3)``, of the places where it was sensed ``(n, 3)`` and its size."""
+"""Functions that draw each kind in its own frame ``(L, 2, 3)`` from sensed points ``(n, 3)`` and size."""

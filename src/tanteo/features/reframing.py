@@ -1,4 +1,4 @@
-"""Moving a feature's frame along its own symmetry, which changes the numbers but not the feature."""
+"""Move a feature's frame along its own symmetry, which changes the numbers but not the feature."""
 
 from __future__ import annotations
 
@@ -14,23 +14,28 @@ from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 def reframe_shared_jacobian(kind: FeatureKind, S: Transforms) -> FloatArray:
-    """``A = B Ad(S^-1) B'`` ``(*batch, size, size)``, with ``p' = A p``: exact for ``S`` in the symmetry group."""
+    """Return ``A = B Ad(S^-1) B'`` ``(*batch, size, size)`` with ``p' = A p``, exact for ``S`` in the symmetry group.
+
+    Args:
+        kind: kind of the feature.
+        S: motions in the feature frame ``(*batch, 4, 4)``.
+    """
     rows = list(kind.rows)
     Ad = SE3.adjoint_inverse(np.asarray(S, dtype=np.float64))
     return Ad[..., rows, :][..., :, rows]
 
 
 def reframe(kind: FeatureKind, T: Transforms, P: Covariances, S: Transforms) -> tuple[Transforms, Covariances]:
-    """Frame ``T S`` and its covariance, for ``S`` in the symmetry group of the kind (``math.md`` section 2).
+    """Return the frame ``T S`` and its covariance, for ``S`` in the symmetry group of the kind (``math.md`` section 2).
 
     Args:
-        kind: of the feature.
-        T: frames ``(*batch, 4, 4)``.
+        kind: kind of the feature.
+        T: frames ``(*batch, 4, 4)`` [m].
         P: covariances over the kind's rows ``(*batch, size, size)``.
-        S: motions in the feature frame: along its free directions, or one of its discrete symmetries.
+        S: motions in the feature frame along its free directions, or one of its discrete symmetries ``(*batch, 4, 4)``.
 
     Raises:
-        InputError: if ``S`` moves the feature itself.
+        InputError: ``S`` moves the feature itself.
     """
     S = np.asarray(S, dtype=np.float64)
     if not any(_leaves(kind, F @ S) for F in kind.symmetries):
@@ -40,8 +45,9 @@ def reframe(kind: FeatureKind, T: Transforms, P: Covariances, S: Transforms) -> 
 
 
 def _leaves(kind: FeatureKind, S: Transforms) -> bool:
-    """Whether ``S`` stays on the continuous symmetry: free directions map onto themselves."""
-    p, R = SE3.translation(S), SE3.rotation(S)
+    """Return whether ``S`` is in the continuous symmetry group, which maps free directions onto themselves."""
+    p = SE3.translation(S)
+    R = SE3.rotation(S)
     fixed = [i for i in kind.rows if i < 3]
     off_origin = np.abs(p[..., fixed]).max(initial=0.0) > 1e-9 * (1 + np.abs(p).max(initial=0.0))
     turns = [i - 3 for i in kind.free if i >= 3]
@@ -53,25 +59,41 @@ def _leaves(kind: FeatureKind, S: Transforms) -> bool:
 
 
 def flip_edge(T: Transforms) -> Transforms:
-    """The other image of an undirected edge: half a turn about its z axis."""
+    """Return the frame of an undirected edge after a half turn about its z axis.
+
+    Args:
+        T: frames ``(*batch, 4, 4)``.
+    """
     return T @ EDGE.symmetries[1]
 
 
 def reframe_feature(feature: Feature, S: Transforms) -> Feature:
-    """The same feature with its frame moved by ``S`` along its symmetry; shared gains follow."""
+    """Return the same feature with its frame moved by ``S`` along its symmetry, including its shared terms.
+
+    Args:
+        feature: sensed feature.
+        S: motion in the feature frame ``(4, 4)``.
+
+    Raises:
+        InputError: ``S`` moves the feature itself.
+    """
     T, P = reframe(feature.kind, feature.T_world_feature, feature.P, S)
     A = reframe_shared_jacobian(feature.kind, S)
     shared = tuple(SharedTerm(term.error, A @ term.jacobian) for term in feature.shared)
     size = feature.size
-    if size is not None and len(size.covariance):  # what it is does not change, only what it goes with
+    if size is not None and len(size.covariance):  # the size does not change, only its covariance with the frame
         size = replace(size, covariance=A @ size.covariance)
     return replace(feature, T_world_feature=T, P=P, shared=shared, size=size)
 
 
 def reframe_near(feature: Feature, point: Vectors) -> Feature:
-    """The same line or plane with its origin slid to the foot of ``point`` (world) [m]; others are returned as is.
+    """Return the same line or plane with its origin at the foot of a point; other features are returned unchanged.
 
-    Do this before a pairwise constraint: second-order terms grow with the distance between origins.
+    Use this before pairwise constraints, because second-order terms grow with the distance between origins.
+
+    Args:
+        feature: sensed feature.
+        point: point in the world ``(3,)`` [m].
     """
     free = [i for i in feature.kind.free if i < 3]
     if not free:

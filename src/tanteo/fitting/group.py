@@ -175,7 +175,7 @@ def _sensed(measured: PointMeasurements, label: str, rows: Sequence[int], tolera
     covs = measured.covs[index] + tolerance**2 * np.eye(3)
     side = known_side(measured, rows)
     # a ball's radius taken off along a normal has moved the point with it: then it counts as part of the point only
-    sds = np.where(measured.taken_off[index] > 0, np.nan, measured.normal_sds[index])
+    sds = np.where(measured.subtracted_radii[index] > 0, np.nan, measured.normal_sds[index])
     return LabelledPoints(label, ids, measured.points[index], covs, shared, measured.radii[index], side, sds)
 
 

@@ -1,8 +1,7 @@
-"""Uncertain frames: what is known of where a frame is, and how well.
+"""Represent frames with uncertainty, and compose, invert, relate, fuse and sample them.
 
-``UncertainFrame`` is ``T exp(e)``, ``e ~ N(0, C)``: composed, inverted, related, fused and sampled by functions of
-those names, over batches. Location vectors (the paper's six numbers) and covariances by other people's conventions
-are for the border.
+``UncertainFrame`` is ``T exp(e)`` with ``e ~ N(0, C)``; all functions accept batches. Location vectors (the paper's six
+numbers) and the covariance conventions of other software are for input and output.
 """
 
 from collections.abc import Callable

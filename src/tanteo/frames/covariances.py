@@ -1,4 +1,4 @@
-"""What every covariance is checked for, and the read-only copies that the frozen values keep."""
+"""Check covariances, and make read-only copies for immutable values."""
 
 from __future__ import annotations
 
@@ -8,31 +8,45 @@ from tanteo.errors import CovarianceError
 from tanteo.typing import Covariances, FloatArray
 
 _ASYMMETRY = 1e-8
-"""Largest tolerated difference from the transpose, relative to the largest entry."""
+"""Largest accepted difference from the transpose, relative to the largest entry."""
 _NEGATIVE = 1e-9
-"""Fraction of the variances by which a covariance may miss being positive semidefinite."""
+"""Fraction of the variances by which a covariance may fail to be positive semidefinite."""
 _ROUNDING = 1e-13
-"""Fraction of the largest entry that passes for a rounding error of zero."""
+"""Fraction of the largest entry that counts as a rounding error of zero."""
 
 
 def frozen_array(value: FloatArray) -> FloatArray:
-    """A read-only float64 copy."""
+    """Return a read-only float64 copy.
+
+    Args:
+        value: array to copy.
+    """
     out = np.array(value, dtype=np.float64)
     out.setflags(write=False)
     return out
 
 
 def freeze(value: object, *names: str) -> None:
-    """Make read-only float64 copies of the named arrays of a frozen value."""
+    """Replace the named arrays of a frozen value by read-only float64 copies.
+
+    Args:
+        value: frozen data class.
+        names: names of its arrays.
+    """
     for name in names:
         object.__setattr__(value, name, frozen_array(getattr(value, name)))
 
 
 def check_covariance(name: str, C: Covariances, size: int) -> Covariances:
-    """A read-only, symmetrised copy of one covariance ``(size, size)``.
+    """Return a read-only, symmetrized copy of one covariance ``(size, size)``.
+
+    Args:
+        name: name of the covariance, for messages.
+        C: covariance.
+        size: number of rows.
 
     Raises:
-        CovarianceError: if it has another shape, is not finite, not symmetric or not positive semidefinite.
+        CovarianceError: the matrix has another shape, is not finite, not symmetric or not positive semidefinite.
     """
     if np.shape(C) != (size, size):
         raise CovarianceError(f"{name}: expected a {size} x {size} matrix, got shape {np.shape(C)}.")
@@ -40,13 +54,18 @@ def check_covariance(name: str, C: Covariances, size: int) -> Covariances:
 
 
 def check_covariances(name: str, C: Covariances, size: int) -> Covariances:
-    """A read-only, symmetrised copy of covariances ``(*batch, size, size)``.
+    """Return a read-only, symmetrized copy of covariances ``(*batch, size, size)``.
 
-    Variances may differ by any factor (metres beside radians): each matrix is judged after scaling to a unit
-    diagonal. Rounding errors around zero are no fault; variances that came out negative by one are set to zero.
+    Variances may differ by any factor (metres and radians), so each matrix is scaled to a unit diagonal for the test.
+    Negative variances within rounding are set to zero.
+
+    Args:
+        name: name of the covariances, for messages.
+        C: covariances.
+        size: number of rows.
 
     Raises:
-        CovarianceError: if one has another shape, is not finite, not symmetric or not positive semidefinite.
+        CovarianceError: a matrix has another shape, is not finite, not symmetric or not positive semidefinite.
     """
     C = np.array(C, dtype=np.float64)
     if C.ndim < 2 or C.shape[-2:] != (size, size):
@@ -67,14 +86,23 @@ def check_covariances(name: str, C: Covariances, size: int) -> Covariances:
 
 
 def symmetrised(C: Covariances) -> Covariances:
-    """Half the sum of ``C`` and its transpose."""
+    """Return half the sum of ``C`` and its transpose.
+
+    Args:
+        C: matrices ``(*batch, n, n)``.
+    """
     return 0.5 * (C + np.swapaxes(C, -1, -2))
 
 
 def unit_diagonal(C: Covariances) -> tuple[FloatArray, FloatArray]:
-    """``C`` scaled to a unit diagonal, and the standard deviations ``d`` with ``C = unit d d'``; zeros stay zero.
+    """Return ``C`` scaled to a unit diagonal, and the standard deviations ``d`` with ``C = unit d d'``.
 
-    Metres and radians then weigh alike in what follows: eigenvalues, inverses, ranks.
+    Zeros stay zero.
+
+    The scaling makes metres and radians comparable for eigenvalues, inverses and ranks.
+
+    Args:
+        C: covariances ``(*batch, n, n)``.
     """
     d = np.sqrt(np.maximum(np.diagonal(C, axis1=-2, axis2=-1), 0.0))
     scale = np.where(d > 0, d, 1.0)
@@ -82,12 +110,12 @@ def unit_diagonal(C: Covariances) -> tuple[FloatArray, FloatArray]:
 
 
 def _is_semidefinite(C: Covariances, largest: FloatArray) -> bool:
-    """Whether ``C`` with its variances raised by the tolerances, and scaled, has a Cholesky factor."""
+    """Return whether ``C``, scaled and with its variances increased by the tolerances, has a Cholesky factor."""
     variances = np.diagonal(C, axis1=-2, axis2=-1)
     raised = (1 + _NEGATIVE) * variances + _ROUNDING * largest
     if np.any(raised < 0):
         return False
-    d = np.sqrt(np.where(raised > 0, raised, 1.0))  # all zero, the certain ones, become the identity below
+    d = np.sqrt(np.where(raised > 0, raised, 1.0))  # zero matrices become the identity below
     unit = C / (d[..., :, None] * d[..., None, :])
     diagonal = np.arange(C.shape[-1])
     unit[..., diagonal, diagonal] = 1.0

@@ -1,4 +1,4 @@
-"""Several estimates of one full frame made into one, by Gauss-Newton on SE(3) in information form."""
+"""Fuse several estimates of one frame by Gauss-Newton on SE(3) in information form."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from tanteo.lie import SE3, maximize
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms
 
 _CONVERGED = 1e-12
-"""Squared length of the last step, in standard deviations of the result."""
+"""Squared length of the last step at convergence, in standard deviations of the result."""
 _ITERATIONS = 50
 _SINGULAR = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fusion:
-    """What :func:`fuse` found.
+    """Result of :func:`fuse`.
 
     Attributes:
-        frame: the fused frame and its covariance.
-        chi2: disagreement of the estimates ``(*batch,)``: chi-square distributed if their covariances are true.
-        dof: its degrees of freedom, ``6 (n - 1)``.
-        converged: whether the iteration came to rest ``(*batch,)``; if not, the estimates contradict each other by
-            turns too large to average, and the frame must not be used.
+        frame: fused frame with its covariance.
+        chi2: chi-square statistic of the estimates' disagreement ``(*batch,)``.
+        dof: degrees of freedom of ``chi2``, ``6 (n - 1)``.
+        converged: whether the iteration converged ``(*batch,)``; if not, the estimates differ by rotations too large to
+            average, and the frame must not be used.
     """
 
     frame: UncertainFrame
@@ -37,18 +37,18 @@ class Fusion:
 
 
 def fuse(estimates: UncertainFrame) -> Fusion:
-    """The maximum-likelihood frame of independent estimates of it.
+    """Return the maximum-likelihood frame of independent estimates.
 
-    Minimises ``sum r_i' C_i^-1 r_i``, ``r_i = log(T_i^-1 T)``. Estimates that share an error (one robot base, one
-    calibration) are not independent: fusing them here counts the shared error down as if it averaged out.
+    It minimizes ``sum r_i' C_i^-1 r_i`` with ``r_i = log(T_i^-1 T)`` (Barfoot and Furgale 2014). Estimates that share
+    an error (one robot base, one calibration) are not independent: fusing them here reduces the shared error wrongly.
 
     Args:
-        estimates: ``T_a_b`` ``(*batch, n, 4, 4)`` with covariances ``(*batch, n, 6, 6)``: the last batch axis runs
-            over the estimates.
+        estimates: ``T_a_b`` ``(*batch, n, 4, 4)`` with covariances ``(*batch, n, 6, 6)``; the last batch axis counts
+            the estimates.
 
     Raises:
-        InputError: if there is no axis of estimates, or none along it.
-        CovarianceError: if a covariance is singular; a feature's free directions have no place here.
+        InputError: there is no axis of estimates, or it is empty.
+        CovarianceError: a covariance is singular, as those of features with free directions are.
     """
     if not estimates.batch or estimates.batch[-1] == 0:
         raise InputError(f"estimates: expected at least one along the last batch axis, got batch {estimates.batch}.")
@@ -66,7 +66,7 @@ def fuse(estimates: UncertainFrame) -> Fusion:
 
 
 def _normal_equations(Ts: Transforms, W: FloatArray, T: Transforms) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Information ``H``, gradient and chi-square at ``T``; ``d r_i = Jr^-1(r_i) delta``."""
+    """Return information ``H``, gradient and chi-square at ``T``, with ``d r_i = Jr^-1(r_i) delta``."""
     r = SE3.log(SE3.inverse(Ts) @ T[..., None, :, :])
     J = SE3.right_jacobian_inverse(r)
     JW = np.swapaxes(J, -1, -2) @ W
@@ -76,10 +76,10 @@ def _normal_equations(Ts: Transforms, W: FloatArray, T: Transforms) -> tuple[Flo
 
 
 def _information(name: str, C: Covariances) -> FloatArray:
-    """Inverse of positive definite matrices.
+    """Return the inverses of positive definite matrices.
 
     Raises:
-        CovarianceError: if one is singular to rounding.
+        CovarianceError: a matrix is singular to rounding.
     """
     unit, d = unit_diagonal(C)
     if np.all(d > 0) and np.linalg.eigvalsh(unit).min(initial=1.0) > _SINGULAR:

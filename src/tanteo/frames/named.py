@@ -1,23 +1,23 @@
-"""Covariances by name: what other software means by "the 6 x 6 covariance of a pose", and the way there and back.
+"""Convert pose covariances between the conventions of different software.
 
-A convention is an order, the axes in which the error is expressed, and the point about which its turn acts. Each is
-a linear, invertible map ``G(T)`` of our body error, so ``C_named = G C G'`` loses nothing:
+A convention is an order of the rows, the axes in which the error is expressed, and the point about which its rotation
+acts. Each is a linear, invertible map ``G(T)`` of tanteo's body error, so ``C_named = G C G'`` is exact:
 
 ==============  =======================  ==========================================================
-name            ``G(T)``                 who
+name            ``G(T)``                 used by
 ==============  =======================  ==========================================================
-``TANTEO``      identity                 us: ``T exp(e)``, ``x y z rx ry rz``, axes of the part
+``TANTEO``      identity                 tanteo: ``T exp(e)``, ``x y z rx ry rz``, axes of the part
 ``ROS``         ``diag(R, R)``           geometry_msgs/PoseWithCovariance, tf2, robot_localization
 ``GTSAM``       halves swapped           gtsam.Pose3: ``T Expmap(e)``, ``rx ry rz x y z``
 ``SPATIAL``     ``Ad(T)``                Barfoot, Sophus' left increment: ``exp(e) T``, axes of the world
 ==============  =======================  ==========================================================
 
-ROS says "fixed-axis representation ... rotation about X axis, rotation about Y axis, rotation about Z axis" in the
-header's frame (REP 103; the message's comment) and no more. tf2 and robot_localization carry such a covariance to
-another header frame with ``diag(R, R)`` on both sides, which is right exactly for a displacement of the origin and a
-small rotation vector about axes through that origin, both along the header's axes: ``p' = p + dp``,
-``R' = exp(dw) R``. That is what ``ROS`` means here. Packages that store the covariance of roll, pitch and yaw
-instead (MRPT, some filters) differ from it at large pitch; that one is ``frames.location_covariance``.
+ROS specifies only "fixed-axis representation ... rotation about X axis, rotation about Y axis, rotation about Z axis"
+in the header's frame (REP 103; the message's comment). tf2 and robot_localization transform such a covariance to
+another header frame with ``diag(R, R)`` on both sides. That is correct for a displacement of the origin and a small
+rotation vector about axes through that origin, both along the header's axes: ``p' = p + dp``, ``R' = exp(dw) R``.
+``ROS`` has this meaning here. Packages that store the covariance of roll, pitch and yaw instead (MRPT, some filters)
+differ from it at large pitch; ``frames.location_covariance`` computes that one.
 """
 
 from __future__ import annotations
@@ -45,15 +45,16 @@ _CHOICES = {
 
 @dataclass(frozen=True, slots=True)
 class CovarianceConvention:
-    """What the rows of a pose covariance mean, for a pose ``T_world_part``.
+    """Meaning of the rows of a pose covariance, for a pose ``T_world_part``.
 
     Attributes:
-        order: of the rows, ``x y z rx ry rz`` or ``rx ry rz x y z``.
-        frame: axes along which the error is expressed, ``part`` (body) or ``world`` (spatial, parent, header).
-        perturbation: where the turn acts: ``right`` about the origin of the part, ``left`` about that of the world.
+        order: order of the rows, ``x y z rx ry rz`` or ``rx ry rz x y z``.
+        frame: axes in which the error is expressed, ``part`` (body) or ``world`` (spatial, parent, header).
+        perturbation: point about which the rotation acts: ``right`` for the origin of the part, ``left`` for that of
+            the world.
 
     Raises:
-        InputError: for another word; the message lists the choices.
+        InputError: a word is unknown; the message lists the choices.
     """
 
     order: Literal["x y z rx ry rz", "rx ry rz x y z"]
@@ -74,16 +75,16 @@ SPATIAL = CovarianceConvention(TRANSLATION_FIRST, "world", "left")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NamedCovariance:
-    """A pose with a covariance that says what it means.
+    """Pose covariance with its convention.
 
     Attributes:
-        T: ``T_world_part`` ``(*batch, 4, 4)``.
-        covariance: ``(*batch, 6, 6)`` in the order, axes and perturbation of the convention [m, rad].
-        convention: what the rows mean.
+        T: ``T_world_part`` ``(*batch, 4, 4)`` [m].
+        covariance: covariance in the order, axes and perturbation of the convention ``(*batch, 6, 6)`` [m, rad].
+        convention: meaning of the rows.
 
     Raises:
-        InputError: if ``T`` is not a rigid motion.
-        CovarianceError: if the covariance is not one.
+        InputError: ``T`` is not a rigid motion.
+        CovarianceError: the covariance is invalid.
     """
 
     T: Transforms
@@ -96,9 +97,15 @@ class NamedCovariance:
 
 
 def convention_jacobian(T: Transforms, convention: CovarianceConvention) -> Adjoints:
-    """``G(T)`` ``(*batch, 6, 6)`` with ``e_named = G e``, ``e`` our body error."""
+    """Return ``G(T)`` ``(*batch, 6, 6)`` with ``e_named = G e``, where ``e`` is tanteo's body error.
+
+    Args:
+        T: ``T_world_part`` ``(*batch, 4, 4)`` [m].
+        convention: meaning of the rows of ``e_named``.
+    """
     T = np.asarray(T, dtype=np.float64)
-    left, world = convention.perturbation == "left", convention.frame == "world"
+    left = convention.perturbation == "left"
+    world = convention.frame == "world"
     R = SE3.rotation(T)
     if left and world:
         G = SE3.adjoint(T)
@@ -118,8 +125,9 @@ def _turn(R: FloatArray) -> Adjoints:
 
 
 def _jacobian_inverse(T: Transforms, convention: CovarianceConvention) -> Adjoints:
-    """``G^-1`` in closed form: ``diag(R', R')`` and ``Ad(T^-1)`` are exact where a solver would round."""
-    left, world = convention.perturbation == "left", convention.frame == "world"
+    """Return ``G^-1`` in closed form: ``diag(R', R')`` and ``Ad(T^-1)`` avoid the rounding of a solver."""
+    left = convention.perturbation == "left"
+    world = convention.frame == "world"
     R = SE3.rotation(np.asarray(T, dtype=np.float64))
     if left:
         G = SE3.adjoint_inverse(T) if world else SE3.adjoint_inverse(T) @ _turn(R)
@@ -129,31 +137,53 @@ def _jacobian_inverse(T: Transforms, convention: CovarianceConvention) -> Adjoin
 
 
 def name_covariance(frame: UncertainFrame, convention: CovarianceConvention) -> NamedCovariance:
-    """The covariance of a frame in another convention."""
+    """Return the covariance of a frame in another convention.
+
+    Args:
+        frame: frame with tanteo's body covariance.
+        convention: convention of the result.
+    """
     return NamedCovariance(frame.T, congruence(convention_jacobian(frame.T, convention), frame.C), convention)
 
 
 def uncertain_frame(named: NamedCovariance) -> UncertainFrame:
-    """Back to ours: inverse of :func:`name_covariance`."""
+    """Return a frame with tanteo's body covariance, the inverse of :func:`name_covariance`.
+
+    Args:
+        named: pose covariance with its convention.
+    """
     return UncertainFrame(named.T, congruence(_jacobian_inverse(named.T, named.convention), named.covariance))
 
 
 def convert_covariance(named: NamedCovariance, convention: CovarianceConvention) -> NamedCovariance:
-    """From one convention to another."""
+    """Return a pose covariance in another convention.
+
+    Args:
+        named: pose covariance with its convention.
+        convention: convention of the result.
+    """
     return name_covariance(uncertain_frame(named), convention)
 
 
 def as_ros_covariance(frame: UncertainFrame) -> FloatArray:
-    """``PoseWithCovariance.covariance``: 36 numbers row by row ``(*batch, 36)``, for the pose ``frame.T``."""
+    """Return ``PoseWithCovariance.covariance`` of a frame, 36 numbers row by row ``(*batch, 36)``.
+
+    Args:
+        frame: frame with tanteo's body covariance; the message's pose is ``frame.T``.
+    """
     C = name_covariance(frame, ROS).covariance
     return C.reshape(*C.shape[:-2], 36).copy()
 
 
 def from_ros_covariance(T: Transforms, covariance: FloatArray) -> UncertainFrame:
-    """The frame of a ``PoseWithCovariance``: its pose as ``T`` ``(*batch, 4, 4)`` and its 36 numbers.
+    """Return the frame of a ``PoseWithCovariance``.
+
+    Args:
+        T: pose of the message ``(*batch, 4, 4)`` [m].
+        covariance: 36 numbers of the message ``(*batch, 36)``.
 
     Raises:
-        CovarianceError: if there are not 36 numbers, or they are no covariance.
+        CovarianceError: there are not 36 numbers, or they do not form a covariance.
     """
     C = np.asarray(covariance, dtype=np.float64)
     if C.ndim == 0 or C.shape[-1] != 36:
@@ -162,10 +192,19 @@ def from_ros_covariance(T: Transforms, covariance: FloatArray) -> UncertainFrame
 
 
 def as_gtsam_covariance(frame: UncertainFrame) -> Covariances:
-    """Covariance of a ``gtsam.Pose3`` ``(*batch, 6, 6)``: body error, rotation first."""
+    """Return the covariance of a ``gtsam.Pose3`` ``(*batch, 6, 6)``: body error, rotation first.
+
+    Args:
+        frame: frame with tanteo's body covariance.
+    """
     return name_covariance(frame, GTSAM).covariance
 
 
 def from_gtsam_covariance(T: Transforms, covariance: Covariances) -> UncertainFrame:
-    """The frame of a ``gtsam.Pose3`` and its marginal covariance ``(*batch, 6, 6)``."""
+    """Return the frame of a ``gtsam.Pose3`` with its marginal covariance.
+
+    Args:
+        T: pose ``(*batch, 4, 4)`` [m].
+        covariance: marginal covariance ``(*batch, 6, 6)``.
+    """
     return uncertain_frame(NamedCovariance(T, covariance, GTSAM))

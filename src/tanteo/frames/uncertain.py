@@ -1,4 +1,4 @@
-"""The uncertain frame and what is done with it: compose, invert, relate, sample."""
+"""Define the uncertain frame, and compose, invert, relate and sample it."""
 
 from __future__ import annotations
 
@@ -16,10 +16,14 @@ _RIGID = 1e-6
 
 
 def check_transforms(name: str, T: Transforms) -> Transforms:
-    """A read-only float64 copy of rigid motions ``(*batch, 4, 4)``.
+    """Return a read-only float64 copy of rigid motions ``(*batch, 4, 4)``.
+
+    Args:
+        name: name of the argument, for messages.
+        T: matrices to check.
 
     Raises:
-        InputError: if one is not finite, not orthonormal (to 1e-6), a reflection, or not homogeneous.
+        InputError: a matrix is not finite, not orthonormal (to 1e-6), a reflection, or not homogeneous.
     """
     T = np.array(T, dtype=np.float64)
     if T.ndim < 2 or T.shape[-2:] != (4, 4):
@@ -40,18 +44,16 @@ def check_transforms(name: str, T: Transforms) -> Transforms:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UncertainFrame:
-    """Where a frame is and how well that is known: ``T_true = T exp(e)``, ``e ~ N(0, C)``.
+    """Frame with uncertainty: ``T_true = T exp(e)``, ``e ~ N(0, C)``. The batch axes of both fields broadcast.
 
     Attributes:
         T: ``T_a_b`` ``(*batch, 4, 4)`` [m].
         C: covariance of the body (right) error, translation first, in the axes of b ``(*batch, 6, 6)``
-            [m^2, m rad, rad^2]. Zero rows mean: certain.
-
-    The batch axes of both broadcast.
+            [m^2, m rad, rad^2]; zero rows are certain.
 
     Raises:
-        InputError: if ``T`` is not a rigid motion.
-        CovarianceError: if ``C`` is not a covariance.
+        InputError: ``T`` is not a rigid motion.
+        CovarianceError: ``C`` is not a covariance.
 
     Example:
         >>> import numpy as np
@@ -78,7 +80,7 @@ class UncertainFrame:
 
 
 def _propagated(T: Transforms, C: Covariances) -> UncertainFrame:
-    """A frame from our own arithmetic, which is not asked to prove again that it is rigid and semidefinite."""
+    """Return a frame from computed arrays, without the checks of the constructor."""
     frame = object.__new__(UncertainFrame)
     C = symmetrised(C)
     T.setflags(write=False)
@@ -90,16 +92,17 @@ def _propagated(T: Transforms, C: Covariances) -> UncertainFrame:
 def compose(
     first: UncertainFrame, second: UncertainFrame, cross: FloatArray | None = None, *, order: int = 2
 ) -> UncertainFrame:
-    """``T_a_c`` from ``T_a_b`` and ``T_b_c``; batches broadcast.
+    """Return ``T_a_c`` from ``T_a_b`` and ``T_b_c``; batches broadcast.
 
     Args:
         first: ``T_a_b``.
         second: ``T_b_c``.
-        cross: ``E[e1 e2']`` ``(*batch, 6, 6)`` if the errors are correlated.
-        order: 2 (enough for tilts below 0.1 rad) or 4 (Barfoot and Furgale), for independent errors only.
+        cross: ``E[e1 e2']`` ``(*batch, 6, 6)`` if the errors are correlated; None if independent.
+        order: order of the propagation: 2 (sufficient for tilts below 0.1 rad) or 4 (Barfoot and Furgale 2014), for
+            independent errors only.
 
     Raises:
-        InputError: for another order, or order 4 with correlated errors.
+        InputError: the order is neither 2 nor 4, or it is 4 with correlated errors.
     """
     if order == 2:
         return _propagated(*compose_arrays(first.T, first.C, second.T, second.C, cross))
@@ -110,34 +113,38 @@ def compose(
 
 
 def invert(frame: UncertainFrame) -> UncertainFrame:
-    """``T_b_a`` from ``T_a_b``; its error is seen in the axes of a."""
+    """Return ``T_b_a`` from ``T_a_b``; its error is expressed in the axes of a.
+
+    Args:
+        frame: ``T_a_b``.
+    """
     return _propagated(*invert_arrays(frame.T, frame.C))
 
 
 def relate(first: UncertainFrame, second: UncertainFrame, cross: FloatArray | None = None) -> UncertainFrame:
-    """``T_f1_f2`` from ``T_world_f1`` and ``T_world_f2``: ``e12 = e2 - Ad(T12^-1) e1``, (26).
+    """Return ``T_f1_f2`` from ``T_world_f1`` and ``T_world_f2``: ``e12 = e2 - Ad(T12^-1) e1`` (paper, (26)).
 
-    The sign is that of section 2 of the paper, not of its printed (26): a common error cancels (``math.md``
-    section 3). Batches broadcast; :func:`relate_arrays` is the same on plain arrays.
+    The sign is that of section 2 of the paper, not of its printed equation (26), so that a common error cancels
+    (``math.md`` section 3). Batches broadcast; :func:`relate_arrays` is the same on plain arrays.
 
     Args:
-        first: the frame to look from.
-        second: the frame to look at.
-        cross: ``E[e1 e2']`` ``(*batch, 6, 6)`` if the errors are correlated.
+        first: ``T_world_f1``.
+        second: ``T_world_f2``.
+        cross: ``E[e1 e2']`` ``(*batch, 6, 6)`` if the errors are correlated; None if independent.
     """
     return _propagated(*relate_arrays(first.T, first.C, second.T, second.C, cross))
 
 
 def sample(frame: UncertainFrame, rng: np.random.Generator, size: tuple[int, ...] = ()) -> Transforms:
-    """Samples of the true frame: ``T exp(e)``, ``e ~ N(0, C)``; singular covariances are fine.
+    """Return samples of the true frame ``T exp(e)``, ``e ~ N(0, C)``; singular covariances are allowed.
 
     Args:
         frame: a single frame or a batch.
-        rng: source of chance.
+        rng: random number generator.
         size: leading axes of independent draws.
 
     Returns:
-        ``(*size, *batch, 4, 4)``.
+        Frames ``(*size, *batch, 4, 4)`` [m].
     """
     unit, d = unit_diagonal(frame.C)
     values, vectors = np.linalg.eigh(unit)

@@ -1,12 +1,12 @@
-"""Border formats: readings, rigs, results, brand poses. Units are explicit here and SI inside.
+"""Read and write file formats: readings, rigs, results, robot poses. Units are explicit in files and SI in memory.
 
-``read_readings`` and ``write_readings`` for readings files, ``read_rig`` and ``write_rig`` for rig files,
-``read_prior`` for what is known of a pose,
-``recognition_json`` for results, ``read_camera``, ``read_marks`` and ``read_image`` for what a camera saw and
-``sight_json`` for what was made of it, ``pose_from_brand`` and ``pose_as_brand`` for poses, ``write_pose`` and
-``write_work_frame`` for the text of controllers, ``parse_length`` for quantities with units, ``read_record`` and
-``write_record`` for sessions. Documents are classes (``schema``), which one reader fills (``document``). Nothing is
-loaded before it is asked for.
+``read_readings`` and ``write_readings`` handle readings files; ``read_rig`` and ``write_rig`` handle rig files.
+``read_prior`` reads a pose prior. ``recognition_json`` writes results. ``read_camera``, ``read_marks`` and
+``read_image`` read what an image contributes, and ``sight_json`` writes what was recognized in it.
+``pose_from_brand`` and ``pose_as_brand`` convert poses between robot conventions; ``write_pose`` and
+``write_work_frame`` write controller code. ``parse_length`` reads quantities with units. ``read_record`` and
+``write_record`` handle sessions. Document layouts are classes (``schema``) that one reader fills (``document``).
+Submodules are imported on first use.
 """
 
 from collections.abc import Callable
@@ -39,9 +39,7 @@ if TYPE_CHECKING:
         recognition_json,
         sight_json,
     )
-    from tanteo.io.rig_checks import suspect_metres
-    from tanteo.io.rig_file import read_rig, shipped_rigs
-    from tanteo.io.rig_writing import rig_text, write_rig
+    from tanteo.io.rig_file import read_rig, rig_text, shipped_rigs, suspect_metres, write_rig
     from tanteo.io.ros_answers import (
         DIAGNOSTICS,
         MARKERS,
@@ -64,7 +62,7 @@ if TYPE_CHECKING:
         RosMessages,
         RosOptions,
         Row,
-        says_something,
+        is_usable,
         wanted_topics,
     )
     from tanteo.io.ros_readings import placing, readings_of_messages
@@ -114,6 +112,7 @@ __all__ = [
     "executed_json",
     "explanation_document",
     "format_names",
+    "is_usable",
     "load_record",
     "marker_message",
     "parse_angle",
@@ -157,7 +156,6 @@ __all__ = [
     "rig_document",
     "rig_text",
     "ros_header",
-    "says_something",
     "sensed_json",
     "session_document",
     "shipped_rigs",
@@ -195,13 +193,11 @@ __getattr__, __dir__ = lazy(
         "stated": "Direction Stated as_pose parse_direction",
         "result_json": "EMPTY differences document_json executed_json explanation_document recognition_document "
         "recognition_json sight_json",
-        "rig_checks": "suspect_metres",
         "ros_answers": "DIAGNOSTICS MARKERS OK POSE_COVARIANCE WARN Placed diagnostics_message marker_message pose "
         "pose_message ros_header transform",
-        "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row says_something wanted_topics",
+        "ros_messages": "POINT POSE RANGE TF RosMessages RosOptions Row is_usable wanted_topics",
         "ros_readings": "placing readings_of_messages",
-        "rig_file": "read_rig shipped_rigs",
-        "rig_writing": "rig_text write_rig",
+        "rig_file": "read_rig rig_text shipped_rigs suspect_metres write_rig",
         "scene_file": "SceneFile read_scene",
         "record_tables": "SessionRecord",
         "session_record": "load_record read_record resumed session_document write_record",

@@ -1,4 +1,4 @@
-"""Readings of the columns of any file, with what was stated by hand: radius, direction, tool, normals."""
+"""Build readings from the columns of a file and the options that the user states: radius, direction, tool, normals."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
-from tanteo.io.centres import find_centres, know_axes
+from tanteo.io.centres import find_centres, set_axis_sds
 from tanteo.sensors import Readings, check_features, reading_kind
 from tanteo.typing import FloatArray, Vectors
 
@@ -16,27 +16,30 @@ if TYPE_CHECKING:
     from tanteo.io.stated import Stated
 
 LARGEST = 100.0
-"""Coordinates and ranges beyond this [m] are a wrong unit, not a robot cell."""
+"""Largest accepted coordinate or range [m]; larger values indicate a wrong unit."""
 
 _INWARD = -0.3
-"""Mean cosine between vectors and the way from the middle of the points: vectors below it point inwards."""
+"""Mean cosine between I, J, K and the directions away from the centroid, below which the vectors point inwards."""
 
 
 def assemble(
     columns: dict[str, Any], n: int, stated: Stated, source: str, notes: list[str], *, outward: Vectors | None = None
 ) -> Readings:
-    """Readings of columns, completed by what was stated.
+    """Return readings built from file columns and the user's stated options.
 
     Args:
-        columns: Of :meth:`Readings.from_columns`, in SI; None where the file has none.
-        n: How many rows there are.
-        stated: What the file does not say.
-        source: The file, for messages.
-        notes: What was said of it so far.
-        outward: Vectors I J K ``(n, 3)`` of the file.
+        columns: columns of :meth:`Readings.from_columns`, in SI units; None where the file has no such column.
+        n: number of rows.
+        stated: options for what the file does not contain.
+        source: file name for messages.
+        notes: notes collected so far.
+        outward: outward normal vectors I, J, K of the file ``(n, 3)``; None if absent.
+
+    Returns:
+        Checked readings, with the notes extended.
 
     Raises:
-        ReadingsError: What is stated does not fit the file, or the rows are no set of readings.
+        ReadingsError: a stated option contradicts the file, or the rows do not form valid readings.
     """
     notes = list(notes)
     _place(columns, stated, source, notes)
@@ -44,7 +47,7 @@ def assemble(
     centres, outward = find_centres(columns, n, outward, source, notes)
     _give_directions(columns, n, outward, stated, source, notes)
     _give_normal_sds(columns, stated, source, notes)
-    know_axes(columns, centres, notes)
+    set_axis_sds(columns, centres, notes)
     _release_labels(columns, notes)
     n = _draw(columns, n, stated.max_points, notes)
     try:
@@ -58,7 +61,7 @@ def assemble(
 
 
 def _place(columns: dict[str, Any], stated: Stated, source: str, notes: list[str]) -> None:
-    """Poses of the hand that were stated, and the tip's place where there are poses and no points or ranges."""
+    """Set the stated hand poses, and the tip positions where the file has poses but no points or ranges."""
     if stated.hand is not None:
         if columns.get("Ts_world_hand") is not None:
             raise ReadingsError(
@@ -74,7 +77,7 @@ def _place(columns: dict[str, Any], stated: Stated, source: str, notes: list[str
         tool = np.eye(4) if stated.tool is None else stated.tool
         columns["points"] = (Ts @ tool)[:, :3, 3]
         if stated.tool is None:
-            notes.append("The poses are taken as those of the tip; say --tool X,Y,Z if they are of the flange.")
+            notes.append("The poses are taken as poses of the tip; use --tool X,Y,Z if they are poses of the flange.")
     points = columns.get("points")
     if points is not None and (far := np.nanmax(np.abs(points), initial=0.0)) > LARGEST:
         raise UnitError(
@@ -98,8 +101,9 @@ def _give_radius(columns: dict[str, Any], n: int, stated: Stated, source: str) -
 def _give_directions(
     columns: dict[str, Any], n: int, outward: Vectors | None, stated: Stated, source: str, notes: list[str]
 ) -> None:
-    """The directions of the file, of what was stated, or against the vectors I J K, which point outwards as a rule."""
-    way, own = stated.direction, columns["directions"]
+    """Set the directions from the file, else from the stated option, else opposite to the outward vectors I, J, K."""
+    way = stated.direction
+    own = columns["directions"]
     vectors = outward is not None and way is not None and way.kind in ("ijk", "-ijk")
     if way is not None and own is not None:
         raise ReadingsError(
@@ -136,7 +140,7 @@ def _stated_directions(columns: dict[str, Any], n: int, stated: Stated, source: 
 
 
 def _refuse_inward(points: Vectors, outward: Vectors, source: str) -> None:
-    """Refuse vectors that point to the middle of the points, as approach directions do and normals hardly can."""
+    """Refuse I, J, K vectors that point towards the centroid of the points, as approach directions do."""
     away = points - np.nanmean(points, axis=0)
     lengths = np.linalg.norm(away, axis=1) * np.linalg.norm(outward, axis=1)
     cosines = np.sum(away * outward, axis=1) / np.where(lengths > 0, lengths, np.nan)
@@ -144,8 +148,8 @@ def _refuse_inward(points: Vectors, outward: Vectors, source: str) -> None:
     if len(cosines) and cosines.mean() < _INWARD:
         raise ReadingsError(
             f"{source}: expected I, J, K that point out of the material, got vectors that point to the middle of the "
-            "points, as directions of approach do. Name them dx, dy, dz or say --direction ijk if they are; else say "
-            "--direction -ijk."
+            "points, as directions of approach do. If they are directions of approach, name them dx, dy, dz or use "
+            "--direction ijk; otherwise use --direction -ijk."
         )
 
 
@@ -157,14 +161,15 @@ def _give_normal_sds(columns: dict[str, Any], stated: Stated, source: str, notes
     if stated.normal_sd is None:
         return
     if columns["normal_sds"] is not None:
-        raise ReadingsError(f"{source}: expected how good the normals are once, got it twice. Drop --normal-sd.")
+        raise ReadingsError(f"{source}: expected the normals' standard deviation once, got it twice. Drop --normal-sd.")
     given = ~np.isnan(columns["normals"]).any(axis=1)
     columns["normal_sds"] = np.where(given, stated.normal_sd, np.nan)
 
 
 def _release_labels(columns: dict[str, Any], notes: list[str]) -> None:
-    """Rows of a plane that has fewer than three are points like others: what they would say together is no plane."""
-    features, kinds = columns["features"], columns["kinds"]
+    """Turn rows of a plane with fewer than three rows into unlabelled points: they do not determine a plane."""
+    features = columns["features"]
+    kinds = columns["kinds"]
     if features is None or kinds is None:
         return
     own = [reading_kind(kind or "point") for kind in kinds]
@@ -181,7 +186,7 @@ def _release_labels(columns: dict[str, Any], notes: list[str]) -> None:
 
 
 def _draw(columns: dict[str, Any], n: int, most: int | None, notes: list[str]) -> int:
-    """Keep no more rows than that, drawn at random with a fixed seed; all where labels tie them together."""
+    """Keep at most ``most`` rows, drawn at random with a fixed seed; keep all rows if any is labelled."""
     if most is None or n <= most or any(columns.get("features") or ()):
         return n
     rows = np.sort(np.random.default_rng(0).choice(n, most, replace=False))

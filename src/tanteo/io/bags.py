@@ -1,4 +1,4 @@
-"""Recordings of ROS: bags of ROS 1, ROS 2 (SQLite, MCAP), by rosbags; what is not whole, as far as it holds."""
+"""Read ROS recordings with rosbags: ROS 1 bags and ROS 2 SQLite or MCAP files, damaged ones as far as possible."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tanteo.errors import MissingExtraError, ReadingsError
-from tanteo.io.broken_bags import STARTS, Raw, files_of, until_broken
+from tanteo.io.broken_bags import STARTS, Raw, files_of, messages_until_damage
 from tanteo.io.ros_messages import RosMessages, RosOptions, check_topics, wanted_topics
 from tanteo.io.ros_readings import readings_at, readings_of_messages
 from tanteo.io.stated import Stated
@@ -16,7 +16,11 @@ from tanteo.sensors import Readings, concatenate
 
 
 def is_bag(path: Path) -> bool:
-    """Whether it is a recording of ROS: a file, or a folder of them."""
+    """Return whether a path is a ROS recording: a file, or a folder of files.
+
+    Args:
+        path: file or folder.
+    """
     try:
         if path.is_dir():
             return (path / "metadata.yaml").is_file() or bool(files_of(path))
@@ -29,28 +33,42 @@ def is_bag(path: Path) -> bool:
 
 
 def read_bag(path: Path, stated: Stated, options: RosOptions) -> Readings:
-    """Readings of a recording, in the world at their stamps.
+    """Return the readings of a recording, in the world frame at their time stamps.
+
+    A recording that holds a tanteo session yields the readings of that session unless the options name topics.
+
+    Args:
+        path: file or folder of the recording.
+        stated: options for what the recording does not contain.
+        options: topics, frames and time offsets.
 
     Raises:
         MissingExtraError: rosbags is not installed.
-        ReadingsError: nothing of it can be read, it has no topic of readings, or frames that do not hang together.
+        ReadingsError: the file cannot be read, has no topic with readings, or has no path between two frames.
     """
-    if not options.topics and (told := _told(path)) is not None:
-        return told
+    if not options.topics and (recorded := _session_readings(path)) is not None:
+        return recorded
     messages, notes = messages_of(path, options)
     try:
         readings = readings_of_messages(messages, str(path), stated, options)
     except ReadingsError as error:
-        if notes:  # what is missing may be in the part that is lost
+        if notes:  # the missing topic or frame may be in the lost part
             raise ReadingsError(" ".join([str(error), *notes])) from None
         raise
     return replace(readings, notes=(*notes, *readings.notes)) if notes else readings
 
 
 def shifted(path: Path, stated: Stated, options: RosOptions, shifts: Sequence[float]) -> tuple[Readings, ...]:
-    """The same readings of a recording, as they would be if they were older by several times [s]; as :func:`read_bag`.
+    """Return the readings of a recording once for each time shift, as :func:`read_bag` would at shifted stamps.
 
-    Empty where a session was told them: then it is not known how the sensor moved.
+    Args:
+        path: file or folder of the recording.
+        stated: options for what the recording does not contain.
+        options: topics, frames and time offsets.
+        shifts: time shifts subtracted from the stamps [s].
+
+    Returns:
+        One set of readings for each shift; empty for a recorded session, which does not store the sensor's motion.
     """
     if not options.topics and _is_session(path):
         return ()
@@ -63,26 +81,30 @@ def _is_session(path: Path) -> bool:
     return has_record(path)
 
 
-def _told(path: Path) -> Readings | None:
-    """What a session was told whose record is in the file; None if there is none."""
+def _session_readings(path: Path) -> Readings | None:
+    """Return the readings of the session record in a file; None if the file has no record."""
     from tanteo.io.session_messages import RECORD
     from tanteo.io.session_record import load_record
 
     if not _is_session(path):
         return None
-    told = [one.readings for one in (o.observation() for o in load_record(path).observations) if one.readings]
-    if not told:
-        raise ReadingsError(f"{path}: expected a session that was told readings, got one without. Record one.")
-    note = f"Readings are those that the session of {RECORD} was told, as it was told them; others with --topic."
-    return replace(concatenate(told), source=str(path), notes=(note,))
+    readings = [one.readings for one in (o.observation() for o in load_record(path).observations) if one.readings]
+    if not readings:
+        raise ReadingsError(f"{path}: expected a session with readings, got one without. Record one.")
+    note = f"The readings are those of the session in {RECORD}, unchanged. Use --topic to read other topics."
+    return replace(concatenate(readings), source=str(path), notes=(note,))
 
 
 def messages_of(path: Path, options: RosOptions) -> tuple[RosMessages, list[str]]:
-    """What a recording says, and what of it is lost.
+    """Return the messages of a recording, and notes on what could not be read.
+
+    Args:
+        path: file or folder of the recording.
+        options: topics to read.
 
     Raises:
         MissingExtraError: rosbags is not installed.
-        ReadingsError: nothing of it can be read, or it has no such topic.
+        ReadingsError: nothing can be read, or a topic is missing.
     """
     try:
         from rosbags.highlevel import AnyReader
@@ -96,7 +118,7 @@ def messages_of(path: Path, options: RosOptions) -> tuple[RosMessages, list[str]
             return _of_whole(reader, path, options), []
     except ReadingsError:
         raise
-    except Exception as error:  # noqa: BLE001  a damaged file fails in any way
+    except Exception as error:  # noqa: BLE001  a damaged file can raise anything
         return _of_broken(path, options, str(error).split("\n")[0][:120] or type(error).__name__)
 
 
@@ -110,8 +132,8 @@ def _of_whole(reader: Any, path: Path, options: RosOptions) -> RosMessages:
 
 
 def _of_broken(path: Path, options: RosOptions, why: str) -> tuple[RosMessages, list[str]]:
-    """What can be read of a recording that is not whole."""
-    raws = list(until_broken(path))
+    """Return the readable messages of a damaged recording."""
+    raws = list(messages_until_damage(path))
     if not raws:
         raise ReadingsError(
             f"{path}: expected a recording of ROS, got one that cannot be read: {why}. Record it again."
@@ -122,15 +144,16 @@ def _of_broken(path: Path, options: RosOptions, why: str) -> tuple[RosMessages, 
     for raw, message in _parsed(raws, messages):
         messages.take(raw.topic, raw.received, message)
     seconds = raws[-1].received - raws[0].received
-    held = f"{len(raws)} messages over {seconds:.1f} s could be read"
-    return messages, [f"The recording is not whole ({why.rstrip('.')}): {held}, all others are lost."]
+    readable = f"{len(raws)} messages over {seconds:.1f} s could be read"
+    return messages, [f"The recording is damaged ({why.rstrip('.')}): {readable}, all others are lost."]
 
 
 def _parsed(raws: list[Raw], messages: RosMessages) -> Iterator[tuple[Raw, Any]]:
-    """Messages as objects, by the definitions that are stored with them, or else those of ROS 2 Humble."""
+    """Yield messages as objects, decoded by the stored definitions, otherwise by those of ROS 2 Humble."""
     from rosbags.typesys import Stores, get_typestore
 
-    standard, readers = get_typestore(Stores.ROS2_HUMBLE), dict[str, Any]()
+    standard = get_typestore(Stores.ROS2_HUMBLE)
+    readers = dict[str, Any]()
     for raw in raws:
         if raw.topic not in messages.kinds:
             continue
@@ -139,19 +162,19 @@ def _parsed(raws: list[Raw], messages: RosMessages) -> Iterator[tuple[Raw, Any]]
         store = readers[raw.topic]
         try:
             message = (store.deserialize_ros1 if raw.ros1 else store.deserialize_cdr)(raw.data, raw.kind)
-        except Exception:  # noqa: BLE001  what is spoiled fails in any way
+        except Exception:  # noqa: BLE001  damaged data can raise anything
             messages.broken += 1
             continue
         yield raw, message
 
 
 def _store(raw: Raw) -> Any:
-    """The types of the definition that is stored with a message; None where that is missing or spoiled."""
+    """Return the type store of the definition stored with a message; None if it is missing or invalid."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(get_types_from_msg(raw.definition, raw.kind))
-    except Exception:  # noqa: BLE001  the same of a definition
+    except Exception:  # noqa: BLE001  a damaged definition can raise anything
         return None
     return store if raw.definition else None

@@ -1,7 +1,7 @@
-"""How robot brands and ROS write poses: units, order and kind of the angles.
+"""Define how robot brands and ROS write poses: units, order of the fields, and angle convention.
 
-Each convention is a row of :data:`BRANDS`. ``verified`` says whether the brand's own or an integrator's
-documentation was read; the others are from memory and must be confirmed on the controller before use.
+Each convention is a row of :data:`BRANDS`. ``verified`` states whether the convention was read in documentation of
+the brand or of an integrator. The other conventions must be confirmed on the controller before use.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ Rule = Literal["euler", "rotation vector", "wxyz", "xyzw"]
 
 @dataclass(frozen=True, slots=True)
 class Brand:
-    """How a brand writes a pose.
+    """Pose convention of a robot brand.
 
     Attributes:
-        name: Name for look-up.
-        fields: The fields in their order, position first.
-        metre: Metres per unit of position.
-        rule: What the fields after the position are.
-        axes: For Euler angles: the axes of the product, left to right, so ``"zyx"`` is ``Rz Ry Rx``.
-        order: For Euler angles: which angle field belongs to each of the axes.
-        radian: Radians per unit of angle.
-        verified: The convention was read in documentation.
-        source: Where.
-        syntax: How the controller's language writes the pose, with a place for each field.
+        name: name for look-up, in lower case.
+        fields: names of the fields in order, position first.
+        metre: metres per unit of position.
+        rule: kind of the orientation fields.
+        axes: axes of the Euler rotations, in product order: ``"zyx"`` is ``Rz Ry Rx``; empty for other rules.
+        order: index of the angle field for each of the axes; used with Euler angles only.
+        radian: radians per unit of angle.
+        verified: whether the convention was read in documentation.
+        source: document from which the convention was taken.
+        syntax: format string of a pose in the controller's language, with one place for each field.
     """
 
     name: str
@@ -96,16 +96,19 @@ _ROWS = (
 )  # fmt: skip
 
 BRANDS: Mapping[str, Brand] = MappingProxyType({b.name: b for b in _ROWS})
-"""All conventions by name."""
+"""All pose conventions by name."""
 
 _ALIASES = {"staeubli": "staubli", "stäubli": "staubli", "motoman": "yaskawa", "universal": "ur"}
 
 
 def brand(name: str) -> Brand:
-    """The convention of this name.
+    """Return the pose convention of a brand.
+
+    Args:
+        name: name of the brand, or an alias; case does not matter.
 
     Raises:
-        InputError: No such brand; the message lists the nearest.
+        InputError: the name is unknown; the message lists the known names and the nearest one.
     """
     name = _ALIASES.get(name.lower(), name.lower())
     if name not in BRANDS:

@@ -1,7 +1,7 @@
-"""Recordings of ROS that are not whole, read from their beginning as far as they hold.
+"""Read damaged ROS recordings from the beginning up to the first unreadable byte.
 
-A recorder that is killed, a full disk or a broken copy leave a file without its index, which readers of whole files
-refuse. Formats: http://wiki.ros.org/Bags/Format/2.0, https://mcap.dev/spec, the tables of rosbag2_storage_sqlite3.
+A killed recorder, a full disk or an interrupted copy leaves a file without its index, which normal readers refuse.
+Formats: http://wiki.ros.org/Bags/Format/2.0, https://mcap.dev/spec, the tables of rosbag2_storage_sqlite3.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 STARTS = {b"#ROSBAG V": "bag", b"\x89MCAP0\r\n": "mcap", b"SQLite format 3\0": "db3"}
-"""What the files of each format begin with."""
+"""Leading bytes of the files of each format."""
 _MESSAGE, _CHUNK, _CONNECTION = 2, 5, 7
-"""Records of a bag of ROS 1."""
+"""Operation codes of the records in a ROS 1 bag."""
 _LARGEST = 1 << 30
-"""A record that says that it is longer is none [bytes]."""
+"""Largest plausible record length [bytes]; a larger value means that the length field is damaged."""
 
 
 class Raw(NamedTuple):
-    """One message as it was stored: when it came [s], its bytes, and its definition, which may be empty."""
+    """Undecoded message: topic, type, time of reception [s], bytes, and message definition, which may be empty."""
 
     topic: str
     kind: str
@@ -35,14 +35,22 @@ class Raw(NamedTuple):
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files of a recording, a folder or one of them, in their order."""
+    """Return the files of a recording in order.
+
+    Args:
+        path: folder, or a single file.
+    """
     if path.is_dir():
         return sorted(p for p in path.iterdir() if p.suffix in (".mcap", ".db3") and p.is_file())
     return [path]
 
 
-def until_broken(path: Path) -> Iterator[Raw]:
-    """The messages of a recording, up to where it cannot be read on."""
+def messages_until_damage(path: Path) -> Iterator[Raw]:
+    """Yield the messages of a recording up to the first unreadable byte.
+
+    Args:
+        path: folder, or a single file.
+    """
     for file in files_of(path):
         with file.open("rb") as head:
             start = head.read(16)
@@ -55,7 +63,8 @@ def _nothing(path: Path) -> Iterator[Raw]:
 
 
 def _mcap(path: Path) -> Iterator[Raw]:
-    schemas, channels = dict[int, tuple[str, str, str]](), dict[int, tuple[int, str]]()
+    schemas = dict[int, tuple[str, str, str]]()
+    channels = dict[int, tuple[int, str]]()
     with path.open("rb") as file:
         file.read(8)
         for op, data in _mcap_records(file):
@@ -75,7 +84,7 @@ def _mcap(path: Path) -> Iterator[Raw]:
 
 
 def _mcap_records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Schemas, channels and messages, those in chunks too; of a chunk that is cut, what is there."""
+    """Yield operation code and data of schemas, channels and messages, also inside chunks and truncated chunks."""
     while len(head := file.read(9)) == 9:
         op, length = struct.unpack("<BQ", head)
         if length > _LARGEST:
@@ -88,17 +97,18 @@ def _mcap_records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def _mcap_chunk(data: bytes) -> bytes:
-    """The records of a chunk, up to where they are cut or spoiled."""
+    """Return the uncompressed records of a chunk, up to the first damaged byte."""
     at = 28  # times, size, checksum
     if len(data) < at + 4:
         return b""
     length = struct.unpack_from("<I", data, at)[0]
-    compression, packed = data[at + 4 : at + 4 + length], data[at + 4 + length + 8 :]
+    compression = data[at + 4 : at + 4 + length]
+    packed = data[at + 4 + length + 8 :]
     return _unpacked_bytes(compression, packed)
 
 
 def _unpacked_bytes(compression: bytes, data: bytes) -> bytes:
-    """What compressed bytes hold, up to where they are cut; nothing of what is spoiled."""
+    """Return decompressed bytes up to a truncation; empty if the data is damaged."""
     try:
         if compression == b"bz2":
             return bz2.BZ2Decompressor().decompress(data)
@@ -119,7 +129,7 @@ def _unpacked_bytes(compression: bytes, data: bytes) -> bytes:
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
-    """A text at a place, and where it ends."""
+    """Return the text at an offset, and the offset after it."""
     length = struct.unpack_from("<I", data, at)[0]
     return data[at + 4 : at + 4 + length].decode(errors="replace"), at + 4 + length
 
@@ -142,7 +152,7 @@ def _mcap_message(data: bytes) -> tuple[Any, ...]:
 
 _SCHEMA, _CHANNEL, _MCAP_CHUNK = 3, 4, 6
 _MCAP_PARTS: dict[int, Any] = {_SCHEMA: _schema, _CHANNEL: _channel, 5: _mcap_message}
-"""Records of MCAP, each with what takes it apart."""
+"""Decoders of the MCAP records that are used, by operation code."""
 
 
 def _database(path: Path) -> Iterator[Raw]:
@@ -168,7 +178,8 @@ def _bag(path: Path) -> Iterator[Raw]:
 
 
 def _message(fields: dict[bytes, bytes], data: bytes, connections: dict[int, tuple[str, str, str]]) -> Iterator[Raw]:
-    op, conn = fields.get(b"op", b"\0")[0], fields.get(b"conn", b"")
+    op = fields.get(b"op", b"\0")[0]
+    conn = fields.get(b"conn", b"")
     if len(conn) != 4 or op not in (_MESSAGE, _CONNECTION):
         return
     number = struct.unpack("<I", conn)[0]
@@ -184,12 +195,12 @@ def _message(fields: dict[bytes, bytes], data: bytes, connections: dict[int, tup
 
 
 def _unpacked(header: dict[bytes, bytes], data: bytes) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
-    """The records of a chunk, of which the end may be missing."""
+    """Yield the records of a chunk whose end may be missing."""
     yield from _records(BytesIO(_unpacked_bytes(header.get(b"compression", b"none"), data)))
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[dict[bytes, bytes], bytes]]:
-    """Header and data of each record; of the last one the data may be cut, where it is a chunk."""
+    """Yield header and data of each record; the last one may be a truncated chunk."""
     while len(head := _sized(file)) and (fields := _fields(head)):
         size = file.read(4)
         if len(size) < 4 or (length := struct.unpack("<I", size)[0]) > _LARGEST:
@@ -207,8 +218,9 @@ def _sized(file: BinaryIO) -> bytes:
 
 
 def _fields(data: bytes) -> dict[bytes, bytes]:
-    """``name=value`` of a header."""
-    out, at = dict[bytes, bytes](), 0
+    """Return the ``name=value`` fields of a record header."""
+    out = dict[bytes, bytes]()
+    at = 0
     while at + 4 <= len(data):
         length = struct.unpack_from("<I", data, at)[0]
         name, equals, value = data[at + 4 : at + 4 + length].partition(b"=")

@@ -1,6 +1,6 @@
-"""Calibration files: cameras as OpenCV (YAML, XML, JSON), ROS (``camera_info`` YAML, INI) and Kalibr write them.
+"""Read calibration files of OpenCV (YAML, XML, JSON), ROS (``camera_info`` YAML, INI) and Kalibr.
 
-The page on it is ``docs/vision.md``; layouts are brought to one in ``camera_layouts``.
+``docs/vision.md`` describes them; ``camera_layouts`` converts all layouts to one.
 """
 
 from __future__ import annotations
@@ -13,9 +13,19 @@ from typing import Annotated, Any
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.io.camera_keys import INVERSES, POSES, WRITE_IT, check_place, distortion, flat, near, plain
-from tanteo.io.camera_layouts import one_layout, region
-from tanteo.io.camera_text import parse_document
+from tanteo.io.camera_layouts import (
+    INVERSES,
+    POSES,
+    WRITE_IT,
+    check_place,
+    distortion,
+    flat,
+    near,
+    one_layout,
+    parse_document,
+    plain,
+    region,
+)
 from tanteo.io.document import made, table
 from tanteo.io.schema import Numbers, Place, Table, keys_of
 from tanteo.lie import SE3
@@ -27,16 +37,16 @@ _FISHEYE = re.compile(r"fisheye|equidistant|kannala|\bomni|\bmei\b|\beucm\b|\bds
 _RECTIFY = "Undistort the image first, and read it with the projection matrix of that (--rectified)."
 _MODELS = ("plumbbob", "rationalpolynomial", "radtan", "radialtangential", "opencv", "brown", "none", "pinhole", "")
 _MOST_SKEW = 1.0
-"""By how much a skew may move what is at the rim of the image [px]."""
+"""Largest displacement by skew at the border of the image that is accepted as noise [px]."""
 _MOST_BYTES = 2_000_000
-"""Of a calibration file, with all points of all its images; YAML takes seconds for so many."""
+"""Largest accepted calibration file [bytes], including the points of all images; larger YAML takes seconds to parse."""
 
 _EDGE, _MATRIX = "edge_sd_px", ("cameraMatrix", "mtx", "K", "k", "M1", "intrinsic_matrix", "camera_intrinsic")
 _OF_RECTIFIED = ("projection_matrix", "rectification_matrix")
 
 
 class CameraTable(Table, frozen=True, kw_only=True, eq=False):
-    """What a camera needs of a calibration file, under the names that OpenCV and ROS give it."""
+    """Camera entries of a calibration file, under the names that OpenCV and ROS give them."""
 
     camera_matrix: Annotated[FloatArray, Numbers("plain", ((9,),), others=_MATRIX)] | None = None
     distortion_coefficients: Annotated[FloatArray, Numbers("plain", ())] | None = None
@@ -51,9 +61,16 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
     edge_sd_px: Annotated[float, Numbers()] = USUAL_EDGE_SD
 
     def camera(self, document: Mapping[str, Any], rectified: bool, shape: tuple[int, ...] | None) -> Camera:
-        """The camera of the raw image or of the rectified one; of an image of this shape if the file has no size."""
+        """Return the camera of the raw or the rectified image.
+
+        Args:
+            document: all keys of the file, for binning and region of interest.
+            rectified: whether the image is rectified.
+            shape: rows and columns of the image, used if the file has no size.
+        """
         notes: list[str] = []
-        size, K = self._size(shape, notes), self._matrix(rectified, notes)
+        size = self._size(shape, notes)
+        K = self._matrix(rectified, notes)
         bins, offset, part = region(document)
         size = part or size
         K[:2, 2] -= offset
@@ -70,8 +87,8 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
             edge_sd = float(np.hypot(edge_sd, abs(skew) / np.sqrt(12)))
             K[0, 1] = 0.0
             notes.append(
-                f"the skew of the camera matrix is left out: it moves nothing by more than {abs(skew) / 2:.2g} px, "
-                f"which is counted as noise of edges (edge_sd_px {edge_sd:.2g})."
+                f"the skew of the camera matrix is ignored: it displaces no pixel by more than {abs(skew) / 2:.2g} px, "
+                f"which is added to the noise of edges (edge_sd_px {edge_sd:.2g})."
             )
         values = {
             "K": K,
@@ -82,8 +99,9 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         return made(Camera, values | more, str(self.at))
 
     def _size(self, shape: tuple[int, ...] | None, notes: list[str]) -> tuple[float, float]:
-        """Width and height."""
-        width, height = self.image_width, self.image_height
+        """Return width and height of the image [px]."""
+        width = self.image_width
+        height = self.image_height
         if width is None and self.image_size is not None:
             return float(self.image_size[0]), float(self.image_size[1])
         if width is not None and height is not None:
@@ -98,7 +116,7 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         return float(shape[1]), float(shape[0])
 
     def _matrix(self, rectified: bool, notes: list[str]) -> FloatArray:
-        """``K`` of the image, ``(3, 3)``."""
+        """Return the camera matrix ``K`` ``(3, 3)`` of the image."""
         if rectified and self.projection_matrix is not None and self.projection_matrix.any():
             return self.projection_matrix.reshape(3, -1)[:, :3].copy()
         if self.camera_matrix is None:
@@ -113,10 +131,11 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         return self.camera_matrix.reshape(3, 3).copy()
 
     def _lens(self, rectified: bool) -> FloatArray:
-        """The distortion of the image."""
+        """Return the distortion coefficients of the image."""
         if rectified:
             return np.zeros(0)
-        model, k = plain(self.distortion_model), self.distortion_coefficients
+        model = plain(self.distortion_model)
+        k = self.distortion_coefficients
         if model not in _MODELS:
             raise self.at.refused("distortion_model", "plumb_bob, rational_polynomial, radtan or none", _RECTIFY)
         if model == "none" and (k is None or not k.any()):
@@ -134,15 +153,16 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
         return k if k.any() else np.zeros(0)
 
     def _rectified_place(self) -> Transforms | None:
-        """Where the rectified camera stands: its axes are turned by ``rectification_matrix``."""
-        T, R = self._place(), self.rectification_matrix
+        """Return the pose of the rectified camera, whose axes are rotated by ``rectification_matrix``."""
+        T = self._place()
+        R = self.rectification_matrix
         if T is None or R is None or not R.any():
             return T
         turn = SE3.from_parts(R.reshape(3, 3).T, np.zeros(3))
         return np.asarray(T @ turn)
 
     def _place(self) -> Transforms | None:
-        """Where the camera stands, by its pose or by the inverse of it."""
+        """Return the camera's pose in the world, from the pose or from its inverse."""
         if self.T_camera_world is None:
             return None if self.T_world_camera is None else self.T_world_camera.reshape(4, 4)
         values = {"name": self.at.written["T_camera_world"], "T": self.T_camera_world.reshape(4, 4)}
@@ -150,24 +170,24 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
 
 
 def read_camera(path: str | Path, *, rectified: bool = False, shape: tuple[int, ...] | None = None) -> Camera:
-    """Read a calibration file.
+    """Read a camera calibration file.
 
-    Known are the files of OpenCV's calibration programs (``camera_matrix``, ``distortion_coefficients``; YAML, XML and
-    JSON), ROS ``camera_info`` (the file of ``camera_calibration``, YAML or INI, or one message as text, whose binning
-    and region are applied), Kalibr's ``camchain.yaml`` of one pinhole camera, ``intrinsics`` with ``fx fy cx cy``,
-    other names of the distortion (``docs/vision.md``), and besides theirs two keys: ``T_world_camera``, where the
-    camera stands, 4 x 4, metres, or its inverse ``T_camera_world``, and ``edge_sd_px``, by how much lens and
-    calibration move a whole edge in the image.
+    Supported are the files of OpenCV's calibration programs (``camera_matrix``, ``distortion_coefficients``; YAML, XML
+    and JSON), ROS ``camera_info`` (the file of ``camera_calibration``, YAML or INI, or one message as text, with
+    binning and region of interest), Kalibr's ``camchain.yaml`` of one pinhole camera, and ``intrinsics`` with ``fx fy
+    cx cy``. ``docs/vision.md`` lists other names of the distortion. Two keys are added to theirs: ``T_world_camera``,
+    the camera's pose (4 x 4, metres), or its inverse ``T_camera_world``; and ``edge_sd_px``, the standard deviation of
+    a whole edge in the image from lens and calibration errors.
 
     Args:
-        path: The file, YAML, XML, JSON or INI.
-        rectified: The image is rectified: ``projection_matrix`` is its camera, without distortion; ``camera_matrix`` if
-            the file has none.
-        shape: Rows and columns of the image, for a file without size: what is taken so is in the camera's ``notes``.
+        path: calibration file, YAML, XML, JSON or INI.
+        rectified: whether the image is rectified. Then ``projection_matrix`` is used without distortion, or
+            ``camera_matrix`` if the file has none.
+        shape: rows and columns of the image, for a file without size; the camera's ``notes`` report its use.
 
     Raises:
-        InputError: The file cannot be read, or lacks what a camera needs; the message names file and key.
-        MissingExtraError: A YAML file without PyYAML.
+        InputError: the file cannot be read, or lacks a required key; the message names file and key.
+        MissingExtraError: the file is YAML and PyYAML is not installed.
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
@@ -191,7 +211,7 @@ def read_camera(path: str | Path, *, rectified: bool = False, shape: tuple[int, 
 
 
 def _known(document: Mapping[str, Any], path: Path, rectified: bool) -> dict[str, Any]:
-    """The keys that a camera needs, each once, with their numbers in one row."""
+    """Return the camera keys, each once, with matrices flattened to lists."""
     known: dict[str, tuple[str, Any]] = {}
     for key, (name, _) in keys_of(CameraTable).items():
         if key in document and name not in known and (rectified or name not in _OF_RECTIFIED):
@@ -201,7 +221,7 @@ def _known(document: Mapping[str, Any], path: Path, rectified: bool) -> dict[str
 
 
 def _check_keys(document: Mapping[str, Any], path: Path) -> None:
-    """Other programs' keys are theirs; one that is nearly ours was meant to be, and a fisheye's says so by its own."""
+    """Refuse fisheye models and misspelt keys of this project; ignore the keys of other programs."""
     for key, value in document.items():
         name = str(key)
         if name != _EDGE and near(name, _EDGE):

@@ -1,4 +1,4 @@
-"""The cells of a readings file: where each stands, and what its numbers have to satisfy."""
+"""Check the numbers of a readings file, and locate each cell for error messages."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ import numpy as np
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.io.assembling import LARGEST
 from tanteo.io.columns import ANGLES, DIRECTION, NORMAL, OUTWARD, POINT, QUATERNION, Column, groups
-from tanteo.io.hand_columns import ABB, way_of
+from tanteo.io.hand_columns import ABB, notation_of
 from tanteo.io.poses import FULL_TURN, MANY_TURNS, in_radians
 from tanteo.logs import Lines, TableText
 from tanteo.typing import BoolArray, FloatArray
 
 _LARGEST_TIP = 1.0
-"""No tip has a larger radius [m]."""
+"""Largest accepted tip radius [m]."""
 
 _SHORTEST, _LONGEST = 1e-9, 1e9
-"""Lengths that a direction may have; their squares are numbers still."""
+"""Smallest and largest accepted length of a direction vector; its square must stay in range."""
 
 _POSITIVE = ("sd", "across_sd", "range", "max", "normal_sd", "hole_radius", "hole_diameter", "half_angle")
 _QUATERNION_SLACK = 1e-3
@@ -33,13 +33,13 @@ _UNIT_RIGHT = "is the unit in the column's name right?"
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A file of rows, as complaints name its cells.
+    """Table file as error messages refer to it.
 
     Attributes:
-        path: The file.
-        columns: As its header names them.
-        text: How it is written.
-        above: Rows above the first reading.
+        path: path of the file.
+        columns: columns as named in the header.
+        text: encoding, delimiter and decimal sign of the file.
+        above: number of rows above the first reading.
     """
 
     path: Path
@@ -49,11 +49,15 @@ class Sheet:
 
     @cached_property
     def by_base(self) -> Mapping[str, Column]:
-        """Its columns by their names without units."""
+        """Columns by name without unit."""
         return {column.base: column for column in self.columns}
 
     def place(self, row: int) -> str:
-        """File and line of a row of the table, found by reading the file again: only complaints pay for it."""
+        """Return file name and line number of a table row; the file is read again, which only error messages do.
+
+        Args:
+            row: index of the row below the header.
+        """
         with self.text.open(self.path) as text:
             lines = Lines(text)
             rows = csv.reader(lines, strict=True, delimiter=self.text.delimiter)
@@ -61,7 +65,17 @@ class Sheet:
             return f"{self.path}, line {lines.number}"
 
     def refuse(self, row: int, name: str, value: str, expected: str) -> NoReturn:
-        """Complain about a cell."""
+        """Raise an error about one cell.
+
+        Args:
+            row: index of the row below the header.
+            name: name of the column without unit.
+            value: text of the cell; empty for an empty cell.
+            expected: accepted values, in words.
+
+        Raises:
+            ReadingsError: always.
+        """
         got = f"'{value}'" if value else "an empty cell"
         raise ReadingsError(
             f"{self.place(row)}, column '{self.by_base[name].written}': expected {expected}, got {got}. "
@@ -71,13 +85,13 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Numbers:
-    """The numbers of some rows.
+    """Numeric columns of consecutive table rows.
 
     Attributes:
-        sheet: Where they stand.
-        first: Row of the table that is the first of them.
-        ids: Of all rows of the table so far; None where it has none.
-        values: By column, NaN for empty cells.
+        sheet: file that contains the rows.
+        first: table index of the first row.
+        ids: identifiers of all table rows up to the last of these; None if the table has none.
+        values: numbers by column name, NaN for empty cells.
     """
 
     sheet: Sheet
@@ -86,11 +100,11 @@ class Numbers:
     values: Mapping[str, FloatArray]
 
     def check(self) -> None:
-        """Numbers in their limits, groups whole, units that are probable.
+        """Check that numbers are in range, groups of columns are complete, and units are plausible.
 
         Raises:
-            ReadingsError: One is not; the message names file, line, column and value.
-            UnitError: An angle is probably in another unit than its column says.
+            ReadingsError: a number is invalid; the message names file, line, column and value.
+            UnitError: an angle is probably in another unit than its column states.
         """
         for name in _POSITIVE:
             if name in self.values:
@@ -108,7 +122,7 @@ class Numbers:
         self._check_groups()
 
     def _check_groups(self) -> None:
-        """Refuse a group of which a row has some only, a direction without length and a quaternion that is none."""
+        """Refuse rows with incomplete groups, directions without length, and quaternions that are not unit."""
         for group in groups(self.values):
             if group[0] in self.values:
                 filled = np.stack([~np.isnan(self.values[name]) for name in group])
@@ -124,9 +138,10 @@ class Numbers:
                 self._require(good, four[0], f"a unit quaternion {four[0]} .. {four[-1]}", lengths)
 
     def _check_directions(self, group: tuple[str, ...]) -> None:
-        """Complain about the largest component of a direction that has none, or one too large to be squared."""
+        """Refuse directions that are zero, or too large to be squared, naming the largest component."""
         each = np.abs(np.stack([self.values[name] for name in group]))
-        largest, which = each.max(axis=0), each.argmax(axis=0)
+        largest = each.max(axis=0)
+        which = each.argmax(axis=0)
         for good, expected in (
             (~(largest < _SHORTEST), "a direction that is not zero"),
             (~(largest > _LONGEST), f"components of a direction, up to {_LONGEST:g}"),
@@ -135,7 +150,7 @@ class Numbers:
                 self._require(good, group[which[np.flatnonzero(~good)[0]]], expected)
 
     def _check_turns(self) -> None:
-        """Refuse degrees under the name of radians, nobody turns by more than a full turn; and the other way round."""
+        """Refuse degrees in columns of radians, and radians in columns of degrees."""
         angles = [column for column in self.sheet.columns if column.base in ANGLES]
         for column in angles:
             if column.written.lower().rstrip(")]").endswith("rad"):
@@ -144,7 +159,7 @@ class Numbers:
         for column in angles:
             few = ~(np.abs(self.values[column.base]) > MANY_TURNS)
             self._require(few, column.base, "an angle of up to 36000 degrees")
-        turned = [column for column in angles if column.base in way_of(self.values).names]
+        turned = [column for column in angles if column.base in notation_of(self.values).names]
         degrees = [column for column in turned if column.factor != 1]
         if degrees and in_radians(np.concatenate([self.values[c.base] / c.factor for c in degrees])):
             sizes = [np.nanmax(np.abs(self.values[c.base]), initial=0) for c in degrees]

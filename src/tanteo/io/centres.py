@@ -1,4 +1,4 @@
-"""Which rows of a table give centres: a single row of a circle, cylinder, sphere or cone, not contacts on its wall."""
+"""Identify table rows that state the centre of a circle, cylinder, sphere or cone, not a contact on its wall."""
 
 from __future__ import annotations
 
@@ -12,29 +12,30 @@ from tanteo.sensors import SIZES, ReadingKind, centre_notes, reading_kind
 from tanteo.typing import BoolArray, Vectors
 
 _AXIS_SD = np.radians(1.0)
-"""Of an axis of which nobody said how well it is known [rad]."""
+"""Standard deviation assumed for an axis without a stated one [rad]."""
 
 
 def find_centres(
     columns: dict[str, Any], n: int, outward: Vectors | None, source: str, notes: list[str]
 ) -> tuple[BoolArray, Vectors | None]:
-    """Make rows that give the centre of a round feature readings of the kind of that centre, with a note.
+    """Convert rows that state the centre of a round feature to the kind of that centre, and add notes about them.
 
-    They are those of kind circle, cylinder, sphere or cone that are alone with their label, or that have the radius or
-    the side of the hole or boss. Several rows with one label are contacts on its wall.
+    Such a row has kind circle, cylinder, sphere or cone, and is the only one with its label or states the radius or the
+    material side of the hole or boss. Several rows with one label are contacts on its wall.
 
     Args:
-        columns: of :meth:`Readings.from_columns`, in SI; None where the file has none.
-        n: how many rows there are.
-        outward: vectors I J K ``(n, 3)`` of the file; of centres they are axes.
-        source: the file, for messages.
-        notes: what was said of it so far.
+        columns: columns of :meth:`Readings.from_columns`, in SI units; None where the file has no such column. The
+            kinds and normals are replaced.
+        n: number of rows.
+        outward: vectors I, J, K ``(n, 3)`` of the file; for centres they are axes. None if absent.
+        source: file name for messages.
+        notes: notes collected so far; extended in place.
 
     Returns:
-        Which rows give centres ``(n,)``, and the vectors of the others; None if there are none.
+        Mask of the rows that state centres ``(n,)``, and the vectors of the other rows; None if there are none.
 
     Raises:
-        ReadingsError: one of them has a ball's radius.
+        ReadingsError: centres have a tip radius although no other row has one.
     """
     kinds = [reading_kind(kind or "point") for kind in columns["kinds"] or ()]
     if not any(kind.centre for kind in kinds):
@@ -79,11 +80,12 @@ def _said(columns: dict[str, Any], rows: BoolArray) -> list[str]:
 
 
 def _without_ball(columns: dict[str, Any], rows: BoolArray, source: str) -> None:
-    """A radius that all readings have is the ball's of the others; one of centres alone was meant for the hole."""
+    """Set the tip radius of centre rows to zero; refuse one stated with centres alone, where the hole's was meant."""
     radii = columns["radii"]
     if radii is None:
         return
-    own, others = radii[rows], radii[~rows]
+    own = radii[rows]
+    others = radii[~rows]
     if np.any(own > 0) and not np.any(others > 0):
         raise ReadingsError(
             f"{source}: expected no radius of a tip's ball (radius_mm, --radius) beside centres of circles alone, got "
@@ -93,14 +95,21 @@ def _without_ball(columns: dict[str, Any], rows: BoolArray, source: str) -> None
 
 
 def _named(columns: dict[str, Any], rows: BoolArray) -> str:
-    labels, ids = columns["features"], columns["ids"]
+    labels = columns["features"]
+    ids = columns["ids"]
     names = [(labels[k] if labels is not None else "") or str(ids[k] if ids is not None else k + 1)
              for k in np.flatnonzero(rows)]  # fmt: skip
     return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
-def know_axes(columns: dict[str, Any], rows: BoolArray, notes: list[str]) -> None:
-    """Axes of which nobody said how well they are known are known to a degree."""
+def set_axis_sds(columns: dict[str, Any], rows: BoolArray, notes: list[str]) -> None:
+    """Set the standard deviation of axes that have none to one degree, and add a note.
+
+    Args:
+        columns: columns of :meth:`Readings.from_columns`; ``normal_sds`` is replaced.
+        rows: mask of the rows that state centres ``(n,)``.
+        notes: notes collected so far; extended in place.
+    """
     if columns["normals"] is None or not rows.any():
         return
     given = rows & ~np.isnan(columns["normals"]).any(axis=1)
@@ -108,4 +117,4 @@ def know_axes(columns: dict[str, Any], rows: BoolArray, notes: list[str]) -> Non
     unknown = given & np.isnan(sds)
     if unknown.any():
         columns["normal_sds"] = np.where(unknown, _AXIS_SD, sds)
-        notes.append("Axes of holes and bosses are taken as known to 1 degree; normal_sd_deg says it otherwise.")
+        notes.append("Axes of holes and bosses are taken as known to 1 degree; normal_sd_deg sets another value.")

@@ -1,4 +1,4 @@
-"""The columns of a readings file: names, units in the names, groups that come together."""
+"""Interpret the header of a readings file: column names, units in the names, and groups of columns."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
 from tanteo.io.brands import BRANDS
 from tanteo.io.hand_columns import ANGLES as HAND_ANGLES
-from tanteo.io.hand_columns import PLACE, WAYS, as_hand, way_of
+from tanteo.io.hand_columns import NOTATIONS, PLACE, as_hand, notation_of
 from tanteo.io.hand_columns import PLAIN as HAND_PLAIN
-from tanteo.io.headers import advice, canonical, is_beside, with_id, with_unit
+from tanteo.io.headers import advice, canonical, is_unrelated, with_id, with_unit
 from tanteo.io.schema import show
 from tanteo.io.units import ANGLE_UNITS, LENGTH_UNITS
 
@@ -25,31 +25,39 @@ POINT = ("x", "y", "z")
 DIRECTION = ("dx", "dy", "dz")
 NORMAL = ("nx", "ny", "nz")
 OUTWARD = ("i", "j", "k")
-QUATERNION = WAYS[0].names
+QUATERNION = NOTATIONS[0].names
 HAND = (*PLACE, *QUATERNION)
 ANGLES = ("normal_sd", "half_angle", *HAND_ANGLES)
-_OF_BRANDS = tuple(name for way in WAYS[3:] for name in way.names)
+_OF_BRANDS = tuple(name for notation in NOTATIONS[3:] for name in notation.names)
 
 
 def hand_group(names: Iterable[str]) -> tuple[str, ...]:
-    """The columns of the hand's pose: its place, and its rotation in the way that the names have, or as quaternion."""
-    return (*PLACE, *way_of(names).names)
+    """Return the columns of the hand's pose: position, and rotation in the notation that the names use.
+
+    Args:
+        names: column names without units.
+    """
+    return (*PLACE, *notation_of(names).names)
 
 
 def groups(names: Iterable[str]) -> tuple[tuple[str, ...], ...]:
-    """Columns that are filled together or not at all."""
+    """Return the groups of columns in which a row fills all cells or none.
+
+    Args:
+        names: column names without units.
+    """
     return (POINT, DIRECTION, NORMAL, OUTWARD, hand_group(names))
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column of a file.
+    """Column of a readings file.
 
     Attributes:
-        base: Name without the unit.
-        written: Name in the file.
-        factor: To metres or radians; NaN for text.
-        left_out: It says nothing of readings.
+        base: name without the unit.
+        written: name as written in the file.
+        factor: factor to metres or radians; NaN for text.
+        left_out: whether the column is ignored because it does not describe readings.
     """
 
     base: str
@@ -59,12 +67,12 @@ class Column:
 
     @property
     def is_text(self) -> bool:
-        """It holds names, not numbers."""
+        """Whether the column holds text, not numbers."""
         return self.base in TEXTS
 
 
 def known_columns() -> str:
-    """All column names, for messages."""
+    """Return all known column names as a list in words, for messages."""
     lengths = [f"{name}_mm" for name in LENGTHS]
     return ", ".join([*TEXTS, *lengths, *(f"{name}_deg" for name in ANGLES if name not in _OF_BRANDS), *PLAIN[:13]])
 
@@ -72,18 +80,19 @@ def known_columns() -> str:
 def read_header(
     cells: Sequence[str], place: str, *, units: str | None = None, brand: str | None = None, below: Sequence[str] = ()
 ) -> tuple[Column, ...]:
-    """The columns that a header names.
+    """Return the columns that a header names.
 
     Args:
-        cells: The header's cells.
-        place: File and line, for messages.
-        units: Of lengths whose name has none.
-        brand: Whose pose the ``hand_`` columns are; their units are those of the brand where the name has none.
-        below: Units that stand in the row below the header.
+        cells: cells of the header row.
+        place: file name and line for messages.
+        units: unit of lengths whose column name has none; None to require one.
+        brand: robot brand whose pose convention the ``hand_`` columns follow, including its units where the name has
+            none; None if not stated.
+        below: units in the row below the header; empty if there is no such row.
 
     Raises:
-        ReadingsError: An unknown column (with the nearest name), one that comes twice, or a group that is incomplete.
-        UnitError: A unit that is missing, unknown, or contradicts another column.
+        ReadingsError: a column is unknown (the message names the nearest) or repeated, or a group is incomplete.
+        UnitError: a unit is missing, unknown, or contradicts another column.
     """
     written = [cell.strip() for cell in cells]
     if any(_is_number(name) for name in written):
@@ -113,13 +122,13 @@ def read_header(
 
 
 def _brand_unit(name: str, brand: str | None, names: Sequence[str]) -> str | None:
-    """Unit of a ``hand_`` column without one: of the brand that was stated, or degrees where only brands write so."""
-    way = way_of(names)
-    if name in way.names and name in ANGLES:
-        if brand in way.brands:
+    """Return the unit of a ``hand_`` column without one: that of the stated brand, or degrees in brand notations."""
+    notation = notation_of(names)
+    if name in notation.names and name in ANGLES:
+        if brand in notation.brands:
             return "rad" if BRANDS[str(brand)].radian == 1 else "deg"
         return "deg" if name in _OF_BRANDS else None
-    if name in PLACE and brand in way.brands:
+    if name in PLACE and brand in notation.brands:
         return "m" if BRANDS[str(brand)].metre == 1 else "mm"
     return None
 
@@ -127,7 +136,7 @@ def _brand_unit(name: str, brand: str | None, names: Sequence[str]) -> str | Non
 def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
     if name in TEXTS:
         return Column(name, written, float("nan"))
-    if is_beside(name):
+    if is_unrelated(name):
         return Column(f"left out: {place}", written, float("nan"), left_out=True)
     if name in PLAIN:
         return Column(name, written, 1.0)
@@ -139,7 +148,7 @@ def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
             return Column(name, written, units[unit])
         if name in bases:
             listed = ", ".join(f"{name}_{u}" for u in units)
-            how = "Add it, or say --units mm." if bases is LENGTHS else "Add it."
+            how = "Add it, or use --units mm." if bases is LENGTHS else "Add it."
             raise UnitError(f"{place}: expected a unit in the name ({listed}), got '{show(written)}'. {how}")
         if base in bases:
             listed = ", ".join(f"{base}_{u}" for u in units)
@@ -147,18 +156,18 @@ def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
     if not name:
         raise ReadingsError(f"{place}: expected a name, got nothing. Remove the comma or name the column.")
     if words := advice(written):
-        raise ReadingsError(f"{place}: expected a column that is known, got '{show(written)}'.{words}")
+        raise ReadingsError(f"{place}: expected a known column, got '{show(written)}'.{words}")
     hint = did_you_mean(name, known_columns().split(", ")) if len(name) > 2 else ""
-    hint = hint or " Rename the column or leave it out."
+    hint = hint or " Rename the column or remove it."
     raise ReadingsError(f"{place}: expected one of {known_columns()}, got '{show(written)}'.{hint}")
 
 
 def _check_groups(columns: dict[str, Column], place: str) -> None:
-    way = way_of(columns)
-    others = [name for one in WAYS for name in one.names if name in columns and name not in way.names]
+    notation = notation_of(columns)
+    others = [name for one in NOTATIONS for name in one.names if name in columns and name not in notation.names]
     if others:
-        have = ", ".join(dict.fromkeys(columns[n].written for one in WAYS for n in one.names if n in columns))
-        listed = ", ".join(one.words for one in WAYS[:3])
+        have = ", ".join(dict.fromkeys(columns[n].written for one in NOTATIONS for n in one.names if n in columns))
+        listed = ", ".join(one.words for one in NOTATIONS[:3])
         raise ReadingsError(
             f"{place}: expected the hand's rotation in one way, got {have}. Keep one of {listed}, or of a brand."
         )
@@ -166,9 +175,9 @@ def _check_groups(columns: dict[str, Column], place: str) -> None:
         missing = [name for name in group if name not in columns]
         if missing and len(missing) < len(group):
             have = ", ".join(columns[name].written for name in group if name in columns)
-            turned = any(name in columns for name in way.names)
-            ways = ", ".join(one.words for one in WAYS[:2]) + f" or {WAYS[2].words}, or that of a brand"
-            instead = "" if group[0] != PLACE[0] or turned else f" The rotation may be {ways}."
+            turned = any(name in columns for name in notation.names)
+            notations = ", ".join(one.words for one in NOTATIONS[:2]) + f" or {NOTATIONS[2].words}, or that of a brand"
+            instead = "" if group[0] != PLACE[0] or turned else f" The rotation may be {notations}."
             raise ReadingsError(
                 f"{place}: expected {', '.join(group)} together, got only {have}. Add {', '.join(missing)} (with unit "
                 f"where it is a length or an angle).{instead}"
@@ -181,7 +190,7 @@ def _check_groups(columns: dict[str, Column], place: str) -> None:
 
 
 def _lacks_points(columns: dict[str, Column]) -> bool:
-    """A pose of the hand is where its tip is; with a range it is not."""
+    """Return whether the columns determine no contact points: no hand pose, or a hand pose with ranges."""
     return PLACE[0] not in columns or not columns.keys().isdisjoint(("range", "sensor", "status"))
 
 

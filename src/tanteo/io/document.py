@@ -1,7 +1,7 @@
-"""The reader of all documents: a table becomes the class whose annotations it has to match.
+"""Convert parsed documents (TOML, JSON) into the classes whose annotations they must match.
 
-What people write is a :class:`~tanteo.io.schema.Table`; what a record keeps are frozen data classes as they are. Each
-message names file, table, key and value, and the line of a TOML file.
+Documents written by users are :class:`~tanteo.io.schema.Table` classes; records contain plain frozen data classes.
+Each error message names file, table, key and value, and for TOML the line.
 """
 
 from __future__ import annotations
@@ -27,20 +27,26 @@ from tanteo.whole import read_whole
 T = TypeVar("T")
 
 _DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){50}""")
-"""Dotted names of fifty parts."""
+"""Pattern of dotted names with fifty parts, for which ``tomllib`` needs minutes."""
 
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 
 def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> T:
-    """The document of a TOML file; ``text`` is read in its stead.
+    """Read a TOML file into a document class.
+
+    Args:
+        path: file, also used in messages.
+        what: kind of file, in words, for messages.
+        kind: class of the document.
+        text: content to parse instead of reading the file; None to read it.
 
     Raises:
-        InputError: It cannot be read, is not TOML, or says something else than its class.
+        InputError: the file cannot be read, is not TOML, or does not match the class.
     """
     try:
         text = read_whole(path, f"a {what}").decode() if text is None else text
-        if _DEEP.search(text):  # which TOML's reader takes minutes for
+        if _DEEP.search(text):
             raise InputError(f"{path}: expected a {what}, got a name in fifty others. Correct the file.")
         return table(kind, tomllib.loads(text), Place(str(path), text=text))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -50,16 +56,16 @@ def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> 
 
 
 def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = types.MappingProxyType({})) -> T:
-    """The :class:`Table` or data class of a table.
+    """Convert a parsed table to its :class:`Table` or data class.
 
     Args:
-        kind: of its fields.
-        raw: as read.
-        place: where it stands.
+        kind: class that defines the fields.
+        raw: parsed table.
+        place: position of the table in the file, for messages.
         blank: values of fields that may be missing.
 
     Raises:
-        InputError: no table, a key that is unknown, missing or given twice, or a value that is none of its field.
+        InputError: ``raw`` is not a table, a key is unknown, missing or repeated, or a value does not match its field.
         UnitError: a unit is missing or unknown.
     """
     if not isinstance(raw, dict):
@@ -82,7 +88,16 @@ def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = type
 
 
 def made(kind: Callable[..., T], values: Mapping[str, Any], place: str) -> T:
-    """What a function makes of these values; where it refuses them, the message begins with the place."""
+    """Call a function with keyword values, and prefix its error messages with the place.
+
+    Args:
+        kind: class or function to call.
+        values: keyword arguments.
+        place: position in the file, for messages.
+
+    Raises:
+        InputError: the function refuses the values.
+    """
     try:
         return kind(**values)
     except InputError as error:
@@ -90,9 +105,21 @@ def made(kind: Callable[..., T], values: Mapping[str, Any], place: str) -> T:
 
 
 def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> Any:
-    """The value of an annotation: a table, some of them by name, a sequence, an array, or what msgspec makes of it."""
+    """Convert a parsed value to its annotation: a table, a mapping, a sequence, an array, or a type of msgspec.
+
+    Args:
+        hint: annotation of the field.
+        raw: parsed value.
+        place: position of the value's table, for messages.
+        name: name of the field.
+        factor: factor from the unit of the key to SI.
+
+    Raises:
+        InputError: the value does not match the annotation.
+    """
     hint, numbers, meta = unwrapped(hint)
-    origin, kinds = get_origin(hint), get_args(hint)
+    origin = get_origin(hint)
+    kinds = get_args(hint)
     if hint is object:
         return raw
     if origin in (Union, types.UnionType):
@@ -123,14 +150,14 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
 
 
 def _field(kind: type, key: str, place: Place) -> tuple[str, float]:
-    """Field and factor of a key."""
+    """Return the field name of a key, and the factor from its unit to SI."""
     if key in keys_of(kind):
         return keys_of(kind)[key]
     keys = {name: list(numbers_of(hint).keys(name)) for name, (hint, _) in fields_of(kind).items()}
     for name, own in sorted(keys.items(), reverse=True):
         if name not in own and (key == name or key.startswith(f"{name}_")):
             raise place.error(
-                f"expected one of {', '.join(own)}, got '{show(key)}'. Say the unit in the name.", key, UnitError
+                f"expected one of {', '.join(own)}, got '{show(key)}'. Write the unit in the name.", key, UnitError
             )
     known = [own[0] for own in keys.values()]
     hint = did_you_mean(key, known) or " Correct the name."
@@ -138,7 +165,7 @@ def _field(kind: type, key: str, place: Place) -> tuple[str, float]:
 
 
 def _wanted(name: str, hint: Any) -> str:
-    """A field that has to be there, in words."""
+    """Return the description of a missing field for messages."""
     bare, numbers, meta = unwrapped(hint)
     if is_table(bare) or get_origin(bare) is Mapping:
         return _words(bare, meta, name)
@@ -147,7 +174,7 @@ def _wanted(name: str, hint: Any) -> str:
 
 
 def _words(hint: Any, meta: Meta | None, name: str) -> str:
-    """What is expected of a value."""
+    """Return the description of an accepted value for messages."""
     if meta is not None and meta.description:
         return meta.description
     if is_table(hint):
@@ -187,7 +214,7 @@ def _is_number(cell: Any) -> bool:
 
 
 def _array(raw: Any, dtype: type, numbers: Numbers | None, place: Place, name: str, factor: float) -> np.ndarray:
-    """An array: finite numbers of one of the shapes, in SI, or what :func:`as_plain` writes of any other."""
+    """Return an array in SI units: finite numbers of an accepted shape, or any array that :func:`as_plain` wrote."""
     cells = np.array(raw, dtype=object)
     flat = cells.ravel().tolist()
     if dtype is np.float64:

@@ -1,4 +1,4 @@
-"""Files of measurements that a plug-in reads as factors of the pose."""
+"""Read files of measurements as factors of the pose, with readers from plug-ins."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FactorReader: TypeAlias = Callable[[Path], PoseFactor]
 """Function that reads a file of measurements as a factor."""
 
 FACTORS: Registry[FactorReader] = Registry("tanteo.factors", Callable, {})
-"""Readers of factors by name; tanteo itself has none."""
+"""Factor readers by name; tanteo itself provides none."""
 
 
 def read_factor(name: str, path: str | Path) -> PoseFactor:
@@ -26,9 +26,12 @@ def read_factor(name: str, path: str | Path) -> PoseFactor:
         name: name of the entry point of the group ``tanteo.factors``.
         path: file, which the reader opens.
 
+    Returns:
+        Factor of the pose; errors in its functions name the plug-in.
+
     Raises:
-        InputError: No plug-in has that name.
-        PluginError: The plug-in fails, or returns something else.
+        InputError: no plug-in has that name.
+        PluginError: the plug-in fails, or does not return a factor.
     """
     reader = FACTORS.find(name.lower())
     if reader is None:

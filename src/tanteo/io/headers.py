@@ -1,4 +1,4 @@
-"""Names of columns as people and machines write them, brought to ours: case, units in brackets, words of ROS."""
+"""Convert column names written by people and machines to canonical ones: case, units in brackets, words of ROS."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BESIDE = re.compile(
 )
 _NAMES = ("no", "nr", "num", "number", "index", "point", "points", "point_no", "point_nr", "pt", "name", "point_name")
 _LONGEST = 100
-"""Characters of a name; what is longer is none."""
+"""Largest number of characters in a column name; longer text is not matched."""
 
 _NO_UNIT = ("", "-", "1", "/")
 _WHOLE = re.compile(r"(?:\w*_)?(position|translation|orientation|rotation|normal|direction)_([xyzw])(_\w+)?")
@@ -43,14 +43,21 @@ _ADVICE = (
 
 
 def canonical(cell: str) -> str:
-    """``X (mm)``, ``X [mm]``, ``X_MM`` and ``x mm`` as ``x_mm``; ``pose.position.x`` as ``hand_x``."""
+    """Return the canonical column name: ``X (mm)``, ``X [mm]``, ``X_MM`` and ``x mm`` become ``x_mm``.
+
+    Names of ROS messages are converted too: ``pose.position.x`` becomes ``hand_x``.
+
+    Args:
+        cell: header cell as written.
+    """
     text = cell.strip().strip("\"'").strip().lower().replace("µ", "u").replace("μ", "u")
     if len(text) > _LONGEST:
         return text
     match = _BRACKETS.fullmatch(text) or _SLASH.fullmatch(text)
     unit = ""
     if match:
-        text, unit = match[1], match[2].strip().strip(".")
+        text = match[1]
+        unit = match[2].strip().strip(".")
     text = _BLANKS.sub("_", text.strip()).strip("_")
     head, _, last = text.rpartition("_")
     if head and last in _UNIT_WORDS:
@@ -63,13 +70,21 @@ def canonical(cell: str) -> str:
     return f"{_GROUPS[whole[1]]}{whole[2]}{whole[3] or ''}" if whole else text
 
 
-def is_beside(name: str) -> bool:
-    """Whether a column says nothing of where something is: the time, a remark, nominal values and deviations."""
+def is_unrelated(name: str) -> bool:
+    """Return whether a column describes no position: time, remark, nominal value, deviation or tolerance.
+
+    Args:
+        name: canonical column name.
+    """
     return len(name) <= _LONGEST and _BESIDE.fullmatch(name) is not None
 
 
 def with_id(names: list[str]) -> list[str]:
-    """A column ``No`` or ``Point`` names the rows, where no other does."""
+    """Return column names in which the first of ``No``, ``Point``, ... becomes ``id``, unless there is an ``id``.
+
+    Args:
+        names: canonical column names.
+    """
     if "id" in names:
         return names
     first = next((name for name in names if name in _NAMES), None)
@@ -77,19 +92,33 @@ def with_id(names: list[str]) -> list[str]:
 
 
 def with_unit(name: str, unit: str) -> str:
-    """The name with a unit behind it, unless it has that already."""
+    """Return a column name with the unit appended, unless it ends in the unit or the unit is empty.
+
+    Args:
+        name: column name.
+        unit: unit as written.
+    """
     unit = _UNIT_WORDS.get(unit, unit)
     return name if unit in _NO_UNIT or name.endswith(f"_{unit}") else f"{name}_{unit}"
 
 
 def units_row(cells: Sequence[str], units: Sequence[str]) -> list[str] | None:
-    """The units of a row that has nothing else, as some programs write one below the header; None if it is another."""
+    """Return the units of a row that contains only units, as some programs write below the header; None otherwise.
+
+    Args:
+        cells: cells of the row.
+        units: known units.
+    """
     words = [cell.strip().strip("\"'").strip("[](){} ").lower().replace("µ", "u").strip() for cell in cells]
     words = [_UNIT_WORDS.get(word, word) for word in words]
     return words if any(word in units for word in words) and all(w in units or w in _NO_UNIT for w in words) else None
 
 
 def advice(name: str) -> str:
-    """What a name that we do not know probably means, and what to do; empty if nobody knows."""
+    """Return advice on an unknown column name that has a common meaning; empty if none is known.
+
+    Args:
+        name: header cell as written.
+    """
     base = re.sub(r"_(?:mm|m|um|in|cm|deg|rad)$", "", canonical(name))
     return next((f" {words}" for pattern, words in _ADVICE if re.fullmatch(pattern, base)), "")

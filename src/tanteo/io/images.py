@@ -1,4 +1,4 @@
-"""Images from files and to files, by OpenCV (the extra ``vision``)."""
+"""Read and write image files with OpenCV (extra ``vision``)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from tanteo.whole import RECORD, read_whole
 
 
 def read_image(path: str | Path) -> FloatArray:
-    """Read an image as grey levels from 0 to 255, rows x columns; colours are weighed as usual, 16 bits scaled.
+    """Read an image as grey levels from 0 to 255 ``(rows, columns)``.
+
+    OpenCV converts colours to grey; 16-bit levels are scaled to 255.
 
     Args:
-        path: PNG, JPEG, TIFF, BMP or what else OpenCV reads.
+        path: image file: PNG, JPEG, TIFF, BMP or another format that OpenCV reads.
 
     Raises:
-        InputError: The file is not there, no image, or has other than 8 or 16 bits.
+        InputError: the file does not exist, is not an image, is too large, or has neither 8 nor 16 bits a channel.
         MissingExtraError: OpenCV is not installed.
 
     Example:
@@ -31,7 +33,7 @@ def read_image(path: str | Path) -> FloatArray:
     cv2 = opencv()
     path = Path(path)
     data = np.frombuffer(read_whole(path, "an image", RECORD), dtype=np.uint8)
-    # the file's own turn is not applied: the calibration is of the pixels as they come
+    # the orientation tag is ignored: the calibration refers to the stored pixels
     flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         image = cv2.imdecode(data, flags) if len(data) else None
@@ -50,10 +52,14 @@ def read_image(path: str | Path) -> FloatArray:
 
 
 def write_image(path: str | Path, picture: np.ndarray) -> None:
-    """Write a picture: rows x columns (grey) or rows x columns x 3 (red, green, blue), 0 to 255.
+    """Write an image file in the format of the path's suffix.
+
+    Args:
+        path: file to write.
+        picture: levels from 0 to 255, grey ``(rows, columns)`` or red, green, blue ``(rows, columns, 3)``.
 
     Raises:
-        InputError: The format is not known from the suffix, or the file cannot be written.
+        InputError: the suffix names no known format, or the file cannot be written.
         MissingExtraError: OpenCV is not installed.
     """
     cv2 = opencv()

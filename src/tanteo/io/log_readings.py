@@ -1,4 +1,4 @@
-"""Readings of a log: its units to SI, poses in the brand's convention, zones to sensors; what has to be asked for."""
+"""Convert a machine's log to readings: units to SI, poses from the brand's convention, sensor zones to sensor names."""
 
 from __future__ import annotations
 
@@ -23,33 +23,33 @@ _EXAMPLES = {
 
 
 def readings_of(log: Log, stated: Stated, form: LogFormat, source: str) -> Readings:
-    """Readings of a log with what was stated beside it.
+    """Return the readings of a log, completed by the user's stated options.
 
     Args:
-        log: What the file says.
-        stated: What it does not say.
-        form: Its format.
-        source: The file, for messages.
+        log: parsed log.
+        stated: options for what the log does not contain.
+        form: format of the log.
+        source: file name for messages.
 
     Raises:
-        ReadingsError: Something is missing, and asked for by the name of its option, or does not fit.
-        UnitError: The unit is missing, or another than the file's.
+        ReadingsError: a required option is missing (the message names it), or an option contradicts the file.
+        UnitError: the unit is missing, or the stated unit contradicts the file.
     """
     metre = _metre(log, stated, form, source)
     notes = [*log.notes]
     touched = log.points is not None and not all(reading_kind(kind).centre for kind in log.kinds or ("point",))
     if touched and not log.centres and stated.radius is None:
-        notes.append("The points are taken as points of the surface; say --radius if they are centres of a ball.")
+        notes.append("The points are taken as points of the surface; use --radius if they are centres of a ball.")
     if log.normals is not None and stated.normal_sd is None:
         notes.append(
-            "How good its normals are is not known, so they do not count; say --normal-sd 10deg if they should."
+            "The standard deviation of the normals is unknown, so they are ignored; use --normal-sd 10deg to use them."
         )
     n = len(log)
     return assemble(_columns(log, stated, metre, source), n, stated, source, notes, outward=log.outward)
 
 
 def _metre(log: Log, stated: Stated, form: LogFormat, source: str) -> float:
-    """Metres per unit; what is missing is asked for all at once."""
+    """Return the metres per length unit of the log; report all missing options in one message."""
     missing = []
     if log.unit is None and stated.units is None:
         missing.append("--units")
@@ -60,7 +60,7 @@ def _metre(log: Log, stated: Stated, form: LogFormat, source: str) -> float:
     if missing:
         error = UnitError if missing == ["--units"] else ReadingsError
         listed = " and ".join(_EXAMPLES[name] for name in missing)
-        raise error(f"{source}: expected {' and '.join(missing)} with {form.words}, got none. Say {listed}.")
+        raise error(f"{source}: expected {' and '.join(missing)} with {form.words}, got none. Use {listed}.")
     if log.unit is not None and not log.assumed and stated.units not in (None, log.unit) and log.ranges is None:
         raise UnitError(
             f"{source}: expected lengths in {log.unit}, as the file says, got --units {stated.units}. Drop --units."

@@ -1,4 +1,4 @@
-"""Marks: points of the table whose places are known in the world and in the image (CSV, ``docs/vision.md``)."""
+"""Read marks from CSV: points with known positions in the world and in the image (``docs/vision.md``)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ _FORM = "Write u_px,v_px,x_mm,y_mm and, off the table, z_mm."
 
 
 def read_marks(path: str | Path) -> tuple[FloatArray, Vectors]:
-    """Read marks: columns ``u_px v_px``, and ``x y [z]`` with their unit, as ``x_mm``; lines with ``#`` are comments.
+    """Read marks from a CSV file; lines that start with ``#`` are comments.
+
+    The columns are ``u_px``, ``v_px`` and ``x``, ``y``, ``z`` with their unit in the name, such as ``x_mm``.
 
     Args:
-        path: The file.
+        path: CSV file.
 
     Returns:
-        Pixels ``(n, 2)`` and points in the world ``(n, 3)`` [m]; z is 0, the table, where it is not given.
+        Pixels ``(n, 2)`` and points in the world ``(n, 3)`` [m]; z is 0, the table's height, where the column is
+        missing.
 
     Raises:
-        InputError: The file cannot be read, a column is missing or unknown, or a cell is no number; the message names
-            file, line, column and value.
+        InputError: the file cannot be read, a column is missing or unknown, or a cell is not a number; the message
+            names file, line, column and value.
     """
     path = Path(path)
     try:

@@ -1,4 +1,4 @@
-"""The parts of a record: by file, with the hash of its content, so that a changed part is not taken for the same."""
+"""Identify the parts of a session record by file and content hash, so that a changed part is detected."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from tanteo.parts import Part
 
 @dataclass(frozen=True, slots=True)
 class PartFile:
-    """Where a part came from.
+    """Origin of a part.
 
     Attributes:
-        name: of the part.
-        file: it was read from; None for a part that was made otherwise.
-        unit: of the file.
-        sha256: of the file's bytes, or of the mesh of a part without a file.
+        name: name of the part.
+        file: path of the file; None for a part that was not read from a file.
+        unit: length unit of the file.
+        sha256: SHA-256 hash of the file's bytes, or of the mesh of a part without a file.
     """
 
     name: str
@@ -31,7 +31,11 @@ class PartFile:
 
 
 def part_file(part: Part) -> PartFile:
-    """Where a part came from, and the hash of what is there now."""
+    """Return the origin of a part, with the hash of the file's present content.
+
+    Args:
+        part: the part.
+    """
     content = _bytes(Path(part.source))
     if content is not None:
         return PartFile(part.name, part.source, part.unit, hashlib.sha256(content).hexdigest())
@@ -47,16 +51,16 @@ def parts_of(
     parts: Sequence[Part | PreparedPart] | None = None,
     folders: Sequence[str | Path] = (),
 ) -> tuple[Part | PreparedPart, ...]:
-    """The parts of a record, in its order.
+    """Return the parts of a record, in the record's order.
 
     Args:
-        files: where they came from.
-        source: the record's file.
-        parts: loaded again, in any order; read from their files if not given.
-        folders: files and folders in which the parts are looked for first, whatever their files are called now.
+        files: origins stored in the record.
+        source: path of the record's file.
+        parts: parts that are already loaded, in any order; None to read them from their files.
+        folders: files and folders that are searched first, by content, so that renamed files are found.
 
     Raises:
-        PartError: one is missing or changed; the message says which.
+        PartError: a part is missing or has changed; the message names it.
     """
     if parts is None:
         return tuple(_read(file, source, folders) for file in files)
@@ -80,22 +84,26 @@ def _read(file: PartFile, source: str, folders: Sequence[str | Path]) -> Part:
     there = [(place, content) for place in places if (content := _bytes(place)) is not None]
     same = [place for place, content in there if hashlib.sha256(content).hexdigest() == file.sha256]
     if not same:
-        alike = [place for place, _ in there if place.name == Path(file.file).name]
-        if alike:
-            raise _changed(file, source, str(alike[0]))
+        same_name = [place for place, _ in there if place.name == Path(file.file).name]
+        if same_name:
+            raise _changed(file, source, str(same_name[0]))
         raise PartError(
-            f"{source}: expected the part '{file.name}' in {file.file}, got nothing there. Say where it is now "
+            f"{source}: expected the part '{file.name}' in {file.file}, got nothing there. State its new location "
             "(--parts)."
         )
     return replace(read_one(same[0], file.unit), name=file.name)
 
 
 def read_one(path: str | Path, unit: str | None) -> Part:
-    """The part of one file, read as many are: what a CAD kernel does to its process is not done to this one.
+    """Return the part in one file, read in a separate process so that a crash of the CAD kernel cannot end this one.
+
+    Args:
+        path: CAD or mesh file.
+        unit: length unit; None if the file states it.
 
     Raises:
-        PartError: The file cannot be read.
-        UnitError: No unit where one is needed.
+        PartError: the file cannot be read.
+        UnitError: the format needs a unit and none is given.
     """
     read = read_parts([path], unit=unit)
     if not read.parts:
@@ -111,7 +119,7 @@ def _changed(file: PartFile, source: str, now: str) -> InputError:
 
 
 def _inside(folders: Sequence[str | Path]) -> list[Path]:
-    """The files that are meant, those in folders in alphabetical order."""
+    """Return files, with folders replaced by their files in alphabetical order."""
     given = [Path(folder) for folder in folders]
     return [file for one in given for file in (sorted(one.iterdir()) if one.is_dir() else [one])]
 

@@ -1,4 +1,4 @@
-"""A pose as it is typed: as answers print it, or in the syntax of a robot's controller."""
+"""Parse a pose that a user types: as answers print it, or in the syntax of a robot controller."""
 
 from __future__ import annotations
 
@@ -23,21 +23,33 @@ _UNITS = {"mm": "mm", "m": "m", "deg": "deg", "rad": "rad", "°": "deg"}
 
 
 def brand_word(text: str) -> str:
-    """The brand that a pose begins with; empty if it is in our own convention."""
+    """Return the brand at the start of a typed pose; empty if the pose is in tanteo's own convention.
+
+    Args:
+        text: typed pose.
+    """
     match = re.match(r"\s*([A-Za-zä]+)(?=[\s:{\[(])", text)
     return match[1] if match else ""
 
 
 def parse_pose(text: str, name: str = "pose", *, attitude: bool = True) -> Transforms:
-    """A pose, ``'400,200,0mm 0,0,90deg'`` or in a controller's syntax: ``'kuka {X 400, ..}'``, ``'ur p[0.4, ..]'``.
+    """Return the pose of a text such as ``'400,200,0mm 0,0,90deg'`` or ``'kuka {X 400, ..}'``.
 
-    Without a name of a brand: x, y, z and roll, pitch, yaw, which may be left out unless ``attitude``. Behind ``abb``
-    brackets as of a robtarget. Fields that are named may come in any order; those that are no part of the pose (S, T,
-    E1) are passed over.
+    Without a brand the text is x, y, z and roll, pitch, yaw. With a brand it is the syntax of that controller, such as
+    ``'ur p[0.4, ..]'``; for ``abb`` a robtarget is accepted. Named fields may come in any order, and fields that are
+    not part of the pose (S, T, E1) are ignored.
+
+    Args:
+        text: typed pose.
+        name: name of the input, for messages.
+        attitude: whether roll, pitch and yaw are required; otherwise they default to zero.
+
+    Returns:
+        Pose ``(4, 4)`` [m].
 
     Raises:
-        InputError: Numbers are missing, of a brand that is not known, or probably in another unit.
-        UnitError: No unit where one is needed.
+        InputError: numbers are missing, the brand is unknown, or the numbers are probably in another unit.
+        UnitError: a required unit is missing.
     """
     word = brand_word(text)
     if word:
@@ -67,7 +79,7 @@ def _branded(word: str, fields: str, name: str) -> Transforms:
 
 
 def _values(b: Brand, fields: str, name: str) -> FloatArray:
-    """The fields in the brand's order."""
+    """Return the fields in the brand's order and units."""
     named = _NAMED.findall(fields)
     if named and not (b.name == "ur" and fields.lstrip().startswith("p[")):
         return _named(b, fields, named, name)

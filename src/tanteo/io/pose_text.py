@@ -1,7 +1,7 @@
-"""The pose of an answer as a controller or a program writes it: one value of its language, with enough digits.
+"""Write the pose of an answer in the language of a robot controller or program.
 
-A number is rounded so that the pose, read back, is off by less than a hundredth of its standard deviation, and by less
-than a micrometre a metre away. ROS and GTSAM take the covariance along, each in its own convention
+Numbers are rounded so that the pose read back deviates by less than a hundredth of its standard deviation, and by
+less than a micrometre at a distance of one metre. ROS and GTSAM also take the covariance, each in its own convention
 (``tanteo.frames``).
 """
 
@@ -25,24 +25,25 @@ if TYPE_CHECKING:
 _MATRICES = ("matrix", "gtsam")
 
 POSE_NAMES = (*BRANDS, *_MATRICES)
-"""All that a pose can be written for."""
+"""Names of all controllers and programs that a pose can be written for."""
 
 _SHARE, _LARGEST, _LEAST = 1e-2, 1e-6, 1e-12
-"""What rounding may change: a share of one standard deviation, at most so many metres or radians, or what is finest."""
+"""Rounding tolerance: fraction of one standard deviation; its upper and lower bound [m, rad]."""
 
 _MOST_DIGITS = 15
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenPose:
-    """A pose in the words of a controller.
+    """Pose in the syntax of a controller.
 
     Attributes:
-        name: of the controller.
-        text: the value, in one line or more, without a line break at its end.
-        values: its numbers in their order, rounded as in the text; for ``matrix`` and ``gtsam`` the matrix, row by row.
-        units: of position and rotation.
-        verified: the convention was read in documentation; else compare one pose on the controller first.
+        name: name of the controller.
+        text: pose in one or more lines, without a final line break.
+        values: numbers in the order of the text, rounded as in the text; for ``matrix`` and ``gtsam`` the matrix, row
+            by row.
+        units: units of position and rotation, as ``mm deg``.
+        verified: whether the convention was read in documentation; otherwise compare one pose on the controller first.
     """
 
     name: str
@@ -53,10 +54,13 @@ class WrittenPose:
 
 
 def check_pose_name(name: str) -> str:
-    """The name, if a pose can be written for it.
+    """Return the name unchanged if a pose can be written for it.
+
+    Args:
+        name: name of a controller or program.
 
     Raises:
-        InputError: It is none; the message lists the nearest.
+        InputError: the name is unknown; the message names the nearest.
     """
     if name not in POSE_NAMES:
         raise InputError(f"expected one of {', '.join(POSE_NAMES)}, got '{name}'.{did_you_mean(name, POSE_NAMES)}")
@@ -64,15 +68,15 @@ def check_pose_name(name: str) -> str:
 
 
 def write_pose(name: str, frame: UncertainFrame, parent: str = "world") -> WrittenPose:
-    """The pose of a frame as a controller writes it.
+    """Return the pose of a frame in the syntax of a controller.
 
     Args:
         name: one of :data:`POSE_NAMES`.
-        frame: the pose in its parent and its covariance.
-        parent: name of the parent frame, for messages of ROS.
+        frame: pose in its parent frame, with covariance.
+        parent: name of the parent frame, for ROS headers.
 
     Raises:
-        InputError: No such controller.
+        InputError: the name is unknown.
 
     Example:
         >>> import numpy as np
@@ -94,14 +98,24 @@ def write_pose(name: str, frame: UncertainFrame, parent: str = "world") -> Writt
 
 
 def units_of(brand: Brand) -> str:
-    """Units of a brand's position and rotation, as ``mm deg``."""
+    """Return the units of a brand's position and rotation, as ``mm deg``.
+
+    Args:
+        brand: pose convention.
+    """
     turn = {"euler": "rad" if brand.radian == 1 else "deg", "rotation vector": "rad"}.get(brand.rule, "quaternion")
     return f"{'m' if brand.metre == 1 else 'mm'} {turn}"
 
 
 def brand_fields(name: str, frame: UncertainFrame) -> list[str]:
-    """The fields of a brand for a pose, each with as many digits as its standard deviation is worth."""
-    brand, values = BRANDS[name], pose_as_brand(name, frame.T)
+    """Return the fields of a pose in a brand's convention, with the digits that its standard deviation justifies.
+
+    Args:
+        name: name of the brand.
+        frame: pose in its parent frame, with covariance.
+    """
+    brand = BRANDS[name]
+    values = pose_as_brand(name, frame.T)
     place, turn = _limits(frame)
     decimals = max(3 if brand.metre < 1 else 6, _decimals(place / brand.metre))
     for of_turn in range(5 if brand.rule == "euler" and brand.radian < 1 else 6, _MOST_DIGITS + 1):
@@ -112,19 +126,19 @@ def brand_fields(name: str, frame: UncertainFrame) -> list[str]:
 
 
 def _limits(frame: UncertainFrame) -> tuple[float, float]:
-    """What rounding may change of the position [m] and the rotation [rad]."""
+    """Return the rounding tolerances of position [m] and rotation [rad]."""
     sds = (np.sqrt(max(np.linalg.eigvalsh(block)[0], 0.0)) for block in (frame.C[:3, :3], frame.C[3:, 3:]))
     place, turn = (float(np.clip(_SHARE * sd, _LEAST, _LARGEST)) for sd in sds)
     return place, turn
 
 
 def _decimals(limit: float) -> int:
-    """Decimals with which three coordinates are together off by no more."""
+    """Return the number of decimals that keeps the joint rounding error of three coordinates below a limit."""
     return int(np.ceil(-np.log10(2 * limit / np.sqrt(3))))
 
 
 def _turned(T: Transforms, other: Transforms) -> float:
-    """Angle between two poses [rad]."""
+    """Return the angle between two poses [rad]."""
     return float(np.linalg.norm(SO3.log(T[:3, :3].T @ other[:3, :3])))
 
 
@@ -134,7 +148,8 @@ def _no_minus_zero(field: str) -> str:
 
 def _matrix_rows(frame: UncertainFrame) -> list[list[str]]:
     place, turn = _limits(frame)
-    of_turn, of_place = _decimals(turn) + 1, max(6, _decimals(place))
+    of_turn = _decimals(turn) + 1
+    of_place = max(6, _decimals(place))
     rows = [[f"{v:.{of_turn}f}" for v in row[:3]] + [f"{row[3]:.{of_place}f}"] for row in frame.T[:3]]
     return [[_no_minus_zero(v) for v in row] for row in rows] + [["0", "0", "0", "1"]]
 
@@ -144,7 +159,7 @@ def _numbers(values: FloatArray) -> str:
 
 
 def _gtsam(rows: list[list[str]], frame: UncertainFrame) -> str:
-    """Python of GTSAM; its covariance is of ``pose * Expmap(xi)``, ``xi = rx ry rz x y z``."""
+    """Return Python code for GTSAM; the covariance is that of ``xi = (rx, ry, rz, x, y, z)``, right perturbation."""
     return "\n".join(_gtsam_lines(rows, as_gtsam_covariance(frame)))
 
 
@@ -163,7 +178,10 @@ def _gtsam_lines(rows: list[list[str]], covariance: FloatArray) -> Iterator[str]
 
 
 def _ros(fields: list[str], frame: UncertainFrame, parent: str) -> str:
-    """A ``geometry_msgs/PoseWithCovarianceStamped``; covariance along the axes of the header's frame."""
+    """Return a ``geometry_msgs/PoseWithCovarianceStamped`` in YAML.
+
+    Its covariance is along the axes of the header's frame.
+    """
     x, y, z, qx, qy, qz, qw = fields
     C = as_ros_covariance(frame).reshape(6, 6)
     return "\n".join(

@@ -1,4 +1,4 @@
-"""Poses as robot brands and ROS write them. Inside tanteo a pose is a matrix in metres; these are the border."""
+"""Convert poses between tanteo's matrices in metres and the conventions of robot brands and ROS."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from tanteo.lie import SE3, SO3
 from tanteo.typing import FloatArray, Rotations, Transforms
 
 _UNIT = 1e-3
-"""How far the length of a quaternion may be off one, by rounding."""
+"""Largest deviation of a quaternion's length from one that rounding explains."""
 
 
 def pose_from_brand(name: str, values: FloatArray) -> Transforms:
-    """The pose ``(*batch, 4, 4)`` [m] of the fields ``(*batch, k)`` as the brand writes them.
+    """Return the pose ``(*batch, 4, 4)`` [m] of fields in a brand's convention.
 
     Args:
-        name: A key of :data:`BRANDS`.
-        values: The fields in the brand's order and units.
+        name: key of :data:`BRANDS`.
+        values: fields ``(*batch, k)`` in the brand's order and units.
 
     Raises:
-        InputError: Unknown brand, a wrong number of fields, numbers that are not finite, a quaternion that is
-            no rotation.
+        InputError: the brand is unknown, the number of fields is wrong, a number is not finite, or a quaternion is not
+            unit.
     """
     b = brand(name)
     values = np.asarray(values, dtype=np.float64)
@@ -37,28 +37,38 @@ def pose_from_brand(name: str, values: FloatArray) -> Transforms:
 
 
 def pose_of(b: Brand, places: FloatArray, turns: FloatArray) -> Transforms:
-    """Poses ``(*batch, 4, 4)`` of places ``(*batch, 3)`` [m] and the brand's angles [rad] or quaternions."""
+    """Return poses ``(*batch, 4, 4)`` of positions and a brand's rotation fields.
+
+    Args:
+        b: pose convention.
+        places: positions ``(*batch, 3)`` [m].
+        turns: rotation fields ``(*batch, 3 or 4)``, angles in radians or quaternions.
+    """
     return SE3.from_parts(_rotation(b, turns / b.radian), places)
 
 
 FULL_TURN = 2.02 * np.pi
-"""No angle in radians is larger: a full turn, and a little beyond it."""
+"""Largest plausible angle in a field of radians: a full turn with a margin of 1 percent [rad]."""
 
 MANY_TURNS = 200.5 * np.pi
-"""Angles in degrees may have wound up, but not more than this [rad]."""
+"""Largest plausible angle in a field of degrees, where joints may have wound up [rad]."""
 
 _QUARTER, _CLOSE = np.pi / 2, 2e-3
 
 
 def in_radians(degrees: FloatArray) -> bool:
-    """Whether angles that are written as degrees are probably radians: none beyond half a turn, and quarters of it."""
+    """Return whether angles written as degrees are probably radians: none exceeds pi, and one is a multiple of pi/2.
+
+    Args:
+        degrees: angles as written ``(*batch,)``; NaN are ignored.
+    """
     sizes = np.abs(degrees[np.isfinite(degrees)])
     quarters = (sizes > 1) & (np.abs(sizes - _QUARTER * np.round(sizes / _QUARTER)) < _CLOSE)
     return bool(len(sizes) and sizes.max() < np.pi + _CLOSE and quarters.any())
 
 
 def _check_turns(b: Brand, turns: FloatArray) -> None:
-    """Refuse degrees for radians and the other way round, with what is probably meant."""
+    """Refuse degrees in place of radians and radians in place of degrees; the message states the probable mistake."""
     if b.rule not in ("euler", "rotation vector"):
         return
     if b.radian == 1 and (np.abs(turns) > FULL_TURN).any():
@@ -83,12 +93,17 @@ def _check_turns(b: Brand, turns: FloatArray) -> None:
 
 
 def pose_as_brand(name: str, T: Transforms) -> FloatArray:
-    """The fields ``(*batch, k)`` that the brand writes for the pose ``(*batch, 4, 4)`` [m].
+    """Return the fields ``(*batch, k)`` of a pose in a brand's convention.
 
-    Where two Euler angles turn about one axis the first of the product is set to zero. Quaternions have ``w >= 0``.
+    If two Euler rotations share one axis (gimbal lock), the first angle of the product is set to zero. Quaternions have
+    ``w >= 0``.
+
+    Args:
+        name: key of :data:`BRANDS`.
+        T: poses ``(*batch, 4, 4)`` [m].
 
     Raises:
-        InputError: Unknown brand, or what is no rigid motion.
+        InputError: the brand is unknown, or ``T`` is not a rigid motion.
     """
     b = brand(name)
     T = check_transforms(f"pose for {name}", T)
@@ -128,7 +143,7 @@ def _fields(b: Brand, R: Rotations) -> FloatArray:
 
 
 def _three_axes(R: Rotations, i: int, j: int, k: int) -> FloatArray:
-    """Angles of ``Ri(a) Rj(b) Rk(c)`` with three different axes; ``b`` within a quarter turn."""
+    """Return the angles of ``Ri(a) Rj(b) Rk(c)`` with three different axes and ``b`` in [-pi/2, pi/2]."""
     sign = 1.0 if (i, j, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
     level = np.hypot(R[..., i, i], R[..., i, j])
     b = np.arctan2(sign * R[..., i, k], level)
@@ -140,7 +155,7 @@ def _three_axes(R: Rotations, i: int, j: int, k: int) -> FloatArray:
 
 
 def _two_axes(R: Rotations, i: int, j: int) -> FloatArray:
-    """Angles of ``Ri(a) Rj(b) Ri(c)``; ``b`` from 0 to pi."""
+    """Return the angles of ``Ri(a) Rj(b) Ri(c)`` with ``b`` in [0, pi]."""
     k = 3 - i - j
     sign = 1.0 if (i, j, k) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
     tilt = np.hypot(R[..., i, j], R[..., i, k])

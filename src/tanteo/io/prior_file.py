@@ -1,4 +1,4 @@
-"""What is known of a part's pose, as a file (TOML, ``docs/formats.md``): a table, a box, a prior pose."""
+"""Read a pose prior from a TOML file (``docs/formats.md``): a table, a box, a prior pose."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ AngleSds = Annotated[FloatArray, Numbers("angle", *_SDS)]
 
 
 class TableTable(FileTable, frozen=True, kw_only=True, eq=False):
-    """What the part rests on: level at a height, or any plane."""
+    """Support plane of the part: level at a height, or any plane."""
 
     top: Length | None = None
     point: Point | None = None
@@ -39,7 +39,7 @@ class TableTable(FileTable, frozen=True, kw_only=True, eq=False):
     sd: Annotated[Length, Meta(gt=0, description="a positive length")]
 
     def to_table(self) -> Table:
-        """The plane and how well it is known."""
+        """Return the support plane with its standard deviation."""
         if (self.top is None) == (self.point is None):
             raise self.at.error("expected top_mm or point_mm with normal, got both or none. Give one.")
         point = np.array([0.0, 0.0, self.top]) if self.point is None else self.point
@@ -47,20 +47,20 @@ class TableTable(FileTable, frozen=True, kw_only=True, eq=False):
 
 
 class BoxTable(FileTable, frozen=True, kw_only=True, eq=False):
-    """Where the part lies within."""
+    """Box in the world that contains the part's origin."""
 
     low: Point
     high: Point
 
     def to_box(self) -> FloatArray:
-        """Its corners ``(2, 3)``."""
+        """Return the lowest and the highest corner of the box, world frame ``(2, 3)`` [m]."""
         if not np.all(self.high > self.low):
             raise self.at.refused("high", "low below high in x, y and z")
         return np.stack([self.low, self.high])
 
 
 class _PoseTable(Posed, frozen=True, kw_only=True, eq=False):
-    """A pose, in our convention or under the name of a brand, and how well it is known."""
+    """Prior pose with its uncertainty, in tanteo's convention or in that of a robot brand."""
 
     sd: LengthSds | None = None
     turn_sd: AngleSds | None = None
@@ -68,13 +68,14 @@ class _PoseTable(Posed, frozen=True, kw_only=True, eq=False):
     ros_covariance_m_rad: Covariance | None = None
 
     def to_frame(self) -> UncertainFrame:
-        """The pose with its covariance."""
-        T, place = self._pose(), str(self.at)
+        """Return the prior pose with its covariance."""
+        T = self._pose()
+        place = str(self.at)
         covariances = self.at.has(*_COVARIANCES)
         given = ["sd_mm and turn_sd_deg"] * bool(self.at.has("sd", "turn_sd")) + covariances
         if len(given) != 1:
             raise self.at.error(
-                "expected how well it is known once, as sd_mm and turn_sd_deg or as one of "
+                "expected the uncertainty once, as sd_mm and turn_sd_deg or as one of "
                 f"{', '.join(_COVARIANCES)}, got {' and '.join(given) or 'nothing'}. Give one of them."
             )
         if not covariances:
@@ -119,7 +120,7 @@ else:
 
 
 class PriorFile(FileTable, frozen=True, kw_only=True, eq=False):
-    """A file with one or more of its tables."""
+    """Content of a prior file: one or more of its tables."""
 
     table: TableTable | None = None
     box: BoxTable | None = None
@@ -127,15 +128,15 @@ class PriorFile(FileTable, frozen=True, kw_only=True, eq=False):
 
 
 def read_prior(path: str | Path) -> PosePrior:
-    """Read a file with what is known of the pose.
+    """Read a pose prior from a TOML file.
 
     Args:
-        path: The file, with one or more of the tables ``[table]``, ``[box]`` and ``[pose_prior]``.
+        path: file with one or more of the tables ``[table]``, ``[box]`` and ``[pose_prior]``.
 
     Raises:
-        InputError: The file cannot be read, is not TOML, or says something that no prior can say; the message names
-            file, table, key and value.
-        UnitError: A unit in a key is missing or unknown.
+        InputError: the file cannot be read, is not TOML, or contains an invalid prior; the message names file, table,
+            key and value.
+        UnitError: a unit in a key is missing or unknown.
 
     Example:
         >>> prior = tanteo.read_prior("scenes/feeder.toml")
@@ -155,7 +156,11 @@ def read_prior(path: str | Path) -> PosePrior:
 
 
 def prior_brand(path: str | Path) -> Brand | None:
-    """In whose convention the prior pose of a file is written that :func:`read_prior` can read; None for our own."""
+    """Return the brand in whose convention a file writes its prior pose; None for tanteo's own convention.
+
+    Args:
+        path: file that :func:`read_prior` accepts.
+    """
     prior = _load(path).pose_prior
     return next((BRANDS[name] for name in ([] if prior is None else prior.at.has(*BRANDS))), None)
 

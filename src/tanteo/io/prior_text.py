@@ -1,4 +1,4 @@
-"""What is known of a part's pose, as typed: a table, a box, a prior pose, each with its unit and how sure it is."""
+"""Parse pose priors that a user types: a table, a box, a prior pose, each with its unit and standard deviation."""
 
 from __future__ import annotations
 
@@ -21,17 +21,24 @@ _NEAR = "400,200,0mm 0,0,90deg +- 5mm 3deg"
 _TABLE = "0+-1mm"
 _FURNITURE = "vise.stl@400,200,0mm 0,0,90deg +- 0.5mm"
 _MOST_TURN = np.pi / 3
-"""Largest sd of an attitude [rad]: three of them are half a turn, beyond which a normal density meets itself."""
+"""Largest standard deviation of an attitude [rad]; beyond it the normal density wraps around half a turn within 3 sd.
+"""
 
 _GIVE_OR_TAKE = re.compile(r"\+-|\+/-|±")
 
 
 def parse_table(text: str, name: str = "table") -> Table:
-    """``'0+-1mm'``: what the part rests on is level, at this height of the world; the sd follows ``+-``.
+    """Return the level support plane of a text such as ``'0+-1mm'``.
+
+    Its height in the world and its standard deviation.
+
+    Args:
+        text: height and standard deviation, separated by ``+-``.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: No height, no standard deviation or one that is not positive.
-        UnitError: No unit, or one that is none.
+        InputError: the height or the standard deviation is missing, or the standard deviation is not positive.
+        UnitError: the unit is missing or unknown.
     """
     values = parse_lengths(",".join(value_and_sd(text, name, _TABLE)), name)
     if len(values) != 2 or values[1] <= 0:
@@ -40,17 +47,18 @@ def parse_table(text: str, name: str = "table") -> Table:
 
 
 def read_furniture(text: str, unit: str | None = None, name: str = "furniture") -> Furniture:
-    """``'vise.stl@400,200,0mm 0,0,90deg +- 0.5mm'``: a CAD file at a pose; its sd follows ``+-``.
+    """Read a fixed object that is not a part, from a text such as ``'vise.stl@400,200,0mm 0,0,90deg +- 0.5mm'``.
 
     Args:
-        text: the file, ``@`` and x, y, z with roll, pitch, yaw (left out: the file is in the world's frame), and how
-            well its surface is known.
-        unit: of formats that carry none.
-        name: for messages.
+        text: CAD file, ``@``, x, y, z with roll, pitch, yaw, ``+-`` and the standard deviation of its surface. Without
+            a pose the file is in the world frame.
+        unit: length unit of file formats that carry none; None if not needed.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: no sd, or one that is not positive; no pose; a file that cannot be read.
-        UnitError: No unit, or one that is none.
+        InputError: the standard deviation is missing or not positive, or the pose is invalid.
+        PartError: the file cannot be read.
+        UnitError: a unit is missing or unknown.
     """
     where, sd = value_and_sd(text, name, _FURNITURE)
     path, _, pose = where.partition("@")
@@ -63,11 +71,15 @@ def read_furniture(text: str, unit: str | None = None, name: str = "furniture") 
 
 
 def parse_box(text: str, name: str = "box") -> FloatArray:
-    """``'0,0,0,500,400,200mm'``: lowest x, y, z of the world and highest, ``(2, 3)`` [m].
+    """Return the lowest and highest corner ``(2, 3)`` [m] of a box in the world, typed as ``'0,0,0,500,400,200mm'``.
+
+    Args:
+        text: lowest x, y, z, then highest x, y, z.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: Not six lengths, or the lowest not below the highest.
-        UnitError: No unit, or one that is none.
+        InputError: there are not six lengths, or the lowest corner is not below the highest.
+        UnitError: the unit is missing or unknown.
     """
     values = parse_lengths(text, name)
     box = np.array(values).reshape(2, 3) if len(values) == 6 else np.zeros((2, 3))
@@ -80,31 +92,36 @@ def parse_box(text: str, name: str = "box") -> FloatArray:
 
 
 def parse_pose_prior(text: str, name: str = "pose_prior") -> UncertainFrame:
-    """``'400,200,0mm 0,0,90deg +- 5mm 3deg'`` or ``'kuka 400,200,0,90,0,0 +- 5mm 3deg'``: a prior pose and its sds.
+    """Return the prior pose of a text such as ``'400,200,0mm 0,0,90deg +- 5mm 3deg'``.
 
-    Before ``+-``: x, y, z and roll, pitch, yaw, as answers are printed; or the name of a brand and its fields, also as
-    its controller writes them: ``kuka {X 400, Y 200, ..}``, ``ur p[0.4, ..]``, ``abb [[..],[..]]``.
-    Behind it: one length or three, one angle or three; see :func:`spread_pose`.
+    Before ``+-`` stands a pose: x, y, z and roll, pitch, yaw as answers print them, or a brand name with its fields as
+    the controller writes them: ``kuka {X 400, Y 200, ..}``, ``ur p[0.4, ..]``, ``abb [[..],[..]]``. After it stand one
+    or three standard deviations of position and one or three of rotation; see :func:`spread_pose`.
+
+    Args:
+        text: pose and standard deviations.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: Numbers are missing, or a standard deviation is not positive.
-        UnitError: No unit, or one that is none.
+        InputError: numbers are missing, or a standard deviation is not positive.
+        UnitError: a unit is missing or unknown.
     """
     pose, sds = value_and_sd(text, name, _NEAR)
     return spread_pose(parse_pose(pose, name), *parse_lengths_angles(sds, name), name)
 
 
 def spread_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name: str = "pose_prior") -> UncertainFrame:
-    """A pose of a part with standard deviations along the world's axes.
+    """Return a pose of a part with standard deviations along the world's axes.
 
     Args:
-        T: ``T_world_part`` ``(4, 4)``.
-        sds: of the place of the part's origin along x, y, z of the world, one for all or three [m].
-        turn_sds: of its rotation about axes along x, y, z of the world through that origin, one or three [rad].
-        name: for messages.
+        T: ``T_world_part`` ``(4, 4)`` [m].
+        sds: standard deviations of the part's origin along x, y, z of the world, one for all or three [m].
+        turn_sds: standard deviations of rotation about axes through that origin parallel to x, y, z of the world, one
+            for all or three [rad].
+        name: name of the input, for messages.
 
     Raises:
-        InputError: Not one or three, or not positive.
+        InputError: the standard deviations are not one or three, or not positive.
     """
     spread = [np.atleast_1d(np.asarray(values, dtype=np.float64)) for values in (sds, turn_sds)]
     got = f"{len(spread[0])} and {len(spread[1])}" if any(len(values) not in (1, 3) for values in spread) else ""
@@ -123,16 +140,18 @@ def spread_pose(T: Transforms, sds: npt.ArrayLike, turn_sds: npt.ArrayLike, name
 
 
 def check_pose_prior(frame: UncertainFrame, name: str) -> UncertainFrame:
-    """The frame, if it can be a prior pose.
+    """Return the frame unchanged if it can serve as a prior pose.
+
+    Args:
+        frame: pose with covariance.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: Something of it is certain, or its attitude is hardly known.
+        InputError: a variance is zero, or the attitude's standard deviation exceeds 60 degrees.
     """
     turn = float(np.sqrt(np.linalg.eigvalsh(frame.C[3:, 3:])[-1]))
     if np.linalg.eigvalsh(frame.C)[0] <= 0:
-        raise InputError(
-            f"{name}: expected a positive variance in every direction, got zero. Nothing is known that well."
-        )
+        raise InputError(f"{name}: expected a positive variance in every direction, got zero. Give a positive one.")
     if turn > _MOST_TURN:
         raise InputError(
             f"{name}: expected an attitude known to {np.degrees(_MOST_TURN):.0f} degrees (1 sd) or better, got "
@@ -142,15 +161,20 @@ def check_pose_prior(frame: UncertainFrame, name: str) -> UncertainFrame:
 
 
 def value_and_sd(text: str, name: str, example: str) -> tuple[str, str]:
-    """What stands before and behind ``+-``.
+    """Return the text before and after ``+-``.
+
+    Args:
+        text: value and standard deviation.
+        name: name of the input, for messages.
+        example: correct form, for messages.
 
     Raises:
-        InputError: one of both is missing.
+        InputError: one of the two is missing.
     """
     halves = [half.strip() for half in _GIVE_OR_TAKE.split(text)]
     if len(halves) != 2 or not all(halves):
         raise InputError(
             f"{name}: expected a value and its standard deviation such as {example}, got '{text}'. "
-            "Say behind +- how well it is known."
+            "Write the standard deviation after +-."
         )
     return halves[0], halves[1]

@@ -1,4 +1,4 @@
-"""Tables of readings with a header, one reading a row (``docs/formats.md``): ours, and those of spreadsheets."""
+"""Read and write tables of readings with a header, one reading per row (``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tanteo.sensors import Readings, reading_kind
 from tanteo.typing import FloatArray
 
 CHUNK = 50_000
-"""Rows converted at a time: the text of no more than these is held."""
+"""Number of rows converted at a time, which limits the text in memory."""
 
 _UNITS = (*units.LENGTH_UNITS, *units.ANGLE_UNITS)
 
@@ -33,15 +33,15 @@ def read_table(path: Path, start: bytes, stated: Stated, progress: Callable[[int
     """Read a table with a header.
 
     Args:
-        path: The file.
-        start: Its beginning.
-        stated: What it does not say.
-        progress: Called with the number of rows read so far, every so often.
+        path: file to read.
+        start: first bytes of the file.
+        stated: options for what the file does not contain.
+        progress: function called repeatedly with the number of rows read so far; None for none.
 
     Raises:
-        ReadingsError: It is no such table, or says something that a readings file cannot say; the message names file,
-            line, column and value.
-        UnitError: A unit is missing, unknown or contradictory.
+        ReadingsError: the file is not such a table, or an entry is invalid; the message names file, line, column and
+            value.
+        UnitError: a unit is missing, unknown or contradictory.
     """
     how = sniff(start[:HEAD_BYTES], whole=len(start) <= HEAD_BYTES)
     if how is None:
@@ -82,7 +82,7 @@ def _read_rows(
 
 
 def _no_table(path: Path, number: int, how: TableText, error: csv.Error) -> ReadingsError:
-    """What is wrong with a file of which some line cannot be read: the last, where a quotation mark is still open."""
+    """Return the error for a malformed CSV line; for an open quotation mark it names the line where it starts."""
     if "unexpected end" not in str(error):
         return ReadingsError(f"{path}, line {number}: expected comma-separated cells, got: {error}. Correct the line.")
     first = number
@@ -101,19 +101,20 @@ def _no_table(path: Path, number: int, how: TableText, error: csv.Error) -> Read
 
 
 def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", angle_unit: str = "deg") -> None:
-    """Write a readings file with the columns that say something.
+    """Write a readings file without its empty columns.
 
     Args:
-        readings: What to write.
-        path: The file; replaced if it exists.
-        unit: Of all lengths: mm, m, um or in.
-        angle_unit: Of the normals' deviations: deg or rad.
+        readings: readings to write.
+        path: file to write; replaced if it exists.
+        unit: unit of all lengths: mm, m, um or in.
+        angle_unit: unit of all angles: deg or rad.
 
     Raises:
-        UnitError: Not such a unit.
-        OSError: The file cannot be written.
+        UnitError: a unit is unknown.
+        OSError: the file cannot be written.
     """
-    metres, radians = units.length_unit(unit, "unit"), units.angle_unit(angle_unit, "angle_unit")
+    metres = units.length_unit(unit, "unit")
+    radians = units.angle_unit(angle_unit, "angle_unit")
     columns: dict[str, list[Any]] = {"id": list(readings.ids)}
     for group, vectors in (
         (POINT, readings.points / metres),
@@ -135,7 +136,7 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
     columns["side"] = list(readings.material_sides)
     columns["status"] = ["none" if free else "" for free in readings.is_free]
     columns = {name: cells for name, cells in columns.items() if any(cell != "" for cell in cells)}
-    # an id that starts with # would read as a comment, unless quoted
+    # without quotes an identifier that starts with # would be read as a comment
     marked = any(name.startswith("#") for name in readings.ids)
     with replaced(path) as file, file.open("w", encoding="utf-8", newline="") as text:
         writer = csv.writer(text, quoting=csv.QUOTE_ALL if marked else csv.QUOTE_MINIMAL, lineterminator="\n")

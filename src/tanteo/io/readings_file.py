@@ -1,4 +1,4 @@
-"""The one front for files of readings: recognise the format, read it, complete it by what was stated."""
+"""Read files of readings in any known format: recognize the format, parse it, and add the stated options."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from tanteo.sensors import Readings
 from tanteo.typing import Transforms, Vectors
 
 _RECOGNISED = 2_000_000
-"""Bytes by which a format is recognised."""
+"""Number of leading bytes used to recognize a format."""
 
 _LARGEST_LOG = 2_000_000_000
-"""Bytes of a log that are read at once."""
+"""Largest log that is read into memory [bytes]."""
 
 _SPREADSHEETS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")
 
@@ -44,35 +44,35 @@ def read_readings(
     world: str | None = None,
     latency: float | None = None,
 ) -> Readings:
-    """Read a file of readings in any format that is known (``docs/formats.md``), recognised by its content.
+    """Read a file of readings in any known format (``docs/formats.md``), recognized by its content.
 
-    What was left out or taken as something is in ``notes`` of the readings. What a file does not say is asked for, in
-    the words of the command line: ``--radius`` is ``radius``.
+    The readings' ``notes`` list assumptions and ignored content. If the file lacks a required value, the error names
+    the command-line option: ``--radius`` is the argument ``radius``.
 
     Args:
-        path: The file.
-        progress: Called with the number of rows read so far, every so often.
-        format: Name of the format, where it is not recognised or not rightly; ``csv`` is a table with a header.
-        units: Length unit of numbers that have none: mm, m, um or in.
-        radius: Of the tip's ball [m], 0 for a sharp tip: the points are its centres.
-        direction: Where the tip moved or the sensor looked in all rows: a vector ``(3,)`` into the material,
-            ``"down"``, ``"-z"``; ``"tool"`` for the z axis of the tip; ``"from:0,0,500mm"`` for a viewpoint; ``"ijk"``
-            or ``"-ijk"`` for the vectors of the file.
-        normal_sd: Standard deviation of the file's normals about each tilt [rad].
-        brand: Whose pose the ``hand_`` columns are, where their names leave it open: a name of :data:`BRANDS`.
-        tool: The tip on the hand: its offset ``(3,)`` [m], ``T_hand_tip`` ``(4, 4)``, or as typed: ``"0,0,150mm"``.
-        hand: ``T_world_hand`` ``(4, 4)`` [m] of a file that has none, or as typed: ``"400,200,300mm 180,0,0deg"``.
-        device: Of the rig, that a frame of zones is of.
-        max_points: Readings that are kept, drawn at random; all if None.
-        topics: Of a recording of ROS, those with the readings; guessed, and said, if None.
-        world: Of the same, the name of the world's frame; the root of the frames above the readings if None.
-        latency: Of the same, how much older the readings are than their stamps [s].
+        path: file to read.
+        progress: function called repeatedly with the number of rows read so far; None for none.
+        format: name of the format, to override recognition; ``csv`` is a table with a header.
+        units: length unit of numbers without one: mm, m, um or in.
+        radius: radius of the tip's ball [m], 0 for a sharp tip; the points are centres of the ball.
+        direction: approach or viewing direction of all rows: a vector ``(3,)`` into the material, ``"down"``, ``"-z"``;
+            ``"tool"`` for the z axis of the tip; ``"from:0,0,500mm"`` for a viewpoint; ``"ijk"`` or ``"-ijk"`` for the
+            vectors of the file.
+        normal_sd: standard deviation of the file's normals for each tilt component [rad].
+        brand: robot brand of the ``hand_`` columns, where their names are ambiguous: a name of :data:`BRANDS`.
+        tool: tip on the hand: offset ``(3,)`` [m], ``T_hand_tip`` ``(4, 4)`` [m], or a text such as ``"0,0,150mm"``.
+        hand: ``T_world_hand`` ``(4, 4)`` [m] for a file without it, or a text such as ``"400,200,300mm 180,0,0deg"``.
+        device: name of the rig's device that measured a frame of zones.
+        max_points: largest number of readings to keep, drawn at random; None for all.
+        topics: topics with readings in a ROS recording; None to choose them automatically, with a note.
+        world: name of the world frame in a ROS recording; None for the root of the frames above the readings.
+        latency: age of the readings at their stamps in a ROS recording [s].
 
     Raises:
-        ReadingsError: The file cannot be read or says something that readings cannot say; the message names file, line
-            and value, and the format if it is another than ours.
-        UnitError: A unit is missing, unknown or contradictory.
-        InputError: An argument is none.
+        ReadingsError: the file cannot be read or has an invalid entry; the message names file, line and value, and the
+            format unless it is tanteo's own.
+        UnitError: a unit is missing, unknown or contradictory.
+        InputError: an argument is invalid.
 
     Example:
         >>> readings = tanteo.read_readings("readings/bracket_left.csv")
@@ -93,7 +93,7 @@ def read_readings(
         raise ReadingsError(f"{path}: expected a recording of ROS with topics, world or latency, got none. Drop these.")
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
-            # complaints read the file again to find their line, which a pipe cannot
+            # error messages read the file again to find the line, which a pipe does not allow
             raise ReadingsError(f"{path}: expected a file, got a pipe or device. Save the readings to a file first.")
         start = _beginning(path)
         form = named if format is not None else recognise(Contents(start, str(path)))
@@ -115,23 +115,24 @@ def read_shifted(
     world: str | None = None, radius: float | None = None, direction: str | Vectors | Direction | None = None,
     max_points: int | None = None,
 ) -> tuple[Readings, ...]:  # fmt: skip
-    """The same readings of a recording of ROS, as they would be if they were older by several times.
+    """Read the same readings of a ROS recording once for each additional latency.
 
     Args:
-        path: The file.
-        shifts: Times [s].
-        latency: As of :func:`read_readings`, and so are the others.
-        topics: Of the readings.
-        world: Frame of the answer.
-        radius: Of the tip's ball [m].
-        direction: Where the tip moved.
-        max_points: Readings that are kept.
+        path: file or folder of the recording.
+        shifts: latencies added to ``latency`` [s].
+        latency: age of the readings at their stamps [s], see :func:`read_readings`.
+        topics: topics with readings.
+        world: name of the world frame.
+        radius: radius of the tip's ball [m].
+        direction: approach or viewing direction of all rows.
+        max_points: largest number of readings to keep.
 
     Returns:
-        One of each shift, all of the same readings; none where the file is no recording, or the readings of a session.
+        One set of readings for each shift, all of the same messages; empty if the file is not a recording, or holds the
+        readings of a session.
 
     Raises:
-        ReadingsError: As of :func:`read_readings`.
+        ReadingsError: the file cannot be read, see :func:`read_readings`.
     """
     path = Path(path)
     if not is_bag(path):
@@ -160,5 +161,5 @@ def _read_log(path: Path, form: LogFormat, stated: Stated) -> Readings:
 
 
 def format_names() -> tuple[str, ...]:
-    """Names that ``format`` may have."""
+    """Return the names of all formats of readings files."""
     return ("csv", *FORMATS.names(), BAG)

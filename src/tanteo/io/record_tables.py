@@ -1,4 +1,4 @@
-"""The tables of a session's record (``docs/formats.md``)."""
+"""Define the tables of a session record (``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,15 @@ HERE = Place("record")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePriors:
-    """A :class:`~tanteo.active.Start` without its parts; the same fields."""
+    """Fields of a :class:`~tanteo.active.Start` without its parts.
+
+    Attributes:
+        part: index of the part of each prior pose ``(n,)``.
+        Ts: prior poses ``T_world_part`` ``(n, 4, 4)`` [m].
+        covariances: covariances of the poses ``(n, 6, 6)``.
+        weights: prior probabilities of the poses ``(n,)``.
+        priors: prior parameters of the recognition.
+    """
 
     part: IntArray
     Ts: Transforms
@@ -33,7 +41,7 @@ class PosePriors:
 
 
 class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
-    """What was told at once; of the readings, the columns that say something."""
+    """Table of one observation; of the readings it stores only the columns that are not empty."""
 
     asked: Action | None
     readings: object
@@ -41,17 +49,22 @@ class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
 
     @classmethod
     def of(cls, one: Observation) -> ObservationTable:
-        """The table of an observation."""
+        """Return the table of an observation.
+
+        Args:
+            one: observation to store.
+        """
         columns = {} if one.readings is None else as_plain(one.readings)
-        said = {name: column for name, column in columns.items() if name == "ids" or _says(column)}
-        return cls(at=HERE, asked=one.action, readings=said or None, note=one.note)
+        filled = {name: column for name, column in columns.items() if name == "ids" or _has_content(column)}
+        return cls(at=HERE, asked=one.action, readings=filled or None, note=one.note)
 
     def observation(self) -> Observation:
-        """What was told; a column that is missing says nothing."""
+        """Return the observation; missing columns of the readings get their defaults."""
         return Observation(self.asked, self._readings(), self.note)
 
     def _readings(self) -> Readings | None:
-        raw, place = self.readings, self.at.inside("readings")
+        raw = self.readings
+        place = self.at.inside("readings")
         if not isinstance(raw, dict):
             if raw is None:
                 return None
@@ -63,7 +76,7 @@ class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
 
 
 class SensingTable(Table, frozen=True, kw_only=True, eq=False):
-    """How readings are made into measurements; the values of presets stand here: a record outlives a change of them."""
+    """Table of the noise model; it stores the values of presets, so that later changes of a preset do not affect it."""
 
     sensor: SensorPreset | None
     robot: RobotPreset | None
@@ -75,8 +88,14 @@ class SensingTable(Table, frozen=True, kw_only=True, eq=False):
 
     @classmethod
     def of(cls, sensing: Sensing) -> SensingTable:
-        """The table of what a session has."""
-        sensor, robot, tip_sd = sensing.sensor, sensing.robot, sensing.tip_sd
+        """Return the table of a session's noise model.
+
+        Args:
+            sensing: noise model to store.
+        """
+        sensor = sensing.sensor
+        robot = sensing.robot
+        tip_sd = sensing.tip_sd
         return cls(
             at=HERE,
             sensor=sensor_preset(sensor) if isinstance(sensor, str) else sensor,
@@ -90,25 +109,25 @@ class SensingTable(Table, frozen=True, kw_only=True, eq=False):
 
 
 class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
-    """All that a session needs to be what it was.
+    """Record that restores a session exactly.
 
     Attributes:
-        schema: of the document.
-        version: of tanteo that wrote it.
-        parts: their files.
-        start: what was assumed beforehand.
-        probe: what senses.
-        sensing: how readings are made into measurements.
-        policy: which reading is chosen: its kind, and its options.
-        stop: when to end.
-        seed: of everything that draws.
-        observations: what was observed, in order.
-        asked: the question that waited for its answer.
-        refused: the questions that could not be answered.
-        questions: the largest number of a question until then.
-        answer: the answer then, a document ``tanteo.recognition/1``.
-        significance: significance level of the tests of an answer; left out where it is the usual one.
-        seen: the images from which the session starts (``image_record.py``); left out where there are none.
+        schema: name and version of the document's format.
+        version: version of tanteo that wrote the record.
+        parts: origins of the candidate parts.
+        start: prior poses of the parts.
+        probe: sensor that takes the readings.
+        sensing: noise model that turns readings into measurements.
+        policy: kind and options of the policy that chooses the next reading.
+        stop: stopping criterion.
+        seed: seed of all random numbers.
+        observations: observations in order.
+        asked: action whose result was pending; None if none was.
+        refused: actions that could not be carried out.
+        questions: largest number given to an action so far.
+        answer: answer at that time, a document ``tanteo.recognition/1``.
+        significance: significance level of the answer's tests; omitted in the file where it is the default.
+        seen: images from which the session starts (``image_record.py``); omitted where there are none.
     """
 
     schema: str
@@ -130,11 +149,11 @@ class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
 
     @property
     def source(self) -> str:
-        """The file."""
+        """Path of the record's file."""
         return self.at.file
 
 
-def _says(column: Any) -> bool:
-    """Whether a column has anything in it."""
+def _has_content(column: Any) -> bool:
+    """Return whether a column has a cell that is not empty."""
     cells = np.asarray(column, dtype=object).ravel()
     return any(cell not in ("nan", "", False) for cell in cells)

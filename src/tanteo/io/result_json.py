@@ -1,4 +1,4 @@
-"""Results as strict JSON (``docs/formats.md``): ``tanteo.recognition/1``, what stands beside it, explanations."""
+"""Write results as strict JSON (``docs/formats.md``): ``tanteo.recognition/1``, its extensions, and explanations."""
 
 from __future__ import annotations
 
@@ -23,11 +23,15 @@ if TYPE_CHECKING:
     from tanteo.vision import Ellipse, Question, Sight, Sighting
 
 EMPTY = Answer("unknown", "Nothing was seen that could be a part: check light, focus and camera file.", (), 1.0)
-"""The answer of an image that shows nothing."""
+"""Answer for an image in which no object is found."""
 
 
 def strict(value: Any) -> Any:
-    """Dictionaries, lists, texts and numbers; what is not finite becomes ``None``: JSON has no infinity."""
+    """Return a value as dictionaries, lists, strings and numbers, with ``None`` for numbers that are not finite.
+
+    Args:
+        value: nested mappings, sequences, arrays and scalars.
+    """
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -38,17 +42,23 @@ def strict(value: Any) -> Any:
 
 
 def document_json(document: dict[str, Any], warnings: Sequence[str] = (), indent: int = 2) -> str:
-    """A document, with warnings if there are any, as strict JSON, indented, ending in a newline."""
+    """Return a document as strict JSON text that ends in a newline.
+
+    Args:
+        document: nested dictionaries, lists, arrays and scalars.
+        warnings: warnings to add under the key ``warnings``; the key is omitted if there are none.
+        indent: number of spaces per level.
+    """
     more = {"warnings": list(warnings)} if warnings else {}
     return json.dumps(strict(document | more), indent=indent, allow_nan=False) + "\n"
 
 
 def recognition_document(answer: Answer, frame: str = "world") -> dict[str, Any]:
-    """The result as plain dictionaries, lists, strings and numbers; a number that is not finite becomes ``null``.
+    """Return an answer as plain dictionaries, lists, strings and numbers; numbers that are not finite become ``None``.
 
     Args:
         answer: the answer.
-        frame: name of the frame that its poses are in.
+        frame: name of the frame of its poses.
     """
     document = {
         "schema": "tanteo.recognition/1", "version": __version__, "seed": int(answer.seed), "status": answer.status,
@@ -61,22 +71,28 @@ def recognition_document(answer: Answer, frame: str = "world") -> dict[str, Any]
 
 
 def finding_document(finding: Finding) -> dict[str, Any]:
-    """Return a finding as a dictionary: its kind, role and words, and the numbers behind them in SI units."""
+    """Return a finding as a dictionary of kind, role, message, and its values in SI units.
+
+    Args:
+        finding: the finding.
+    """
     return {"kind": finding.kind, "role": finding.role, "message": finding.message, "values": asdict(finding)}
 
 
 def recognition_json(answer: Answer, warnings: Sequence[str] = ()) -> str:
-    """The result as one JSON document, indented, ending in a newline.
+    """Return an answer as JSON text that ends in a newline.
 
     Args:
         answer: the answer.
-        warnings: what else a person was told on the way: files that could not be read, units that look wrong.
+        warnings: other messages to the user, such as unreadable files or suspicious units.
     """
     return document_json(recognition_document(answer), warnings)
 
 
 def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
-    T, axis, relative = np.asarray(h.T_world_part), h.symmetry_axis, h.covariance_relative
+    T = np.asarray(h.T_world_part)
+    axis = h.symmetry_axis
+    relative = h.covariance_relative
     axis_document = None if axis is None else {"frame": frame, "point_m": axis[0], "direction": axis[1]}
     q = SO3.as_quaternion(T[:3, :3])
     return {
@@ -99,7 +115,11 @@ def _hypothesis(h: Hypothesis, frame: str) -> dict[str, Any]:
 
 
 def covariance_document(matrix: FloatArray) -> dict[str, Any]:
-    """A pose's covariance with its conventions beside it."""
+    """Return a pose covariance as a dictionary that also states its conventions.
+
+    Args:
+        matrix: covariance ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+    """
     conventions = {"order": "x y z rx ry rz", "frame": "part", "perturbation": "right", "units": "m rad"}
     return {**conventions, "matrix": np.asarray(matrix)}
 
@@ -107,14 +127,14 @@ def covariance_document(matrix: FloatArray) -> dict[str, Any]:
 def executed_json(
     answer: Answer, done: Executed, *, readings: int, clearance: float, warnings: Sequence[str] = ()
 ) -> str:
-    """The result of a run of the hand as one JSON document: the answer, and beside it ``sensing``, what it took.
+    """Return the result of an execution by the robot as JSON text: the answer, and under ``sensing`` its cost.
 
     Args:
         answer: the answer.
-        done: the run.
-        readings: that were told.
-        clearance: least true distance of the hand from everything [m].
-        warnings: as for :func:`recognition_json`.
+        done: record of the execution.
+        readings: number of readings used.
+        clearance: smallest true distance between hand and obstacles [m].
+        warnings: other messages to the user, see :func:`recognition_json`.
     """
     sensing = {
         "reached": done.end.reached, "why": done.end.why, "readings": readings, "seconds": done.seconds,
@@ -124,7 +144,8 @@ def executed_json(
 
 
 def _visit(visit: Visit) -> dict[str, Any]:
-    action, step = visit.action, visit.step
+    action = visit.action
+    step = visit.step
     return {
         "number": action.number, "origin_m": action.origin, "direction": action.direction,
         "aimed_at": {"part": action.part, "face": action.face},
@@ -136,7 +157,12 @@ def _visit(visit: Visit) -> dict[str, Any]:
 
 
 def sight_json(sight: Sight, warnings: Sequence[str] = ()) -> str:
-    """The document ``tanteo.recognition/1`` of the largest object, with ``objects`` for every one, itself included."""
+    """Return the document ``tanteo.recognition/1`` of the largest object in an image, with ``objects`` for all.
+
+    Args:
+        sight: objects recognized in an image.
+        warnings: other messages to the user, see :func:`recognition_json`.
+    """
     first = sight.objects[0].answer if sight.objects else EMPTY
     objects = {"objects": [_object(seen, sight.frame) for seen in sight.objects]}
     arcs = {"ellipses": [_ellipse(e) for e in sight.ellipses.found], "refused_arcs": list(sight.ellipses.refused)}
@@ -144,7 +170,7 @@ def sight_json(sight: Sight, warnings: Sequence[str] = ()) -> str:
 
 
 def _ellipse(ellipse: Ellipse) -> dict[str, Any]:
-    """In pixels without distortion; the covariance is that of ``cx, cy, Pxx, Pyy, Pxy``."""
+    """Return an ellipse in undistorted pixels; its covariance is that of ``cx, cy, Pxx, Pyy, Pxy``."""
     return {
         "centre_px": ellipse.centre, "shape_px": ellipse.shape, "covariance_px2": ellipse.covariance,
         "semi_axes_px": ellipse.semi_axes, "arc_rad": ellipse.arc, "points": ellipse.count, "dark_inside": ellipse.dark,
@@ -156,7 +182,8 @@ def _object(seen: Sighting, frame: str) -> dict[str, Any]:
 
     answer = recognition_document(seen.answer, frame)
     kept = {key: answer[key] for key in ("status", "message", "hypotheses", "unknown_probability")}
-    region, outline = None, seen.outline
+    region = None
+    outline = seen.outline
     if seen.region is not None:
         x0, x1, y0, y1 = seen.region.box
         drawn = outline and {name: {"value": outline[name], "sd": outline.sd(name)} for name in DESCRIPTOR_NAMES}
@@ -176,7 +203,11 @@ def _question(question: Question) -> dict[str, Any]:
 
 
 def explanation_document(explanation: Explanation) -> dict[str, Any]:
-    """A document ``tanteo.explanation/1``: what each reading added and what the answer rests on; metres and nats."""
+    """Return the document ``tanteo.explanation/1``: the information of each reading, in metres and nats.
+
+    Args:
+        explanation: information of each reading and support of each pose direction.
+    """
     added = [
         {
             "readings": a.ids, "met": a.met, "part": a.part, "probability": a.probability,
@@ -194,30 +225,30 @@ def explanation_document(explanation: Explanation) -> dict[str, Any]:
 
 
 _ROUNDING = 1e-6, 1e-9
-"""Numbers that differ by less, relative or absolute, differ by how a processor rounds."""
+"""Relative and absolute difference up to which two numbers count as equal except for rounding."""
 
 _ELSEWHERE = ("version", "elapsed_s", "file")
-"""What may differ between two runs."""
+"""Keys whose values may differ between two runs."""
 
 
 def differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[tuple[str, ...], bool]:
-    """What differs between two documents ``tanteo.recognition/1`` beyond rounding, and whether anything at all does.
+    """Compare two documents ``tanteo.recognition/1``.
 
     Args:
-        then: the recorded one.
-        now: that of today.
+        then: recorded document.
+        now: recomputed document.
 
     Returns:
-        A line for each value that differs, and whether the documents are the same to the last bit.
+        One line for each value that differs by more than rounding, and whether the documents are identical.
     """
-    if "findings" not in then:  # recorded before every answer had some
+    if "findings" not in then:  # records of earlier versions have no findings
         now = {key: value for key, value in now.items() if key != "findings"}
     pairs = list(_pairs("", then, now))
     return tuple(f"{key}: {a!r} then, {b!r} now" for key, a, b in pairs if not _close(a, b)), not pairs
 
 
 def _pairs(key: str, a: Any, b: Any) -> Iterator[tuple[str, Any, Any]]:
-    """The values that are not equal, with their places."""
+    """Yield key and both values wherever two documents are not equal."""
     if isinstance(a, Mapping) and isinstance(b, Mapping) and a.keys() == b.keys():
         for name in a:
             if name not in _ELSEWHERE:

@@ -1,6 +1,6 @@
-"""Answers as messages of ROS, in plain dictionaries by the names of their fields; whoever sends them makes the types.
+"""Build ROS messages of answers as plain dictionaries by field name; the sender converts them to message types.
 
-A field that is missing has its default. Covariances are in the order and frame of ROS (``docs/conventions.md``).
+A missing field has its default. Covariances are in the order and frame of ROS (``docs/conventions.md``).
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 POSE_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 MARKERS, DIAGNOSTICS = "visualization_msgs/msg/MarkerArray", "diagnostic_msgs/msg/DiagnosticArray"
-"""Types of what is sent."""
+"""Types of the messages sent."""
 OK, WARN, ERROR, STALE = range(4)
-"""Levels of diagnostic_msgs/DiagnosticStatus."""
+"""Levels of ``diagnostic_msgs/DiagnosticStatus``."""
 _SPHERES, _LINES, _TEXT, _DELETE_ALL = 7, 5, 9, 3
-"""Numbers of visualization_msgs/Marker."""
+"""Types and actions of ``visualization_msgs/Marker``."""
 _COLORS = ((0.0, 0.45, 0.7), (0.9, 0.6, 0.0), (0.0, 0.6, 0.5), (0.8, 0.4, 0.7), (0.35, 0.7, 0.9))
 _MANY = 2000
-"""Edges beyond which the box of a part is drawn in place of it."""
+"""Number of edges above which the bounding box of a part is drawn instead."""
 _BOX = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7))
-"""Corners of a box that its edges connect, x the slowest."""
+"""Pairs of box corners connected by an edge, with x varying slowest."""
 
 
 class Placed(NamedTuple):
-    """A part at a pose, with the probability of that."""
+    """Part at a pose, with the probability of this hypothesis."""
 
     part: Part
     T: Transforms
@@ -38,23 +38,32 @@ class Placed(NamedTuple):
 
 
 def ros_header(stamp: int, frame: str) -> dict[str, Any]:
-    """``std_msgs/Header`` of a moment [ns]."""
+    """Return a ``std_msgs/Header``.
+
+    Args:
+        stamp: time stamp [ns].
+        frame: name of the frame.
+    """
     return {"stamp": time_of(stamp), "frame_id": frame}
 
 
 def time_of(stamp: int) -> dict[str, int]:
-    """``builtin_interfaces/Time`` of a moment [ns]."""
+    """Return a ``builtin_interfaces/Time``.
+
+    Args:
+        stamp: time stamp [ns].
+    """
     return {"sec": stamp // 10**9, "nanosec": stamp % 10**9}
 
 
 def pose_message(T: Transforms, covariance: Covariances, stamp: int, frame: str) -> dict[str, Any]:
-    """``geometry_msgs/PoseWithCovarianceStamped``.
+    """Return a ``geometry_msgs/PoseWithCovarianceStamped``.
 
     Args:
         T: ``T_world_part`` ``(4, 4)`` [m].
-        covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
-        stamp: moment [ns].
-        frame: name of the world.
+        covariance: pose covariance ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        stamp: time stamp [ns].
+        frame: name of the world frame.
 
     Example:
         >>> import numpy as np
@@ -67,25 +76,50 @@ def pose_message(T: Transforms, covariance: Covariances, stamp: int, frame: str)
 
 
 def pose(T: Transforms) -> dict[str, Any]:
-    """``geometry_msgs/Pose``."""
+    """Return a ``geometry_msgs/Pose``.
+
+    Args:
+        T: pose ``(4, 4)`` [m].
+    """
     values = pose_as_brand("ros", T).tolist()
     return {"position": _named("xyz", values[:3]), "orientation": _named("xyzw", values[3:])}
 
 
 def transform(T: Transforms, parent: str, child: str, stamp: int) -> dict[str, Any]:
-    """``tf2_msgs/TFMessage`` of one frame in another."""
+    """Return a ``tf2_msgs/TFMessage`` with one transform.
+
+    Args:
+        T: ``T_parent_child`` ``(4, 4)`` [m].
+        parent: name of the parent frame.
+        child: name of the child frame.
+        stamp: time stamp [ns].
+    """
     placed = pose(T)
     moved = {"translation": placed["position"], "rotation": placed["orientation"]}
     return {"transforms": [{"header": ros_header(stamp, parent), "child_frame_id": child, "transform": moved}]}
 
 
 def point_message(p_world: Vectors, stamp: int, frame: str) -> dict[str, Any]:
-    """``geometry_msgs/PointStamped``."""
+    """Return a ``geometry_msgs/PointStamped``.
+
+    Args:
+        p_world: point ``(3,)`` [m].
+        stamp: time stamp [ns].
+        frame: name of the point's frame.
+    """
     return {"header": ros_header(stamp, frame), "point": _named("xyz", np.asarray(p_world).tolist())}
 
 
 def range_message(distance: float, most: float, sd: float, stamp: int, frame: str) -> dict[str, Any]:
-    """``sensor_msgs/Range``; infinite where nothing was met, ``sd`` NaN where it is not known [m]."""
+    """Return a ``sensor_msgs/Range``.
+
+    Args:
+        distance: range [m]; infinite if the beam hit nothing.
+        most: largest range of the sensor [m].
+        sd: standard deviation [m]; NaN if unknown.
+        stamp: time stamp [ns].
+        frame: name of the sensor's frame.
+    """
     variance = {} if np.isnan(sd) else {"variance": sd * sd}
     return {"header": ros_header(stamp, frame), "range": distance, "max_range": most, **variance}
 
@@ -93,14 +127,14 @@ def range_message(distance: float, most: float, sd: float, stamp: int, frame: st
 def marker_message(
     placed: Sequence[Placed], points: Vectors | None, stamp: int, frame: str, size: float = 2e-3
 ) -> dict[str, Any]:
-    """``visualization_msgs/MarkerArray``: each hypothesis by its edges and its name, the readings by points.
+    """Return a ``visualization_msgs/MarkerArray``: hypotheses as edges with names, readings as points.
 
     Args:
-        placed: the hypotheses, best first; what is less probable is fainter.
-        points: of the readings, world ``(n, 3)`` [m]; None without any.
-        stamp: moment [ns].
-        frame: name of the world.
-        size: of a point [m].
+        placed: hypotheses, best first; less probable ones are more transparent.
+        points: points of the readings, world frame ``(n, 3)`` [m]; None for none.
+        stamp: time stamp [ns].
+        frame: name of the world frame.
+        size: diameter of a drawn point [m].
     """
     common = {"header": ros_header(stamp, frame), "ns": "tanteo", "pose": pose(np.eye(4))}
     markers: list[dict[str, Any]] = [{**common, "action": _DELETE_ALL}]
@@ -126,7 +160,11 @@ def marker_message(
 
 
 def edges(part: Part) -> FloatArray:
-    """Ends of lines that show a part ``(n, 2, 3)`` [m]: its straight edges, or its box."""
+    """Return line segments ``(n, 2, 3)`` [m] that draw a part: its straight edges, or its bounding box.
+
+    Args:
+        part: the part.
+    """
     ends = part.edges.ends
     if 0 < len(ends) <= _MANY:
         return ends
@@ -139,7 +177,15 @@ def edges(part: Part) -> FloatArray:
 def diagnostics_message(
     level: int, message: str, values: Mapping[str, object], stamp: int, name: str = "tanteo"
 ) -> dict[str, Any]:
-    """``diagnostic_msgs/DiagnosticArray`` of one status."""
+    """Return a ``diagnostic_msgs/DiagnosticArray`` with one status.
+
+    Args:
+        level: one of ``OK``, ``WARN``, ``ERROR``, ``STALE``.
+        message: summary of the status.
+        values: details by name.
+        stamp: time stamp [ns].
+        name: name of the component.
+    """
     pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     status = {"level": level, "name": name, "message": message, "hardware_id": "", "values": pairs}
     return {"header": ros_header(stamp, ""), "status": [status]}

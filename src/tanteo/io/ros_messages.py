@@ -1,7 +1,7 @@
-"""Messages of ROS that say where something was sensed, and the frames of them: of a recording, or as they come.
+"""Collect ROS messages with readings and transforms, from a recording or live.
 
-Read are ``sensor_msgs/Range``, ``geometry_msgs/PointStamped``, ``PoseStamped`` and ``tf2_msgs/TFMessage``, as objects
-with the fields of these types, whoever made them (rosbags, rclpy).
+Supported types are ``sensor_msgs/Range``, ``geometry_msgs/PointStamped``, ``PoseStamped`` and ``tf2_msgs/TFMessage``,
+as objects with the fields of these types (from rosbags or rclpy).
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from tanteo.io.transforms import FrameTree, Track, pose_of
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 RANGE, POINT, POSE = "sensor_msgs/msg/Range", "geometry_msgs/msg/PointStamped", "geometry_msgs/msg/PoseStamped"
-"""Types of messages that are read, beside transforms."""
+"""Supported message types other than transforms."""
 TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
-"""Types of transforms."""
+"""Supported types of transform messages."""
 _SET_BACK = 1.0
-"""Stamps of one publisher that go back further than this are of a clock that was set back [s]; less is disorder."""
+"""Decrease of a publisher's stamps above which its clock was set back; smaller ones are messages out of order [s]."""
 _LAGS = 1000
-"""Of so many messages it is kept how late they came, where old ones are dropped."""
+"""Number of messages whose delays are kept when old messages are dropped."""
 _LATEST = 60.0
-"""A message that comes later than this after its stamp has been stamped by another clock [s]."""
+"""Largest plausible delay between stamp and reception [s]; a larger one means that another clock made the stamp."""
 
 
 @dataclass(frozen=True, slots=True)
 class RosOptions:
-    """What messages do not say themselves.
+    """Options for the interpretation of ROS messages.
 
     Attributes:
-        topics: of the readings, and of the hand's poses; guessed if none is named.
-        world: name of the world's frame; the root of the frames above the readings' if not given.
-        latency: how much older the readings are than their stamps [s].
+        topics: topics of the readings and of the hand's poses; chosen automatically if empty.
+        world: name of the world frame; None for the root of the transform tree above the readings.
+        latency: age of a reading at its stamp [s].
     """
 
     topics: tuple[str, ...] = ()
@@ -44,9 +44,10 @@ class RosOptions:
 
 
 class Row(NamedTuple):
-    """One message: its stamp [s], its frame, and its numbers.
+    """Values of one message, with its stamp [s] and frame.
 
-    These are range, least, most and variance of a range; a point; the rows of the matrix of a pose.
+    For a range: distance, smallest range, largest range, variance. For a point: x, y, z. For a pose: the rows of its
+    matrix.
     """
 
     stamp: float
@@ -56,16 +57,17 @@ class Row(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class RosMessages:
-    """Messages that matter, in the order in which they came.
+    """Relevant messages in the order of reception.
 
     Attributes:
-        samples: transforms by child and parent, each with its stamp [s].
-        static: children that do not move.
-        rows: of each topic.
-        kinds: type of each topic.
-        lags: between stamps and when the messages came [s].
-        overlaps: stamps that came twice, as a clock was set back: from, to [s].
-        broken: messages with numbers that cannot be.
+        samples: transforms by child and parent frame, each with its stamp [s].
+        static: child frames that do not move.
+        rows: readings and hand poses by topic.
+        kinds: message type by topic.
+        lags: delays between stamp and reception [s].
+        overlaps: intervals of stamps (start, end) that occur twice because a clock was set back [s].
+        broken: number of messages with invalid numbers.
+        latest: largest stamp so far by publisher [s].
     """
 
     samples: dict[tuple[str, str], list[tuple[float, Transforms]]] = field(default_factory=dict)
@@ -78,7 +80,13 @@ class RosMessages:
     latest: dict[str, float] = field(default_factory=dict)
 
     def take(self, topic: str, received: float, message: Any) -> None:
-        """A message of a topic in :attr:`kinds`, and when it came [s]."""
+        """Add a message of a topic in :attr:`kinds`.
+
+        Args:
+            topic: topic of the message.
+            received: time of reception [s].
+            message: object with the fields of the message type.
+        """
         kind = self.kinds[topic]
         if kind in TF:
             for one in message.transforms:
@@ -95,7 +103,9 @@ class RosMessages:
             self.lags.append(received - stamp)
 
     def _frame(self, one: Any, *, static: bool) -> None:
-        child, parent, stamp = _name(one.child_frame_id), _name(one.header.frame_id), _seconds(one.header.stamp)
+        child = _name(one.child_frame_id)
+        parent = _name(one.header.frame_id)
+        stamp = _seconds(one.header.stamp)
         T = _pose(one.transform.translation, one.transform.rotation)
         if T is None:
             self.broken += 1
@@ -113,15 +123,19 @@ class RosMessages:
             self.latest[source] = stamp
         self.latest[source] = max(stamp, self.latest.get(source, -np.inf))
 
-    def twice(self, stamps: FloatArray) -> BoolArray:
-        """Which stamps a clock that was set back passed twice: what they mean is not known ``(n,)``."""
+    def ambiguous(self, stamps: FloatArray) -> BoolArray:
+        """Return the mask of stamps in intervals that a reset clock passed twice, where the time is ambiguous ``(n,)``.
+
+        Args:
+            stamps: time stamps ``(n,)`` [s].
+        """
         hit = np.zeros(len(stamps), dtype=bool)
         for low, high in self.overlaps:
             hit |= (stamps >= low) & (stamps <= high)
         return hit
 
     def tree(self) -> FrameTree:
-        """Its frames."""
+        """Return the transform tree."""
         tree = FrameTree()
         for (child, parent), samples in self.samples.items():
             tree.parents[child] = parent
@@ -129,7 +143,11 @@ class RosMessages:
         return tree
 
     def since(self, moment: float) -> RosMessages:
-        """The same without what is older [s], but for the last transform of each frame before it."""
+        """Return the messages from a time on, with the last earlier transform of each frame.
+
+        Args:
+            moment: start time [s].
+        """
         samples = {}
         for key, known in self.samples.items():
             older = [one for one in known if one[0] < moment]
@@ -142,7 +160,12 @@ class RosMessages:
 
 
 def wanted_topics(there: Mapping[str, str], options: RosOptions) -> dict[str, str]:
-    """Which topics matter, with their types, of those that are there: named ones alone, where one of its sort is."""
+    """Return the relevant topics with their types; named topics replace the other topics of their kind.
+
+    Args:
+        there: available topics with their types.
+        options: named topics.
+    """
     named = [topic for topic in options.topics if topic in there]
     hands = [topic for topic in named if there[topic] == POSE]
     readings = [topic for topic in named if topic not in hands]
@@ -156,7 +179,16 @@ def wanted_topics(there: Mapping[str, str], options: RosOptions) -> dict[str, st
 
 
 def check_topics(there: Mapping[str, str], options: RosOptions, source: str) -> None:
-    """Raises ReadingsError where a topic that is named is not there."""
+    """Check that the named topics exist.
+
+    Args:
+        there: available topics with their types.
+        options: named topics.
+        source: file name for messages.
+
+    Raises:
+        ReadingsError: a named topic does not exist; the message names the nearest.
+    """
     for topic in options.topics:
         if topic not in there:
             known = ", ".join(sorted(there)) or "none"
@@ -166,10 +198,15 @@ def check_topics(there: Mapping[str, str], options: RosOptions, source: str) -> 
 
 
 def topics_of(messages: RosMessages, options: RosOptions, source: str) -> tuple[list[str], list[str]]:
-    """The topics that readings are taken of, all of one type, and what a person should know of that.
+    """Return the topics that supply the readings, all of one type, and notes on their choice.
+
+    Args:
+        messages: collected messages.
+        options: named topics.
+        source: file name for messages.
 
     Raises:
-        ReadingsError: there is none, or those that are named are of two types.
+        ReadingsError: there is no topic with readings, or the named ones have two types.
     """
     topics = [t for t, kind in messages.kinds.items() if kind in (RANGE, POINT) and messages.rows.get(t)]
     if not topics:
@@ -180,11 +217,15 @@ def topics_of(messages: RosMessages, options: RosOptions, source: str) -> tuple[
         if options.topics:
             raise ReadingsError(f"{source}: expected topics of one type, got ranges and points. Name one --topic.")
         topics = [t for t in topics if messages.kinds[t] == RANGE]
-    return topics, [] if options.topics else [f"Readings are taken of {', '.join(topics)}; others with --topic."]
+    return topics, [] if options.topics else [f"Readings are taken from {', '.join(topics)}; --topic chooses others."]
 
 
 def unique(rows: Sequence[Row]) -> Iterator[Row]:
-    """Rows in the order of their stamps, each once."""
+    """Yield the rows sorted by stamp, without duplicates.
+
+    Args:
+        rows: rows in any order.
+    """
     seen = set[Row]()
     for row in sorted(rows, key=lambda row: row.stamp):
         if row not in seen:
@@ -192,8 +233,15 @@ def unique(rows: Sequence[Row]) -> Iterator[Row]:
             yield row
 
 
-def says_something(kind: str, row: Row) -> bool:
-    """Whether a row is a reading; of a range that met nothing, somebody has to have said how far that would be."""
+def is_usable(kind: str, row: Row) -> bool:
+    """Return whether a row is a usable reading.
+
+    A range must be within the sensor's limits; an infinite range also needs a stated maximum.
+
+    Args:
+        kind: message type.
+        row: values of the message.
+    """
     if kind != RANGE:
         return True
     distance, least, most, _ = row.values
@@ -201,12 +249,16 @@ def says_something(kind: str, row: Row) -> bool:
 
 
 def pose_in(row: Row) -> Transforms:
-    """The pose of a row ``(4, 4)``."""
+    """Return the pose ``(4, 4)`` of a row.
+
+    Args:
+        row: values of a pose message.
+    """
     return np.array(row.values).reshape(4, 4)
 
 
 def _range(message: Any) -> tuple[float, ...]:
-    # variance is of later releases of ROS 2; 0 is "not known"
+    # only later releases of ROS 2 have a variance; 0 means unknown
     return message.range, message.min_range, message.max_range, getattr(message, "variance", 0.0)
 
 
@@ -223,7 +275,7 @@ _VALUES: dict[str, Any] = {RANGE: _range, POINT: _point, POSE: _posed}
 
 
 def _pose(p: Any, q: Any) -> Transforms | None:
-    """A pose; None of numbers that are none: a quaternion of length zero turns nowhere."""
+    """Return a pose matrix; None if a number is not finite or the quaternion has length zero."""
     values = np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w], dtype=np.float64)
     if not np.isfinite(values).all() or np.linalg.norm(values[3:]) < 1e-6:
         return None

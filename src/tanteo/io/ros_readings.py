@@ -1,7 +1,7 @@
-"""Readings of messages of ROS: ranges and touches in the world at their stamps, and what was left out.
+"""Convert ROS messages to readings in the world frame at their stamps.
 
-The beam of ``sensor_msgs/Range`` runs along +x of its frame; minus infinity is something too near, infinity is nothing
-(REP 117). A reading at whose stamp a transform of its chain is not known is left out: nothing is extrapolated.
+The beam of ``sensor_msgs/Range`` runs along +x of its frame. Minus infinity means too near, plus infinity means that
+nothing was hit (REP 117). Transforms are not extrapolated: a reading without all transforms at its stamp is discarded.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.io.log_readings import readings_of
-from tanteo.io.ros_messages import POSE, RANGE, RosMessages, RosOptions, Row, pose_in, says_something, topics_of, unique
+from tanteo.io.ros_messages import POSE, RANGE, RosMessages, RosOptions, Row, is_usable, pose_in, topics_of, unique
 from tanteo.io.stated import Stated
 from tanteo.io.transforms import FrameTree, Track
 from tanteo.logs import RECORDING, Log, LogFormat
@@ -21,21 +21,21 @@ from tanteo.sensors import Readings
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 BAG = RECORDING
-"""Name of the format."""
+"""Name of the format of ROS recordings."""
 _FORM = LogFormat(BAG, "a recording of ROS", lambda contents: False, lambda contents: Log())
 
 
 def readings_of_messages(messages: RosMessages, source: str, stated: Stated, options: RosOptions) -> Readings:
-    """Readings of messages, in the world at their stamps; notes of them say what was left out or taken as something.
+    """Return the readings of messages in the world frame at their stamps, with notes on assumptions and omissions.
 
     Args:
-        messages: that came.
-        source: of them, for messages to a person.
-        stated: what is known beside them.
-        options: topics, world, latency.
+        messages: collected messages.
+        source: file name for messages.
+        stated: options for what the messages do not contain.
+        options: topics, world frame and latency.
 
     Raises:
-        ReadingsError: there is no topic of readings, or frames do not hang together.
+        ReadingsError: no topic has readings, or the transforms do not connect the frames.
     """
     return readings_at(messages, source, stated, options, (0.0,))[0]
 
@@ -43,15 +43,28 @@ def readings_of_messages(messages: RosMessages, source: str, stated: Stated, opt
 def readings_at(
     messages: RosMessages, source: str, stated: Stated, options: RosOptions, shifts: Sequence[float]
 ) -> tuple[Readings, ...]:
-    """The same readings, as they would be if they were older by several times [s]; as above."""
+    """Return the same readings once for each additional latency; see :func:`readings_of_messages`.
+
+    Args:
+        messages: collected messages.
+        source: file name for messages.
+        stated: options for what the messages do not contain.
+        options: topics, world frame and latency.
+        shifts: latencies added to that of the options [s].
+
+    Raises:
+        ReadingsError: no topic has readings, or the transforms do not connect the frames.
+    """
     topics, notes = topics_of(messages, options, source)
     beams = messages.kinds[topics[0]] == RANGE
     rows = _drawn(_usable(messages, topics, source, notes), stated, notes)
-    tree, later = messages.tree(), [replace(options, latency=options.latency + shift) for shift in shifts]
+    tree = messages.tree()
+    later = [replace(options, latency=options.latency + shift) for shift in shifts]
     places = [placing(messages, tree, rows, beams, source, one) for one in later]
     notes += [*_said(messages, options), *places[0].notes]
     kept = _kept(np.logical_and.reduce([place.known for place in places]), places[0], source, notes)
-    rows, ids = [rows[k] for k in kept], tuple(str(k + 1) for k in kept)
+    rows = [rows[k] for k in kept]
+    ids = tuple(str(k + 1) for k in kept)
     if not beams:
         return tuple(_points(rows, ids, place.Ts[kept], source, stated, notes) for place in places)
     made = _beams if places[0].hand is None else _on_hand
@@ -59,21 +72,22 @@ def readings_at(
 
 
 def _drawn(rows: list[Row], stated: Stated, notes: list[str]) -> list[Row]:
-    """Of very many rows, some at about equal distances: more of a dense recording say little more."""
+    """Return at most ``max_points`` evenly spaced rows, because neighbours in a dense recording are redundant."""
     most = stated.max_points
     if most is None or len(rows) <= most:
         return rows
-    notes.append(f"{most} of {len(rows)} readings are used, evenly chosen; more with --max-points.")
+    notes.append(f"{most} of {len(rows)} readings are used, evenly chosen. --max-points sets their number.")
     return [rows[k] for k in np.linspace(0, len(rows) - 1, most).round().astype(int)]
 
 
 def _said(messages: RosMessages, options: RosOptions) -> list[str]:
     out = list[str]()
     if messages.lags:
-        typical, most = 1e3 * np.median(messages.lags), 1e3 * max(messages.lags)
+        typical = 1e3 * np.median(messages.lags)
+        most = 1e3 * max(messages.lags)
         out.append(f"Messages were recorded {typical:.1f} ms after their stamp (median; at most {most:.1f}).")
     if messages.broken:
-        out.append(f"{messages.broken} messages have numbers that are no pose or point, and were left out.")
+        out.append(f"{messages.broken} messages were left out because their numbers form no valid pose or point.")
     parents = dict[str, str]()
     for child, parent in messages.samples:
         if parents.setdefault(child, parent) != parent:
@@ -85,12 +99,12 @@ def _said(messages: RosMessages, options: RosOptions) -> list[str]:
 
 
 def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: list[str]) -> list[Row]:
-    """Rows that say something, each once."""
+    """Return the usable rows without duplicates, with notes on the discarded ones."""
     all_rows = [row for topic in topics for row in messages.rows[topic]]
     rows = list(unique(all_rows))
     if len(rows) < len(all_rows):
         notes.append(f"{len(all_rows) - len(rows)} of {len(all_rows)} readings came twice, and count once.")
-    twice = messages.twice(np.array([row.stamp for row in rows]))
+    twice = messages.ambiguous(np.array([row.stamp for row in rows]))
     if twice.any():
         back = max(high - low for low, high in messages.overlaps)
         notes.append(
@@ -98,7 +112,7 @@ def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: li
             "their stamps came twice."
         )
         rows = [row for row, is_twice in zip(rows, twice, strict=True) if not is_twice]
-    said = [row for row in rows if says_something(messages.kinds[topics[0]], row)]
+    said = [row for row in rows if is_usable(messages.kinds[topics[0]], row)]
     if len(said) < len(rows):
         notes.append(f"{len(rows) - len(said)} of {len(rows)} ranges are too near or none, and were left out.")
         rows = said
@@ -110,15 +124,15 @@ def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: li
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placing:
-    """Where rows are sensed from.
+    """Poses from which rows were sensed.
 
     Attributes:
-        Ts: poses ``(n, 4, 4)`` of the readings' frames in the world, or of the hand.
-        known: at which rows these are known ``(n,)``.
-        hand: topic of the hand's poses; None where transforms place the frames.
-        way: from which frame to which, in words.
-        world: name of the frame that the poses are in.
-        notes: what is taken as something.
+        Ts: poses of the readings' frames, or of the hand, in the world ``(n, 4, 4)`` [m].
+        known: mask of the rows whose pose is known ``(n,)``.
+        hand: topic of the hand's poses; None where transforms give the poses.
+        way: source of the poses, in words.
+        world: name of the frame that the poses refer to.
+        notes: notes on assumptions.
     """
 
     Ts: Transforms
@@ -132,10 +146,18 @@ class Placing:
 def placing(
     messages: RosMessages, tree: FrameTree, rows: Sequence[Row], beams: bool, source: str, options: RosOptions
 ) -> Placing:
-    """Poses of the rows' frames at their stamps: by transforms, or ranges by the one topic of a hand's poses.
+    """Return the poses of the rows' frames at their stamps, from transforms or from the only topic of hand poses.
+
+    Args:
+        messages: collected messages.
+        tree: transform tree of the messages.
+        rows: readings to place.
+        beams: whether the readings are ranges, for which hand poses can be used.
+        source: file name for messages.
+        options: world frame and latency.
 
     Raises:
-        ReadingsError: frames do not hang together, or nothing places them.
+        ReadingsError: the transforms do not connect the frames, or neither transforms nor hand poses exist.
     """
     times = np.array([row.stamp for row in rows]) - options.latency
     frames = sorted({row.frame for row in rows})
@@ -147,7 +169,8 @@ def placing(
         note = f"Hand poses are taken of {topic}; the sensors {loose} have to be in --rig."
         return Placing(Ts, known, topic, topic, poses[-1].frame, (note,))
     world, notes = _world(tree, frames, source, options)
-    Ts, known = np.zeros((len(rows), 4, 4)), np.zeros(len(rows), dtype=bool)
+    Ts = np.zeros((len(rows), 4, 4))
+    known = np.zeros(len(rows), dtype=bool)
     for frame in frames:
         mine = np.array([row.frame == frame for row in rows])
         Ts[mine], known[mine] = tree.pose(world, frame, times[mine])
@@ -166,7 +189,7 @@ def _hand_topic(messages: RosMessages, loose: str, source: str) -> str:
 
 
 def _world(tree: FrameTree, frames: Sequence[str], source: str, options: RosOptions) -> tuple[str, tuple[str, ...]]:
-    """The frame that the answer is in, and whether it is guessed."""
+    """Return the world frame, and a note if it was chosen automatically."""
     if options.world is not None:
         for frame in frames:
             if options.world not in tree.chain(frame):
@@ -178,14 +201,14 @@ def _world(tree: FrameTree, frames: Sequence[str], source: str, options: RosOpti
     roots = {tree.chain(frame)[-1] for frame in frames}
     if len(roots) > 1:
         raise ReadingsError(
-            f"{source}: expected one frame over all readings, got {', '.join(sorted(roots))}. Say --world."
+            f"{source}: expected one frame over all readings, got {', '.join(sorted(roots))}. Use --world."
         )
     root = roots.pop()
-    return root, (f"The world is the frame '{root}'; another with --world.",)
+    return root, (f"The world is the frame '{root}'. --world chooses another.",)
 
 
 def _kept(known: BoolArray, place: Placing, source: str, notes: list[str]) -> list[int]:
-    """Indices of the rows whose place is known."""
+    """Return the indices of the rows whose pose is known."""
     if not known.any():
         raise ReadingsError(
             f"{source}: expected poses at the readings' stamps, got none of {place.way}. Record them from before the "
@@ -200,16 +223,19 @@ def _kept(known: BoolArray, place: Placing, source: str, notes: list[str]) -> li
 
 
 def _values(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray | None]:
-    """Ranges, how far each sensor reaches, which met nothing, and standard deviations where the sensor says them."""
+    """Return ranges [m], largest ranges [m], mask of beams that hit nothing, and standard deviations [m] if stated."""
     ranges, _, most, variances = np.array([row.values for row in rows], dtype=np.float64).T
-    stated, limited = variances > 0, most > 0  # 0 is a field that nobody filled
+    # 0 means that the publisher left the field empty
+    stated = variances > 0
+    limited = most > 0
     sds = np.where(stated, np.sqrt(np.where(stated, variances, 1.0)), np.nan) if stated.any() else None
     return ranges, most, (limited & (ranges > most)) | np.isinf(ranges), sds
 
 
 def _beams(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
     ranges, most, free, sds = _values(rows)
-    axes, origins = Ts[:, :3, 0], Ts[:, :3, 3]
+    axes = Ts[:, :3, 0]
+    origins = Ts[:, :3, 3]
     points = origins + np.where(free, 0.0, ranges)[:, None] * axes
     return Readings.from_columns(
         points, ids=ids, directions=axes, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,
@@ -218,7 +244,7 @@ def _beams(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str,
 
 
 def _on_hand(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
-    """Ranges of sensors on a hand: a rig says where they sit."""
+    """Return ranges of sensors on the hand, whose poses on the hand a rig file gives."""
     ranges, most, free, sds = _values(rows)
     return Readings.from_columns(
         n=len(rows), ids=ids, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,

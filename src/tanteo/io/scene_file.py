@@ -1,4 +1,4 @@
-"""Scene files: parts, table, occluders, the hand and what it shall sense (TOML, ``docs/formats.md``)."""
+"""Read scene files: parts, table, obstacles, hand, and the features to sense (TOML, ``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -21,31 +21,32 @@ from tanteo.simulator import Cell, Scene, Solid, box
 from tanteo.typing import FloatArray, IntArray, Transforms
 
 MeshReader = Callable[[Path, str | None], tuple[FloatArray, IntArray]]
-"""From a CAD file and the unit of files that carry none to vertices [m] and triangles."""
+"""Function that reads a CAD file, given the unit of formats that carry none, as vertices [m] and triangles."""
 
 CLEARANCE = 0.6
-"""Without one of its own, the clearance is this share of the stand-off."""
+"""Default clearance as a fraction of the stand-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneFile:
-    """What a scene file says.
+    """Content of a scene file.
 
     Attributes:
-        scene: The solids in the world.
-        hand: The hand.
-        T_world_hand: Where it starts ``(4, 4)``.
-        cell: How the robot behaves.
-        workspace: Where the hand may be.
-        seed: Of all errors.
-        standoff: [m].
-        clearance: [m].
-        guesses: Rough ideas of what to sense: ``plane``, ``edge``, ``vertex``, ``circle``, ``cylinder``.
-        prior: Where the middle of a part roughly is, and how it is turned; None if it is not said.
-        camera: The camera that looks at it; None if there is none.
-        furniture: The solids that are no parts: what is known to stand there.
-        occluders: The same without the table, as boxes to stay out of.
-        source: The file.
+        scene: solids in the world.
+        hand: hand that carries the sensors.
+        T_world_hand: start pose of the hand ``(4, 4)`` [m].
+        cell: timing and motion limits of the robot.
+        workspace: region that the hand may use.
+        seed: seed of all simulated errors.
+        standoff: distance of the sensor from a surface while sensing [m].
+        clearance: smallest allowed distance of the hand from obstacles [m].
+        guesses: rough positions of features to sense, by kind: ``plane``, ``edge``, ``vertex``, ``circle``,
+            ``cylinder``.
+        prior: rough pose of a part's centre; None if not given.
+        camera: files of the camera that observes the scene; None if there is none.
+        furniture: solids that are not parts.
+        occluders: the same without the table, as boxes that the hand avoids.
+        source: path of the file.
     """
 
     scene: Scene
@@ -68,17 +69,18 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
     """Read a scene file.
 
     Args:
-        path: The file; the CAD files that it names are beside it.
-        read_mesh: How a CAD file is read; :func:`tanteo.parts.read_part` if not given.
+        path: scene file; CAD files are named relative to it.
+        read_mesh: function that reads a CAD file; None for :func:`tanteo.parts.read_part`.
 
     Raises:
-        InputError: The file cannot be read, is not TOML, or says something that a scene cannot say; the message names
-            file, table, key and value.
-        UnitError: A unit in a key is missing or unknown.
-        PartError: A part cannot be read.
+        InputError: the file cannot be read, is not TOML, or has an invalid entry; the message names file, table, key
+            and value.
+        UnitError: a unit in a key is missing or unknown.
+        PartError: a part cannot be read.
     """
     path = Path(path)
-    file, folder = load_toml(path, "scene file", Document), path.parent
+    file = load_toml(path, "scene file", Document)
+    folder = path.parent
     read_mesh = read_mesh or _mesh
     parts = [
         Solid.at(name, *read_mesh(folder / part.file, part.units), part.pose()) for name, part in file.parts.items()
@@ -87,7 +89,8 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
     clamps = [box(name, one.low, one.high, one.pose()) for name, one in file.occluders.items()]
     hand, T_world_hand = file.hand.hand(folder)
     sense = file.sense or SenseTable(at=file.at.inside("sense"))
-    camera, prior = file.camera, file.prior
+    camera = file.camera
+    prior = file.prior
     return SceneFile(
         scene=Scene.of([*tops, *parts, *clamps]),
         hand=hand,
@@ -107,7 +110,7 @@ def read_scene(path: str | Path, read_mesh: MeshReader | None = None) -> SceneFi
 
 
 def _workspace(file: Document) -> Workspace:
-    """Bounds, and boxes that the hand stays out of; everything happens above the table."""
+    """Return the bounds of the hand above the table, with its forbidden boxes."""
     bounds = file.workspace or SpaceTable(at=file.at)
     top = -math.inf if file.table is None else file.table.top
     low = np.array([-math.inf, -math.inf, top]) if bounds.low is None else bounds.low

@@ -1,4 +1,4 @@
-"""The tables of a scene file and what is made of each (``docs/formats.md``)."""
+"""Define the tables of a scene file and their conversion to objects (``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from tanteo.simulator import Cell, Solid, box
 from tanteo.typing import FloatArray, Transforms
 
 AHEAD = 0.06
-"""Without an idea of a face, it is looked for so far ahead of the hand [m]."""
+"""Default distance of the face to sense in front of the hand [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class CameraPaths:
-    """Files of a camera that looks at the scene.
+    """Files of a camera that observes the scene.
 
     Attributes:
-        file: Calibration.
-        marks: Known points of the table, to place the camera; None where the calibration says where it stands.
+        file: path of the calibration file.
+        marks: path of a file with known points, to localize the camera; None where the calibration states its pose.
     """
 
     file: str
@@ -40,13 +40,13 @@ class CameraPaths:
 
 
 SceneGuess: TypeAlias = FaceGuess | EdgeGuess | VertexGuess | RoundGuess
-"""A rough idea of what to sense."""
+"""Rough position of a feature to sense."""
 
 _NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class TopTable(Table, frozen=True, kw_only=True, eq=False):
-    """The table that parts stand on."""
+    """Table that the parts stand on."""
 
     top: Length = 0.0
     size: (
@@ -57,27 +57,27 @@ class TopTable(Table, frozen=True, kw_only=True, eq=False):
     ) = None
 
     def solid(self) -> Solid:
-        """A plate below its top."""
+        """Return the table as a plate below its top."""
         x, y = (1.0, 1.0) if self.size is None else self.size
         return box("table", [-x / 2, -y / 2, self.top - 0.05], [x / 2, y / 2, self.top])
 
 
 class PartTable(Posed, frozen=True, kw_only=True, eq=False):
-    """A part by its CAD file."""
+    """Part given by its CAD file."""
 
     file: str
     units: str | None = None
 
 
 class BoxTable(Posed, frozen=True, kw_only=True, eq=False):
-    """A box."""
+    """Box in the world."""
 
     low: Point
     high: Point
 
 
 class HandTable(Table, frozen=True, kw_only=True, eq=False):
-    """The hand's rig, where it starts and which way it looks, how the robot moves it."""
+    """Hand: its rig, start pose, and the motion limits of the robot."""
 
     rig: str = "paper-gripper"
     robot: str | None = None
@@ -91,7 +91,11 @@ class HandTable(Table, frozen=True, kw_only=True, eq=False):
     cone_rays: Annotated[int, Meta(ge=0)] = 0
 
     def hand(self, folder: Path) -> tuple[Hand, Transforms]:
-        """The hand, and where it starts ``(4, 4)``."""
+        """Return the hand and its start pose in the world ``(4, 4)`` [m].
+
+        Args:
+            folder: folder of the scene file.
+        """
         rig = read_rig(folder / self.rig if (folder / self.rig).exists() else self.rig)
         hand = Hand(rig, gripper_body(rig))
         z = np.array([0.0, 0.0, -1.0]) if self.looks is None else self.looks
@@ -105,40 +109,40 @@ class HandTable(Table, frozen=True, kw_only=True, eq=False):
         return hand, SE3.from_parts(R, self.front - R @ hand.front)
 
     def cell(self) -> Cell:
-        """How the robot behaves."""
+        """Return timing and motion limits of the robot."""
         robot = None if self.robot is None else robot_preset(self.robot)
         return Cell(1 / self.rate, self.latency, self.speed, self.turn, robot=robot, cone=self.cone_rays)
 
 
 class SpaceTable(Table, frozen=True, kw_only=True, eq=False):
-    """Where the hand may be."""
+    """Bounds of the hand's workspace."""
 
     low: Point | None = None
     high: Point | None = None
 
 
 class FaceTable(Table, frozen=True, kw_only=True, eq=False):
-    """A rough idea of a face."""
+    """Rough position of a face."""
 
     point: Point
     normal: Direction
 
 
 class EdgeTable(FaceTable, frozen=True, kw_only=True, eq=False):
-    """A rough idea of an edge."""
+    """Rough position of an edge."""
 
     direction: Direction
 
 
 class VertexTable(FaceTable, frozen=True, kw_only=True, eq=False):
-    """A rough idea of a vertex."""
+    """Rough position of a vertex."""
 
     arriving: Direction
     leaving: Direction
 
 
 class RoundTable(Table, frozen=True, kw_only=True, eq=False):
-    """A rough idea of a bore or a boss."""
+    """Rough position of a bore or a boss."""
 
     point: Point
     axis: Direction
@@ -146,13 +150,13 @@ class RoundTable(Table, frozen=True, kw_only=True, eq=False):
     boss: bool = False
 
     def guess(self) -> RoundGuess:
-        """The same for the hand."""
+        """Return the rough position for an acquisition."""
         values = {"point": self.point, "axis": self.axis, "radius": self.radius, "convex": self.boss}
         return made(RoundGuess, values, str(self.at))
 
 
 class SenseTable(Table, frozen=True, kw_only=True, eq=False):
-    """How and what to sense."""
+    """Features to sense, and distances to keep."""
 
     standoff: Annotated[Length, Meta(ge=1e-3)] = 0.02
     clearance: Annotated[Length, Meta(ge=1e-4)] | None = None
@@ -163,7 +167,12 @@ class SenseTable(Table, frozen=True, kw_only=True, eq=False):
     cylinder: RoundTable | None = None
 
     def guesses(self, T: Transforms, hand: Hand) -> dict[str, SceneGuess]:
-        """The rough ideas; without one, a face is looked for ahead of the hand."""
+        """Return the rough positions of features by kind; the default face lies in front of the hand.
+
+        Args:
+            T: start pose of the hand in the world ``(4, 4)`` [m].
+            hand: hand that carries the sensors.
+        """
         out: dict[str, SceneGuess] = {
             "plane": FaceGuess(SE3.apply(T, hand.front + np.array([0.0, 0.0, AHEAD])), -T[:3, 2])
         }
@@ -177,7 +186,7 @@ class SenseTable(Table, frozen=True, kw_only=True, eq=False):
 
 
 class PriorTable(Posed, frozen=True, kw_only=True, eq=False):
-    """Where the middle of a part roughly is."""
+    """Rough pose of a part's centre."""
 
     sd: LengthSds
     turn_sd: AngleSds
@@ -190,12 +199,16 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
     marks: str | None = None
 
     def paths(self, folder: Path) -> CameraPaths:
-        """The files, which are named relative to the scene."""
+        """Return the file paths, resolved relative to the scene file.
+
+        Args:
+            folder: folder of the scene file.
+        """
         return CameraPaths(str(folder / self.file), None if self.marks is None else str(folder / self.marks))
 
 
 class Document(Table, frozen=True, kw_only=True, eq=False):
-    """A scene file."""
+    """Content of a scene file."""
 
     seed: Annotated[int, Meta(ge=0)] = 0
     table: TopTable | None = None

@@ -1,4 +1,4 @@
-"""What documents are made of: tables whose annotations say keys, units, ranges and defaults, and their places."""
+"""Define tables of documents, whose annotations state keys, units, ranges and defaults, and their positions."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ _HEAD, _KEY = re.compile(r"\s*\[+([^\[\],]+)\]+\s*(#.*)?$"), re.compile(r"\s*([\
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """What the numbers of a key are; they have to be finite.
+    """Annotation of a numeric field; its numbers must be finite.
 
     Attributes:
-        of: length, angle, time, speed, turn, rate (the key ends in a unit) or plain.
-        shapes: that an array may have; any without one.
-        rule: makes the value of an array of such a shape, None if it is none.
-        words: what is expected of an array, besides its shape.
-        digits: with which they are written.
-        others: more keys of the same field, without a unit.
+        of: quantity: length, angle, time, speed, turn, rate (the key ends in a unit) or plain.
+        shapes: accepted array shapes; empty to accept any.
+        rule: function that converts an accepted array, or returns None to refuse it.
+        words: description of accepted values, besides the shape.
+        digits: number of significant digits to write.
+        others: further keys of the same field, without unit.
     """
 
     of: str = "plain"
@@ -47,7 +47,11 @@ class Numbers:
     others: tuple[str, ...] = ()
 
     def keys(self, name: str) -> dict[str, float]:
-        """Factors to SI by the keys of a field."""
+        """Return the keys of a field with their factors to SI.
+
+        Args:
+            name: name of the field.
+        """
         ends = {f"{name}_{unit}" if unit else name: factor for unit, factor in _UNITS[self.of].items()}
         return {**ends, **dict.fromkeys(self.others, 1.0)}
 
@@ -71,16 +75,16 @@ Covariance = Annotated[FloatArray, Numbers("plain", ((6, 6), (36,)), lambda C: C
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a table stands, and how its keys are written there.
+    """Position of a table in a file, for error messages.
 
     Attributes:
-        file: the file.
-        advice: what to do about anything wrong, if it is not to correct it.
-        text: of a TOML file, to find lines in.
+        file: path of the file.
+        advice: advice for all messages; empty for the default of each message.
+        text: content of a TOML file, to find line numbers.
         tables: names of the table, outermost first.
-        shown: the same for messages.
-        table: as read.
-        written: the key of each field that was given.
+        shown: name of the table for messages.
+        table: parsed keys and values.
+        written: key as written for each given field.
     """
 
     file: str
@@ -95,27 +99,53 @@ class Place:
         return f"{self.file}, {self.shown}" if self.shown else self.file
 
     def inside(self, name: str, title: str = "") -> Place:
-        """The place of a table of this one."""
+        """Return the position of a nested table.
+
+        Args:
+            name: name of the nested table.
+            title: name for messages; empty for the dotted name.
+        """
         shown = title or (f"{self.shown}.{show(name)}" if self.shown else show(name))
         return replace(self, tables=(*self.tables, name), shown=shown, table={}, written={})
 
     def has(self, *names: str) -> list[str]:
-        """Which of the fields are given."""
+        """Return the names of the given fields among those passed.
+
+        Args:
+            names: names of fields.
+        """
         return [name for name in names if name in self.written]
 
     def refused(self, name: str, expected: str, advice: str = "Correct it.", got: str = "") -> InputError:
-        """What is wrong with a field, by its key and value as they are written."""
+        """Return the error for an invalid value of a field.
+
+        Args:
+            name: name of the field.
+            expected: accepted values, in words.
+            advice: correction to suggest.
+            got: found value, in words; empty for the value as written.
+        """
         key = self.written.get(name, name)
         got = got or show(repr(self.table.get(key)))
         more = f"{self.advice or advice}{self.line(key)}"
         return InputError(f"{self}, {show(key)}: expected {expected}, got {got}. {more}")
 
     def error(self, message: str, key: str = "", kind: type[InputError] = InputError) -> InputError:
-        """An error of the table as a whole, or of a key of it."""
+        """Return an error for the table, or for one of its keys.
+
+        Args:
+            message: text of the error.
+            key: key as written; empty for the table as a whole.
+            kind: class of the error.
+        """
         return kind(f"{self}{f', {show(key)}' if key in self.table else ''}: {message}{self.line(key)}")
 
     def line(self, key: str) -> str:
-        """`` See line 7.``, if the key or the table of this name is found in the text."""
+        """Return the line number of a key or nested table as a sentence; empty if it is not found.
+
+        Args:
+            key: key as written.
+        """
         inside = ""
         for number, line in enumerate(self.text.splitlines(), 1):
             if head := _HEAD.match(line):
@@ -127,28 +157,28 @@ class Place:
 
 
 class Table(msgspec.Struct, frozen=True, kw_only=True, eq=False):
-    """A table that people write; its fields are the keys, without units.
+    """Table of a document written by users; its fields are the keys without units.
 
     Attributes:
-        at: where it stands in its file.
+        at: position in the file.
     """
 
     at: Place
 
     def values(self) -> dict[str, Any]:
-        """All fields by name, but for the place."""
+        """Return all fields by name, without the position."""
         return {name: getattr(self, name) for name in self.__struct_fields__ if name != "at"}
 
 
 class Posed(Table, frozen=True, kw_only=True, eq=False):
-    """A table with the pose of something; what is not given is zero."""
+    """Table with a pose; missing components are zero."""
 
     position: Point | None = None
     quaternion_wxyz: Quaternion | None = None
     turn: Angles | None = None
 
     def pose(self) -> Transforms:
-        """The pose ``(4, 4)``, by quaternion or by roll, pitch and yaw."""
+        """Return the pose ``(4, 4)`` [m] from a quaternion or from roll, pitch and yaw."""
         if self.turn is not None and self.quaternion_wxyz is not None:
             raise self.at.error("expected turn_deg or quaternion_wxyz, got both. Give one.")
         if self.quaternion_wxyz is not None:
@@ -160,14 +190,22 @@ class Posed(Table, frozen=True, kw_only=True, eq=False):
 
 
 def show(value: Any) -> str:
-    """A value in a message: its beginning."""
+    """Return a value for a message, cut to 60 characters.
+
+    Args:
+        value: value as read.
+    """
     text = value if isinstance(value, str) else repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 @cache
 def fields_of(kind: type) -> dict[str, tuple[Any, Any]]:
-    """Annotation and default of each field; those of data classes all have to be there."""
+    """Return annotation and default of each field; fields of data classes have no default.
+
+    Args:
+        kind: table or data class.
+    """
     hints = get_type_hints(kind, include_extras=True)
     if issubclass(kind, Table):
         return {f.name: (hints[f.name], f.default) for f in msgspec.structs.fields(kind) if f.name != "at"}
@@ -175,8 +213,13 @@ def fields_of(kind: type) -> dict[str, tuple[Any, Any]]:
 
 
 def unwrapped(hint: Any) -> tuple[Any, Numbers | None, Meta | None]:
-    """Type, numbers and constraints of an annotation."""
-    numbers, meta = None, None
+    """Return type, numeric annotation and constraints of a type hint.
+
+    Args:
+        hint: type hint of a field.
+    """
+    numbers = None
+    meta = None
     if get_origin(hint) is Annotated:
         hint, *more = get_args(hint)
         numbers = next((m for m in more if isinstance(m, Numbers)), None)
@@ -187,24 +230,40 @@ def unwrapped(hint: Any) -> tuple[Any, Numbers | None, Meta | None]:
 
 
 def numbers_of(hint: Any) -> Numbers:
-    """The numbers of an annotation, or of what it may be besides None."""
+    """Return the numeric annotation of a type hint, or of its alternatives.
+
+    Args:
+        hint: type hint of a field.
+    """
     return next((n for h in (hint, *get_args(hint)) if (n := unwrapped(h)[1]) is not None), Numbers())
 
 
 @cache
 def keys_of(kind: type) -> dict[str, tuple[str, float]]:
-    """Field and factor of each key that a table may have."""
+    """Return field name and factor to SI for each accepted key of a table.
+
+    Args:
+        kind: table or data class.
+    """
     numbers = {name: numbers_of(hint) for name, (hint, _) in fields_of(kind).items()}
     return {key: (name, factor) for name, one in numbers.items() for key, factor in one.keys(name).items()}
 
 
 def is_table(kind: Any) -> bool:
-    """Whether its values are tables of a document."""
+    """Return whether values of a type are written as tables.
+
+    Args:
+        kind: type of a field.
+    """
     return isinstance(kind, type) and (issubclass(kind, Table) or is_dataclass(kind))
 
 
 def as_plain(value: Any) -> Any:
-    """Dictionaries, lists, texts and numbers of a value, for :func:`value` to read: no digit is lost."""
+    """Return a value as dictionaries, lists, strings and numbers, without loss of digits, for :func:`value` to read.
+
+    Args:
+        value: table, data class, array or plain value.
+    """
     if is_dataclass(value) or isinstance(value, Table):
         return {name: as_plain(getattr(value, name)) for name in fields_of(cast(Any, type(value)))}
     if isinstance(value, np.ndarray | np.generic):
@@ -217,7 +276,11 @@ def as_plain(value: Any) -> Any:
 
 
 def toml_lines(one: Table) -> list[str]:
-    """The lines of a table: what is not None, in the order of its class, with the first unit of each."""
+    """Return the TOML lines of a table: all fields that are not None, in class order, in the first unit of each.
+
+    Args:
+        one: table to write.
+    """
     lines = []
     for name, (hint, _) in fields_of(type(one)).items():
         got = getattr(one, name)

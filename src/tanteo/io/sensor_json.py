@@ -1,4 +1,4 @@
-"""Calibrations and rigs as JSON documents (``docs/formats.md``); metres and radians."""
+"""Write calibrations and rigs as JSON documents in metres and radians (``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ if TYPE_CHECKING:
 
 
 def calibration_document(found: Calibration) -> dict[str, Any]:
-    """A document ``tanteo.calibration/1``: beams, noise, planes, coverage and outliers."""
+    """Return the document ``tanteo.calibration/1``: beams, noise, planes, coverage and outliers.
+
+    Args:
+        found: result of a calibration.
+    """
     log = found.log
     places = [
         {
@@ -61,7 +65,11 @@ def _beam(beam: BeamFit) -> dict[str, Any]:
 
 
 def rig_document(rig: Rig) -> dict[str, Any]:
-    """A rig as a JSON document ``tanteo.rig/1``, in metres and radians; NaN where nothing is known."""
+    """Return the document ``tanteo.rig/1`` in metres and radians, with NaN for unknown values.
+
+    Args:
+        rig: rig to write.
+    """
     return {"schema": "tanteo.rig/1", "frame": "hand", "sensors": [_rig_sensor(s) for s in rig.sensors]}
 
 

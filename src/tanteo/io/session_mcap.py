@@ -1,7 +1,7 @@
-"""A session as an MCAP file of ROS 2 messages, which Foxglove and ``ros2 bag play`` open, with its whole record inside.
+"""Write a session as an MCAP file of ROS 2 messages, for Foxglove and ``ros2 bag play``, with its record inside.
 
-The file is made anew of all that the session knows, and replaced whole or not at all: at every moment it is one that
-any reader opens. When a step was made stands in the file alone, so it is taken from the one that is replaced.
+The file is rewritten completely at each step and replaced atomically, so it is always readable. Only the file stores
+the time of each step, so the times are read from the file that is replaced.
 """
 
 from __future__ import annotations
@@ -22,17 +22,22 @@ from tanteo.replaced import replaced
 from tanteo.session import Session
 
 NEEDS_MCAP = "MCAP: expected the packages mcap and rosbags, got none. Install them: pip install 'tanteo[bags]'."
-"""What is said where one is missing."""
+"""Error message if a package is missing."""
 SUFFIX = ".mcap"
-"""Of a record that is written so."""
+"""File name suffix of MCAP records."""
 _BLANK = {"string": "", "bool": False}
-"""Defaults of what is no number."""
+"""Defaults of message fields that are not numbers."""
 _STEP = 1_000_000
-"""Least time between two steps [ns]."""
+"""Smallest time between two steps [ns]."""
 
 
 def write_mcap(session: Session, document: dict[str, Any], path: str | Path) -> None:
-    """Write a session and the document of its record.
+    """Write a session with its record as an MCAP file.
+
+    Args:
+        session: session to write.
+        document: record of the session, ``tanteo.session/1``.
+        path: file to write; replaced if it exists.
 
     Raises:
         MissingExtraError: rosbags or mcap is not installed.
@@ -47,15 +52,19 @@ def write_mcap(session: Session, document: dict[str, Any], path: str | Path) -> 
         writer = Writer(file)
         writer.start(profile="ros2", library="tanteo")
         channels = _Channels(writer)
-        told = [one.readings for one in session.observations]
-        for stamp, step, readings in zip(stamps, session.steps, told, strict=True):
+        observed = [one.readings for one in session.observations]
+        for stamp, step, readings in zip(stamps, session.steps, observed, strict=True):
             channels.add(of_step(session, step, readings, stamp))
         channels.add(of_end(session, document, stamps[-1] + _STEP // 2 if stamps else _now()))
         writer.finish()
 
 
 def is_mcap(path: Path) -> bool:
-    """Whether a file begins as one; what cannot be opened is none."""
+    """Return whether a file starts like an MCAP file; False if it cannot be opened.
+
+    Args:
+        path: file to test.
+    """
     with suppress(OSError):
         if path.is_file():
             with path.open("rb") as file:
@@ -64,16 +73,23 @@ def is_mcap(path: Path) -> bool:
 
 
 def has_record(path: Path) -> bool:
-    """Whether it is an MCAP file with the record of a session; only its index is read."""
+    """Return whether a file is an MCAP file with a session record; only its index is read.
+
+    Args:
+        path: file to test.
+    """
     return is_mcap(path) and any(True for _ in _stored(path, RECORD))
 
 
 def record_text(path: Path) -> str:
-    """The record of a session in an MCAP file, ``tanteo.session/1``.
+    """Return the session record in an MCAP file, ``tanteo.session/1``.
+
+    Args:
+        path: MCAP file.
 
     Raises:
         MissingExtraError: rosbags or mcap is not installed.
-        InputError: it has none.
+        InputError: the file has no record.
     """
     texts = [data for _, data in _stored(path, RECORD)]
     if not texts:
@@ -85,7 +101,7 @@ def record_text(path: Path) -> str:
 
 
 def _stored(path: Path, topic: str) -> Iterator[tuple[int, bytes]]:
-    """Messages of a topic, by the index of the file; none of a file that has no index: it is none of ours."""
+    """Yield time [ns] and bytes of the messages of a topic; none if the file has no index, as tanteo writes one."""
     try:
         from mcap.reader import make_reader
     except ImportError:
@@ -94,17 +110,17 @@ def _stored(path: Path, topic: str) -> Iterator[tuple[int, bytes]]:
         try:
             for _, _, message in make_reader(file).iter_messages(topics=[topic]):
                 yield message.log_time, message.data
-        except Exception:  # noqa: BLE001  a damaged file fails in any way
+        except Exception:  # noqa: BLE001  a damaged file can raise anything
             return
 
 
 def _now() -> int:
-    """In whole microseconds: more is lost where a moment is read as a number of seconds [ns]."""
+    """Return the time in whole microseconds [ns]; finer digits are lost where readers use floating-point seconds."""
     return time.time_ns() // 1000 * 1000
 
 
 def _stamps(path: Path, document: dict[str, Any], count: int) -> list[int]:
-    """Of each step, as it is in the file already, or now [ns]; no two are alike."""
+    """Return the time of each step [ns], from the file or else now; all differ."""
     stamps = _stamps_before(path, document)[:count]
     while len(stamps) < count:
         stamps.append(max(_now(), stamps[-1] + _STEP if stamps else 0))
@@ -112,7 +128,7 @@ def _stamps(path: Path, document: dict[str, Any], count: int) -> list[int]:
 
 
 def _stamps_before(path: Path, document: dict[str, Any]) -> list[int]:
-    """When the steps were made that are in the file already; none of another session."""
+    """Return the times [ns] of the steps in the existing file; empty if the file is of another session."""
     if not is_mcap(path):
         return []
     try:
@@ -133,13 +149,17 @@ def _typestore() -> Any:
 
 
 class _Channels:
-    """Topics of a file, each registered when it is first written to."""
+    """Topics of a file, registered at their first message."""
 
     def __init__(self, writer: Any) -> None:
         self.writer, self.store, self.ids = writer, _typestore(), dict[str, int]()
 
     def add(self, messages: Iterable[Sent]) -> None:
-        """Write messages."""
+        """Write messages.
+
+        Args:
+            messages: messages to write.
+        """
         for sent in messages:
             data = bytes(self.store.serialize_cdr(_filled(self.store, sent.kind, sent.fields), sent.kind))
             self.writer.add_message(self._of(sent), log_time=sent.stamp, data=data, publish_time=sent.stamp)
@@ -155,16 +175,17 @@ class _Channels:
 
 
 def _filled(store: Any, kind: str, fields: dict[str, Any]) -> Any:
-    """A message of rosbags' types; what is missing has its default."""
+    """Return a message of rosbags' types, with defaults for missing fields."""
     described = store.fielddefs[kind][1]
     return store.types[kind](**{name: _value(store, what, fields.get(name)) for name, what in described})
 
 
 def _value(store: Any, described: Sequence[Any], given: Any) -> Any:
-    """One field: a number or text, a message, or several of these."""
+    """Return one field of a message: a number or text, a message, or a sequence of these."""
     from rosbags.interfaces import Nodetype
 
-    node, what = described[0], described[1]
+    node = described[0]
+    what = described[1]
     if node == Nodetype.NAME:
         return _filled(store, what, given or {})
     if node == Nodetype.BASE:

@@ -1,4 +1,4 @@
-"""What a session says as messages of ROS 2: each reading, what came of each step, and all of it at the end."""
+"""Convert a session to ROS 2 messages: readings, the result of each step, and the complete record at the end."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from tanteo.sensors import Readings
 from tanteo.session import Session, Step
 
 RECORD, SPREAD = "/tanteo/record", "/tanteo/corner_sd"
-"""Topics of the record, ``tanteo.session/1``, as text, and of a number that comes once a step."""
+"""Topics of the record ``tanteo.session/1`` as text, and of the largest corner standard deviation at each step."""
 TEXT, _NUMBER = "std_msgs/msg/String", "std_msgs/msg/Float64"
 _WORLD, _PROBE = "world", "tanteo_probe"
 _APART = 1000
-"""Time between the readings of a step [ns]: of each the frame of the probe is another."""
+"""Time between the readings of a step [ns], which separates the probe's transforms."""
 
 
 class Sent(NamedTuple):
-    """A message: its moment [ns], its topic, its type, its fields."""
+    """Message to write: time stamp [ns], topic, type, and fields by name."""
 
     stamp: int
     topic: str
@@ -33,13 +33,13 @@ class Sent(NamedTuple):
 
 
 def of_step(session: Session, step: Step, readings: Readings | None, stamp: int) -> Iterator[Sent]:
-    """What was sensed at a step, and what came of it.
+    """Yield the messages of one step: readings and resulting belief.
 
     Args:
-        session: that was told.
-        step: of it.
-        readings: that were new then; None if none were.
-        stamp: moment of the step [ns].
+        session: session that the step belongs to.
+        step: result of the step.
+        readings: new readings of the step; None if there were none.
+        stamp: time stamp of the step [ns].
     """
     placed = None if readings is None else _in_world(session, readings)
     points = None if placed is None else placed.points
@@ -62,7 +62,13 @@ def of_step(session: Session, step: Step, readings: Readings | None, stamp: int)
 
 
 def of_end(session: Session, document: dict[str, Any], stamp: int) -> Iterator[Sent]:
-    """All that is possible at the end, and the document of the record."""
+    """Yield the messages after the last step: all hypotheses, and the record as text.
+
+    Args:
+        session: session to write.
+        document: record of the session, ``tanteo.session/1``.
+        stamp: time stamp [ns].
+    """
     parts = {target.part.name: target.part for target in session.start.targets}
     placed = [ros.Placed(parts[h.part], h.T_world_part, h.probability) for h in session.answer().hypotheses]
     points = None if session.readings is None else _in_world(session, session.readings).points
@@ -71,22 +77,28 @@ def of_end(session: Session, document: dict[str, Any], stamp: int) -> Iterator[S
 
 
 def _in_world(session: Session, readings: Readings) -> Readings:
-    """Readings with points, directions and reach; of a sensor on a hand, as the session's rig has them."""
+    """Return readings with points, directions and largest ranges in the world, also for sensors on a hand."""
     if not np.isnan(readings.points).any():
         return readings
-    points, directions, most = readings.points.copy(), readings.directions.copy(), readings.max_ranges.copy()
+    points = readings.points.copy()
+    directions = readings.directions.copy()
+    most = readings.max_ranges.copy()
     measured = session.sensing.measured(readings)
-    points[measured.rows], directions[measured.rows] = measured.points, measured.directions
+    points[measured.rows] = measured.points
+    directions[measured.rows] = measured.directions
     rows = [readings.ids.index(name) for name in measured.free.ids]
-    points[rows], directions[rows] = measured.free.origins, measured.free.directions
+    points[rows] = measured.free.origins
+    directions[rows] = measured.free.directions
     most[rows] = measured.free.lengths
     return replace(readings, points=points, directions=directions, max_ranges=most)
 
 
 def _sensed(readings: Readings, begin: int) -> Iterator[Sent]:
-    """Touches as points, the centres of the ball; ranges along the x axis of a frame of the probe."""
+    """Yield contact readings as points (tip centres), and ranges along the x axis of a probe frame."""
     for k, (point, direction) in enumerate(zip(readings.points, readings.directions, strict=True)):
-        stamp, distance, free = begin + k * _APART, float(readings.ranges[k]), bool(readings.is_free[k])
+        stamp = begin + k * _APART
+        distance = float(readings.ranges[k])
+        free = bool(readings.is_free[k])
         if np.isnan(direction).any() or readings.radii[k] > 0 or (np.isnan(distance) and not free):
             yield Sent(stamp, "/tanteo/touch", POINT, ros.point_message(point, stamp, _WORLD))
             continue

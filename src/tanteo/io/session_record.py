@@ -1,4 +1,4 @@
-"""A session as a record (``tanteo.session/1``, JSON or in MCAP), and the same session from it (``docs/formats.md``)."""
+"""Write a session as a record (``tanteo.session/1``, JSON or in MCAP) and restore it (``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -32,13 +32,17 @@ _POLICIES: dict[str, Any] = {type(policy).__name__: type(policy) for policy in P
 
 
 def write_record(session: Session, path: str | Path) -> None:
-    """Write all of a session to a file, which is replaced whole or not at all.
+    """Write a session to a file, which is replaced atomically.
 
-    A file whose name ends in ``.mcap`` has messages of ROS 2 beside the record (``docs/ros.md``).
+    A file whose name ends in ``.mcap`` also contains ROS 2 messages (``docs/ros.md``).
+
+    Args:
+        session: session to write.
+        path: file to write.
 
     Raises:
-        InputError: the session's policy is none of those that can be named.
-        MissingExtraError: what writes MCAP is not installed.
+        InputError: the session's policy is not one of tanteo's, so it cannot be stored.
+        MissingExtraError: the packages for MCAP are not installed.
         OSError: the file cannot be written.
     """
     document = session_document(session)
@@ -51,8 +55,16 @@ def write_record(session: Session, path: str | Path) -> None:
 
 
 def session_document(session: Session) -> dict[str, Any]:
-    """All of a session as plain dictionaries, lists, texts and numbers."""
-    start, policy = session.start, session.policy
+    """Return the record of a session as plain dictionaries, lists, strings and numbers.
+
+    Args:
+        session: session to write.
+
+    Raises:
+        InputError: the session's policy is not one of tanteo's, so it cannot be stored.
+    """
+    start = session.start
+    policy = session.policy
     kind = type(policy).__name__
     if type(policy) is not _POLICIES.get(kind):
         raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got {kind}. A record can hold only these.")
@@ -115,10 +127,13 @@ def _with_images(values: dict[str, Any], targets: Sequence[PreparedPart], record
 
 
 def load_record(path: str | Path) -> SessionRecord:
-    """What a record file says; no part is read.
+    """Read a record file without reading its parts.
+
+    Args:
+        path: record file, JSON or MCAP.
 
     Raises:
-        InputError: the file cannot be read, or is not a whole record; the message names file and key.
+        InputError: the file cannot be read, or is not a complete record; the message names file and key.
     """
     path = Path(path)
     record = table(SessionRecord, _read(path), Place(str(path), "Take the record as it was written."))
@@ -132,7 +147,7 @@ def load_record(path: str | Path) -> SessionRecord:
 
 
 def _read(path: Path) -> Any:
-    """The JSON of a record."""
+    """Return the parsed JSON of a record file."""
     whole = record_text(path).encode() if is_mcap(path) else read_whole(path, "a record", RECORD)
     try:
         raw = msgspec.json.decode(whole.decode("utf-8-sig"))
@@ -147,7 +162,7 @@ def _read(path: Path) -> Any:
 
 
 def _policy(record: SessionRecord) -> Policy:
-    """Which reading is chosen."""
+    """Return the policy that chooses the next reading."""
     raw = record.policy
     kind = _POLICIES.get(str(raw.get("kind"))) if isinstance(raw, dict) else None
     if not isinstance(raw, dict) or kind is None:
@@ -164,19 +179,19 @@ def resumed(
     able: Callable[[SensingState, Candidates], BoolArray] | None = None,
     whole: Callable[[SensingState], Offers] | None = None,
 ) -> Session:
-    """The session of a record: given all of them again, it has the same belief and asks the same next.
+    """Restore the session of a record: it has the same belief and chooses the same next action.
 
     Args:
-        record: of the session.
-        parts: those of :func:`tanteo.io.part_files.parts_of`, or the same prepared.
-        progress: called with (tells done, tells in all) before each.
-        able: which candidates can be made, see :attr:`~tanteo.session.Session.able`: a hand is not in the record, and
-            without it, what it cannot make may be asked for.
-        whole: features that can be acquired whole, see :attr:`~tanteo.session.Session.whole`; likewise, and without it
-            none is asked for.
+        record: record of the session.
+        parts: parts of the record, see :func:`tanteo.io.part_files.parts_of`, or the same parts prepared.
+        progress: function called before each observation with the number processed and the total number.
+        able: function that returns which candidate actions are feasible, see :attr:`~tanteo.session.Session.able`. A
+            record does not store the hand; without this function infeasible actions may be chosen.
+        whole: function that returns features that can be acquired as a whole, see
+            :attr:`~tanteo.session.Session.whole`; without it none is chosen.
 
     Raises:
-        InputError: what the record says together cannot be.
+        InputError: entries of the record contradict each other.
     """
     rough = record.start
     values = {name: getattr(rough, name) for name in PosePriors.__slots__}
@@ -212,16 +227,16 @@ def read_record(
     able: Callable[[SensingState, Candidates], BoolArray] | None = None,
     whole: Callable[[SensingState], Offers] | None = None,
 ) -> Session:
-    """The session of a record file, at the point where it was written: ask and tell on.
+    """Read a record file and restore its session at the point where it was written.
 
     Args:
-        path: of the record.
-        parts: of the session, loaded again, in any order; read from their files if not given.
-        able: which candidates can be made, see :func:`resumed`.
-        whole: features that can be acquired whole, likewise.
+        path: record file.
+        parts: parts of the session, in any order; None to read them from their files.
+        able: function that returns which candidate actions are feasible, see :func:`resumed`.
+        whole: function that returns features that can be acquired as a whole, see :func:`resumed`.
 
     Raises:
-        InputError: the record or a part is not what it was; the message says which and what to do.
+        InputError: the record is invalid, or a part has changed; the message names it and the correction.
     """
     record = load_record(path)
     return resumed(record, parts_of(record.parts, record.source, parts), able=able, whole=whole)

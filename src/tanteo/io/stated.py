@@ -1,4 +1,4 @@
-"""What is stated of a file of readings by hand: its format, and what it does not say itself."""
+"""Define the options that a user states for a readings file, for what the file does not contain."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ LARGEST_RADIUS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """Where the tip moved or the device looked, of all rows.
+    """Approach or viewing direction of all rows.
 
     Attributes:
-        kind: One vector; away from a viewpoint; the z axis of the tip; the vectors I J K of the file, or against them.
-        vector: The unit vector, or the viewpoint [m].
+        kind: rule: one fixed vector; away from a viewpoint; the z axis of the tip; the vectors I, J, K of the file, or
+            opposite to them.
+        vector: unit vector in the world, or the viewpoint [m].
     """
 
     kind: Literal["fixed", "from", "tool", "ijk", "-ijk"]
@@ -39,18 +40,18 @@ class Direction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
-    """What is stated by hand; None where nothing is.
+    """Options that the user states; None where nothing is stated.
 
     Attributes:
-        units: Length unit of numbers that have none.
-        radius: Of the tip's ball [m]; the points are its centres.
-        direction: Of all rows.
-        normal_sd: Standard deviation of normals about each tilt [rad].
-        brand: Whose pose the hand's columns are.
-        tool: ``T_hand_tip``.
-        hand: ``T_world_hand`` of rows without one.
-        device: Name of the device in the rig that a frame of zones is of.
-        max_points: Readings that are kept, drawn at random.
+        units: length unit of numbers without one.
+        radius: radius of the tip's ball [m]; the points are its centres.
+        direction: direction of all rows.
+        normal_sd: standard deviation of normals for each tilt component [rad].
+        brand: robot brand whose convention the hand's pose columns follow.
+        tool: ``T_hand_tip`` ``(4, 4)`` [m].
+        hand: ``T_world_hand`` ``(4, 4)`` [m] of rows without one.
+        device: name of the rig's device that measured a frame of zones.
+        max_points: largest number of readings to keep, drawn at random.
     """
 
     units: str | None = None
@@ -80,10 +81,16 @@ class Stated:
 
 
 def parse_direction(text: str, name: str = "direction") -> Direction:
-    """``down``, ``-z``, ``0,0,-1``, ``ijk`` (I J K point into the material), ``-ijk``, ``tool``, ``from:0,0,500mm``.
+    """Return the direction of a text such as ``down``, ``-z``, ``0,0,-1``, ``tool`` or ``from:0,0,500mm``.
+
+    ``ijk`` means that the file's vectors I, J, K point into the material, ``-ijk`` that they point out of it.
+
+    Args:
+        text: typed direction.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: It is something else.
+        InputError: the text is none of these.
     """
     word = text.strip().lower()
     if word in ("tool", "ijk", "-ijk"):
@@ -110,7 +117,11 @@ def _fixed(vector: FloatArray, name: str, text: str) -> Direction:
 
 
 def as_direction(value: str | Vectors | Direction | None) -> Direction | None:
-    """A direction as an argument gives it: words, or a vector."""
+    """Return a direction from an argument: a text, a vector ``(3,)``, or a direction.
+
+    Args:
+        value: argument as passed; None for no direction.
+    """
     if value is None or isinstance(value, Direction):
         return value
     if isinstance(value, str):
@@ -119,7 +130,15 @@ def as_direction(value: str | Vectors | Direction | None) -> Direction | None:
 
 
 def as_pose(name: str, value: str | Transforms | Vectors | None) -> Transforms | None:
-    """A pose as an argument gives it: words, a matrix ``(4, 4)`` [m], or of a tool its offset ``(3,)`` [m]."""
+    """Return a pose ``(4, 4)`` [m] from an argument: a text, a matrix, or the offset of a tool.
+
+    Args:
+        name: name of the argument, for messages.
+        value: text, matrix ``(4, 4)`` [m], or offset ``(3,)`` [m]; None for no pose.
+
+    Raises:
+        InputError: the text or the array is not a pose.
+    """
     if value is None or isinstance(value, str):
         return None if value is None else parse_pose(value, name, attitude=name != "tool")
     array = np.asarray(value, dtype=np.float64)
@@ -133,7 +152,11 @@ def as_pose(name: str, value: str | Transforms | Vectors | None) -> Transforms |
 
 
 def as_brand(value: str | None) -> str | None:
-    """The name of a brand as the table of brands has it."""
+    """Return the canonical name of a brand.
+
+    Args:
+        value: name or alias of a brand; None for no brand.
+    """
     if value is None:
         return None
     check_kind("brand", value, str, "Name one of tanteo.io.BRANDS.")

@@ -1,4 +1,4 @@
-"""The rows of a readings file, converted a chunk at a time; every complaint names file, line, column and value."""
+"""Convert the rows of a readings file in chunks; error messages name file, line, column and value."""
 
 from __future__ import annotations
 
@@ -23,15 +23,19 @@ _MEANT = {
     **dict.fromkeys(("ball", "socket", "dome"), "balls and hollows are of kind sphere, with side boss or hole"),
     **dict.fromkeys(("countersink", "taper", "chamfer"), "countersinks are of kind cone, with side hole"),
 }
-"""What is written for kinds, and what it is called here."""
+"""Advice for words that are written in place of a reading kind."""
 _STATUSES, _SIDES = ("ok", "none"), ("hole", "boss")
 
 
 class Table:
-    """Collects converted chunks; every complaint names file, line, column and value."""
+    """Collector of converted rows of a readings file."""
 
     def __init__(self, sheet: Sheet) -> None:
-        """A table without rows yet."""
+        """Create a table without rows.
+
+        Args:
+            sheet: file and its columns.
+        """
         self.sheet, self.count = sheet, 0
         self._numbers: dict[str, list[FloatArray]] = {
             c.base: [] for c in sheet.columns if not c.is_text and not c.left_out
@@ -41,8 +45,17 @@ class Table:
         self._ids: set[str] = set()
 
     def add(self, rows: list[list[str]]) -> None:
-        """Convert and check one chunk of rows."""
-        columns, width = self.sheet.columns, len(self.sheet.columns)
+        """Convert and check one chunk of rows.
+
+        Args:
+            rows: cells by row.
+
+        Raises:
+            ReadingsError: a row or a cell is invalid.
+            UnitError: an angle is probably in another unit than its column states.
+        """
+        columns = self.sheet.columns
+        width = len(self.sheet.columns)
         if self.sheet.text.delimiter != ",":
             rows = [row[:width] if len(row) > width and not any(row[width:]) else row for row in rows]
         if set(map(len, rows)) != {width}:
@@ -92,12 +105,12 @@ class Table:
                 seen.add(name)
 
     def _floats(self, column: Column, cells: Sequence[str]) -> FloatArray:
-        """Numbers of a column, NaN for empty cells."""
+        """Return the numbers of a column in SI units, with NaN for empty cells."""
         if self.sheet.text.decimal_comma:
             cells = [cell.replace(",", ".") for cell in cells]
         values = np.empty(0)
         joined = "".join(cells)
-        # float() would read 1_000 and digits of other scripts
+        # float() also accepts 1_000 and digits of other scripts
         if joined.isascii() and "_" not in joined:
             with suppress(ValueError):
                 values = np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
@@ -120,7 +133,7 @@ class Table:
         return values
 
     def _check_free(self, ranges: FloatArray | None) -> None:
-        """Complain about rows that say both that nothing was met and what was."""
+        """Refuse rows that state both that nothing was hit and what was hit."""
         if "status" not in self._texts:
             return
         status = np.array(self._texts["status"], dtype=object)
@@ -133,14 +146,17 @@ class Table:
 
     def _contradicts(self, wrong: BoolArray, expected: str) -> None:
         if wrong.any():
-            advice = "Status none says that nothing was met: correct it, or what is said beside it."
+            advice = "Status none means that the beam hit nothing. Correct the status or the other columns."
             raise ReadingsError(f"{self.sheet.place(int(np.argmax(wrong)))}: expected {expected}. {advice}")
 
     def readings(self, stated: Stated) -> Readings:
-        """The whole table as readings, once all rows are in.
+        """Return the whole table as readings, after all rows were added.
+
+        Args:
+            stated: options for what the file does not contain.
 
         Raises:
-            ReadingsError: What the rows say together is no set of readings, or not with what was stated.
+            ReadingsError: the rows contradict each other or the stated options.
         """
         numbers = {base: np.concatenate(chunks) for base, chunks in self._numbers.items()}
 
@@ -160,9 +176,9 @@ class Table:
             "hole_radii": self._hole_radii(numbers), "half_angles": numbers.get("half_angle"),
             "material_sides": self._texts.get("side"),
         }  # fmt: skip
-        said = self.sheet.text.said()
+        note = self.sheet.text.note()
         left = [c.written for c in self.sheet.columns if c.left_out]
-        notes = [said] if said else []
+        notes = [note] if note else []
         notes += [f"Columns left out: {', '.join(left)}."] if left else []
         return assemble(columns, self.count, stated, str(self.sheet.path), notes, outward=vectors(OUTWARD))
 
@@ -179,7 +195,7 @@ class Table:
         return np.asarray(np.fmax.reduce(radii)) if radii else None
 
     def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
-        """Who writes the hand's rotation so; a matrix that is none is refused."""
+        """Return the brand whose notation the hand's rotation follows; refuse matrices that are not rotations."""
         if (row := skewed_row(numbers)) is not None:
             raise ReadingsError(
                 f"{self.sheet.place(row)}: expected a rotation matrix, got one that scales, shears or mirrors. "

@@ -1,4 +1,4 @@
-"""Frames that move against each other, as ROS tells them (TF): the chain to a frame at a moment."""
+"""Interpolate moving frames as ROS publishes them (TF), and chain them from a frame to the world."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
 _ONE = 1e-9
-"""Moments nearer than this are one [s]."""
+"""Difference below which two times count as equal [s]."""
 _GAP, _PERIODS = 0.5, 5.0
-"""The longest time between two samples over which a motion is interpolated: [s], or times the usual one."""
+"""Longest gap between samples that is interpolated: absolute [s], and as a multiple of the median period."""
 _STILL = 1e-6
-"""A frame that is within this of where it was has not moved over a gap [m, rad]."""
+"""Largest motion over a gap of a frame that counts as standing still [m, rad]."""
 
 
 @dataclass(slots=True, eq=False)
 class Track:
-    """Poses of one frame in another over time.
+    """Poses of one frame in its parent over time.
 
     Attributes:
-        times: of the samples ``(n,)``, sorted [s].
-        Ts: poses ``(n, 4, 4)``.
-        static: it does not move: the last sample holds always.
+        times: sample times ``(n,)``, sorted [s].
+        Ts: poses ``(n, 4, 4)`` [m].
+        static: whether the frame does not move, so that the last sample holds at all times.
     """
 
     times: FloatArray
@@ -33,16 +33,28 @@ class Track:
 
     @classmethod
     def of(cls, samples: list[tuple[float, Transforms]], *, static: bool = False) -> Track:
-        """Sorted; of samples at one moment the last holds."""
+        """Return the track of unsorted samples; of samples with equal times the last one is used.
+
+        Args:
+            samples: time [s] and pose ``(4, 4)`` of each sample.
+            static: whether the frame does not move.
+        """
         order = sorted(range(len(samples)), key=lambda k: (samples[k][0], k))
         times = np.array([samples[k][0] for k in order])
         last = np.append(np.diff(times) > _ONE, True)
         return cls(times[last], np.stack([samples[k][1] for k in order])[last], static)
 
     def at(self, times: FloatArray) -> tuple[Transforms, BoolArray]:
-        """Poses at moments ``(m, 4, 4)``, and at which of them it is known.
+        """Return interpolated poses, and the mask of the times at which they are known.
 
-        It is known between the first sample and the last, but not within a gap in which it may have moved anywhere.
+        A pose is known between the first and the last sample, except within a long gap over which the frame moved. The
+        interpolation has constant body velocity: ``T_k exp(s log(T_k^-1 T_k+1))``.
+
+        Args:
+            times: query times ``(m,)`` [s].
+
+        Returns:
+            Poses ``(m, 4, 4)``, and the mask ``(m,)``.
         """
         if self.static or len(self.times) == 1:
             known = np.full(len(times), self.static) | (np.abs(times - self.times[-1]) < _ONE)
@@ -60,31 +72,55 @@ class Track:
 
 @dataclass(slots=True, eq=False)
 class FrameTree:
-    """Tracks by child, each with its parent."""
+    """Tree of moving frames.
+
+    Attributes:
+        parents: parent of each frame.
+        tracks: poses of each frame in its parent.
+    """
 
     parents: dict[str, str] = field(default_factory=dict)
     tracks: dict[str, Track] = field(default_factory=dict)
 
     def chain(self, frame: str) -> list[str]:
-        """The frame and those above it, up to the root; ends where it would go in a circle."""
+        """Return the frame and its ancestors up to the root; the chain stops before a cycle.
+
+        Args:
+            frame: name of the first frame.
+        """
         out = [frame]
         while out[-1] in self.parents and self.parents[out[-1]] not in out:
             out.append(self.parents[out[-1]])
         return out
 
     def pose(self, world: str, frame: str, times: FloatArray) -> tuple[Transforms, BoolArray]:
-        """``T_world_frame`` at moments ``(m, 4, 4)``, and where all of the chain is known ``(m,)``."""
+        """Return ``T_world_frame`` at several times, and the mask of times at which the whole chain is known.
+
+        Args:
+            world: name of an ancestor of the frame.
+            frame: name of the frame.
+            times: query times ``(m,)`` [s].
+
+        Returns:
+            Poses ``(m, 4, 4)``, and the mask ``(m,)``.
+        """
         T = np.repeat(np.eye(4)[None], len(times), axis=0)
         known = np.ones(len(times), dtype=bool)
         chain = self.chain(frame)
         for child in chain[: chain.index(world)]:
             step, there = self.tracks[child].at(times)
-            T, known = step @ T, known & there
+            T = step @ T
+            known = known & there
         return T, known
 
 
 def pose_of(position: FloatArray, quaternion_xyzw: FloatArray) -> Transforms:
-    """A pose of ROS: the quaternion has w last, and is made unit."""
+    """Return a pose ``(4, 4)`` from a ROS position and quaternion, which is normalized.
+
+    Args:
+        position: translation ``(3,)`` [m].
+        quaternion_xyzw: quaternion ``(4,)`` with the scalar last.
+    """
     q = np.asarray(quaternion_xyzw, dtype=np.float64)
     length = float(np.linalg.norm(q))
     x, y, z, w = q / length if length > 0 else (0.0, 0.0, 0.0, 1.0)

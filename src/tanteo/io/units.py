@@ -1,4 +1,4 @@
-"""Quantities as people write them: a number and its unit, which is required. Out come metres and radians."""
+"""Parse quantities that users type: a number with a required unit, converted to metres or radians."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ import re
 from tanteo.errors import UnitError, did_you_mean
 
 _SHORT = 2
-"""Letters of a unit that is as likely another unit as a slip of the pen."""
+"""Largest number of letters of a unit for which a similar name is another unit rather than a typing error."""
 
 LENGTH_UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
-"""Metres per unit."""
+"""Metres per unit of length."""
 
 ANGLE_UNITS = {"deg": math.pi / 180, "rad": 1.0}
-"""Radians per unit."""
+"""Radians per unit of angle."""
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WRITTEN = {"µm": "um", "μm": "um", "°": "deg", '"': "in"}
 
 
 def parse_length(text: str, name: str = "length") -> float:
-    """``'0.3mm'``, ``'200um'``, ``'0.01in'`` -> metres.
+    """Return a length in metres from a text such as ``'0.3mm'``, ``'200um'`` or ``'0.01in'``.
 
     Args:
-        text: Number and unit, with or without a space between.
-        name: What it is called in messages.
+        text: number and unit, with or without a space between them.
+        name: name of the input, for messages.
 
     Raises:
-        UnitError: No number, no unit, an unknown unit or more than one number.
+        UnitError: the number or the unit is missing, the unit is unknown, or there is more than one number.
     """
     values = parse_lengths(text, name)
     if len(values) != 1:
@@ -37,19 +37,27 @@ def parse_length(text: str, name: str = "length") -> float:
 
 
 def parse_lengths(text: str, name: str = "lengths") -> tuple[float, ...]:
-    """``'1.5,1.5,0.3mm'`` -> metres; the unit after the last number holds for all that have none.
+    """Return lengths in metres from a text such as ``'1.5,1.5,0.3mm'``, where the last unit applies to all without one.
+
+    Args:
+        text: numbers with units, separated by commas.
+        name: name of the input, for messages.
 
     Raises:
-        UnitError: As for :func:`parse_length`.
+        UnitError: a number or the unit is missing, or a unit is unknown.
     """
     return parse_quantities(text, name, LENGTH_UNITS, "0.3mm")
 
 
 def parse_angle(text: str, name: str = "angle") -> float:
-    """``'2deg'``, ``'0.01 rad'`` -> radians.
+    """Return an angle in radians from a text such as ``'2deg'`` or ``'0.01 rad'``.
+
+    Args:
+        text: number and unit.
+        name: name of the input, for messages.
 
     Raises:
-        UnitError: As for :func:`parse_length`.
+        UnitError: the number or the unit is missing, the unit is unknown, or there is more than one number.
     """
     values = parse_quantities(text, name, ANGLE_UNITS, "2deg")
     if len(values) != 1:
@@ -58,10 +66,16 @@ def parse_angle(text: str, name: str = "angle") -> float:
 
 
 def parse_lengths_angles(text: str, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """``'400,200,0mm 0,0,90deg'`` -> metres and radians; a unit holds for the numbers before it that have none.
+    """Return lengths in metres and angles in radians from a text such as ``'400,200,0mm 0,0,90deg'``.
+
+    A unit applies to itself and to the numbers before it that have none.
+
+    Args:
+        text: lengths, then angles.
+        name: name of the input, for messages.
 
     Raises:
-        UnitError: No numbers, a unit missing or unknown, or an angle before a length.
+        UnitError: there are no numbers, a unit is missing or unknown, or an angle stands before a length.
     """
     example = "5mm 3deg"
     pairs = [_split(part, text, name, example) for part in re.split(r"[\s,]+(?=[+\-.\d])", text.strip())]
@@ -79,25 +93,43 @@ def parse_lengths_angles(text: str, name: str) -> tuple[tuple[float, ...], tuple
 
 
 def length_unit(unit: str, name: str) -> float:
-    """Metres per unit.
+    """Return the metres per length unit.
+
+    Args:
+        unit: name of the unit.
+        name: name of the input, for messages.
 
     Raises:
-        UnitError: Not one of mm, m, um, in.
+        UnitError: the unit is not mm, m, um or in.
     """
     return _factor(unit, name, LENGTH_UNITS)
 
 
 def angle_unit(unit: str, name: str) -> float:
-    """Radians per unit.
+    """Return the radians per angle unit.
+
+    Args:
+        unit: name of the unit.
+        name: name of the input, for messages.
 
     Raises:
-        UnitError: Not one of deg, rad.
+        UnitError: the unit is not deg or rad.
     """
     return _factor(unit, name, ANGLE_UNITS)
 
 
 def parse_quantities(text: str, name: str, units: dict[str, float], example: str) -> tuple[float, ...]:
-    """Numbers with one of some units; that after the last number holds for all that have none."""
+    """Return numbers in the base unit from a text in which the last unit applies to all numbers without one.
+
+    Args:
+        text: numbers with units, separated by commas.
+        name: name of the input, for messages.
+        units: factor of each accepted unit.
+        example: correct form, for messages.
+
+    Raises:
+        UnitError: a number or the unit is missing, or a unit is unknown.
+    """
     pairs = [_split(part, text, name, example) for part in text.split(",")]
     last = pairs[-1][1]
     if not last:
@@ -122,7 +154,7 @@ def _split(part: str, text: str, name: str, example: str) -> tuple[float, str]:
 def _factor(unit: str, name: str, units: dict[str, float]) -> float:
     unit = _WRITTEN.get(unit, unit)
     if unit not in units:
-        alike = len(unit) > _SHORT or unit.lower() in units  # a cm is no m
-        hint = did_you_mean(unit, units) if alike else ""
+        likely_typo = len(unit) > _SHORT or unit.lower() in units  # cm is not a misspelt m
+        hint = did_you_mean(unit, units) if likely_typo else ""
         raise UnitError(f"{name}: expected a unit of {', '.join(units)}, got '{unit}'.{hint}")
     return units[unit]

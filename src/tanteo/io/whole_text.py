@@ -1,4 +1,4 @@
-"""What is known of the whole object, as typed: its mass, the density of its material, the sides of a box about it."""
+"""Parse global properties of the object that a user types: mass, material density, sides of the bounding box."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ _MASS, _DENSITY, _SIZE = "340g+-2g", "7.85g/cm3+-1%", "120,80,50mm+-1mm"
 
 
 def parse_mass(text: str, name: str = "mass") -> tuple[float, float]:
-    """``'340g+-2g'`` or ``'0.34kg+-1%'``: a mass and its standard deviation [kg].
+    """Return a mass and its standard deviation [kg] from a text such as ``'340g+-2g'`` or ``'0.34kg+-1%'``.
+
+    Args:
+        text: mass and standard deviation, separated by ``+-``.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: no standard deviation, or numbers that are not positive.
-        UnitError: no unit, or one that is none.
+        InputError: the standard deviation is missing, or a number is not positive.
+        UnitError: the unit is missing or unknown.
 
     Example:
         >>> from tanteo.io import parse_mass
@@ -27,11 +31,15 @@ def parse_mass(text: str, name: str = "mass") -> tuple[float, float]:
 
 
 def parse_density(text: str, name: str = "density") -> tuple[float, float]:
-    """``'7.85g/cm3+-1%'``: a density and its standard deviation [kg/m^3].
+    """Return a density and its standard deviation [kg/m^3] from a text such as ``'7.85g/cm3+-1%'``.
+
+    Args:
+        text: density and standard deviation, separated by ``+-``.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: no standard deviation, or numbers that are not positive.
-        UnitError: no unit, or one that is none.
+        InputError: the standard deviation is missing, or a number is not positive.
+        UnitError: the unit is missing or unknown.
 
     Example:
         >>> from tanteo.io import parse_density
@@ -42,11 +50,15 @@ def parse_density(text: str, name: str = "density") -> tuple[float, float]:
 
 
 def parse_size(text: str, name: str = "size") -> tuple[tuple[float, float, float], float]:
-    """``'120,80,50mm+-1mm'``: the sides of the smallest box about an object, and the standard deviation of each [m].
+    """Return the sides of an object's smallest box and their standard deviation [m], from ``'120,80,50mm+-1mm'``.
+
+    Args:
+        text: three sides and one standard deviation, separated by ``+-``.
+        name: name of the input, for messages.
 
     Raises:
-        InputError: not three sides, no standard deviation, or numbers that are not positive.
-        UnitError: no unit, or one that is none.
+        InputError: there are not three sides, the standard deviation is missing, or a number is not positive.
+        UnitError: the unit is missing or unknown.
 
     Example:
         >>> from tanteo.io import parse_size
@@ -54,7 +66,8 @@ def parse_size(text: str, name: str = "size") -> tuple[tuple[float, float, float
         ((2.0, 1.0, 1.0), 0.001)
     """
     lengths, spread = value_and_sd(text, name, _SIZE)
-    sides, sds = parse_lengths(lengths, name), parse_lengths(spread, name)
+    sides = parse_lengths(lengths, name)
+    sds = parse_lengths(spread, name)
     if len(sides) != 3 or len(sds) != 1 or min(*sides, *sds) <= 0:
         raise InputError(f"{name}: expected three positive sides and one sd, got '{text}'. Write it as {_SIZE}.")
     return (sides[0], sides[1], sides[2]), sds[0]

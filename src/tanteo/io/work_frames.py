@@ -1,9 +1,9 @@
-"""A part's frame as a machine's work coordinate system or a robot's user frame: what makes the next program run in it.
+"""Write a part's frame as a work coordinate system of a machine or a user frame of a robot.
 
-Read for each: LinuxCNC ``G10 L2 P R`` (G-code reference, "Set Coordinate System"; ``rs274`` runs the lines in the
-tests), Haas' page on programmable offsets (``G10 L2 P1 G90``, no turn), FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public
-TP programs), KUKA ``BASE_DATA`` and ``$BASE``, ABB ``wobjdata``, URScript pose variables. A work offset of a 3-axis
-machine turns about z only: what it cannot hold of a tilt is said where the part shows it most.
+Sources: LinuxCNC ``G10 L2 P R`` (G-code reference, "Set Coordinate System"; the tests run the lines with ``rs274``);
+Haas' page on programmable offsets (``G10 L2 P1 G90``, no rotation); FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public TP
+programs); KUKA ``BASE_DATA`` and ``$BASE``; ABB ``wobjdata``; URScript pose variables. A work offset of a 3-axis
+machine rotates about z only. A warning states the largest position error that the omitted tilt causes on the part.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from tanteo.typing import Transforms, Vectors
 OFFSETS: Mapping[str, int] = MappingProxyType(
     {f"G{n}": n - 53 for n in range(54, 60)} | {f"G59.{n}": 6 + n for n in range(1, 4)}
 )
-"""Work coordinate systems of LinuxCNC, and the ``P`` of ``G10 L2`` for each."""
+"""Work coordinate systems of LinuxCNC, with their ``P`` number in ``G10 L2``."""
 
 _TILT = np.radians(45.0)
-"""Tilt of the part's z from the machine's, from which on a turn about z means nothing."""
+"""Tilt of the part's z axis from the machine's above which a rotation about z is meaningless [rad]."""
 
 _SPEAKS = 1e-6
-"""Error at the far corner from which on a person is told [m]."""
+"""Position error at a corner above which a warning is given [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorkFrame:
-    """Which frame of which controller.
+    """Frame of a controller that is to be set.
 
     Attributes:
-        controller: ``linuxcnc``, ``grbl``, or a key of :data:`CONTROLLERS`.
-        slot: the number of its frame, or a name where frames have names.
-        within: the work coordinate system that the readings were made in; empty for the machine's.
+        controller: ``linuxcnc``, ``grbl``, or another key of :data:`CONTROLLERS`.
+        slot: number or name of the frame.
+        within: work coordinate system of the readings; empty for machine coordinates.
     """
 
     controller: str
@@ -51,11 +51,11 @@ class WorkFrame:
 
 @dataclass(frozen=True, slots=True)
 class WrittenFrame:
-    """Lines of a program that set a frame.
+    """Program lines that set a frame.
 
     Attributes:
-        text: the lines, each ending in a line break.
-        warnings: what the frame cannot hold, and what must be so before it is used.
+        text: lines, each ending in a line break.
+        warnings: errors of the frame's approximation, and conditions for its use.
     """
 
     text: str
@@ -63,10 +63,13 @@ class WrittenFrame:
 
 
 def parse_work_frame(text: str) -> WorkFrame:
-    """A frame as typed: ``G54``, ``G55@G54``, ``grbl:G54``, ``haas:G54``, ``fanuc:3``, ``kuka:5``, ``abb:w``, ``ur:p``.
+    """Return the frame of a text such as ``G54``, ``G55@G54``, ``grbl:G54``, ``fanuc:3``, ``abb:w`` or ``ur:p``.
+
+    Args:
+        text: controller and frame; a frame alone is one of LinuxCNC, and ``@`` names that of the readings.
 
     Raises:
-        InputError: Another controller, or a frame that it does not have.
+        InputError: the controller is unknown, or it does not have the frame.
     """
     head, _, slot = text.partition(":")
     frame, _, within = head.upper().partition("@")
@@ -90,30 +93,35 @@ def parse_work_frame(text: str) -> WorkFrame:
 
 
 def write_work_frame(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
-    """The lines that set a frame of a controller to a pose.
+    """Return the lines that set a frame of a controller to a pose.
 
     Args:
-        where: which frame.
-        frame: the part's pose in the machine's or the robot's world, and its covariance.
-        corners: of the part's box, in its own frame ``(n, 3)`` [m].
-        note: one line of comment: what part, how sure.
+        where: frame to set.
+        frame: pose of the part in the machine's or the robot's world, with covariance.
+        corners: corners of the part's box, part frame ``(n, 3)`` [m].
+        note: comment line that names the part and the uncertainty.
 
     Raises:
-        InputError: The frame turns about z only, and the part's z is nowhere near that of the machine.
+        InputError: the frame rotates about z only, and the part's z axis is tilted by more than 45 degrees.
     """
     write = CONTROLLERS[where.controller][3]
     return write(where, frame, corners, note)
 
 
 def yaw_only(T: Transforms) -> Transforms:
-    """The pose nearest to this that turns about z alone: same origin, least square error over all directions."""
+    """Return the nearest pose that rotates about z only: same origin, smallest squared error of the rotation matrix.
+
+    Args:
+        T: pose ``(4, 4)``.
+    """
     R = T[:3, :3]
     angle = np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
     return SE3.from_parts(SO3.axis_rotation(2, angle), T[:3, 3])
 
 
 def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, *, turns: bool) -> WrittenFrame:
-    T, slot = frame.T, where.slot
+    T = frame.T
+    slot = where.slot
     tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
     if tilt > _TILT:
         raise InputError(
@@ -144,13 +152,14 @@ def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str
 
 
 def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[list[str], str]:
-    """Lines before, and the words of a frame within a work coordinate system.
+    """Return the lines before, and the words of, a frame that is relative to a work coordinate system.
 
-    LinuxCNC keeps its offset and turn in parameters from 5221 on, 20 a system; lengths in units of the machine.
+    LinuxCNC stores offset and rotation in parameters from 5221 on, 20 per system, in machine units.
     """
     first = 5201 + 20 * number
     turn, (ox, oy, oz) = f"#{first + 9}", (f"#<_unit> * #{first + k}" for k in range(3))
-    x_, y_ = "#<_part_x>", "#<_part_y>"
+    x_ = "#<_part_x>"
+    y_ = "#<_part_y>"
     along = f"X[{ox} + {x_} * COS[{turn}] - {y_} * SIN[{turn}]] Y[{oy} + {x_} * SIN[{turn}] + {y_} * COS[{turn}]]"
     before = ["#<_unit> = [25.4 - 24.4 * [#<_metric_machine> EQ 1]]", f"{x_} = {x}", f"{y_} = {y}"]
     return before, f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"
@@ -165,12 +174,12 @@ def _no_turn(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: st
 
 
 def _gcode_comment(text: str) -> str:
-    """Without what ends a comment or begins another."""
+    """Return a text without characters that end or start a G-code comment."""
     return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))
 
 
 def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
-    """A TP program: the position register is made Cartesian by ``LPOS`` before its elements are written."""
+    """Return a TP program; ``LPOS`` makes the position register Cartesian before its elements are written."""
     register = 100
     values = brand_fields("fanuc", frame)
     steps = [f"!{words[:30]}" for words in re.split("[:,] ", note)] + ["UFRAME_NUM=0", f"PR[{register}]=LPOS"]
@@ -213,4 +222,4 @@ CONTROLLERS: Mapping[str, tuple[str, str, str, _Writer]] = MappingProxyType(
         "ur": (_NAME, "part_frame", "part_frame", _ur),
     }
 )
-"""Controllers: what their frames are called, an example, the usual one, and who writes it."""
+"""Controllers by name: pattern of the frame's name, example, default, and function that writes it."""

@@ -1,4 +1,4 @@
-"""What was read, planned and sensed, as JSON documents (``docs/formats.md``); metres and radians."""
+"""Write parts, plans and acquisitions as JSON documents in metres and radians (``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -20,10 +20,16 @@ if TYPE_CHECKING:
 
 
 def part_json(part: Part) -> str:
-    """A document ``tanteo.part/1``: what was read from a CAD file, in the part's own frame."""
+    """Return the document ``tanteo.part/1``: geometry read from a CAD file, in the part frame.
+
+    Args:
+        part: part to write.
+    """
     from tanteo.parts import hole_patterns, round_features  # slow to import
 
-    edges, planes, symmetry = part.edges, part.planes, part.symmetry
+    edges = part.edges
+    planes = part.planes
+    symmetry = part.symmetry
     faces = zip(planes.faces, planes.areas, planes.normals, planes.centroids, strict=True)
     sides = zip(edges.lengths, edges.ends, edges.dihedrals, strict=True)
     return document_json({
@@ -63,7 +69,7 @@ def part_json(part: Part) -> str:
 
 
 def _round_json(one: RoundFeature) -> dict[str, Any]:
-    """A hole or boss, part frame; its rims with their axes out of the material."""
+    """Return a hole or boss in the part frame; the axes of its rims point out of the material."""
     return {
         "name": one.name, "hole": one.hole, "surface": one.surface, "faces": [f"face {k}" for k in one.faces],
         "ends_m": one.ends, "radii_m": one.radii, "through": one.through, "residual_m": one.residual,
@@ -78,7 +84,14 @@ def _round_json(one: RoundFeature) -> dict[str, Any]:
 
 
 def plan_json(plan: Plan, *, tolerance: float, confidence: float, program: str | None = None) -> str:
-    """A document ``tanteo.plan/1``; world frame, covariances in the part frame; with the probing program, if any."""
+    """Return the document ``tanteo.plan/1``: positions in the world frame, covariances in the part frame.
+
+    Args:
+        plan: plan to write.
+        tolerance: required position tolerance [m].
+        confidence: required probability of being within the tolerance.
+        program: probing program to include; None for none.
+    """
     more = {} if program is None else {"program": program}
     last = plan.readings[-1] if plan.readings else None
     own = {} if plan.feature is None else {"feature_sd_m"}
@@ -103,9 +116,12 @@ def plan_json(plan: Plan, *, tolerance: float, confidence: float, program: str |
 
 
 def plan_csv(plan: Plan) -> str:
-    """The planned readings: where to start, which way, what to expect; world frame, millimetres.
+    """Return the planned readings as CSV in the world frame in millimetres: start, direction, expected point.
 
-    It is no readings file, so that nobody takes for measured what is only expected.
+    The columns differ from those of a readings file, so that expected points cannot be read as measured ones.
+
+    Args:
+        plan: plan to write.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -125,7 +141,11 @@ def plan_csv(plan: Plan) -> str:
 
 
 def distinction_json(found: Discrimination) -> str:
-    """A document ``tanteo.discrimination/1``; frame of the first part, null where nothing is met."""
+    """Return the document ``tanteo.discrimination/1`` in the frame of the first part, with null for beams without hit.
+
+    Args:
+        found: most discriminating reading.
+    """
     return document_json({
         "schema": "tanteo.discrimination/1", "version": __version__, "parts": found.parts, "message": found.message,
         "frame": found.parts[0], "T_first_second": found.T_first_second, "origin_m": found.origin,
@@ -135,13 +155,13 @@ def distinction_json(found: Discrimination) -> str:
 
 
 def sensed_json(got: Acquired, *, seed: int, clearance: float, expected: Predicted | None = None) -> str:
-    """A document ``tanteo.sensed/1``: what an acquisition gave, in the world.
+    """Return the document ``tanteo.sensed/1``: the result of an acquisition, in the world frame.
 
     Args:
-        got: What was acquired.
-        seed: Of the simulation.
-        clearance: Least true distance of the hand from everything [m].
-        expected: What an image said of it; left out without one.
+        got: result of the acquisition.
+        seed: seed of the simulation.
+        clearance: smallest true distance between hand and obstacles [m].
+        expected: prediction from an image; None to omit it.
     """
     motions = [{"name": m.name, "status": m.status, "message": m.message, "seconds": m.seconds} for m in got.motions]
     return document_json({
@@ -162,7 +182,8 @@ def _expected(expected: Predicted) -> dict[str, Any]:
 def _feature(feature: Feature) -> dict[str, Any]:
     from tanteo.features import feature_covariance
 
-    kind, C = feature.kind, covariance_document(feature_covariance(feature))
+    kind = feature.kind
+    C = covariance_document(feature_covariance(feature))
     covariance = C | {"frame": "feature", "matrix_same_sensors": kind.B.T @ feature.P @ kind.B}
     return {
         "label": feature.label, "kind": kind.name, "frame": kind.frame, "T_world_feature": feature.T_world_feature,
@@ -177,6 +198,7 @@ def _size(feature: Feature) -> dict[str, Any]:
         return {}
     from tanteo.constraints import relate_size
 
-    name, unit = feature.kind.size_name.replace(" ", "_"), "m" if feature.kind.size_name == "radius" else "rad"
+    name = feature.kind.size_name.replace(" ", "_")
+    unit = "m" if feature.kind.size_name == "radius" else "rad"
     sd = math.sqrt(float(relate_size(feature).covariance[0, 0]))
     return {f"{name}_{unit}": size.value, f"{name}_sd_{unit}": sd, "convex": size.convex}

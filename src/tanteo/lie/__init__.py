@@ -1,7 +1,7 @@
-"""Rigid motions without uncertainty, as array functions: modules ``SO3`` and ``SE3``; ``maximize`` fits states on them.
+"""Compute with rotations and rigid motions as arrays: modules ``SO3`` and ``SE3``, and ``maximize`` for fits on them.
 
-Rotations are ``(*batch, 3, 3)`` and rigid motions ``(*batch, 4, 4)`` arrays, so composition is ``@`` and frames
-cancel by eye: ``T_world_part = T_world_hand @ T_hand_sensor @ T_sensor_part``. Tangents are ``[v, w]``, translation
+Rotations are ``(*batch, 3, 3)`` and rigid motions ``(*batch, 4, 4)`` arrays. Composition is ``@``, and adjacent frame
+names cancel: ``T_world_part = T_world_hand @ T_hand_sensor @ T_sensor_part``. Tangents are ``[v, w]``, translation
 first, and perturb on the right: ``T = T_mean @ SE3.exp(xi)``.
 """
 

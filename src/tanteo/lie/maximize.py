@@ -1,9 +1,9 @@
-"""The iterative fit in NumPy, of one pose or a whole batch: Gauss-Newton on a manifold.
+"""Maximize log densities by Gauss-Newton on a manifold, in NumPy, for one pose or a batch.
 
 The compiled core has its counterpart in ``_core/maximize.hpp``, for factors of a part at a pose. States here have no
 factors in the core: averages of frames, sensed features under constraints, planes and edges of points, time offsets,
 calibrated beams. Their equations are arrays over a batch, so a compiled loop would call back to Python at each step. A
-single cold fit without a batch uses SciPy instead.
+single fit from a distant start uses SciPy instead.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tanteo.typing import FloatArray
 State = TypeVar("State")
 
 _RIDGE = 1e-11
-"""Added to an information of unit diagonal, far above rounding and far below what measurements say."""
+"""Ridge added to an information matrix of unit diagonal, far above rounding and far below measurements."""
 
 
 def maximize(
@@ -28,7 +28,9 @@ def maximize(
     passes: int,
     tolerance: float = 0.0,
 ) -> tuple[State, FloatArray]:
-    """Return the state after Gauss-Newton steps ``H step = g``, and the squared length of the last one.
+    """Return the state after Gauss-Newton steps ``H step = g``, and the squared length of the last step.
+
+    Lengths are ``step' H step``, in standard deviations of the state.
 
     Lengths are ``step' H step``: in standard deviations of the state.
 
@@ -51,7 +53,12 @@ def maximize(
 
 
 def scaled_solve(A: FloatArray, b: FloatArray) -> FloatArray:
-    """Solve ``A x = b`` for positive semidefinite ``A``; along directions that ``A`` does not see ``x`` is about 0."""
+    """Solve ``A x = b`` for positive semidefinite ``A``; ``x`` is about 0 along the null space of ``A``.
+
+    Args:
+        A: matrices ``(*batch, n, n)``.
+        b: right-hand sides ``(*batch, n)``.
+    """
     d = np.diagonal(A, axis1=-2, axis2=-1)
     s = 1 / np.sqrt(np.where(d > 0, d, 1.0))
     scaled = A * s[..., :, None] * s[..., None, :] + _RIDGE * np.eye(A.shape[-1])

@@ -1,7 +1,9 @@
-"""SE(3): rigid motions as ``(*batch, 4, 4)`` matrices, tangents ``[v, w]`` ``(*batch, 6)``, translation first [m, rad].
+"""Compute on SE(3).
 
-Sources: ``Exp``, ``Log``, ``Ad`` and the right Jacobian as in Barfoot and Furgale (2014), with the coefficients of
-the right Jacobian from their power series below one radian, where the closed forms cancel.
+Rigid motions ``(*batch, 4, 4)`` and tangents ``[v, w]`` ``(*batch, 6)``, translation first [m, rad].
+
+Source: Barfoot and Furgale (2014) for ``Exp``, ``Log``, ``Ad`` and the right Jacobian. Below one radian, where the
+closed forms of its coefficients cancel, their power series are used.
 """
 
 from __future__ import annotations
@@ -21,46 +23,74 @@ _BERNOULLI = np.array([
     -3.3896802963225827e-13, 8.586062056277845e-15, -2.174868698558062e-16, 5.5090028283602295e-18,
     -1.3954464685812522e-19,
 ])  # fmt: skip
-"""Bernoulli's numbers over factorials, ``B_2k / (2 k)!``."""
+"""Bernoulli numbers over factorials, ``B_2k / (2 k)!``."""
 
 _INVERSE = np.stack([(2 - _k) * _BERNOULLI, _k * np.append(_BERNOULLI[1:], 0.0)], axis=1)
-"""Power series of the two coefficients of the inverse right Jacobian, in minus the angle squared ``(12, 2)``."""
+"""Power series of the two coefficients of the inverse right Jacobian, in the negative squared angle ``(12, 2)``."""
 
 
 def from_parts(R: Rotations, p: Vectors) -> Transforms:
-    """The motion ``x -> R x + p``."""
-    R, p = np.asarray(R, dtype=np.float64), np.asarray(p, dtype=np.float64)
+    """Return the motion ``x -> R x + p`` ``(*batch, 4, 4)``.
+
+    Args:
+        R: rotations ``(*batch, 3, 3)``.
+        p: translations ``(*batch, 3)`` [m].
+    """
+    R = np.asarray(R, dtype=np.float64)
+    p = np.asarray(p, dtype=np.float64)
     T = np.zeros((*np.broadcast_shapes(R.shape[:-2], p.shape[:-1]), 4, 4))
     T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = R, p, 1.0
     return T
 
 
 def rotation(T: Transforms) -> Rotations:
-    """The rotation block."""
+    """Return the rotation block ``(*batch, 3, 3)``.
+
+    Args:
+        T: motions ``(*batch, 4, 4)``.
+    """
     return T[..., :3, :3]
 
 
 def translation(T: Transforms) -> Vectors:
-    """The translation column."""
+    """Return the translation column ``(*batch, 3)``.
+
+    Args:
+        T: motions ``(*batch, 4, 4)``.
+    """
     return T[..., :3, 3]
 
 
 def inverse(T: Transforms) -> Transforms:
-    """``T_b_a`` of ``T_a_b``, by transposition."""
+    """Return ``T_b_a`` of ``T_a_b``, by transposition.
+
+    Args:
+        T: motions ``(*batch, 4, 4)``.
+    """
     Rt = so3.inverse(T[..., :3, :3])
     return from_parts(Rt, -apply(Rt, T[..., :3, 3]))
 
 
 def apply(R_or_T: FloatArray, points: Vectors) -> Vectors:
-    """Map points by a motion ``(*batch, 4, 4)`` or rotate vectors by ``(*batch, 3, 3)``; batches broadcast."""
+    """Map points by a motion, or rotate vectors; batches broadcast.
+
+    Args:
+        R_or_T: motion ``(*batch, 4, 4)`` or rotation ``(*batch, 3, 3)``.
+        points: points or vectors ``(*batch, 3)``.
+    """
     out = np.einsum("...ij,...j->...i", R_or_T[..., :3, :3], points)
     return out + R_or_T[..., :3, 3] if R_or_T.shape[-1] == 4 else out
 
 
 def exp(xi: Tangents) -> Transforms:
-    """Exponential: the motion of the twist ``[v, w]`` run for unit time."""
+    """Return the exponential: the motion of the twist ``[v, w]`` over unit time ``(*batch, 4, 4)``.
+
+    Args:
+        xi: tangents ``(*batch, 6)``.
+    """
     xi = np.asarray(xi, dtype=np.float64)
-    v, w = xi[..., :3], xi[..., 3:]
+    v = xi[..., :3]
+    w = xi[..., 3:]
     a, b, c = so3.sinc_terms(np.linalg.norm(w, axis=-1))
     W = so3.hat(w)
     R = np.eye(3) + a[..., None, None] * W + b[..., None, None] * (W @ W)
@@ -69,7 +99,11 @@ def exp(xi: Tangents) -> Transforms:
 
 
 def log(T: Transforms) -> Tangents:
-    """Inverse of :func:`exp` with a rotation of at most pi; accurate from 0 to pi."""
+    """Return the inverse of :func:`exp` with a rotation of at most pi ``(*batch, 6)``; accurate from 0 to pi.
+
+    Args:
+        T: motions ``(*batch, 4, 4)``.
+    """
     w = so3.log(T[..., :3, :3])
     t = np.linalg.norm(w, axis=-1)
     a, b, _ = so3.sinc_terms(t)
@@ -83,12 +117,20 @@ def log(T: Transforms) -> Tangents:
 
 
 def adjoint(T: Transforms) -> Adjoints:
-    """``Ad(T)`` with ``T exp(xi) T^-1 = exp(Ad(T) xi)``: the paper's ``WJF`` for ``T = T_W_F``."""
+    """Return ``Ad(T)`` with ``T exp(xi) T^-1 = exp(Ad(T) xi)``, which is the paper's ``WJF`` for ``T = T_W_F``.
+
+    Args:
+        T: motions ``(*batch, 4, 4)``.
+    """
     return _adjoint_blocks(T[..., :3, :3], T[..., :3, 3])
 
 
 def adjoint_inverse(T: Transforms) -> Adjoints:
-    """``Ad(T^-1)``: the paper's ``FJW`` for ``T = T_W_F`` (section 2), without inverting."""
+    """Return ``Ad(T^-1)``, which is the paper's ``FJW`` for ``T = T_W_F`` (section 2).
+
+    Args:
+        T: motions ``(*batch, 4, 4)``.
+    """
     Rt = so3.inverse(T[..., :3, :3])
     return _adjoint_blocks(Rt, -apply(Rt, T[..., :3, 3]))
 
@@ -96,8 +138,10 @@ def adjoint_inverse(T: Transforms) -> Adjoints:
 def _adjoint_blocks(R: Rotations, p: Vectors) -> Adjoints:
     Ad = np.zeros((*R.shape[:-2], 6, 6))
     Ad[..., :3, :3] = Ad[..., 3:, 3:] = R
-    # rows of [p]x R, spelled out: this is the inner loop of everything
-    x, y, z = p[..., 0, None], p[..., 1, None], p[..., 2, None]
+    # rows of [p]x R, written out for speed: all propagation of errors calls this
+    x = p[..., 0, None]
+    y = p[..., 1, None]
+    z = p[..., 2, None]
     Ad[..., 0, 3:] = y * R[..., 2, :] - z * R[..., 1, :]
     Ad[..., 1, 3:] = z * R[..., 0, :] - x * R[..., 2, :]
     Ad[..., 2, 3:] = x * R[..., 1, :] - y * R[..., 0, :]
@@ -105,7 +149,11 @@ def _adjoint_blocks(R: Rotations, p: Vectors) -> Adjoints:
 
 
 def ad(xi: Tangents) -> Adjoints:
-    """``ad(xi)``, the bracket: ``Ad(exp(xi)) = expm(ad(xi))``."""
+    """Return the Lie bracket matrix ``ad(xi)``, with ``Ad(exp(xi)) = expm(ad(xi))``.
+
+    Args:
+        xi: tangents ``(*batch, 6)``.
+    """
     xi = np.asarray(xi, dtype=np.float64)
     out = np.zeros((*xi.shape, 6))
     out[..., :3, :3] = out[..., 3:, 3:] = so3.hat(xi[..., 3:])
@@ -114,11 +162,16 @@ def ad(xi: Tangents) -> Adjoints:
 
 
 def right_jacobian(xi: Tangents) -> Adjoints:
-    """``Jr`` with ``exp(xi + d) ~ exp(xi) exp(Jr d)``."""
+    """Return the right Jacobian ``Jr`` with ``exp(xi + d) ~ exp(xi) exp(Jr d)``.
+
+    Args:
+        xi: tangents ``(*batch, 6)``.
+    """
     xi = np.asarray(xi, dtype=np.float64)
     A = ad(-xi)
     coefficients = _jacobian_coefficients(np.linalg.norm(xi[..., 3:], axis=-1))
-    J, power = np.eye(6) + np.zeros_like(A), np.eye(6)
+    J = np.eye(6) + np.zeros_like(A)
+    power = np.eye(6)
     for c in coefficients:
         power = power @ A
         J = J + c[..., None, None] * power
@@ -126,9 +179,14 @@ def right_jacobian(xi: Tangents) -> Adjoints:
 
 
 def right_jacobian_inverse(xi: Tangents) -> Adjoints:
-    """Inverse of :func:`right_jacobian`: ``log(exp(xi) exp(d)) ~ xi + Jr^-1 d``; singular at a turn of 2 pi.
+    """Return the inverse of :func:`right_jacobian`: ``log(exp(xi) exp(d)) ~ xi + Jr^-1 d``.
 
-    ``x / (1 - exp(-x))`` of ``x = ad(xi)``: by Cayley and Hamilton no powers but 1, 2 and 4 are needed.
+    Singular at an angle of 2 pi.
+
+    It is ``x / (1 - exp(-x))`` of ``x = ad(xi)``. By the Cayley-Hamilton theorem only the powers 1, 2 and 4 are needed.
+
+    Args:
+        xi: tangents ``(*batch, 6)``.
     """
     xi = np.asarray(xi, dtype=np.float64)
     A = ad(xi)
@@ -138,25 +196,28 @@ def right_jacobian_inverse(xi: Tangents) -> Adjoints:
 
 
 def _inverse_coefficients(t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The coefficients of ``ad(xi)^2`` and ``ad(xi)^4`` in the inverse at rotation angle ``t``."""
+    """Return the coefficients of ``ad(xi)^2`` and ``ad(xi)^4`` in the inverse at rotation angle ``t``."""
     small = t < 1.0
     u = -(np.where(small, t, 0.0) ** 2)
     b, c = np.zeros((2, *u.shape))
     for of_b, of_c in _INVERSE[::-1]:
-        b, c = b * u + of_b, c * u + of_c
+        b = b * u + of_b
+        c = c * u + of_c
     if small.all():
         return b, c
     s = np.where(small, 1.0, t)
-    sin, less = np.sin(s), 4 * s * (1 - np.cos(s))
+    sin = np.sin(s)
+    less = 4 * s * (1 - np.cos(s))
     return np.where(small, b, 2 / s**2 - (s + 3 * sin) / less), np.where(small, c, (s**-2 - (s + sin) / less) / s**2)
 
 
 def _jacobian_coefficients(t: FloatArray) -> list[FloatArray]:
-    """The four coefficients of ``ad(-xi)^1..4`` at rotation angle ``t``."""
+    """Return the four coefficients of ``ad(-xi)^1..4`` at rotation angle ``t``."""
     small = t < 1.0
     u = np.where(small, t, 0.0) ** 2
     s = np.where(small, 1.0, t)
-    sin, cos = np.sin(s), np.cos(s)
+    sin = np.sin(s)
+    cos = np.cos(s)
     closed = [
         (4 - s * sin - 4 * cos) / (2 * s**2),
         (4 * s - 5 * sin + s * cos) / (2 * s**3),
@@ -168,7 +229,7 @@ def _jacobian_coefficients(t: FloatArray) -> list[FloatArray]:
 
 
 def _series(u: FloatArray, first: int, shift: int, odd: int) -> FloatArray:
-    """``1/2 sum_m (-1)^m (2 m - shift) / (2 m + odd)! u^(m - first)``, by Horner."""
+    """Return ``1/2 sum_m (-1)^m (2 m - shift) / (2 m + odd)! u^(m - first)`` by Horner's scheme."""
     total = np.zeros_like(u)
     for m in range(first + _SERIES_TERMS, first - 1, -1):
         total = total * u + 0.5 * (-1) ** m * (2 * m - shift) / math.factorial(2 * m + odd)

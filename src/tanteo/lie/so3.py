@@ -1,4 +1,4 @@
-"""SO(3): rotations as ``(*batch, 3, 3)`` matrices, tangents as rotation vectors ``(*batch, 3)`` [rad]."""
+"""Compute on SO(3): rotations ``(*batch, 3, 3)`` and rotation vectors ``(*batch, 3)`` [rad]."""
 
 from __future__ import annotations
 
@@ -8,11 +8,16 @@ from tanteo.errors import InputError
 from tanteo.typing import FloatArray, Rotations, Vectors
 
 _SERIES_BELOW = 1e-2
-"""Below this angle [rad] sin and cos quotients come from their series (error < 1e-16)."""
+"""Angle [rad] below which quotients of sine and cosine are computed by their series (error below 1e-16)."""
 
 
 def cross(a: Vectors, b: Vectors) -> Vectors:
-    """Cross products over the last axis; on small arrays several times faster than ``np.cross``."""
+    """Return cross products over the last axis; several times faster than ``np.cross`` on small arrays.
+
+    Args:
+        a: vectors ``(*batch, 3)``.
+        b: vectors ``(*batch, 3)``.
+    """
     out = np.empty(np.broadcast_shapes(np.shape(a), np.shape(b)))
     out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
     out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
@@ -21,10 +26,16 @@ def cross(a: Vectors, b: Vectors) -> Vectors:
 
 
 def hat(w: Vectors) -> FloatArray:
-    """Skew matrices ``[w]x`` with ``hat(w) @ v == cross(w, v)``; ``(*batch, 3) -> (*batch, 3, 3)``."""
+    """Return skew-symmetric matrices ``[w]x`` ``(*batch, 3, 3)`` with ``hat(w) @ v == cross(w, v)``.
+
+    Args:
+        w: vectors ``(*batch, 3)``.
+    """
     w = np.asarray(w, dtype=np.float64)
     out = np.zeros((*w.shape, 3))
-    x, y, z = w[..., 0], w[..., 1], w[..., 2]
+    x = w[..., 0]
+    y = w[..., 1]
+    z = w[..., 2]
     out[..., 0, 1], out[..., 0, 2] = -z, y
     out[..., 1, 0], out[..., 1, 2] = z, -x
     out[..., 2, 0], out[..., 2, 1] = -y, x
@@ -32,14 +43,22 @@ def hat(w: Vectors) -> FloatArray:
 
 
 def vee(W: FloatArray) -> Vectors:
-    """Inverse of :func:`hat`: the vector of the skew part of ``W``."""
+    """Return the vector of the skew-symmetric part of ``W``, the inverse of :func:`hat`.
+
+    Args:
+        W: matrices ``(*batch, 3, 3)``.
+    """
     W = np.asarray(W, dtype=np.float64)
     pairs = ((2, 1), (0, 2), (1, 0))
     return 0.5 * np.stack([W[..., i, j] - W[..., j, i] for i, j in pairs], axis=-1)
 
 
 def sinc_terms(angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``sin t / t``, ``(1 - cos t) / t^2`` and ``(t - sin t) / t^3``, accurate at every angle [rad]."""
+    """Return ``sin t / t``, ``(1 - cos t) / t^2`` and ``(t - sin t) / t^3``, accurate at every angle.
+
+    Args:
+        angle: angles ``t`` [rad].
+    """
     t = np.asarray(angle, dtype=np.float64)
     t2 = t * t
     small = t < _SERIES_BELOW
@@ -52,7 +71,11 @@ def sinc_terms(angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def exp(w: Vectors) -> Rotations:
-    """Rotation by the angle ``|w|`` about the axis ``w`` (Rodrigues)."""
+    """Return the rotation by the angle ``|w|`` about the axis ``w`` (Rodrigues' formula).
+
+    Args:
+        w: rotation vectors ``(*batch, 3)`` [rad].
+    """
     w = np.asarray(w, dtype=np.float64)
     a, b, _ = sinc_terms(np.linalg.norm(w, axis=-1))
     W = hat(w)
@@ -60,9 +83,14 @@ def exp(w: Vectors) -> Rotations:
 
 
 def log(R: Rotations) -> Vectors:
-    """Rotation vector of ``R``, of length at most pi; accurate from 0 to pi (through the quaternion)."""
+    """Return the rotation vector of ``R``, of length at most pi; accurate from 0 to pi by the quaternion.
+
+    Args:
+        R: rotations ``(*batch, 3, 3)``.
+    """
     q = as_quaternion(R)
-    w, v = q[..., 0], q[..., 1:]
+    w = q[..., 0]
+    v = q[..., 1:]
     n = np.linalg.norm(v, axis=-1)
     tiny = n < 1e-9  # there w is 1 to the last digit
     scale = np.where(tiny, 2.0, 2 * np.arctan2(n, w) / np.where(tiny, 1.0, n))
@@ -70,12 +98,20 @@ def log(R: Rotations) -> Vectors:
 
 
 def inverse(R: Rotations) -> Rotations:
-    """Transpose over the last two axes."""
+    """Return the transpose over the last two axes.
+
+    Args:
+        R: rotations ``(*batch, 3, 3)``.
+    """
     return np.swapaxes(np.asarray(R, dtype=np.float64), -1, -2)
 
 
 def right_jacobian(w: Vectors) -> FloatArray:
-    """``Jr`` with ``exp(w + d) ~ exp(w) exp(Jr d)``, ``(*batch, 3, 3)``."""
+    """Return the right Jacobian ``Jr`` ``(*batch, 3, 3)`` with ``exp(w + d) ~ exp(w) exp(Jr d)``.
+
+    Args:
+        w: rotation vectors ``(*batch, 3)`` [rad].
+    """
     w = np.asarray(w, dtype=np.float64)
     _, b, c = sinc_terms(np.linalg.norm(w, axis=-1))
     W = hat(w)
@@ -83,13 +119,17 @@ def right_jacobian(w: Vectors) -> FloatArray:
 
 
 def as_quaternion(R: Rotations) -> FloatArray:
-    """Unit quaternions ``(w, x, y, z)`` with ``w >= 0``, from the largest of the four components."""
+    """Return unit quaternions ``(w, x, y, z)`` with ``w >= 0``, from the largest of the four components.
+
+    Args:
+        R: rotations ``(*batch, 3, 3)``.
+    """
     R = np.asarray(R, dtype=np.float64)
     q = np.empty((*R.shape[:-2], 4))
     q[..., 0] = 1 + R[..., 0, 0] + R[..., 1, 1] + R[..., 2, 2]
     for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0)), start=1):
         q[..., k] = R[..., i, j] - R[..., j, i]
-    far = q[..., 0] < 1.0  # turns of more than 120 degrees: another component may be the largest
+    far = q[..., 0] < 1.0  # rotations of more than 120 degrees: another component may be the largest
     if far.any():
         q[far] = _from_largest(R[far])
     q /= np.linalg.norm(q, axis=-1, keepdims=True)
@@ -97,10 +137,16 @@ def as_quaternion(R: Rotations) -> FloatArray:
 
 
 def _from_largest(R: Rotations) -> FloatArray:
-    """Quaternions ``(n, 4)`` of any length, each from the row of its largest component."""
-    xx, yy, zz = R[:, 0, 0], R[:, 1, 1], R[:, 2, 2]
-    wx, wy, wz = R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]
-    xy, xz, yz = R[:, 0, 1] + R[:, 1, 0], R[:, 0, 2] + R[:, 2, 0], R[:, 1, 2] + R[:, 2, 1]
+    """Return unnormalized quaternions ``(n, 4)``, each from the row of its largest component."""
+    xx = R[:, 0, 0]
+    yy = R[:, 1, 1]
+    zz = R[:, 2, 2]
+    wx = R[:, 2, 1] - R[:, 1, 2]
+    wy = R[:, 0, 2] - R[:, 2, 0]
+    wz = R[:, 1, 0] - R[:, 0, 1]
+    xy = R[:, 0, 1] + R[:, 1, 0]
+    xz = R[:, 0, 2] + R[:, 2, 0]
+    yz = R[:, 1, 2] + R[:, 2, 1]
     rows = [
         [1 + xx + yy + zz, wx, wy, wz],
         [wx, 1 + xx - yy - zz, xy, xz],
@@ -113,10 +159,13 @@ def _from_largest(R: Rotations) -> FloatArray:
 
 
 def from_quaternion(q: FloatArray) -> Rotations:
-    """Rotation of the quaternion ``(w, x, y, z)``, which is normalised first.
+    """Return the rotation of the quaternion ``(w, x, y, z)``, which is normalized first.
+
+    Args:
+        q: quaternions ``(*batch, 4)`` of any length except zero.
 
     Raises:
-        InputError: if a quaternion is not finite or has no length.
+        InputError: a quaternion is not finite or has length zero.
     """
     q = np.asarray(q, dtype=np.float64)
     n = np.linalg.norm(q, axis=-1, keepdims=True)
@@ -132,23 +181,28 @@ def from_quaternion(q: FloatArray) -> Rotations:
 
 
 def axis_rotation(axis: int, angle: FloatArray | float) -> Rotations:
-    """Rotation by ``angle`` [rad] about coordinate axis 0, 1 or 2."""
+    """Return the rotation about a coordinate axis ``(*batch, 3, 3)``.
+
+    Args:
+        axis: coordinate axis 0, 1 or 2.
+        angle: angles ``(*batch,)`` [rad].
+    """
     w = np.zeros((*np.shape(angle), 3))
     w[..., axis] = angle
     return exp(w)
 
 
 def align(source: Vectors, target: Vectors, weights: FloatArray | None = None) -> Rotations:
-    """The rotation that best maps directions ``source`` onto ``target`` (Wahba's problem by SVD).
+    """Return the rotation that best maps directions ``source`` onto ``target`` (Wahba's problem, solved by SVD).
 
     Args:
         source: unit vectors ``(*batch, n, 3)`` in the frame that the result maps from.
-        target: the same in the frame that it maps to.
-        weights: ``(*batch, n)``, 1 if not given.
+        target: unit vectors ``(*batch, n, 3)`` in the frame that the result maps to.
+        weights: weights ``(*batch, n)``; None for 1.
 
     Returns:
-        ``(*batch, 3, 3)``, of determinant +1, minimising ``sum w |target - R source|^2``. With fewer than two
-        independent directions one of the many minimisers.
+        Rotations ``(*batch, 3, 3)`` of determinant +1 that minimize ``sum w |target - R source|^2``. With fewer than
+        two independent directions it is one of several minimizers.
     """
     w = np.ones(np.shape(source)[:-1]) if weights is None else weights
     U, _, Vt = np.linalg.svd(np.einsum("...n,...ni,...nj->...ij", w, target, source))
@@ -158,7 +212,12 @@ def align(source: Vectors, target: Vectors, weights: FloatArray | None = None) -
 
 
 def frame_from_axis(direction: Vectors, axis: int) -> Rotations:
-    """Right-handed frames whose coordinate axis ``axis`` is ``direction``; the spin about it is arbitrary but fixed."""
+    """Return right-handed frames with a given coordinate axis; the rotation about it is arbitrary but deterministic.
+
+    Args:
+        direction: directions ``(*batch, 3)`` of any length except zero.
+        axis: coordinate axis 0, 1 or 2 that points along ``direction``.
+    """
     d = np.asarray(direction, dtype=np.float64)
     d = d / np.linalg.norm(d, axis=-1, keepdims=True)
     helper = np.eye(3)[np.argmin(np.abs(d), axis=-1)]

@@ -1,8 +1,8 @@
-"""Logs of others: what probes, machines, robots, scanners and ranging sensors write, as plain arrays.
+"""Parse logs of other programs (probes, machines, robots, scanners, ranging sensors) into plain arrays.
 
-Each format is one file and one entry of :data:`FORMATS`: its name, how its content is recognised, how it is read. What
-comes out is a :class:`Log`, in the file's own units and in its own words; ``tanteo.io.read_readings`` makes readings of
-it, once what the file lacks is known. Nothing here opens a file but :class:`TableText`, when it is asked to.
+Each format is one module and one entry of :data:`FORMATS`: its name, a function that recognizes it, and one that reads
+it. The result is a :class:`Log` in the file's own units. ``tanteo.io.read_readings`` converts it to readings, once the
+user has stated what the file lacks. Only :class:`TableText` opens files.
 """
 
 from tanteo.logs.contents import Contents

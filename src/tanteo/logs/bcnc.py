@@ -1,7 +1,7 @@
-"""Height maps of bCNC (``.probe``): three lines of the grid (from, to, count; for z the feed), then rows ``x y z``.
+"""Read height maps of bCNC (``.probe``): three lines for the grid (from, to, count; feed for z), then rows ``x y z``.
 
-As ``Probe.save`` of bCNC writes them (github.com/vlachoudis/bCNC, ``CNC.py``). The probe went straight down. Its
-``.xyz`` file is the same without the three lines, and read as a list of points.
+The format is that of ``Probe.save`` in bCNC (github.com/vlachoudis/bCNC, ``CNC.py``). The probe moves straight down.
+bCNC's ``.xyz`` file lacks the three lines and is read as a list of points.
 """
 
 from __future__ import annotations
@@ -19,7 +19,11 @@ def _kept(contents: Contents) -> list[tuple[int, list[str]]]:
 
 
 def recognise(contents: Contents) -> bool:
-    """Three lines of a grid, and as many points below as it has."""
+    """Return whether the file has three grid lines and as many points as the grid.
+
+    Args:
+        contents: file to test.
+    """
     head = [line.split() for line in contents.head.splitlines()[:10] if line.strip()][:_GRID]
     if len(head) < _GRID or any(len(row) != 3 for row in head):
         return False
@@ -29,7 +33,14 @@ def recognise(contents: Contents) -> bool:
 
 
 def read(contents: Contents) -> Log:
-    """The points of the grid, each probed downwards."""
+    """Return the points of the grid, each probed downwards.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: the file is malformed.
+    """
     rows = _kept(contents)[_GRID:]
     points = contents.numbers([row for _, row in rows], [k for k, _ in rows], "a point")
     if points.shape[1] != 3:

@@ -1,4 +1,4 @@
-"""PCD point clouds of PCL, ascii and binary; and columns of clouds as a log, which PLY has as well."""
+"""Read PCD point clouds of PCL (ascii and binary); the column functions also serve PLY."""
 
 from __future__ import annotations
 
@@ -11,20 +11,31 @@ from tanteo.typing import FloatArray
 PLACE, NORMALS = ("x", "y", "z"), (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _LONGEST_HEADER = 10_000
 _MOST_NUMBERS = 10_000
-"""Numbers of one point; histograms of features have some hundreds."""
+"""Largest accepted number of values per point; feature histograms have some hundreds."""
 
 _KEYS = ("VERSION", "FIELDS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
 _LETTERS = {"F": "f", "I": "i", "U": "u"}
 
 
 def recognise(contents: Contents) -> bool:
-    """The first lines of a header."""
+    """Return whether the file starts with a PCD header.
+
+    Args:
+        contents: file to test.
+    """
     start = contents.data[:400]
     return start.startswith((b"# .PCD", b"VERSION")) and b"FIELDS" in start
 
 
 def read(contents: Contents) -> Log:
-    """The points of a PCD file; those that are not finite, as gaps of organized clouds are, are counted."""
+    """Return the finite points of a PCD file; a note counts the others, which are gaps in organized clouds.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: the file is malformed.
+    """
     start, head = _header(contents)
     names, sizes, kinds = (head.get(key, []) for key in ("FIELDS", "SIZE", "TYPE"))
     counts = head.get("COUNT", ["1"] * len(names))
@@ -33,7 +44,8 @@ def read(contents: Contents) -> Log:
         contents.fail("FIELDS, SIZE, TYPE, COUNT and POINTS that agree", "others", "Export it again.")
     if sum(int(n) for n in counts) > _MOST_NUMBERS:
         contents.fail(f"a COUNT of up to {_MOST_NUMBERS} in all", " ".join(counts)[:60], "Export it again.")
-    encoding, total = (head.get("DATA") or [""])[0], int(words[-1])
+    encoding = (head.get("DATA") or [""])[0]
+    total = int(words[-1])
     if encoding == "ascii":
         wide = [f"{name}.{k}" if k else name for name, n in zip(names, counts, strict=True) for k in range(int(n))]
         values = text_columns(contents, contents.data[start:], wide, total)
@@ -48,7 +60,7 @@ def read(contents: Contents) -> Log:
     if (viewpoint := head.get("VIEWPOINT", [])[:3]) and any(word.strip("0.-") for word in viewpoint):
         place = ",".join(viewpoint)
         notes.append(
-            f"VIEWPOINT {place} was not used: say --direction from:{place}UNIT if the points are seen from it."
+            f"VIEWPOINT {place} was not used. Use --direction from:{place}UNIT if the points were seen from there."
         )
     return of_columns(contents, values, notes)
 
@@ -86,7 +98,17 @@ def _dtype(contents: Contents, names: list[str], sizes: list[str], kinds: list[s
 
 
 def columns(contents: Contents, body: bytes, dtype: np.dtype, count: int) -> dict[str, FloatArray]:
-    """Columns of binary rows, as many as the header says."""
+    """Return columns of binary rows.
+
+    Args:
+        contents: file, for messages.
+        body: bytes after the header.
+        dtype: type of a row.
+        count: number of rows that the header states.
+
+    Raises:
+        ReadingsError: there are fewer rows.
+    """
     if count * dtype.itemsize > len(body):
         contents.fail(f"{count} points of {dtype.itemsize} bytes", f"{len(body)} bytes", "Is this the whole file?")
     rows = np.frombuffer(body, dtype, count)
@@ -95,7 +117,17 @@ def columns(contents: Contents, body: bytes, dtype: np.dtype, count: int) -> dic
 
 
 def text_columns(contents: Contents, body: bytes, names: list[str], count: int) -> dict[str, FloatArray]:
-    """Columns of rows of text, as many as the header says; what follows is of other elements."""
+    """Return columns of text rows; later lines belong to other elements and are ignored.
+
+    Args:
+        contents: file, for messages.
+        body: bytes after the header.
+        names: names of the columns.
+        count: number of rows that the header states.
+
+    Raises:
+        ReadingsError: there are fewer rows, or a word is not a number.
+    """
     if count > len(body):
         contents.fail(f"{count} points", f"{len(body)} bytes", "Is this the whole file?")
     lines = [line for line in body.decode("latin-1").split("\n", count)[:count] if line.strip()]
@@ -110,7 +142,16 @@ def text_columns(contents: Contents, body: bytes, names: list[str], count: int) 
 
 
 def of_columns(contents: Contents, values: dict[str, FloatArray], notes: list[str]) -> Log:
-    """A log of a cloud's columns; points that are not finite are left out."""
+    """Return a log of a cloud's columns without points that are not finite.
+
+    Args:
+        contents: file, for messages.
+        values: columns by name.
+        notes: notes collected so far.
+
+    Raises:
+        ReadingsError: x, y or z is missing, or no point is finite.
+    """
     if not set(PLACE) <= values.keys():
         contents.fail("fields x, y, z", f"{', '.join(values) or 'none'}", "Export it as a cloud.")
     points = np.stack([values[name] for name in PLACE], axis=-1)

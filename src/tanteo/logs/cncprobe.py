@@ -1,8 +1,10 @@
-"""Probe logs of LinuxCNC: ``(PROBEOPEN file)`` writes one row of coordinates for each probe that met something.
+"""Read probe logs of LinuxCNC.
 
-Nine numbers a row, X Y Z A B C U V W in the work frame and in the program's unit, of which the log does not tell
-(LinuxCNC, G-code overview, "Probe Logging"); machines with fewer axes write fewer. The point is where the controlled
-point was, the centre of the ball of a touch probe.
+``(PROBEOPEN file)`` writes one row of coordinates for each probe move that made contact.
+
+A row has nine numbers, X Y Z A B C U V W, in the work frame and in the program's unit, which the log does not state
+(LinuxCNC, G-code overview, "Probe Logging"). Machines with fewer axes write fewer numbers. The position is that of the
+controlled point, which is the centre of a touch probe's ball.
 """
 
 from __future__ import annotations
@@ -15,11 +17,15 @@ from tanteo.logs.numbers import all_rows, are_unit, first_rows
 
 _AXES = "XYZABCUVW"
 _STILL = 1e-6
-"""Axes that differ by less have not moved."""
+"""Largest difference of an axis position that counts as standing still [program units]."""
 
 
 def recognise(contents: Contents) -> bool:
-    """Four to nine numbers a row, of which those behind Z do not look like vectors."""
+    """Return whether rows have four to nine numbers and the numbers after Z are not unit vectors.
+
+    Args:
+        contents: file to test.
+    """
     rows = first_rows(contents)
     if rows is None or rows.names or not 4 <= rows.values.shape[1] <= 9:
         return False
@@ -30,7 +36,14 @@ def recognise(contents: Contents) -> bool:
 
 
 def read(contents: Contents) -> Log:
-    """The points, if the other axes stood still."""
+    """Return the probed points; the rotary and auxiliary axes must stand still.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: the file is malformed, or an axis other than X, Y, Z moved.
+    """
     rows = all_rows(contents, "a probe log")
     count = rows.values.shape[1]
     if not 3 <= count <= 9:

@@ -1,4 +1,4 @@
-"""The contents of a file: its bytes, and its text in whatever encoding it was written."""
+"""Hold the bytes of a file, and decode its text in whatever encoding it was written."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from tanteo.errors import ReadingsError
 from tanteo.typing import FloatArray
 
 HEAD = 16_384
-"""Bytes that recognition looks at."""
+"""Number of leading bytes that format recognition uses."""
 
 _DIGITS = 18
-"""Of the longest whole number."""
+"""Largest number of digits in a whole number."""
 
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 
 
 def encoding_of(data: bytes, *, whole: bool = True) -> str | None:
-    """The encoding of a text: by its mark, else UTF-8, else UTF-16 without mark, else Windows-1252; None if binary.
+    """Return the encoding of a text: by its byte-order mark, else UTF-8, UTF-16 or Windows-1252; None if binary.
 
     Args:
-        data: The bytes.
-        whole: They are all; else the last character may be cut.
+        data: bytes of the text.
+        whole: whether these are all bytes; otherwise the last character may be incomplete.
     """
     for mark, name in _MARKS:
         if data.startswith(mark):
@@ -45,11 +45,11 @@ def encoding_of(data: bytes, *, whole: bool = True) -> str | None:
 
 @dataclass(frozen=True)
 class Contents:
-    """A file that was read.
+    """Content of a file.
 
     Attributes:
-        data: Its bytes.
-        name: What it is called in messages.
+        data: bytes of the file.
+        name: name of the file for messages.
     """
 
     data: bytes = field(repr=False)
@@ -57,47 +57,58 @@ class Contents:
 
     @cached_property
     def encoding(self) -> str | None:
-        """Encoding of its text; None if it is binary."""
+        """Encoding of the text; None for a binary file."""
         return encoding_of(self.data)
 
     @cached_property
     def head(self) -> str:
-        """The beginning as text; empty if it is binary."""
+        """Start of the file as text; empty for a binary file."""
         start = self.data[:HEAD]
         encoding = encoding_of(start, whole=len(start) == len(self.data))
         return "" if encoding is None else start.decode(encoding, errors="replace").lstrip("\ufeff")
 
     @cached_property
     def text(self) -> str:
-        """All of it as text."""
+        """Complete text.
+
+        Raises:
+            ReadingsError: the file is binary.
+        """
         if self.encoding is None:
-            self.fail("text", "a binary file", "Export it as text, or say its format with --format.")
+            self.fail("text", "a binary file", "Export it as text, or name its format with --format.")
         return self.data.decode(self.encoding, errors="replace").lstrip("\ufeff")
 
     @cached_property
     def lines(self) -> list[str]:
-        """Its lines without the blanks around them; the first is line 1 at index 0."""
+        """Lines without surrounding blanks; index 0 is line 1."""
         return [line.strip() for line in self.text.splitlines()]
 
     def fail(self, expected: str, got: str, advice: str, line: int | None = None) -> NoReturn:
         """Refuse the file.
 
+        Args:
+            expected: accepted content, in words.
+            got: found content, in words.
+            advice: correction to suggest, as a sentence.
+            line: line number; None for the file as a whole.
+
         Raises:
-            ReadingsError: with file, line, what was expected, what was got and what to do.
+            ReadingsError: always.
         """
         place = self.name if line is None else f"{self.name}, line {line}"
         raise ReadingsError(f"{place}: expected {expected}, got {got}. {advice}")
 
     def numbers(self, rows: list[list[str]], lines: list[int], what: str) -> FloatArray:
-        """Rows of words as finite numbers ``(n, k)``.
+        """Return rows of words as finite numbers ``(n, k)``.
 
         Args:
-            rows: As many words each.
-            lines: Where each row stands.
-            what: They are, for messages.
+            rows: words of each row; all rows must have the same number.
+            lines: line number of each row.
+            what: description of a row, for messages.
 
         Raises:
-            ReadingsError: A word is no finite number; the message names the line.
+            ReadingsError: there are no rows, a row has another number of words, or a word is not a finite number; the
+                message names the line.
         """
         if not rows:
             self.fail(f"at least one of {what}", "none", "Is this the whole file?")
@@ -115,12 +126,19 @@ class Contents:
 
 
 def is_whole(word: str) -> bool:
-    """Whether it is a whole number in plain digits, and no longer than any count."""
+    """Return whether a word is a whole number of at most 18 ASCII digits.
+
+    Args:
+        word: word to test.
+    """
     return word.isascii() and word.isdigit() and len(word) <= _DIGITS
 
 
 def _number(word: str) -> float:
-    """NaN for what is no plain number: ``1_000`` and digits of other scripts, which Python would read, are none."""
+    """Return the number of a word.
+
+    NaN if it is not plain, as ``1_000`` or digits of other scripts, which Python accepts.
+    """
     if not word.isascii() or "_" in word:
         return float("nan")
     try:

@@ -1,11 +1,13 @@
-"""DMIS output of coordinate measuring machines (ISO 22093): actual points ``FA(name)=FEAT/POINT,CART,x,y,z,i,j,k``.
+"""Read DMIS output of coordinate measuring machines (ISO 22093).
 
-Actual circles and cylinders, ``FA(name)=FEAT/CIRCLE,INNER,CART,x,y,z,i,j,k,diameter`` (``CYLNDR``; ``OUTER`` of
-bosses), are centres of holes and bosses; so the converters of the QIF community write them. Spheres are
-``FA(name)=FEAT/SPHERE,OUTER,CART,x,y,z,diameter``. Cones are left out: which way writers point their axis, and whether
-the angle is half of it, was found in no file. Where a file has neither,
-the points of ``PTDATA`` are taken, and else those of ``PTMEAS`` and of ``F(name)=FEAT/POINT``, which in a program are
-nominal; what was taken is said. ``$`` continues a line, ``$$`` begins a comment.
+Actual points ``FA(name)=FEAT/POINT,CART,x,y,z,i,j,k``.
+
+Actual circles and cylinders, ``FA(name)=FEAT/CIRCLE,INNER,CART,x,y,z,i,j,k,diameter`` (``CYLNDR``; ``OUTER`` for
+bosses), are read as centres of holes and bosses; this is the form of the QIF community's converters. Spheres are
+``FA(name)=FEAT/SPHERE,OUTER,CART,x,y,z,diameter``. Cones are ignored: no file was found that shows the sense of their
+axis, and whether the angle is the half angle. A file without actual features contributes the points of ``PTDATA``, or
+else of ``PTMEAS`` and ``F(name)=FEAT/POINT``, which are nominal in a program; a note states which were used. ``$``
+continues a line, ``$$`` starts a comment.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ _UNITS = {"MM": "mm", "CM": "cm", "M": "m", "INCH": "in", "FEET": "ft"}
 _ROUND = {"CIRCLE": "circle", "CYLNDR": "cylinder", "SPHERE": "sphere"}
 _SIDES = {"INNER": "hole", "OUTER": "boss"}
 _CELLS = 9
-"""Of a round feature; of a point there are six, or three."""
+"""Number of cells of a round feature; a point has six or three."""
 _FEATURE = re.compile(r"^(FA?)\(([^()]{1,80})\)\s*=\s*FEAT\s*/\s*(\w+)\s*,(.{0,500})", re.IGNORECASE)
 _POINT = re.compile(r"^(PTMEAS|PTDATA)\s*/\s*CART\s*,(.{0,500})", re.IGNORECASE)
 _HINT = re.compile(
@@ -37,19 +39,34 @@ _CALLED = {
 
 
 def recognise(contents: Contents) -> bool:
-    """A statement that only DMIS has."""
+    """Return whether the file contains a statement that only DMIS has.
+
+    Args:
+        contents: file to test.
+    """
     return _HINT.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
-    """The actual points, else what comes nearest to them."""
+    """Return the actual points and round features, or else the points of the best available statement.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: the file has no measured points, or is malformed.
+    """
     rows: dict[str, list[tuple[int, str, list[str]]]] = {name: [] for name in _CALLED}
-    unit, others = None, 0
+    unit = None
+    others = 0
     for k, line in _statements(contents):
         if line.upper().startswith("UNITS/"):
             unit = _UNITS.get(line[6:].split(",")[0].strip().upper())
         elif match := _FEATURE.match(line):
-            kind, name, shape, rest = match[1].upper(), match[2], match[3].upper(), _cells(match[4])
+            kind = match[1].upper()
+            name = match[2]
+            shape = match[3].upper()
+            rest = _cells(match[4])
             if shape == "POINT" and rest[:1] == ["CART"]:
                 rows[kind].append((k, name, rest[1:7]))
             elif kind == "FA" and (cells := _round(shape, rest)):
@@ -69,7 +86,7 @@ def read(contents: Contents) -> Log:
 
 
 def _round(shape: str, rest: list[str]) -> list[str]:
-    """Place, axis, diameter, side and kind of a round feature; nothing of others."""
+    """Return position, axis, diameter, side and kind of a round feature as words; empty for other features."""
     if shape not in _ROUND or rest[0] not in _SIDES or rest[1:2] != ["CART"]:
         return []
     axis = ["0"] * 3 if shape == "SPHERE" else rest[5:8]
@@ -81,7 +98,8 @@ def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str |
     lines = [k for k, _, _ in rows]
     points = contents.numbers([(cells + [""] * 3)[:3] for _, _, cells in rows], lines, "a point")
     scale = {"cm": 10.0, "ft": 12.0}.get(unit or "", 1.0)
-    points, unit = points * scale, {"cm": "mm", "ft": "in"}.get(unit or "", unit)
+    points = points * scale
+    unit = {"cm": "mm", "ft": "in"}.get(unit or "", unit)
     round_ones = np.array([len(cells) == _CELLS for _, _, cells in rows])
     diameters = [cells[6] if is_round else "1" for (_, _, cells), is_round in zip(rows, round_ones, strict=True)]
     sizes = contents.numbers([[cell] for cell in diameters], lines, "a diameter")[:, 0] * scale
@@ -106,9 +124,10 @@ def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str |
 
 
 def _statements(contents: Contents) -> list[tuple[int, str]]:
-    """Statements with the lines on which they begin."""
+    """Return the statements with the lines where they start."""
     out: list[tuple[int, str]] = []
-    begun, first = "", 0
+    begun = ""
+    first = 0
     for k, line in enumerate(contents.lines, start=1):
         if line.startswith("$$"):
             continue

@@ -1,4 +1,7 @@
-"""Positions of FANUC programs (``.LS``, section ``/POS``) and registers (``.VA``): X Y Z W P R in mm and degrees."""
+"""Read positions of FANUC programs (``.LS``, section ``/POS``) and registers (``.VA``).
+
+X Y Z W P R in mm and degrees.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,28 @@ _FIELDS = "XYZWPR"
 
 
 def recognise(contents: Contents) -> bool:
-    """A program's sections, or a position of it."""
+    """Return whether the file contains the sections or a position of a FANUC program.
+
+    Args:
+        contents: file to test.
+    """
     return _HINT.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
-    """Cartesian positions; others are counted."""
-    rows, lines, names, frames, left = [], [], [], set(), 0
+    """Return the Cartesian positions; a note counts the others.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: there is no Cartesian position, or positions use several user frames.
+    """
+    rows = []
+    lines = []
+    names = []
+    frames = set()
+    left = 0
     text = contents.text
     blocks = list(_BLOCK.finditer(text)) or list(_REGISTER.finditer(text))
     ends = [match.start() for match in re.finditer("\n", text)]

@@ -1,4 +1,4 @@
-"""The formats of logs: how each is recognised and read. Formats from outside are tried first."""
+"""Register the formats of logs, each with its functions to recognize and read it; plug-ins are tried first."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tanteo.logs.log import Log, LogFormat
 from tanteo.plugins import Registry, guarded, warn
 
 TABLE, RECORDING = "csv", "bag"
-"""Names of the project's own table with a header and of recordings of ROS, which are read in ``tanteo.io``."""
+"""Names of tanteo's table with a header and of ROS recordings, which ``tanteo.io`` reads."""
 
 FORMATS: Registry[LogFormat] = Registry(
     "tanteo.log_formats",
@@ -51,21 +51,30 @@ FORMATS: Registry[LogFormat] = Registry(
     },
     reserved=(TABLE, RECORDING),
 )
-"""All formats by name, in the order in which they are tried: those from outside first."""
+"""All formats by name, in the order in which they are tried; plug-ins come first."""
 
 
 def register_format(entry: LogFormat) -> LogFormat:
-    """Add a format in this process; it is tried before those that are there already.
+    """Add a format in this process; it is tried before the existing ones.
+
+    Args:
+        entry: format to add.
 
     Raises:
-        InputError: The name is taken.
+        InputError: the name is taken.
     """
     FORMATS.register(entry.name, entry)
     return entry
 
 
 def recognise(contents: Contents) -> LogFormat | None:
-    """Return the first format that contents are in, or None. A plug-in that fails is skipped with a warning."""
+    """Return the first format that recognizes the contents; None if none does.
+
+    A plug-in that fails is skipped with a warning.
+
+    Args:
+        contents: file to test.
+    """
     for form in FORMATS.entries():
         origin = FORMATS.origin(form.name)
         try:
@@ -80,11 +89,15 @@ def recognise(contents: Contents) -> LogFormat | None:
 
 
 def read_log(form: LogFormat, contents: Contents) -> Log:
-    """Read contents in a format.
+    """Read contents in a given format.
+
+    Args:
+        form: format of the contents.
+        contents: file to read.
 
     Raises:
-        ReadingsError: The contents are malformed.
-        PluginError: A plug-in fails, or returns something else.
+        ReadingsError: the contents are malformed.
+        PluginError: a plug-in fails, or does not return a :class:`Log`.
     """
     origin = FORMATS.origin(form.name)
     with guarded(origin, f"{contents.name} to be read"):
@@ -95,11 +108,14 @@ def read_log(form: LogFormat, contents: Contents) -> Log:
 
 
 def format_named(name: str) -> LogFormat | None:
-    """Return the format of a name, or None for the project's own table.
+    """Return the format with a given name; None for tanteo's own table.
+
+    Args:
+        name: name of the format.
 
     Raises:
-        InputError: There is no such format; the message lists all.
-        PluginError: The plug-in of that name cannot be used.
+        InputError: there is no such format; the message lists all.
+        PluginError: the plug-in of that name cannot be used.
     """
     found = FORMATS.find(name)
     if found is None and name != TABLE:

@@ -1,4 +1,7 @@
-"""Positions of KUKA data lists (``.dat``) and programs (``.src``): ``{X 1,Y 2,Z 3,A 0,B 90,C 0}``, mm and degrees."""
+"""Read positions of KUKA data lists (``.dat``) and programs (``.src``).
+
+``{X 1,Y 2,Z 3,A 0,B 90,C 0}``, mm and degrees.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +21,28 @@ _FIELDS = "XYZABC"
 
 
 def recognise(contents: Contents) -> bool:
-    """A declaration of a data list, or a position."""
+    """Return whether the file contains a declaration or a position of a KUKA program.
+
+    Args:
+        contents: file to test.
+    """
     return "{" in contents.head and _HINT.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
-    """Cartesian positions; home positions, axes and relative motions are counted."""
-    rows, lines, names, bases, left = [], [], [], set(), 0
+    """Return the Cartesian positions; a note counts home positions, axis positions and relative motions.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: there is no Cartesian position, or positions use several bases.
+    """
+    rows = []
+    lines = []
+    names = []
+    bases = set()
+    left = 0
     for k, line in enumerate(contents.lines, start=1):
         if line.startswith(";"):
             continue

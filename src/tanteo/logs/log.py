@@ -1,4 +1,4 @@
-"""What a log says, as arrays, and a row of the table of formats."""
+"""Define the parsed content of a log, and the entry of a log format."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Log:
-    """``n`` rows of a log, in the file's own length unit; what the file does not say is None.
+    """Parsed content of a log with ``n`` rows in the file's own length unit; None where the file has no such content.
 
     Attributes:
-        points: Places ``(n, 3)``; None of a log of ranges or of poses alone.
-        unit: Length unit of the file (``mm``, ``m``, ``um``, ``in``), None if it does not say.
-        assumed: The unit is what the format has as a rule; the file itself does not say it.
-        centres: The points are centres of the tip's ball, so its radius has to be known.
-        radii: Radius of the ball ``(n,)``.
-        directions: Where the tip moved or the device looked ``(n, 3)``, into the material.
-        outward: Vectors ``(n, 3)`` out of the material, as probes are told or reports say them: i, j, k.
-        normals: Normals ``(n, 3)`` that were sensed.
-        kinds: Of rows that give the centre of a round feature its kind (``circle``, ``cylinder``, ``sphere``,
-            ``cone``), of others ``point``.
-        sizes: Of centres the radius, of a cone the half angle [rad]; NaN where it is not said, and of points ``(n,)``.
-        sides: Of centres ``hole`` or ``boss``, or nothing.
-        sds: Standard deviation of each point or centre ``(n,)``; NaN where it is not said.
-        ids: Names of the rows, unique.
-        brand: Who writes ``poses`` so, a name of ``tanteo.io.BRANDS``.
-        poses: Of the hand ``(n, k)``, in the brand's fields and units.
-        zones: Rows and columns of a ranging sensor's frame.
-        cells: Row and column ``(n, 2)`` of each range in its frame, from 1.
-        ranges: ``(n,)``, NaN where the beam met nothing.
-        free: The beam met nothing ``(n,)``.
-        notes: Sentences of what was left out or taken as something.
+        points: positions ``(n, 3)``; None for a log of ranges or of poses only.
+        unit: length unit of the file (``mm``, ``m``, ``um``, ``in``); None if the file does not state it.
+        assumed: whether the unit is the format's usual one, which the file itself does not state.
+        centres: whether the points are centres of the tip's ball, so that its radius is required.
+        radii: radius of the tip's ball ``(n,)``.
+        directions: approach or viewing directions into the material ``(n, 3)``.
+        outward: vectors I, J, K out of the material, as commanded or reported ``(n, 3)``.
+        normals: sensed surface normals ``(n, 3)``.
+        kinds: kind of each row: ``circle``, ``cylinder``, ``sphere`` or ``cone`` for the centre (apex) of a round
+            feature, ``point`` otherwise.
+        sizes: radius of each round feature, half angle of a cone [rad]; NaN if unknown and for points ``(n,)``.
+        sides: material side of each round feature, ``hole`` or ``boss``; empty if unknown.
+        sds: standard deviation of each point or centre ``(n,)``; NaN if unknown.
+        ids: unique names of the rows.
+        brand: brand whose convention ``poses`` follow, a name of ``tanteo.io.BRANDS``.
+        poses: poses of the hand ``(n, k)``, in the brand's fields and units.
+        zones: numbers of rows and columns of a multi-zone sensor's frame.
+        cells: row and column of each range in its frame ``(n, 2)``, counted from 1.
+        ranges: ranges ``(n,)``, NaN where the beam hit nothing.
+        free: mask of beams that hit nothing ``(n,)``.
+        notes: sentences about assumptions and ignored content.
     """
 
     points: FloatArray | None = None
@@ -70,13 +70,13 @@ class Log:
 
 @dataclass(frozen=True, slots=True)
 class LogFormat:
-    """A format of logs.
+    """Format of logs.
 
     Attributes:
-        name: As ``--format`` says it.
-        words: What it is, for messages, as ``a LinuxCNC probe log``.
-        recognise: Whether contents are in this format; asked of the beginning, so it has to be quick.
-        read: The whole contents as a log; raises ReadingsError where they are malformed.
+        name: name of the format, as in ``--format``.
+        words: description for messages, such as ``a LinuxCNC probe log``.
+        recognise: function that returns whether contents are in this format; it should use only their start.
+        read: function that parses the contents; it raises ReadingsError if they are malformed.
     """
 
     name: str
@@ -86,7 +86,11 @@ class LogFormat:
 
 
 def unique(names: list[str]) -> tuple[str, ...]:
-    """Names as they are where they differ, else with the count of the repeat behind a dot."""
+    """Return names made unique: repeated ones get their count after a dot.
+
+    Args:
+        names: names in order.
+    """
     seen: dict[str, int] = {}
     out = []
     for name in names:
@@ -96,5 +100,11 @@ def unique(names: list[str]) -> tuple[str, ...]:
 
 
 def counted(n: int, one: str, many: str = "") -> str:
-    """``1 line`` or ``2 lines``."""
+    """Return a number with its noun: ``1 line`` or ``2 lines``.
+
+    Args:
+        n: number.
+        one: singular of the noun.
+        many: plural of the noun; empty to append an s.
+    """
     return f"{n} {one if n == 1 else many or one + 's'}"

@@ -1,4 +1,4 @@
-"""Lines of nothing but numbers, apart by blanks, tabs, commas or semicolons, as machines and scanners write them."""
+"""Read lines of numbers only, separated by blanks, tabs, commas or semicolons, as machines and scanners write them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _ROW = re.compile(rf"\s*{_NUMBER}(?:[\s,;]+{_NUMBER})+[\s,;]*", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+(?:,\d+)?(?:[ \t;]+[-+]?\d+(?:,\d+)?)+[ \t;]*", re.ASCII)
 _COMMENT = ("#", "//", "%", "(")
 _ENOUGH = 50
-"""Rows that recognition looks at."""
+"""Number of rows that format recognition uses."""
 _SLACK = 2e-2
-"""By which the length of a direction may differ from one, as it is written."""
+"""Largest deviation of a direction's length from one that rounding explains."""
 
 
 @dataclass(frozen=True, slots=True)
 class NumberRows:
-    """The rows of a file of numbers.
+    """Rows of a file of numbers.
 
     Attributes:
-        values: ``(n, k)``.
-        names: Of the columns, as a comment above them has them; empty if there is none.
+        values: numbers ``(n, k)``.
+        names: column names from a comment above the rows; empty if there is none.
     """
 
     values: FloatArray
@@ -38,13 +38,17 @@ def _is_comment(line: str) -> bool:
 
 
 def first_rows(contents: Contents) -> NumberRows | None:
-    """The first rows, if there is nothing but numbers at the beginning; None if there is anything else."""
+    """Return the first rows if the file starts with numbers only; None otherwise.
+
+    Args:
+        contents: file to read.
+    """
     lines = [line.strip() for line in contents.head.splitlines()[: _ENOUGH + 20]]
     if len(contents.data) > len(contents.head.encode()):
         lines = lines[:-1] or lines
     rows = [line for line in lines if line and not _is_comment(line)]
     if rows and is_whole(rows[0]):
-        rows = rows[1:]  # CloudCompare writes how many there are
+        rows = rows[1:]  # CloudCompare writes the number of points first
     if not rows or not all(_ROW.fullmatch(row) or _DECIMAL_COMMA.fullmatch(row) for row in rows):
         return None
     words = [_words(row) for row in rows]
@@ -54,10 +58,14 @@ def first_rows(contents: Contents) -> NumberRows | None:
 
 
 def all_rows(contents: Contents, what: str) -> NumberRows:
-    """All rows.
+    """Return all rows of a file.
+
+    Args:
+        contents: file to read.
+        what: description of a row, for messages.
 
     Raises:
-        ReadingsError: A line is none of numbers, or has another count; the message names it.
+        ReadingsError: a line is not numeric or has another number of columns; the message names it.
     """
     kept = [(k, line) for k, line in enumerate(contents.lines, start=1) if line and not _is_comment(line)]
     if kept and is_whole(kept[0][1]):
@@ -81,7 +89,7 @@ def _words(row: str) -> list[str]:
 
 
 def _names(lines: list[str], count: int) -> tuple[str, ...]:
-    """The names that a comment gives to the columns: as many as there are."""
+    """Return the column names from a comment that has as many words as there are columns; empty if there is none."""
     for line in lines[:20]:
         words = re.split(r"[\s,;]+", line.lstrip("#/%( ").rstrip(") ").strip().lower())
         if _is_comment(line) and len(words) == count and words[:3] == ["x", "y", "z"]:
@@ -90,5 +98,9 @@ def _names(lines: list[str], count: int) -> tuple[str, ...]:
 
 
 def are_unit(vectors: FloatArray) -> bool:
-    """Whether all are of length one, as directions are written."""
+    """Return whether all vectors have length one.
+
+    Args:
+        vectors: vectors ``(n, 3)``.
+    """
     return bool(len(vectors) and np.all(np.abs(np.linalg.norm(vectors, axis=1) - 1) < _SLACK))

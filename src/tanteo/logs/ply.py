@@ -1,7 +1,6 @@
-"""PLY point clouds, ascii and binary: x y z, and nx ny nz where they are there. Of a mesh its vertices are taken.
+"""Read PLY point clouds (ascii and binary): x y z, and nx ny nz if present. A mesh contributes its vertices.
 
-Read here and not by a mesh library, which takes a cloud for a mesh without faces and fails in its own ways on a header
-that promises more than there is.
+Mesh libraries take a cloud for a mesh without faces, and fail in undocumented ways on truncated files.
 """
 
 from __future__ import annotations
@@ -22,12 +21,23 @@ _LONGEST_HEADER = 100_000
 
 
 def recognise(contents: Contents) -> bool:
-    """The magic word."""
+    """Return whether the file starts with the PLY signature.
+
+    Args:
+        contents: file to test.
+    """
     return contents.data.startswith((b"ply\n", b"ply\r"))
 
 
 def read(contents: Contents) -> Log:
-    """The vertices."""
+    """Return the vertices.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: the file is malformed.
+    """
     start, encoding, elements = _header(contents)
     if not elements or elements[0][0] != "vertex":
         contents.fail(
@@ -51,12 +61,13 @@ def read(contents: Contents) -> Log:
 
 
 def _header(contents: Contents) -> tuple[int, str, list[tuple[str, int, dict[str, str]]]]:
-    """Where the body starts, how it is written, and its elements with their properties."""
+    """Return the offset of the body, its encoding, and the elements with their properties."""
     end = contents.data.find(b"end_header", 0, _LONGEST_HEADER)
     line_end = contents.data.find(b"\n", end)
     if end < 0 or line_end < 0:
         contents.fail("a header that ends in end_header", "none", "Is this the whole file?")
-    encoding, elements = "", list[tuple[str, int, dict[str, str]]]()
+    encoding = ""
+    elements = list[tuple[str, int, dict[str, str]]]()
     for line in contents.data[:end].decode("latin-1").splitlines():
         words = line.split()
         if words[:1] == ["format"] and len(words) > 1:

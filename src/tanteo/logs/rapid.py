@@ -1,4 +1,7 @@
-"""Robtargets of ABB's RAPID: ``p10:=[[x,y,z],[q1,q2,q3,q4],[..],[..]]`` in mm, w first, of their work object."""
+"""Read robtargets of ABB's RAPID.
+
+``p10:=[[x,y,z],[q1,q2,q3,q4],[..],[..]]`` in mm, scalar first, in their work object.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +18,27 @@ _WORK = re.compile(r"\\WObj\s*:=\s*(\w+)", re.IGNORECASE)
 
 
 def recognise(contents: Contents) -> bool:
-    """A declaration of a robtarget, or its brackets."""
+    """Return whether the file contains a declaration or the brackets of a robtarget.
+
+    Args:
+        contents: file to test.
+    """
     return "[" in contents.head and ":" in contents.head and _HINT.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
-    """All robtargets."""
-    rows, lines, names, frames = [], [], [], set()
+    """Return all robtargets.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: there is none, or they use several work objects.
+    """
+    rows = []
+    lines = []
+    names = []
+    frames = set()
     for k, line in enumerate(contents.lines, start=1):
         if line.startswith("!"):
             continue

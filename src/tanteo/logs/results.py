@@ -1,8 +1,8 @@
-"""Probe results as Fusion reads them back, written by Haas, FANUC and other machines between START and END.
+"""Read probe results files that Haas, FANUC and other machines write for Fusion between START and END.
 
-``G800`` says where a point should be and its normal (I J K, out of the material), ``G801`` with the same ``N`` where
-the centre of the stylus was and its radius R (Autodesk post library, "Results file generator for probing and inspect
-surface").
+``G800`` states the nominal position of a point and its normal I J K out of the material. ``G801`` with the same ``N``
+states the measured centre of the stylus and its radius R (Autodesk post library, "Results file generator for probing
+and inspect surface").
 """
 
 from __future__ import annotations
@@ -20,15 +20,27 @@ _FRAME = ("G330", "G331")
 
 
 def recognise(contents: Contents) -> bool:
-    """A line that begins with G800 or G801."""
+    """Return whether a line starts with G800 or G801.
+
+    Args:
+        contents: file to test.
+    """
     return _LINE.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
-    """Measured centres with the normals that were asked for."""
+    """Return the measured centres with their nominal normals.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: there is no measured point.
+    """
     nominal: dict[str, dict[str, str]] = {}
     found: list[tuple[int, dict[str, str], dict[str, str]]] = []
-    asked, turned = 0, False
+    asked = 0
+    turned = False
     for k, line in enumerate(contents.lines, start=1):
         words = dict(_WORD.findall(line))
         code = "G" + words.get("G", "")
@@ -57,13 +69,13 @@ def read(contents: Contents) -> Log:
 
 
 def _radii(found: list[tuple[int, dict[str, str], dict[str, str]]]) -> np.ndarray | None:
-    """The radii, if each measured point has a positive one."""
+    """Return the stylus radii if each measured point has a positive one; None otherwise."""
     values = np.array([float(words.get("R", 0)) for _, words, _ in found])
     return values if np.all(values > 0) else None
 
 
 def _vectors(found: list[tuple[int, dict[str, str], dict[str, str]]]) -> np.ndarray | None:
-    """The normals, NaN where a point has none; None if no point has one."""
+    """Return the nominal normals, NaN where a point has none; None if no point has one."""
     vectors = np.array([[float(at.get(a, "nan")) for a in "IJK"] for _, _, at in found])
     vectors[np.linalg.norm(vectors, axis=1) < 0.5] = np.nan
     return None if np.isnan(vectors).all() else vectors

@@ -1,4 +1,4 @@
-"""How a table is written: encoding, what stands between cells, decimal comma, as spreadsheets save it."""
+"""Detect how a table is written: encoding, delimiter, decimal comma, as spreadsheets save it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ROWS = 40
 
 
 class Lines:
-    """The lines of a file without comments and blank ones; knows the number of the last."""
+    """Iterator over lines without comments and blank lines, which counts line numbers."""
 
     def __init__(self, text: TextIO) -> None:
         self._text = text
@@ -34,12 +34,12 @@ class Lines:
 
 @dataclass(frozen=True, slots=True)
 class TableText:
-    """How the text of a table is written.
+    """Text format of a table.
 
     Attributes:
-        encoding: For ``open``.
-        delimiter: Between cells.
-        decimal_comma: Numbers have a comma before their decimals.
+        encoding: encoding for ``open``.
+        delimiter: character between cells.
+        decimal_comma: whether numbers have a decimal comma.
     """
 
     encoding: str = "utf-8-sig"
@@ -47,22 +47,26 @@ class TableText:
     decimal_comma: bool = False
 
     def open(self, path: Path) -> TextIO:
-        """The text of a file."""
+        """Open a file in this format.
+
+        Args:
+            path: file to open.
+        """
         return path.open(encoding=self.encoding, newline="")
 
-    def said(self) -> str:
-        """A sentence on what was concluded of the numbers and letters; empty if nothing had to be."""
+    def note(self) -> str:
+        """Return a sentence on an unusual encoding or decimal commas; empty if there are none."""
         odd = ["as Windows-1252, for it is no UTF-8"] if self.encoding == "cp1252" else []
         odd += ["with decimal commas"] if self.decimal_comma else []
         return f"The table is read {' and '.join(odd)}." if odd else ""
 
 
 def sniff(start: bytes, *, whole: bool) -> TableText | None:
-    """How a table is written, by its beginning; None of a binary file.
+    """Return the text format of a table from its start; None for a binary file.
 
     Args:
-        start: Its first bytes.
-        whole: They are all of it.
+        start: first bytes of the file.
+        whole: whether these are all bytes of the file.
     """
     encoding = encoding_of(start, whole=whole)
     if encoding is None:
@@ -92,4 +96,4 @@ def _has_decimal_commas(rows: list[str], delimiter: str) -> bool:
 
 
 HEAD_BYTES = 4 * HEAD
-"""Bytes that :func:`sniff` should be given."""
+"""Number of leading bytes that :func:`sniff` needs."""

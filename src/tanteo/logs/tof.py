@@ -1,15 +1,16 @@
-"""Frames of multi-zone ranging sensors, as the example programs of their drivers print them.
+"""Read frames of multi-zone ranging sensors in the output formats of their drivers' example programs.
 
-ST's VL53L5CX, VL53L7CX and VL53L8CX: lines ``Zone : 0, Status : 5, Distance : 312 mm`` (ULD examples), cells
-``| 312 : 5 |`` (X-NUCLEO and STM32duino examples, last column first) and grids of distances, with ``(status)`` behind
-each or without (SparkFun examples, last column first). Status 5 and 9 are valid, 255 is no target, the rest is
+ST's VL53L5CX, VL53L7CX and VL53L8CX print lines ``Zone : 0, Status : 5, Distance : 312 mm`` (ULD examples), cells
+``| 312 : 5 |`` (X-NUCLEO and STM32duino examples, last column first), or grids of distances with or without
+``(status)`` (SparkFun examples, last column first). Status 5 and 9 are valid, 255 means no target, all others are
 unreliable (UM2884).
 
-ams OSRAM's TMF8828: lines ``#Obj,address,number,..`` of the Arduino driver, four to a frame, distance and confidence in
-turns, and the two grids of Adafruit's example. No distance is no target, a confidence below 20 unreliable. Which result
-is which zone is from github.com/shabaz123/TMF8828, whose viewer was compared with the maker's.
+ams OSRAM's TMF8828 prints lines ``#Obj,address,number,..`` (Arduino driver) with four captures to a frame and
+alternating distances and confidences, or two grids (Adafruit's example). A zero distance means no target; a confidence
+below 20 is unreliable. The assignment of results to zones is that of github.com/shabaz123/TMF8828, whose viewer was
+compared with the manufacturer's.
 
-A reading is named by row and column of its zone, from 1, zone 0 first: ``tof.1.1``.
+A reading is named by row and column of its zone, counted from 1 with zone 0 first: ``tof.1.1``.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from tanteo.logs.log import Log, counted
 VALID, NO_TARGET = (5, 9), 255
 LEAST_CONFIDENCE = 20
 FARTHEST = 6_000
-"""Millimetres; no such device ranges farther."""
+"""Largest plausible distance [mm]; no such device has a larger range."""
 
 _ZONE = re.compile(
     r"Zone\s*:\s*(\d{1,6})\s*,\s*Status\s*:\s*(\d{1,6})\s*,\s*Distance\s*:\s*(-?\d{1,6})\s*mm", re.IGNORECASE
@@ -37,12 +38,15 @@ _WORD = re.compile(r"(\d+)(?:\s*\(\s*(\d+)\s*\))?")
 _OBJECT = re.compile(r"^#Obj,\d+,(\d+),", re.MULTILINE)
 _RESULTS = np.array([6, 15, 7, 16, 4, 13, 5, 14, 2, 11, 3, 12, 0, 9, 1, 10])
 _CORNERS = {0: 8, 1: 10, 2: 0, 3: 2}
-"""The first zone of each of the four captures."""
+"""First zone of each of the four captures."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """A zone: its number in the frame, millimetres, and whether it met something, nothing, or is unreliable."""
+    """Result of one zone.
+
+    Its number in the frame, distance [mm], whether it hit nothing, whether it is reliable, frame side.
+    """
 
     zone: int
     distance: float
@@ -63,7 +67,11 @@ def _of_confidence(zone: int, distance: int, confidence: int) -> _Seen:
 
 
 def recognise(contents: Contents) -> bool:
-    """A line, a cell or a grid of one of the examples."""
+    """Return whether the file contains a line, cell or grid of one of the example programs.
+
+    Args:
+        contents: file to test.
+    """
     head = _COLOUR.sub("", contents.head)
     if _ZONE.search(head) or _OBJECT.search(head) or "Distance (mm):" in head:
         return True
@@ -75,7 +83,14 @@ def recognise(contents: Contents) -> bool:
 
 
 def read(contents: Contents) -> Log:
-    """All zones of all frames."""
+    """Return all zones of all frames.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: there is no complete frame or no reliable zone, or the frames differ in size.
+    """
     text = _COLOUR.sub("", contents.text)
     notes: list[str] = []
     if _OBJECT.search(text):
@@ -108,8 +123,8 @@ def _log(contents: Contents, seen: list[_Seen], notes: list[str]) -> Log:
     free = sum(one.free for one in kept)
     if free < len(seen):
         notes.append(
-            f"Of {counted(len(seen), 'zone')}, {len(kept) - free} met something, {free} nothing, "
-            f"{len(seen) - len(kept)} were unreliable and left out."
+            f"{counted(len(seen), 'zone')}: {len(kept) - free} with a target, {free} without, "
+            f"{len(seen) - len(kept)} unreliable and left out."
         )
     if not kept:
         contents.fail("at least one reliable zone", f"{len(seen)} unreliable ones", "Look at the status codes.")
@@ -121,7 +136,7 @@ def _log(contents: Contents, seen: list[_Seen], notes: list[str]) -> Log:
 
 
 def _cells(text: str) -> list[_Seen]:
-    """Rows of cells, last column first; of the lines of a row the first has distance and status."""
+    """Return zones from rows of cells, last column first; the first line of a row has distance and status."""
     rows: list[list[tuple[str, str]]] = []
     fresh = True
     for line in text.splitlines():
@@ -138,7 +153,7 @@ def _cells(text: str) -> list[_Seen]:
 
 
 def _blocks(lines: list[str]) -> list[list[list[tuple[str, str]]]]:
-    """Runs of lines of nothing but whole numbers, with statuses or without, as many in each line."""
+    """Return runs of lines that contain only whole numbers, with or without statuses, of equal count per line."""
     blocks: list[list[list[tuple[str, str]]]] = []
     width = 0
     for line in lines:
@@ -153,7 +168,7 @@ def _blocks(lines: list[str]) -> list[list[list[tuple[str, str]]]]:
 
 
 def _grids(text: str) -> tuple[list[_Seen], bool]:
-    """Grids, last column first, and whether they state the status."""
+    """Return zones from grids, last column first, and whether the grids state a status."""
     whole = [b for b in _blocks(text.splitlines()) if len(b) == len(b[0]) and len(b) in (4, 8)]
     stated = any(status for block in whole for row in block for _, status in row)
     seen = [
@@ -166,7 +181,7 @@ def _grids(text: str) -> tuple[list[_Seen], bool]:
 
 
 def _two_grids(contents: Contents, text: str) -> list[_Seen]:
-    """Grids of distances and of confidences in turns."""
+    """Return zones from alternating grids of distances and confidences."""
     blocks = [b for b in _blocks(text.splitlines()) if len(b) == len(b[0]) == 8]
     if not blocks or len(blocks) % 2:
         contents.fail(
@@ -181,7 +196,7 @@ def _two_grids(contents: Contents, text: str) -> list[_Seen]:
 
 
 def _objects(contents: Contents, text: str) -> list[_Seen]:
-    """The nearest object in each zone of the four captures of a frame."""
+    """Return the nearest object in each zone of the four captures of a frame."""
     seen = []
     for k, line in enumerate(text.splitlines(), start=1):
         if not line.startswith("#Obj"):

@@ -1,4 +1,4 @@
-"""Poses of URScript, ``p[x, y, z, rx, ry, rz]`` in metres and a rotation vector in radians, with a name or without."""
+"""Read poses of URScript, ``p[x, y, z, rx, ry, rz]`` in metres with a rotation vector in radians, optionally named."""
 
 from __future__ import annotations
 
@@ -11,13 +11,26 @@ _POSE = re.compile(r"(?:\b(\w+)\s*[:=]\s*)?\bp\[([^\[\]\n]{5,300})\]")
 
 
 def recognise(contents: Contents) -> bool:
-    """A pose with six numbers."""
+    """Return whether the file contains a pose with six numbers.
+
+    Args:
+        contents: file to test.
+    """
     return any(body.count(",") == 5 for _, body in _POSE.findall(contents.head))
 
 
 def read(contents: Contents) -> Log:
-    """All poses that are written in numbers."""
-    rows, lines, names = [], [], []
+    """Return all poses written as numbers.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: a pose does not have six numbers.
+    """
+    rows = []
+    lines = []
+    names = []
     for k, line in enumerate(contents.lines, start=1):
         for name, body in _POSE.findall(line.split("#")[0]):
             rows.append([word.strip() for word in body.split(",")])

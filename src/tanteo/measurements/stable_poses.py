@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import known_rests
+from tanteo.catalogue import known_stable_poses
 from tanteo.frames import freeze
 from tanteo.lie import SE3
 from tanteo.measurements.pose_factor import PoseFactor
@@ -44,7 +44,7 @@ class OnTable(PoseFactor):
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:
         """Compile the prior for one part; it adds no shared error."""
-        rests, symmetry = known_rests(part), part.symmetry
+        rests, symmetry = known_stable_poses(part), part.symmetry
         ups, heights, logs = [], [], []
         for rest in rests:
             some = _images(part, rest.T_table_part[2, :3])
@@ -61,7 +61,7 @@ class OnTable(PoseFactor):
 
     def log_probability(self, part: Part, T_world_part: Transforms) -> float:
         """Return the log probability of the stable pose that is nearest to a pose ``(4, 4)``."""
-        rests, symmetry = known_rests(part), part.symmetry
+        rests, symmetry = known_stable_poses(part), part.symmetry
         up = T_world_part[:3, :3].T @ self.T_world_table[:3, 2]
         nearest = np.zeros(len(rests))
         if symmetry.axis is not None:

@@ -1,4 +1,4 @@
-"""CAD file -> :class:`Part`: a mesh in metres, its planes, straight edges, corners and symmetry."""
+"""Read CAD files as :class:`Part`: a mesh in metres with its planes, straight edges, corners and symmetry."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""A shape of the CAD kernel -> bodies that enclose something: solids, closed shells, faces that are sewn to some."""
+"""Extract bodies from a shape of the CAD kernel: solids, closed shells, and faces that can be sewn to closed shells."""
 
 from __future__ import annotations
 
@@ -22,7 +22,13 @@ from tanteo.errors import PartError
 
 
 def explore(shape: Any, kind: Any, outside: Any = TopAbs_SHAPE) -> list[Any]:
-    """Shapes of one kind in a shape; only those that are in none of another kind, if that is named."""
+    """Return the sub-shapes of one kind in a shape.
+
+    Args:
+        shape: shape of the CAD kernel.
+        kind: kind of the sub-shapes.
+        outside: kind of shapes whose contents are excluded.
+    """
     found = []
     explorer = TopExp_Explorer(shape, kind, outside)
     while explorer.More():
@@ -32,24 +38,25 @@ def explore(shape: Any, kind: Any, outside: Any = TopAbs_SHAPE) -> list[Any]:
 
 
 def bodies_of(shape: Any, label: str) -> tuple[list[Any], list[Any], list[str]]:
-    """Everything in a shape that has a surface, and nothing dropped without a word.
+    """Return everything in a shape that has a surface, with a note on each change.
 
     Args:
-        shape: as read.
+        shape: shape as read.
         label: name of the file.
 
     Returns:
-        Bodies; without any body, the faces that enclose nothing; and sentences about what was sewn or left out.
+        Bodies; the faces that enclose nothing, if there is no body; and sentences about what was sewn or left out.
 
     Raises:
-        PartError: there is no face.
+        PartError: the shape has no face.
     """
     shells = [TopoDS.Shell(shell) for shell in explore(shape, TopAbs_SHELL, TopAbs_SOLID)]
     closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if BRep_Tool.IsClosed_s(shell)]
     loose = [face for shell in shells if not BRep_Tool.IsClosed_s(shell) for face in explore(shell, TopAbs_FACE)]
     loose += explore(shape, TopAbs_FACE, TopAbs_SHELL)
     sewn, rest = _sewn(loose, diagonal_of([shape])) if len(loose) > 1 else ([], loose)
-    bodies, said = [*explore(shape, TopAbs_SOLID), *closed, *sewn], []
+    bodies = [*explore(shape, TopAbs_SOLID), *closed, *sewn]
+    said = []
     if closed:
         said.append("Made a solid of a closed shell." if len(closed) == 1 else f"Made solids of {len(closed)} shells.")
     if sewn:
@@ -63,7 +70,7 @@ def bodies_of(shape: Any, label: str) -> tuple[list[Any], list[Any], list[str]]:
 
 
 def _sewn(faces: list[Any], diagonal: float) -> tuple[list[Any], list[Any]]:
-    """Closed bodies that faces enclose when they are sewn together, and the faces that are in none."""
+    """Return the closed bodies that faces form when sewn, and the remaining faces."""
     whole = _sewing(faces, 1e-5 * diagonal)
     shells = [TopoDS.Shell(shell) for shell in explore(whole, TopAbs_SHELL)]
     closed = [ShapeFix_Solid().SolidFromShell(shell) for shell in shells if BRep_Tool.IsClosed_s(shell)]
@@ -80,7 +87,7 @@ def _sewing(faces: Iterable[Any], tolerance: float) -> Any:
 
 
 def _counted(faces: list[Any]) -> str:
-    """How many faces, and how large."""
+    """Return number and area of faces in words."""
     area = 0.0
     for face in faces:
         measured = GProp_GProps()
@@ -90,7 +97,11 @@ def _counted(faces: list[Any]) -> str:
 
 
 def diagonal_of(shapes: Iterable[Any]) -> float:
-    """Of the box that holds them [mm]."""
+    """Return the diagonal of the bounding box of shapes [mm].
+
+    Args:
+        shapes: shapes of the CAD kernel.
+    """
     box = Bnd_Box()
     for shape in shapes:
         BRepBndLib.Add_s(shape, box)
@@ -98,8 +109,13 @@ def diagonal_of(shapes: Iterable[Any]) -> float:
 
 
 def compound(shapes: Iterable[Any]) -> Any:
-    """Shapes as one."""
-    whole, builder = TopoDS_Compound(), BRep_Builder()
+    """Return shapes as one compound.
+
+    Args:
+        shapes: shapes of the CAD kernel.
+    """
+    whole = TopoDS_Compound()
+    builder = BRep_Builder()
     builder.MakeCompound(whole)
     for shape in shapes:
         builder.Add(whole, shape)
@@ -107,7 +123,12 @@ def compound(shapes: Iterable[Any]) -> Any:
 
 
 def healed(solid: Any, diagonal: float) -> Any:
-    """Sew the faces of a solid together and fix what ShapeFix knows to fix."""
+    """Return a solid with its faces sewn and repaired by ShapeFix.
+
+    Args:
+        solid: solid of the CAD kernel.
+        diagonal: diagonal of the part [mm].
+    """
     fix = ShapeFix_Shape(_sewing(explore(solid, TopAbs_FACE), 1e-5 * diagonal))
     fix.Perform()
     shells = explore(fix.Shape(), TopAbs_SHELL)
@@ -115,7 +136,11 @@ def healed(solid: Any, diagonal: float) -> Any:
 
 
 def tessellated(shape: Any) -> list[Any]:
-    """Faces that have triangles alone and no surface, as AP242 allows."""
+    """Return the faces that have only triangles and no surface, as AP242 allows.
+
+    Args:
+        shape: shape of the CAD kernel.
+    """
     return [face for face in map(TopoDS.Face, explore(shape, TopAbs_FACE)) if _surfaceless(face)]
 
 

@@ -1,4 +1,4 @@
-"""Faces of a meshed shape of the CAD kernel (OpenCASCADE): triangles [mm], and the surfaces behind them."""
+"""Extract the faces of a meshed B-rep (OpenCASCADE): triangles [mm] with their exact surfaces."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _MM = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BrepFace:
-    """A tessellated face.
+    """Tessellated face.
 
     Attributes:
-        kind: of its surface.
-        fields: of :class:`Face`, in metres.
-        points: ``(N, 3)``, nodes of its triangulation [mm].
-        triangles: ``(T, 3)``, indices into ``points``, outward by the orientation of the face.
-        chords: ``(C, 2)``, indices into ``points``: mesh edges on curved edges of the B-rep.
+        kind: kind of its surface.
+        fields: fields of :class:`Face` that describe the surface [m, rad].
+        points: nodes of its triangulation ``(N, 3)`` [mm].
+        triangles: indices into ``points`` ``(T, 3)``, outward by the orientation of the face.
+        chords: indices into ``points`` ``(C, 2)`` of mesh edges on curved edges of the B-rep.
     """
 
     kind: SurfaceKind
@@ -42,7 +42,11 @@ class BrepFace:
 
 
 def brep_faces(shape: Any, diagonal: float) -> list[BrepFace]:
-    """Take the faces of a shape that ``BRepMesh_IncrementalMesh`` has worked on.
+    """Return the faces of a shape that ``BRepMesh_IncrementalMesh`` has meshed.
+
+    Args:
+        shape: meshed shape of the CAD kernel.
+        diagonal: diagonal of the part [mm].
 
     Returns:
         One entry for each face; without triangles where the mesher failed.
@@ -61,7 +65,11 @@ def brep_faces(shape: Any, diagonal: float) -> list[BrepFace]:
 
 
 def face_mesh(face: Any) -> tuple[FloatArray, IntArray]:
-    """The triangulation of a face, outward by its orientation: points [mm] and triangles; empty where it has none."""
+    """Return the triangulation of a face, outward by its orientation: points [mm] and triangles; empty if it has none.
+
+    Args:
+        face: face of the CAD kernel.
+    """
     location = TopLoc_Location()
     mesh = BRep_Tool.Triangulation_s(face, location)
     if mesh is None or not mesh.NbTriangles():
@@ -75,13 +83,17 @@ def face_mesh(face: Any) -> tuple[FloatArray, IntArray]:
 
 
 def surface_of(face: Any, diagonal: float) -> tuple[SurfaceKind, dict[str, Any]]:
-    """Name the surface of a face and give its axis, radius and angle in metres.
+    """Return the kind of a face's surface, and its axis, radius and angle in metres and radians.
 
-    Surfaces that are flat to a millionth of the part's diagonal are planes, however the file writes them.
+    Surfaces that are flat to a millionth of the part's diagonal are planes, whatever their type in the file.
+
+    Args:
+        face: face of the CAD kernel.
+        diagonal: diagonal of the part [mm].
     """
     surface = BRepAdaptor_Surface(face)
     kind = surface.GetType()
-    # On a surface with a right-handed frame the natural normal points away from the axis.
+    # on a surface with a right-handed frame the natural normal points away from the axis
     away = face.Orientation() != TopAbs_REVERSED
     if kind == GeomAbs.GeomAbs_Plane:
         return "plane", {}
@@ -113,7 +125,8 @@ def surface_of(face: Any, diagonal: float) -> tuple[SurfaceKind, dict[str, Any]]
 
 
 def _axis(axis: Any) -> dict[str, Any]:
-    point, direction = axis.Location(), axis.Direction()
+    point = axis.Location()
+    direction = axis.Direction()
     return {
         "axis_point": np.array([point.X(), point.Y(), point.Z()]) * _MM,
         "axis_direction": np.array([direction.X(), direction.Y(), direction.Z()]),
@@ -134,7 +147,7 @@ def _chords(face: Any, mesh: Any, location: Any, diagonal: float) -> IntArray:
 
 
 def _straight(edge: Any, diagonal: float) -> bool:
-    """Whether an edge is a line by its type or by its points."""
+    """Return whether an edge is a line by its type or by its points."""
     curve = BRepAdaptor_Curve(edge)
     if curve.GetType() == GeomAbs_Line:
         return True

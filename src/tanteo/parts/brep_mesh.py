@@ -1,4 +1,4 @@
-"""Bodies of the CAD kernel -> their faces as one welded mesh, with settings that are tried in turn until it closes."""
+"""Mesh bodies of the CAD kernel with their faces as one welded mesh, trying several settings until it closes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from OCP.BRepTools import BRepTools
 from tanteo.errors import PartError
 from tanteo.parts.bodies import healed
 from tanteo.parts.brep import BrepFace, brep_faces
-from tanteo.parts.cuts import cut, wound_alike
+from tanteo.parts.cuts import consistently_wound, cut
 from tanteo.parts.gaps import open_edges
 from tanteo.parts.repair import merge_vertices
 from tanteo.parts.sides import with_sides
@@ -22,16 +22,24 @@ from tanteo.parts.topology import edge_counts, mesh_edges, volume_and_centroid
 from tanteo.typing import FloatArray, IntArray
 
 SETTINGS = ((3e-4, 0.25), (9e-4, 0.5), (1e-4, 0.12), (3e-3, 0.35))
-"""How far the mesh may lie off a curved face, relative to the diagonal of the box, and how far its facets may turn from
-one to the next [rad]: tried in turn, as the mesher fails on some faces at one setting and not at another."""
+"""Mesher settings, tried in turn because the mesher fails on some faces at some settings: deflection from a curved face
+relative to the diagonal, and angle between facets [rad]."""
 
 WELDS = (1e-7, 1e-6, 1e-5, 1e-4)
-"""Distances below which corners of neighbouring faces are one, tried in turn, relative to the diagonal."""
+"""Distances, relative to the diagonal, below which corners of adjacent faces are merged, tried in turn."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BrepMesh:
-    """A mesh [mm], the face each triangle belongs to, and the chords of curved edges."""
+    """Mesh of a B-rep with its faces.
+
+    Attributes:
+        vertices: vertices ``(V, 3)`` [mm].
+        triangles: vertex indices ``(T, 3)``.
+        owners: face of each triangle ``(T,)``.
+        kinds: surface kind and fields of each face.
+        chords: mesh edges on curved edges of the B-rep ``(C, 2)``.
+    """
 
     vertices: FloatArray
     triangles: IntArray
@@ -41,7 +49,12 @@ class BrepMesh:
 
 
 def meshed(solid: Any, diagonal: float, label: str) -> tuple[BrepMesh, list[str]]:
-    """Mesh a solid, and say what it took; what does not close at any setting stays open.
+    """Return the mesh of a solid with notes; a solid that does not close at any setting stays open.
+
+    Args:
+        solid: solid of the CAD kernel.
+        diagonal: diagonal of the part [mm].
+        label: name of the file.
 
     Raises:
         PartError: none of its faces can be meshed.
@@ -60,14 +73,20 @@ def meshed(solid: Any, diagonal: float, label: str) -> tuple[BrepMesh, list[str]
 
 
 def surface_mesh(shape: Any, diagonal: float, label: str) -> tuple[BrepMesh, list[str]]:
-    """Mesh faces that do not close: a surface whose outside is found, or that counts on both sides.
+    """Return the mesh of an open surface with notes; its outside is determined, or it counts on both sides.
+
+    Args:
+        shape: shape of the CAD kernel.
+        diagonal: diagonal of the part [mm].
+        label: name of the file.
 
     Raises:
         PartError: none of its faces can be meshed.
     """
     every = list(_meshings(shape, diagonal))
     faces = min(every, key=lambda one: sum(not len(face.triangles) for face in one))
-    lost, faces = sum(not len(face.triangles) for face in faces), [face for face in faces if len(face.triangles)]
+    lost = sum(not len(face.triangles) for face in faces)
+    faces = [face for face in faces if len(face.triangles)]
     if not faces:
         raise PartError(f"{label}: expected faces, got none that the CAD kernel can mesh. Export the part again.")
     whole = min((_welded(faces, weld * diagonal) for weld in WELDS), key=lambda one: open_edges(one.triangles))
@@ -78,7 +97,7 @@ def surface_mesh(shape: Any, diagonal: float, label: str) -> tuple[BrepMesh, lis
 
 
 def _meshings(shape: Any, diagonal: float) -> Iterator[list[BrepFace]]:
-    """The faces of a shape, meshed at one setting after the other."""
+    """Yield the faces of a shape, meshed at one setting after the other."""
     for deflection, angle in SETTINGS:
         BRepTools.Clean_s(shape)
         BRepMesh_IncrementalMesh(shape, deflection * diagonal, False, angle, False)
@@ -86,7 +105,7 @@ def _meshings(shape: Any, diagonal: float) -> Iterator[list[BrepFace]]:
 
 
 def _closed(faces: list[BrepFace], diagonal: float) -> BrepMesh | None:
-    """Weld faces to a closed mesh, outward; None where they do not close."""
+    """Return faces welded to a closed outward mesh; None if they do not close."""
     if not faces or not all(len(face.triangles) for face in faces):
         return None
     touching = None
@@ -94,7 +113,7 @@ def _closed(faces: list[BrepFace], diagonal: float) -> BrepMesh | None:
         mesh = _welded(faces, weld * diagonal)
         _, ahead, back = edge_counts(mesh.triangles)
         if (ahead + back == 2).all():
-            return _outward(replace(mesh, triangles=wound_alike(mesh.triangles)))
+            return _outward(replace(mesh, triangles=consistently_wound(mesh.triangles)))
         if touching is None and ((ahead + back) % 2 == 0).all():
             touching = mesh
     return None if touching is None else _outward(_cut(touching))
@@ -113,7 +132,7 @@ def _welded(faces: list[BrepFace], distance: float) -> BrepMesh:
 
 
 def _outward(mesh: BrepMesh) -> BrepMesh | None:
-    """Turn a closed mesh outward; None where its sides cannot be discriminated."""
+    """Return a closed mesh with outward winding; None if its sides are ambiguous."""
     _, ahead, back = edge_counts(mesh.triangles)
     if ((ahead != 1) | (back != 1)).any():
         return None
@@ -122,8 +141,8 @@ def _outward(mesh: BrepMesh) -> BrepMesh | None:
 
 
 def _cut(mesh: BrepMesh) -> BrepMesh:
-    """Cut a mesh where more than two triangles share an edge, as bodies do that touch themselves."""
-    points, triangles, parents = cut(mesh.vertices, wound_alike(mesh.triangles))
+    """Cut a mesh at edges of more than two triangles, which bodies have that touch themselves."""
+    points, triangles, parents = cut(mesh.vertices, consistently_wound(mesh.triangles))
     chords = _carried(mesh, points, triangles)
     return BrepMesh(points, triangles, mesh.owners[parents], mesh.kinds, chords)
 
@@ -131,14 +150,14 @@ def _cut(mesh: BrepMesh) -> BrepMesh:
 def _with_sides(mesh: BrepMesh) -> tuple[BrepMesh, list[str]]:
     points, triangles, doubled, said = with_sides(mesh.vertices, mesh.triangles)
     kinds = [*mesh.kinds]
-    if len(doubled):  # what is a boss from one side is a bore from the other
+    if len(doubled):  # a boss from one side is a bore from the other
         kinds += [(kind, {**f, "convex": not f["convex"]} if "convex" in f else f) for kind, f in mesh.kinds]
     owners = np.concatenate([mesh.owners, mesh.owners[doubled] + len(mesh.kinds)])
     return BrepMesh(points, triangles, owners, kinds, _carried(mesh, points, triangles)), said
 
 
 def _carried(mesh: BrepMesh, points: FloatArray, triangles: IntArray) -> IntArray:
-    """The chords of a mesh among the edges of one whose vertices are copies of its own."""
+    """Return the chords of a mesh among the edges of another whose vertices are copies of its own."""
     from scipy.spatial import cKDTree  # slow to import, and seldom needed
 
     _, origins = cKDTree(mesh.vertices).query(points)
@@ -150,7 +169,11 @@ def _carried(mesh: BrepMesh, points: FloatArray, triangles: IntArray) -> IntArra
 
 
 def joined(meshes: list[BrepMesh]) -> BrepMesh:
-    """Put the meshes of several solids side by side."""
+    """Return the meshes of several solids as one.
+
+    Args:
+        meshes: meshes of the solids.
+    """
     rows = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])[:-1]
     firsts = np.cumsum([0] + [len(mesh.kinds) for mesh in meshes])[:-1]
     return BrepMesh(

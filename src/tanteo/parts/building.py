@@ -1,4 +1,4 @@
-"""A mesh whose triangles are sorted into faces -> :class:`Part`, and the mirror image of a part."""
+"""Build a :class:`Part` from a mesh whose triangles are assigned to faces, and mirror a part."""
 
 from __future__ import annotations
 
@@ -15,7 +15,15 @@ from tanteo.parts.topology import Draft, mesh_edges, triangle_geometry, volume_a
 
 
 def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tuple[str, ...]) -> Part:
-    """Take features, measures and symmetry from a mesh whose triangles are sorted into faces."""
+    """Return a part with its features, measures and symmetry.
+
+    Args:
+        draft: mesh whose triangles are assigned to faces.
+        name: name of the part.
+        source: path of the file; empty without a file.
+        unit: length unit of the file.
+        repairs: one sentence for each repair.
+    """
     links = mesh_edges(draft.triangles)
     faces = build_faces(draft, links)
     planes = build_planes(draft, faces, links)
@@ -23,7 +31,8 @@ def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tupl
     _, areas = triangle_geometry(draft.vertices, draft.triangles)
     volume, centroid = volume_and_centroid(draft.vertices, draft.triangles)
     if links.rims.any():  # an open surface encloses nothing
-        volume, centroid = 0.0, areas @ draft.vertices[draft.triangles].mean(axis=1) / areas.sum()
+        volume = 0.0
+        centroid = areas @ draft.vertices[draft.triangles].mean(axis=1) / areas.sum()
     box = np.stack([draft.vertices.min(axis=0), draft.vertices.max(axis=0)])
     part = Part(
         name=name,
@@ -48,14 +57,14 @@ def build_part(draft: Draft, *, name: str, source: str, unit: str, repairs: tupl
 
 
 def mirror_part(part: Part, *, name: str | None = None) -> Part:
-    """Reflect a part in its own x = 0 plane.
+    """Return the mirror image of a part in its own x = 0 plane.
 
     Args:
         part: any part.
-        name: of the mirror image; ``<name>_mirrored`` where left out.
+        name: name of the mirror image; None for ``<name>_mirrored``.
 
     Returns:
-        A part with the same lengths, areas and angles, of the other hand. Face numbers are kept.
+        Part with the same lengths, areas and angles, of opposite handedness, with the same face numbers.
     """
     flip = np.array([-1.0, 1.0, 1.0])
     kinds = []

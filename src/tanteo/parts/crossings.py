@@ -1,4 +1,4 @@
-"""Whether a mesh crosses itself: edges that pass through triangles which they do not touch."""
+"""Detect whether a mesh intersects itself: edges that pass through triangles without touching them."""
 
 from __future__ import annotations
 
@@ -9,34 +9,36 @@ from tanteo.shapes import Surface
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 MOST = 300_000
-"""Edges of larger meshes are not asked."""
+"""Largest number of edges for which the test is made."""
 
 CLEAR = 1e-5
-"""How far both ends of an edge have to be from the plane of the triangle, in diagonals: what touches does not cross."""
+"""Smallest distance of both edge ends from the triangle's plane, in diagonals; smaller ones count as contact."""
 
 _HITS = 4
-"""Triangles along an edge that are looked at: those beside it are met first, now and then."""
+"""Number of triangles tested along an edge; triangles beside the edge are sometimes hit first."""
 
 
 def crossings(vertices: FloatArray, triangles: IntArray) -> int:
-    """Count the edges that pass through triangles; those of bodies that overlap, too.
+    """Return the number of edges that pass through triangles, including those of overlapping bodies.
 
     Args:
-        vertices: ``(V, 3)``.
-        triangles: ``(T, 3)``.
+        vertices: vertices ``(V, 3)``.
+        triangles: vertex indices ``(T, 3)``.
 
     Returns:
-        At least one if some edge crosses a triangle by a noticeable way; 0 for very large meshes.
+        At least one if some edge clearly crosses a triangle; 0 for very large meshes.
     """
     ends = mesh_edges(triangles).ends
     if len(ends) > MOST:
         return 0
     surface = Surface(vertices, triangles)
     slack = CLEAR * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    a, b = vertices[ends[:, 0]], vertices[ends[:, 1]]
+    a = vertices[ends[:, 0]]
+    b = vertices[ends[:, 1]]
     lengths = np.linalg.norm(b - a, axis=1)
     found = np.zeros(len(ends), dtype=np.bool_)
-    rows, along = np.flatnonzero(lengths > 2.0 * slack), np.full(len(ends), slack)
+    rows = np.flatnonzero(lengths > 2.0 * slack)
+    along = np.full(len(ends), slack)
     for _ in range(_HITS):
         if not len(rows):
             break
@@ -44,16 +46,19 @@ def crossings(vertices: FloatArray, triangles: IntArray) -> int:
         hits = surface.cast(a[rows] + along[rows, None] * way, way)
         at = along[rows] + hits.distances
         inside = at < lengths[rows] - slack
-        rows, at, met = rows[inside], at[inside], hits.triangles[inside]
+        rows = rows[inside]
+        at = at[inside]
+        met = hits.triangles[inside]
         crossed = _crosses(surface, ends[rows], met, slack)
         found[rows[crossed]] = True
-        rows, at = rows[~crossed], at[~crossed]
+        rows = rows[~crossed]
+        at = at[~crossed]
         along[rows] = at + slack
     return int(found.sum())
 
 
 def _crosses(surface: Surface, ends: IntArray, met: IntArray, slack: float) -> BoolArray:
-    """Whether edges lead from well before to well behind triangles that share no corner with them."""
+    """Return whether edges run from clearly before to clearly behind triangles that share no vertex with them."""
     corners = surface.triangles[met]
     apart = (corners[:, :, None] != ends[:, None, :]).all(axis=(1, 2))
     offsets = np.einsum(

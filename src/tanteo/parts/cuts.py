@@ -1,7 +1,7 @@
-"""A mesh with three or more triangles at an edge -> the same surface, cut there into sheets of two sides each.
+"""Cut a mesh with three or more triangles at an edge into sheets with at most two, without moving any point.
 
-No point of the surface moves: corners are doubled, and triangles are told which of their neighbours they continue in
-(Gueziec and others, 2001, *Cutting and stitching: converting sets of polygons to manifold surfaces*).
+Vertices are duplicated, and each triangle is assigned the adjacent triangle that continues it (Gueziec et al. 2001,
+*Cutting and stitching: converting sets of polygons to manifold surfaces*).
 """
 
 from __future__ import annotations
@@ -12,40 +12,47 @@ from tanteo.parts.topology import components, directed_edges, edge_counts
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 _MANY = 32
-"""Triangles at one edge of which each is paired with its neighbour, and no more thought is given to them."""
+"""Number of triangles at one edge above which they are paired in angular order without optimization."""
 
 
 def crowded_edges(triangles: IntArray) -> int:
-    """Count the edges that three or more triangles share."""
+    """Return the number of edges that three or more triangles share.
+
+    Args:
+        triangles: vertex indices ``(T, 3)``.
+    """
     _, ahead, back = edge_counts(triangles)
     return int((ahead + back > 2).sum())
 
 
 def cut(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
-    """Cut a surface so that each of its edges has one triangle, or two that are wound alike.
+    """Cut a surface so that each edge has one triangle, or two with consistent winding.
 
-    Around an edge with as many triangles one way as the other way, the two that hold material between them stay
-    together, so that bodies that touch along an edge come apart. Of other ones, those stay together that continue
-    each other with the least turn. What is left over ends there, at a rim.
+    Around an edge with equally many triangles in both directions, the two with material between them stay together, so
+    that bodies that touch along an edge separate. Otherwise those triangles stay together that continue each other with
+    the smallest angle. The remaining triangles end there, at a rim.
 
     Args:
-        vertices: ``(V, 3)``.
-        triangles: ``(T, 3)``, wound alike wherever two share an edge.
+        vertices: vertices ``(V, 3)``.
+        triangles: vertex indices ``(T, 3)``, consistently wound wherever two share an edge.
 
     Returns:
-        Vertices, some of them more than once; triangles, which may be turned around; and of which given triangle
-        each is, or is a half.
+        Vertices, some of them duplicated; triangles, which may be reversed; and the original triangle of each.
     """
     points, faces, parents = _parted(vertices, triangles, _pairs(vertices, triangles))
-    alike = wound_alike(faces)
+    alike = consistently_wound(faces)
     if (alike != faces).any():
         points, faces, again = _parted(points, alike, _pairs(points, alike))
         parents = parents[again]
     return points, faces, parents
 
 
-def wound_alike(triangles: IntArray) -> IntArray:
-    """Triangles in one sense of winding across the edges that two share, as far as there is one."""
+def consistently_wound(triangles: IntArray) -> IntArray:
+    """Return triangles with consistent winding across edges of two triangles, as far as possible.
+
+    Args:
+        triangles: vertex indices ``(T, 3)``.
+    """
     _, ahead, back = edge_counts(triangles)
     if not ((ahead + back == 2) & (ahead != back)).any():
         return triangles
@@ -55,7 +62,7 @@ def wound_alike(triangles: IntArray) -> IntArray:
 
 
 def _pairs(vertices: FloatArray, triangles: IntArray) -> IntArray:
-    """Pairs of directed edges (by number) across which the surface goes on; twice the same one at a rim."""
+    """Return pairs of directed edges (by number) across which the surface continues; a rim is paired with itself."""
     edges, _ = directed_edges(triangles)
     forward: BoolArray = edges[:, 0] < edges[:, 1]
     keys = edges.min(axis=1) * (int(triangles.max()) + 1) + edges.max(axis=1)
@@ -74,7 +81,7 @@ def _pairs(vertices: FloatArray, triangles: IntArray) -> IntArray:
 
 
 def _around(vertices: FloatArray, triangles: IntArray, mine: IntArray, forward: BoolArray) -> list[tuple[int, int]]:
-    """Pairs of the triangles around one edge."""
+    """Return pairs of the triangles around one edge."""
     angles = _angles(vertices, triangles, mine)
     ranks = np.argsort(angles, kind="stable")
     if 2 * int(forward.sum()) == len(mine):
@@ -95,12 +102,15 @@ def _around(vertices: FloatArray, triangles: IntArray, mine: IntArray, forward: 
 
 
 def _brackets(opens: list[bool]) -> list[tuple[int, int]]:
-    """Pair opening and closing brackets on a ring with as many of each."""
-    depth, lowest, first = 0, 0, 0
+    """Return matching pairs of opening and closing brackets on a ring with equally many of each."""
+    depth = 0
+    lowest = 0
+    first = 0
     for k, opening in enumerate(opens):
         depth += 1 if opening else -1
         if depth < lowest:
-            lowest, first = depth, k + 1
+            lowest = depth
+            first = k + 1
     waiting: list[int] = []
     pairs = []
     for k in [*range(first, len(opens)), *range(first)]:
@@ -112,8 +122,9 @@ def _brackets(opens: list[bool]) -> list[tuple[int, int]]:
 
 
 def _angles(vertices: FloatArray, triangles: IntArray, mine: IntArray) -> FloatArray:
-    """Where the triangles of directed edges lie around their common edge, in -pi to pi [rad]."""
-    rows, sides = mine % len(triangles), mine // len(triangles)
+    """Return the angles of the triangles of directed edges around their common edge, in -pi to pi [rad]."""
+    rows = mine % len(triangles)
+    sides = mine // len(triangles)
     corners = triangles[rows]
     ends = np.sort(corners[0, [sides[0], (sides[0] + 1) % 3]])
     apexes = vertices[np.take_along_axis(corners, (sides[:, None] + 2) % 3, axis=1)[:, 0]]
@@ -127,10 +138,12 @@ def _angles(vertices: FloatArray, triangles: IntArray, mine: IntArray) -> FloatA
 
 
 def _parted(vertices: FloatArray, triangles: IntArray, pairs: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
-    """Give each fan of triangles around a vertex, as the pairs connect them, a vertex of its own."""
+    """Give each fan of triangles around a vertex, as connected by the pairs, its own vertex."""
     count = len(triangles)
-    rows, sides = pairs % count, pairs // count
-    first, second = rows * 3 + sides, rows * 3 + (sides + 1) % 3
+    rows = pairs % count
+    sides = pairs // count
+    first = rows * 3 + sides
+    second = rows * 3 + (sides + 1) % 3
     flat = triangles.reshape(-1)
     same = flat[first[:, 0]] == flat[first[:, 1]]
     begins = np.where(same, first[:, 1], second[:, 1])
@@ -141,7 +154,7 @@ def _parted(vertices: FloatArray, triangles: IntArray, pairs: IntArray) -> tuple
 
 
 def _halved(points: FloatArray, faces: IntArray, pairs: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
-    """Where pairs of triangles still have both ends of their edge in common, give them a middle of their own."""
+    """Insert a midpoint where several pairs of triangles still share both ends of an edge."""
     edges, _ = directed_edges(faces)
     ends = edges[pairs[:, 0]]
     keys = ends.min(axis=1) * len(points) + ends.max(axis=1)
@@ -165,7 +178,7 @@ def _halved(points: FloatArray, faces: IntArray, pairs: IntArray) -> tuple[Float
 def _pieces(
     row: int, corners: tuple[int, int, int], middles: dict[tuple[int, int, int], int]
 ) -> list[tuple[int, int, int]]:
-    """A triangle, cut at the middles of its sides."""
+    """Return a triangle cut at the midpoints of its sides."""
     a, b, c = corners
     for p, q, r in ((a, b, c), (b, c, a), (c, a, b)):
         if (row, p, q) in middles:

@@ -1,4 +1,4 @@
-"""Sharp straight edges and corners of a sorted mesh, as arrays."""
+"""Find sharp straight edges and corners of a mesh whose triangles are assigned to faces."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from tanteo.parts.topology import Draft, MeshEdges, components, triangle_geometr
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 SMOOTH_JOIN = np.deg2rad(2.0)
-"""Faces that meet at less than this pass smoothly into each other: no edge [rad]."""
+"""Angle between two faces below which their border is smooth and not an edge [rad]."""
 
 SMOOTH_FREEFORM = np.deg2rad(15.0)
-"""The same where one face is a free form, whose normals are known from facets only [rad]."""
+"""Angle below which a border with a free form is smooth, whose normals are known only from facets [rad]."""
 
 STRAIGHT = 1e-2
-"""Two mesh edges that turn by less than this continue each other [rad]."""
+"""Angle between two mesh edges below which they continue each other [rad]."""
 
 PARALLEL = np.deg2rad(5.0)
-"""Edges closer in direction than this count as one direction at a corner [rad]."""
+"""Angle between two edges below which they count as one direction at a corner [rad]."""
 
 SHORTEST_EDGE, SHORTEST_FREEFORM_EDGE = 1e-5, 1e-2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Segments:
-    """Mesh edges between two faces, run through so that the face with the lower index lies to the left."""
+    """Mesh edges between two faces, directed so that the face with the lower index lies to the left."""
 
     ends: IntArray
     faces: IntArray
@@ -42,10 +42,15 @@ class _Segments:
 
 
 def build_edges(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> tuple[ModelEdges, ModelVertices]:
-    """Take the sharp straight edges between two faces, and the corners where they meet.
+    """Return the sharp straight edges between two faces, and the corners where they meet.
+
+    Args:
+        draft: mesh whose triangles are assigned to faces.
+        faces: faces of the mesh.
+        edges: edges of the mesh.
 
     Returns:
-        Edges with at least one planar neighbour, and corners where three or more directions meet.
+        Edges with at least one adjacent plane, and corners where three or more directions meet.
     """
     planar = np.array([face.surface == "plane" for face in faces])
     freeform = np.array([face.surface == "freeform" for face in faces])
@@ -63,9 +68,11 @@ def build_edges(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> tupl
 
 
 def _segments(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> _Segments:
-    left, right = draft.triangle_face[edges.left], draft.triangle_face[edges.right]
+    left = draft.triangle_face[edges.left]
+    right = draft.triangle_face[edges.right]
     between = left != right
-    ends, pair = edges.ends[between], np.stack([left, right], axis=1)[between]
+    ends = edges.ends[between]
+    pair = np.stack([left, right], axis=1)[between]
     swap = pair[:, 0] > pair[:, 1]
     ends = np.where(swap[:, None], ends[:, ::-1], ends)
     pair = np.where(swap[:, None], pair[:, ::-1], pair)
@@ -77,7 +84,7 @@ def _segments(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> _Segme
 
 
 def _normals_at(draft: Draft, faces: tuple[Face, ...], owners: IntArray, ends: IntArray) -> FloatArray:
-    """Return ``(N, 3)``, outward normals of the faces ``owners`` in the middle of the mesh edges ``ends``."""
+    """Return outward normals of the faces ``owners`` at the midpoints of the mesh edges ``ends`` ``(N, 3)``."""
     normals, areas = triangle_geometry(draft.vertices, draft.triangles)
     count = len(draft.vertices)
     keys = (draft.triangle_face[:, None] * count + draft.triangles).reshape(-1)
@@ -97,7 +104,7 @@ def _normals_at(draft: Draft, faces: tuple[Face, ...], owners: IntArray, ends: I
 
 
 def _analytic_normals(face: Face, points: FloatArray) -> FloatArray | None:
-    """Normals of a simple surface, up to their sign; None for free forms."""
+    """Return normals of a simple surface, up to their sign; None for free forms."""
     if face.surface == "plane":
         assert face.axis_direction is not None
         return np.tile(face.axis_direction, (len(points), 1))
@@ -117,7 +124,10 @@ def _analytic_normals(face: Face, points: FloatArray) -> FloatArray | None:
 
 
 def _round(draft: Draft, segments: _Segments, planar: BoolArray) -> BoolArray:
-    """Mark the chords of curved edges: as the file says, or where a mesh turns gently more than once."""
+    """Return the mask of chords of curved edges.
+
+    As stated in the file, or where a mesh bends slightly more than once.
+    """
     curved = ~planar[segments.faces].all(axis=1)
     if draft.round_edges is not None:
         count = len(draft.vertices)
@@ -133,7 +143,7 @@ def _round(draft: Draft, segments: _Segments, planar: BoolArray) -> BoolArray:
 
 
 def _successors(segments: _Segments) -> tuple[IntArray, IntArray]:
-    """Pair each segment with the one of the same two faces that begins where it ends."""
+    """Return pairs of segments of the same two faces, of which the second starts where the first ends."""
     _, group = np.unique(segments.faces, axis=0, return_inverse=True)
     group = group.reshape(-1)
     base = int(segments.ends.max(initial=0)) + 1
@@ -191,7 +201,8 @@ def _edges(
 
 def _framed(ends: FloatArray, lengths: FloatArray, faces: IntArray, normals: FloatArray) -> ModelEdges:
     x = (ends[:, 1] - ends[:, 0]) / lengths[:, None]
-    left, right = normals[:, 0], normals[:, 1]
+    left = normals[:, 0]
+    right = normals[:, 1]
     turn = np.arctan2(np.einsum("ni,ni->n", x, np.cross(left, right)), np.einsum("ni,ni->n", left, right))
     bisector = left + right
     bisector -= np.einsum("ni,ni->n", bisector, x)[:, None] * x
@@ -211,7 +222,8 @@ def _corners(draft: Draft, edges: ModelEdges, vertex_ends: IntArray) -> ModelVer
     order = np.argsort(vertices, kind="stable")
     names, begin, counts = np.unique(vertices[order], return_index=True, return_counts=True)
     directions = edges.directions
-    points, groups = [], []
+    points = []
+    groups = []
     for name, start, number in zip(names, begin, counts, strict=True):
         if number < 3:
             continue
@@ -223,7 +235,8 @@ def _corners(draft: Draft, edges: ModelEdges, vertex_ends: IntArray) -> ModelVer
             points.append(draft.vertices[name])
             groups.append(mine)
     ranks = sorted(range(len(groups)), key=lambda i: tuple(groups[i]))
-    points, groups = [points[i] for i in ranks], [groups[i] for i in ranks]
+    points = [points[i] for i in ranks]
+    groups = [groups[i] for i in ranks]
     starts = np.concatenate([[0], np.cumsum([len(group) for group in groups])]).astype(np.int64)
     flat = np.concatenate(groups) if groups else np.zeros(0, dtype=np.int64)
     return ModelVertices(np.array(points).reshape(-1, 3), flat, starts)

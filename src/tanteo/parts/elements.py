@@ -1,4 +1,4 @@
-"""What a part is made of: faces of any kind, planes, straight edges and corners as arrays, and its symmetry."""
+"""Define the elements of a part: faces, planes, straight edges and corners as arrays, and its symmetry."""
 
 from __future__ import annotations
 
@@ -13,7 +13,12 @@ SurfaceKind: TypeAlias = Literal["plane", "cylinder", "cone", "sphere", "torus",
 
 
 def freeze_as(value: object, **dtypes: Any) -> None:
-    """Copy the named arrays of a frozen value to read-only arrays of the given type."""
+    """Replace the named arrays of a frozen value by read-only arrays of given types.
+
+    Args:
+        value: frozen data class.
+        dtypes: type of each array by name.
+    """
     for name, dtype in dtypes.items():
         given = getattr(value, name)
         if given is None:
@@ -25,22 +30,22 @@ def freeze_as(value: object, **dtypes: Any) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """One face of the part: a plane, a simple curved surface, or anything else (``freeform``).
+    """Face of a part: a plane, a simple curved surface, or a free form.
 
     Attributes:
-        name: ``face 12``; the number is the index in :attr:`Part.faces`.
-        surface: the kind of surface.
-        area: of the mesh of this face [m^2].
-        centroid: ``(3,)``, area centroid in the part frame [m]; off the surface where it is curved.
-        axis_point: ``(3,)``, a point of the axis in the part frame (the apex of a cone, the centre of a sphere
-            or torus) [m]; None where it is not known or has no meaning.
-        axis_direction: ``(3,)``, unit direction of the axis (the outward normal of a plane); None for spheres and
-            free forms. The axis of a cone points from the apex into the cone.
-        radius: of a cylinder or sphere, major radius of a torus [m]; None elsewhere.
-        minor_radius: of a torus [m]; None elsewhere.
-        half_angle: of a cone [rad]; None elsewhere.
-        convex: True for a boss or an outer rounding, False for a bore or a hollow, None where it is not known.
-        sagitta: how far the mesh of this face may lie off the true surface [m]; zero for planes.
+        name: name such as ``face 12``; the number is the index in :attr:`Part.faces`.
+        surface: kind of the surface.
+        area: area of the mesh of this face [m^2].
+        centroid: area centroid in the part frame ``(3,)`` [m]; off the surface where it is curved.
+        axis_point: point of the axis in the part frame ``(3,)`` [m]: apex of a cone, centre of a sphere or torus; None
+            if unknown or meaningless.
+        axis_direction: unit direction of the axis ``(3,)``, or outward normal of a plane; None for spheres and free
+            forms. The axis of a cone points from the apex into the cone.
+        radius: radius of a cylinder or sphere, major radius of a torus [m]; None for other kinds.
+        minor_radius: minor radius of a torus [m]; None for other kinds.
+        half_angle: half angle of a cone [rad]; None for other kinds.
+        convex: True for a boss or an outer rounding, False for a bore or a hollow, None if unknown.
+        sagitta: largest distance of the mesh of this face from the true surface [m]; zero for planes.
     """
 
     name: str
@@ -61,17 +66,17 @@ class Face:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelPlanes:
-    """The M planar faces, as arrays.
+    """Planar faces of a part as arrays.
 
     Attributes:
-        Ts_part_feature: ``(M, 4, 4)``: z is the outward normal, the origin the area centroid, x and y the
-            principal axes of the face's area (x the longer one) [m].
-        faces: ``(M,)``, index into :attr:`Part.faces`.
-        areas: ``(M,)`` [m^2].
-        gyration: ``(M, 2)``, standard deviation of the face's area along its x and y [m].
-        boundary: ``(sum, 3)``, corners of each face's outer hull in the part frame, counter-clockwise seen from
-            outside [m]. A linear function over a face has its extremes at these points.
-        boundary_start: ``(M + 1,)``, the corners of plane i are ``boundary[start[i]:start[i + 1]]``.
+        Ts_part_feature: frames ``(M, 4, 4)`` [m]: z is the outward normal, the origin the area centroid, x and y the
+            principal axes of the face's area (x the longer one).
+        faces: index into :attr:`Part.faces` ``(M,)``.
+        areas: areas ``(M,)`` [m^2].
+        gyration: standard deviations of the face's area along its x and y ``(M, 2)`` [m].
+        boundary: vertices of each face's convex outline in the part frame ``(sum, 3)`` [m], counter-clockwise seen from
+            outside; a linear function over a face has its extremes at these points.
+        boundary_start: offsets ``(M + 1,)``; the vertices of plane i are ``boundary[start[i]:start[i + 1]]``.
     """
 
     Ts_part_feature: Transforms
@@ -90,29 +95,29 @@ class ModelPlanes:
 
     @property
     def normals(self) -> FloatArray:
-        """``(M, 3)``: outward unit normals in the part frame."""
+        """Outward unit normals in the part frame ``(M, 3)``."""
         return self.Ts_part_feature[:, :3, 2]
 
     @property
     def centroids(self) -> FloatArray:
-        """``(M, 3)``: area centroids in the part frame [m]."""
+        """Area centroids in the part frame ``(M, 3)`` [m]."""
         return self.Ts_part_feature[:, :3, 3]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelEdges:
-    """The E sharp straight edges between two faces of which at least one is planar.
+    """Sharp straight edges between two faces of which at least one is planar.
 
     Attributes:
-        Ts_part_feature: ``(E, 4, 4)``: x along the edge, the origin at its midpoint, z the bisector of the two
-            outward normals, so that z points out of a convex edge's material and into the gap of a concave one [m].
-        lengths: ``(E,)`` [m].
-        ends: ``(E, 2, 3)``, in the part frame, x runs from the first to the second [m].
-        faces: ``(E, 2)``, index into :attr:`Part.faces`: **left, right**. Seen from outside with x pointing
-            forward, the first face lies to the left (towards +y) and the second to the right (towards -y). The
-            face with the lower index is always the left one, which fixes the direction of x.
-        dihedrals: ``(E,)``, interior angle of the material in (0, 2 pi) [rad].
-        convex: ``(E,)``, True where the interior angle is below pi.
+        Ts_part_feature: frames ``(E, 4, 4)`` [m]: x along the edge, the origin at its midpoint, z the bisector of the
+            two outward normals, so that z points out of a convex edge's material and into the gap of a concave one.
+        lengths: lengths ``(E,)`` [m].
+        ends: end points in the part frame ``(E, 2, 3)`` [m]; x runs from the first to the second.
+        faces: indices of the **left, right** face in :attr:`Part.faces` ``(E, 2)``. Seen from outside with x pointing
+            forward, the first face lies to the left (towards +y) and the second to the right (towards -y). The face
+            with the lower index is always the left one, which fixes the direction of x.
+        dihedrals: interior angles of the material in (0, 2 pi) ``(E,)`` [rad].
+        convex: mask of edges with an interior angle below pi ``(E,)``.
     """
 
     Ts_part_feature: Transforms
@@ -131,23 +136,23 @@ class ModelEdges:
 
     @property
     def directions(self) -> FloatArray:
-        """``(E, 3)``: unit directions in the part frame."""
+        """Unit directions in the part frame ``(E, 3)``."""
         return self.Ts_part_feature[:, :3, 0]
 
     @property
     def midpoints(self) -> FloatArray:
-        """``(E, 3)``: midpoints in the part frame [m]."""
+        """Midpoints in the part frame ``(E, 3)`` [m]."""
         return self.Ts_part_feature[:, :3, 3]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelVertices:
-    """The C corners: points where three or more straight edges end that have three different directions.
+    """Corners of a part: points where straight edges of three or more different directions end.
 
     Attributes:
-        points: ``(C, 3)``, in the part frame [m].
-        edges: ``(sum,)``, the straight edges that end at each corner, index into :class:`ModelEdges`.
-        edges_start: ``(C + 1,)``, the edges of corner i are ``edges[start[i]:start[i + 1]]``.
+        points: positions in the part frame ``(C, 3)`` [m].
+        edges: indices into :class:`ModelEdges` of the edges that end at each corner ``(sum,)``.
+        edges_start: offsets ``(C + 1,)``; the edges of corner i are ``edges[start[i]:start[i + 1]]``.
     """
 
     points: FloatArray
@@ -163,14 +168,14 @@ class ModelVertices:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SymmetryGroup:
-    """The rotations that map the part onto itself (mirror symmetry is not one of them).
+    """Rotations that map a part onto itself, without reflections.
 
     Attributes:
-        Ts: ``(K, 4, 4)``, rigid motions of the part frame, the identity first. For a solid of revolution only
-            representatives modulo the rotation about the axis: the identity and, where it holds, a flip. For a
-            ball only the identity.
-        axis: ``(point, unit direction)`` in the part frame [m] of a solid of revolution; None elsewhere.
-        spherical: True where every rotation about the centroid maps the part onto itself.
+        Ts: rigid motions of the part frame ``(K, 4, 4)`` [m], the identity first. For a solid of revolution only
+            representatives modulo the rotation about the axis: the identity and, if valid, a flip. For a ball only the
+            identity.
+        axis: point [m] and unit direction of the axis of a solid of revolution, part frame; None for other parts.
+        spherical: whether every rotation about the centroid maps the part onto itself.
     """
 
     Ts: Transforms
@@ -187,10 +192,10 @@ class SymmetryGroup:
 
     @property
     def order(self) -> int:
-        """How many motions :attr:`Ts` holds; of a solid of revolution modulo its axis."""
+        """Number of motions in :attr:`Ts`; for a solid of revolution modulo its axis."""
         return len(self.Ts)
 
     @property
     def continuous(self) -> bool:
-        """Whether some rotation by every angle maps the part onto itself."""
+        """Whether rotations by every angle about some axis map the part onto itself."""
         return self.spherical or self.axis is not None

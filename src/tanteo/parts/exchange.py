@@ -1,4 +1,4 @@
-"""STEP and IGES files -> a shape of the CAD kernel (OpenCASCADE) [mm], its unit, and what was said on the way."""
+"""Read STEP and IGES files as a shape of the CAD kernel (OpenCASCADE) [mm], with unit and notes."""
 
 from __future__ import annotations
 
@@ -20,13 +20,17 @@ _IGES_UNITS = {"IN": "in", "INCH": "in", "MM": "mm", "FT": "ft", "M": "m", "CM":
 
 
 def read_shape(path: Path, label: str) -> tuple[Any, str, list[str]]:
-    """Read the file; the kernel turns every unit into millimetres.
+    """Read a STEP or IGES file; the kernel converts all units to millimetres.
+
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
 
     Returns:
-        The shape, the short name of the file's unit, and sentences about what is not in the shape.
+        Shape, short name of the file's unit, and sentences about what is missing in the shape.
 
     Raises:
-        PartError: it cannot be parsed, holds no shape, or refers to a file that is not there.
+        PartError: the file cannot be parsed, contains no shape, or refers to a missing file.
     """
     for printer in Message.DefaultMessenger_s().Printers():
         printer.SetTraceLevel(Message_Gravity.Message_Fail)
@@ -41,7 +45,9 @@ def _read_step(path: Path, label: str) -> tuple[Any, str, list[str]]:
     reader = STEPControl_Reader()
     if reader.ReadFile(str(path)) != IFSelect_RetDone:
         raise PartError(f"{label}: expected a STEP file, got one that the CAD kernel cannot parse. Export it again.")
-    lengths, angles, solid_angles = Names(), Names(), Names()
+    lengths = Names()
+    angles = Names()
+    solid_angles = Names()
     reader.FileUnits(lengths, angles, solid_angles)
     units = {_unit(lengths.Value(k).ToCString()) for k in range(1, lengths.Length() + 1)} or {"mm"}
     notes = _transferred(reader)
@@ -74,7 +80,7 @@ def _read_iges(path: Path, label: str) -> tuple[Any, str, list[str]]:
 
 
 def _transferred(reader: Any) -> list[str]:
-    """Have all shapes of a file made; a sentence about those that cannot be."""
+    """Transfer all shapes of a file, and return a note on those that fail."""
     every = reader.NbRootsForTransfer()
     lost = every - reader.TransferRoots()
     return [f"{lost} of {every} shapes in the file could not be made by the CAD kernel."] if lost > 0 else []
@@ -88,7 +94,7 @@ def _unit(text: str) -> str:
 
 
 def _references(reader: Any) -> tuple[list[str], list[str]]:
-    """STEP files that a STEP file refers to for its shapes, and other files."""
+    """Return the names of STEP files that a STEP file refers to for its shapes, and of other files."""
     found = STEPConstruct_ExternRefs(reader.WS())
     if not found.LoadExternRefs():
         return [], []
@@ -98,7 +104,7 @@ def _references(reader: Any) -> tuple[list[str], list[str]]:
 
 
 def _assembled(path: Path, names: list[str], label: str) -> Any:
-    """The shape of a STEP file with those that it refers to, which lie beside it."""
+    """Return the shape of a STEP file with those that it refers to, which must lie beside it."""
     from OCP.STEPCAFControl import STEPCAFControl_Reader
     from OCP.TCollection import TCollection_ExtendedString
     from OCP.TDocStd import TDocStd_Document

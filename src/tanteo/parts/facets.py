@@ -1,4 +1,4 @@
-"""Facets of a mesh: triangles in one plane that touch, and how the planar patches that they make meet each other."""
+"""Find facets of a mesh, which are connected triangles in one plane, and the angles between adjacent facets."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from tanteo.parts.topology import MeshEdges, components, triangle_geometry
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 FLOAT32 = 1.2e-7
-"""Rounding of a coordinate in single precision, relative to it."""
+"""Relative rounding error of a coordinate in single precision."""
 
 _FLAT_ANGLE = 2e-3
-"""Triangles that meet at less than this lie in one plane [rad]."""
+"""Angle between triangles below which they lie in one plane [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshFacets:
-    """Planar patches and how they meet: one link for each pair that shares mesh edges.
+    """Planar facets of a mesh, with one link for each pair that shares mesh edges.
 
     Attributes:
-        of_triangle: the facet of each triangle ``(T,)``.
-        normals: outward ``(F, 3)``.
-        areas: ``(F,)`` [m2].
-        centres: ``(F, 3)`` [m].
-        counts: triangles of each ``(F,)``.
-        links: pairs of facets that touch, the lower number first ``(L, 2)``.
-        angles: between their normals ``(L,)`` [rad].
-        lengths: of the border that they share ``(L,)`` [m].
-        convex: whether the part is convex there ``(L,)``.
+        of_triangle: facet of each triangle ``(T,)``.
+        normals: outward unit normals ``(F, 3)``.
+        areas: areas ``(F,)`` [m^2].
+        centres: centroids ``(F, 3)`` [m].
+        counts: number of triangles of each facet ``(F,)``.
+        links: pairs of adjacent facets, the lower number first ``(L, 2)``.
+        angles: angles between their normals ``(L,)`` [rad].
+        lengths: lengths of their common border ``(L,)`` [m].
+        convex: mask of links at which the part is convex ``(L,)``.
     """
 
     of_triangle: IntArray
@@ -44,7 +44,13 @@ class MeshFacets:
 
 
 def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> MeshFacets:
-    """The facets of a mesh: vertices ``(V, 3)`` [m], triangles ``(T, 3)``, and the edges of these."""
+    """Return the facets of a mesh.
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
+        edges: edges of the mesh.
+    """
     normals, areas = triangle_geometry(vertices, triangles)
     labels = _flat_components(vertices, triangles, edges, normals, areas)
     count = int(labels.max()) + 1
@@ -54,14 +60,16 @@ def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> 
     centres = np.stack([np.bincount(labels, areas * middle[:, k], count) for k in range(3)], axis=1)
     facet_normals = summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-300)
     facet_centres = centres / np.maximum(total, 1e-300)[:, None]
-    # One link for each pair of facets that touch.
-    left, right = labels[edges.left], labels[edges.right]
+    # one link for each pair of adjacent facets
+    left = labels[edges.left]
+    right = labels[edges.right]
     between = left != right
     pairs = np.sort(np.stack([left, right], axis=1)[between], axis=1)
     sides = np.linalg.norm(np.diff(vertices[edges.ends[between]], axis=1)[:, 0], axis=1)
     links, index = np.unique(pairs, axis=0, return_inverse=True)
     lengths: FloatArray = np.bincount(index.reshape(-1), sides, len(links)).astype(np.float64)
-    first, second = facet_normals[links[:, 0]], facet_normals[links[:, 1]]
+    first = facet_normals[links[:, 0]]
+    second = facet_normals[links[:, 1]]
     sines = np.linalg.norm(np.cross(first, second), axis=1)
     angles = np.arctan2(sines, np.einsum("ni,ni->n", first, second))
     # Convex where each facet lies behind the other's plane.
@@ -74,7 +82,7 @@ def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> 
 def _flat_components(
     vertices: FloatArray, triangles: IntArray, edges: MeshEdges, normals: FloatArray, areas: FloatArray
 ) -> IntArray:
-    """Label triangles that lie in one plane and touch; slivers join the neighbour whose plane they lie in."""
+    """Label connected triangles in one plane; slivers join the adjacent triangle in whose plane they lie."""
     corners = vertices[triangles]
     sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     heights = 2.0 * areas / np.maximum(sides.max(axis=1), 1e-300)
@@ -86,7 +94,7 @@ def _flat_components(
     allowed = _FLAT_ANGLE + 2.0 * np.maximum(blur[edges.left], blur[edges.right])
     flat = (np.arctan2(sines, cosines) < allowed) & ~sliver[edges.left] & ~sliver[edges.right]
     labels = components(len(triangles), edges.left[flat], edges.right[flat])
-    # A chain of tiny angles can lead round a rounding: what is not flat as a whole goes back to single triangles.
+    # A chain of small angles can follow a rounding: a component that is not flat is split into single triangles.
     mean = np.stack([np.bincount(labels, areas * normals[:, k]) for k in range(3)], axis=1)
     mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
     off = np.linalg.norm(normals - mean[labels], axis=1) > 2.0 * _FLAT_ANGLE + 4.0 * blur
@@ -109,16 +117,18 @@ def _attach(
     labels: IntArray,
     waiting: BoolArray,
 ) -> tuple[IntArray, BoolArray]:
-    """Give each waiting sliver the label of the settled neighbour whose plane it leaves least."""
+    """Give each waiting sliver the label of the adjacent triangle from whose plane it deviates least."""
     slivers = np.concatenate([edges.left, edges.right])
     hosts = np.concatenate([edges.right, edges.left])
     usable = waiting[slivers] & ~waiting[hosts]
-    slivers, hosts = slivers[usable], hosts[usable]
+    slivers = slivers[usable]
+    hosts = hosts[usable]
     offsets = vertices[triangles[slivers]] - vertices[triangles[hosts, 0]][:, None]
     leave = np.abs(np.einsum("nki,ni->nk", offsets, normals[hosts])).max(axis=1)
     order = np.lexsort((leave, slivers))
     first, at = np.unique(slivers[order], return_index=True)
-    labels, waiting = labels.copy(), waiting.copy()
+    labels = labels.copy()
+    waiting = waiting.copy()
     labels[first] = labels[hosts[order][at]]
     waiting[first] = False
     return labels, waiting

@@ -1,4 +1,4 @@
-"""Mesh files -> vertices and triangles as the file lists them, and the length units of files."""
+"""Read mesh files as vertices and triangles, and convert length units of files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tanteo.parts.readers import CadMesh
 from tanteo.typing import FloatArray, IntArray
 
 METRES: dict[str, float] = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
-"""Metres in one unit."""
+"""Metres per length unit."""
 
 _SPELLINGS: dict[str, str] = {
     "micron": "um",
@@ -36,17 +36,20 @@ _SPELLINGS: dict[str, str] = {
 }
 
 SMALLEST_DIAGONAL = 5e-4
-"""Bounding-box diagonal below which a part was probably read in too small a unit [m]."""
+"""Bounding-box diagonal below which the unit of a part was probably too small [m]."""
 
 LARGEST_FILE = 1_000_000_000
-"""Bytes of a file that is read."""
+"""Largest file that is read [bytes]."""
 
 LARGEST_DIAGONAL = 50.0
-"""Bounding-box diagonal above which a part was probably read in too large a unit [m]."""
+"""Bounding-box diagonal above which the unit of a part was probably too large [m]."""
 
 
 def unit_name(text: str) -> str:
     """Return the short name of a length unit (``"Millimetres"`` gives ``"mm"``).
+
+    Args:
+        text: name of a length unit in any spelling.
 
     Raises:
         UnitError: the text names no known length unit.
@@ -59,7 +62,13 @@ def unit_name(text: str) -> str:
 
 
 def check_size(diagonal: float, unit: str, label: str, *, stated: bool) -> None:
-    """Refuse a part whose size says that it was read in the wrong unit.
+    """Refuse a part whose size indicates a wrong unit.
+
+    Args:
+        diagonal: diagonal of the part's box [m].
+        unit: length unit in which it was read.
+        label: name of the file for messages.
+        stated: whether the file states the unit; otherwise the caller does.
 
     Raises:
         PartError: the diagonal is outside 0.5 mm to 50 m; the message names the units that would fit.
@@ -78,28 +87,39 @@ def check_size(diagonal: float, unit: str, label: str, *, stated: bool) -> None:
 
 
 def check_file(file: Path, label: str) -> None:
-    """Refuse what is no file: a link that leads nowhere or in a circle, a folder, a device, a pipe, or nothing.
+    """Refuse a path that is not a file: a broken or circular link, a folder, a device, a pipe, or nothing.
+
+    Args:
+        file: path to check.
+        label: name for messages.
 
     Raises:
-        PartError: it is none.
+        PartError: the path is not a file.
     """
     if file.is_file():
         return
-    got, advice = "nothing there", "Check the path"
+    got = "nothing there"
+    advice = "Check the path"
     if os.path.exists(file):
-        got, advice = "a folder" if file.is_dir() else "a device or a pipe", "Name a file"
+        got = "a folder" if file.is_dir() else "a device or a pipe"
+        advice = "Name a file"
     elif os.path.islink(file):
-        got, advice = "a link that leads nowhere", "Mend it, or name another"
+        got = "a broken link"
+        advice = "Repair it, or name another file"
     raise PartError(f"{label}: expected a file, got {got}. {advice}.")
 
 
 def read_mesh_file(path: Path) -> CadMesh:
-    """Read a mesh file of a built-in format by its suffix.
+    """Read a mesh file of a built-in format, selected by its suffix.
+
+    Args:
+        path: path of the file.
 
     Raises:
-        PartError: the file is not what its suffix says, or an index of its triangles is out of range.
+        PartError: the content does not match the suffix, or a vertex index is out of range.
     """
-    suffix, label = path.suffix.lower(), path.name
+    suffix = path.suffix.lower()
+    label = path.name
     if suffix == ".3mf":
         from tanteo.parts.threemf import read_3mf
 
@@ -110,7 +130,7 @@ def read_mesh_file(path: Path) -> CadMesh:
 
 
 def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:
-    """Read STL, text or binary; bytes behind the last triangle of a binary one are left unread."""
+    """Read STL, text or binary; bytes after the last triangle of a binary file are ignored."""
     with path.open("rb") as stream:
         head = stream.read(84)
     if len(head) == 84 and head[80:] == b"\0\0\0\0":
@@ -136,10 +156,10 @@ def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:
 
 
 def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tuple[FloatArray, IntArray]:
-    """Read what trimesh reads; ``data`` instead of the file's own bytes."""
+    """Read a file with trimesh; ``data`` replaces the file's own bytes."""
     data = _old_text(path) if data is None else data
     source = str(path) if data is None else BytesIO(data)
-    with reader_of_others(path, label):
+    with third_party_reader(path, label):
         import trimesh  # slow to import
 
         logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it logs what it raises, with tracebacks
@@ -153,7 +173,7 @@ def _read_with_trimesh(path: Path, label: str, data: bytes | None = None) -> tup
 
 
 def _old_text(path: Path) -> bytes | None:
-    """A text whose lines end as on an old Mac, with newlines; None for any other file."""
+    """Return a text with line ends of old Macs, converted to newlines; None for any other file."""
     with path.open("rb") as stream:
         head = stream.read(4096)
     if b"\r" not in head or b"\n" in head or b"\0" in head:
@@ -162,14 +182,18 @@ def _old_text(path: Path) -> bytes | None:
 
 
 @contextmanager
-def reader_of_others(path: Path, label: str) -> Iterator[None]:
-    """Where a library reads a file: whatever it raises at a damaged one becomes a sentence about the file.
+def third_party_reader(path: Path, label: str) -> Iterator[None]:
+    """Convert every exception of a library that reads a file to an error message about the file.
 
-    Nobody lists what trimesh or a CAD kernel can raise, and each exception that is missing in a list would be a
-    traceback: this is the one place that takes them all (``docs/decisions/0067``).
+    The exceptions that trimesh or a CAD kernel can raise are not documented, so this context catches all of them
+    (``docs/decisions/0067``).
+
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
 
     Raises:
-        PartError: something was raised.
+        PartError: the library raised an exception.
     """
     try:
         yield

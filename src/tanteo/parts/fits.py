@@ -1,4 +1,4 @@
-"""Is a patch of a mesh a cylinder, a cone or a sphere? Fits to the corners and normals of its facets."""
+"""Fit a cylinder, a cone or a sphere to the corners and normals of a run of facets."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from tanteo.parts.elements import SurfaceKind
 from tanteo.typing import BoolArray, FloatArray
 
 NORMAL_TOLERANCE = 0.02
-"""How far facet normals may lie off the ruling condition of a cylinder or cone [rad]."""
+"""Largest deviation of facet normals from the ruling condition of a cylinder or cone [rad]."""
 
 CORNER_TOLERANCE = 0.1
-"""How far corners may lie off the fitted surface, relative to how far the facets' centres lie off it (the sagitta)."""
+"""Largest distance of corners from the fitted surface, relative to that of the facets' centres (the sagitta)."""
 
 
 _ENOUGH = 200
-"""Corners that tell a cone."""
+"""Largest number of corners used to fit a cone."""
 
 _LEAST = 6
-"""Corners that a surface is fitted to at least: three generators of a cylinder."""
+"""Smallest number of corners for a fit: three generators of a cylinder."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,18 +30,25 @@ class Corners:
     """Corners of a run of facets.
 
     Attributes:
-        all: ``(N, 3)``, distinct [m].
-        on: which of them are on the true surface, if there is one ``(N,)``; the others are within facets, its chords.
+        all: distinct corners ``(N, 3)`` [m].
+        on: mask of corners that lie on the true surface, if there is one ``(N,)``; the others lie on its chords.
     """
 
     all: FloatArray
     on: BoolArray
 
     def pass_through(self, off: FloatArray, centres_off: FloatArray, precision: float) -> bool:
-        """Whether they are where they should be, judged by how far the facets' centres lie off the surface ``(F,)``."""
+        """Return whether the corners agree with a surface, given the distances of the facets' centres from it.
+
+        Args:
+            off: signed distances of the corners from the surface ``(N,)`` [m].
+            centres_off: signed distances of the facets' centres ``(F,)`` [m].
+            precision: error of the file's coordinates [m].
+        """
         sagitta = float(np.abs(centres_off).max())
         slack = CORNER_TOLERANCE * sagitta + precision
-        low, high = min(float(centres_off.min()), 0.0) - slack, max(float(centres_off.max()), 0.0) + slack
+        low = min(float(centres_off.min()), 0.0) - slack
+        high = max(float(centres_off.max()), 0.0) + slack
         others = off[~self.on]
         return bool(np.abs(off[self.on]).max() <= slack and np.all((others >= low) & (others <= high)))
 
@@ -54,22 +61,22 @@ def fit_curved(
     areas: FloatArray,
     precision: float,
 ) -> tuple[SurfaceKind, dict[str, Any]]:
-    """Name the surface that a run of facets was cut from.
+    """Return the surface from which a run of facets was made.
 
-    Where the facets themselves were cut by others, as solids of facets are when they are combined, some corners lie on
-    chords of the surface. Only those between two facets are sure to be on it.
+    If the facets themselves were cut by others, as in Boolean operations on faceted solids, some corners lie on chords
+    of the surface. Only corners between two facets are certain to lie on it.
 
     Args:
-        corners: ``(N, 3)``, distinct corners of the facets [m].
-        between: which of them two facets of the run share ``(N,)``.
-        centres: ``(F, 3)``, centroid of each facet [m].
-        normals: ``(F, 3)``, outward unit normals of the facets.
-        areas: ``(F,)`` [m^2].
-        precision: how far file coordinates may be off [m].
+        corners: distinct corners of the facets ``(N, 3)`` [m].
+        between: mask of corners that two facets of the run share ``(N,)``.
+        centres: centroid of each facet ``(F, 3)`` [m].
+        normals: outward unit normals of the facets ``(F, 3)``.
+        areas: areas of the facets ``(F,)`` [m^2].
+        precision: error of the file's coordinates [m].
 
     Returns:
-        The kind and the fields of :class:`Face` that describe it; ``freeform`` and nothing where no simple
-        surface passes through all corners.
+        Kind and fields of :class:`Face` that describe it; ``freeform`` without fields if no simple surface passes
+        through all corners.
     """
     for on in (np.ones(len(corners), dtype=bool), between):
         if np.count_nonzero(on) < _LEAST:
@@ -92,7 +99,8 @@ def _cylinder(
     if circle is None:
         return None
     centre, radius = circle
-    off, centres_off = _across(corners.all - centre, axis) - radius, _across(centres - centre, axis) - radius
+    off = _across(corners.all - centre, axis) - radius
+    centres_off = _across(centres - centre, axis) - radius
     if not corners.pass_through(off, centres_off, precision):
         return None
     outward = _outward(centres - centre, normals, axis)
@@ -116,12 +124,13 @@ def _cone(
     slopes = normals @ axis
     if np.abs(slopes - slopes.mean()).max() > NORMAL_TOLERANCE or values[1] < 1e-4:
         return None
-    # Every facet's plane passes through the apex.
+    # the planes of all facets pass through the apex
     apex, *_ = np.linalg.lstsq(normals, np.einsum("ni,ni->n", normals, centres), rcond=1e-9)
     true = corners.all[corners.on]
     if ((true - apex) @ axis).mean() < 0.0:
         axis = -axis
-    along, across = (true - apex) @ axis, _across(true - apex, axis)
+    along = (true - apex) @ axis
+    across = _across(true - apex, axis)
     cone = _Cone(apex, axis, float(np.arctan2(across.sum(), along.sum())))
     if along.min() < -precision:
         return None
@@ -144,17 +153,18 @@ class _Cone:
     half_angle: float
 
     def off(self, points: FloatArray) -> FloatArray:
-        """Distances of points ``(N, 3)``, positive away from the axis."""
+        """Return signed distances of points from the cone, positive away from the axis ``(N,)``."""
         reach = _across(points - self.apex, self.axis) * np.cos(self.half_angle)
         return np.asarray(reach - (points - self.apex) @ self.axis * np.sin(self.half_angle))
 
 
 def _through(corners: FloatArray, cone: _Cone, near: float) -> _Cone:
-    """The cone through the corners, if that one is near: facets between rings of unlike corners are turned."""
+    """Return the cone through the corners if it is near, because facets between rings of unlike corners are tilted."""
     if np.abs(cone.off(corners)).max() > near:
         return cone
     some = corners[np.linspace(0, len(corners) - 1, min(len(corners), _ENOUGH)).astype(int)]
-    covs, none = np.tile((1e-3 * near) ** 2 * np.eye(3), (1, len(some), 1, 1)), np.zeros(0)
+    covs = np.tile((1e-3 * near) ** 2 * np.eye(3), (1, len(some), 1, 1))
+    none = np.zeros(0)
     free = np.zeros((len(some), 3, 0))
     T, half_angle, *_ = _core.fit_rounds(
         2, 2, np.arange(5), np.ascontiguousarray(some[None]), covs, none, none, none, 0, free, 0.0, 0.0, none, none,
@@ -179,7 +189,7 @@ def _sphere(
     radius = float(np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)))
     spread = normals - (normals * areas[:, None]).sum(axis=0) / areas.sum()
     if np.linalg.eigvalsh(spread.T @ spread / len(spread))[0] < 1e-4:
-        return None  # Strips side by side: two rings of corners lie on a sphere, their surface does not.
+        return None  # two rings of corners lie on a sphere although the strip between them does not
     radial = centres - centre
     reach = np.linalg.norm(radial, axis=1)
     cosines = np.einsum("ni,ni->n", radial, normals) / reach
@@ -190,7 +200,7 @@ def _sphere(
 
 
 def _circle(corners: FloatArray, axis: FloatArray) -> tuple[FloatArray, float] | None:
-    """Fit a circle to the corners seen along the axis; None where they are collinear."""
+    """Fit a circle to the corners projected along the axis; None if they are collinear."""
     _, _, frame = np.linalg.svd(axis[None, :])
     plane = frame[1:]
     origin = corners.mean(axis=0)
@@ -205,11 +215,11 @@ def _circle(corners: FloatArray, axis: FloatArray) -> tuple[FloatArray, float] |
 
 
 def _across(radial: FloatArray, axis: FloatArray) -> FloatArray:
-    """Distances from an axis through the origin."""
+    """Return distances from an axis through the origin."""
     return np.asarray(np.linalg.norm(radial - (radial @ axis)[:, None] * axis, axis=1))
 
 
 def _outward(radial: FloatArray, normals: FloatArray, axis: FloatArray) -> bool:
-    """Whether the normals point away from the axis: a boss and not a bore."""
+    """Return whether the normals point away from the axis, as those of a boss do."""
     across = radial - (radial @ axis)[:, None] * axis
     return bool(np.einsum("ni,ni->n", across, normals).sum() > 0.0)

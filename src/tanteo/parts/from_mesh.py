@@ -1,4 +1,4 @@
-"""Vertices and triangles of a file or of the caller -> a mesh in metres whose triangles are sorted into faces."""
+"""Convert vertices and triangles to a mesh in metres whose triangles are assigned to faces."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from tanteo.parts.topology import Draft
 from tanteo.typing import FloatArray, IntArray
 
 _ON = 2.0 * MERGE_STEPS[-1]
-"""Distance, relative to the diagonal, within which the middle of a repaired triangle lies on a given one: repairs shift
-corners no farther than vertices are merged."""
+"""Distance, relative to the diagonal, within which the centre of a repaired triangle lies on an original one; repairs
+move vertices at most by the merge distance."""
 
 
 def checked_mesh(mesh: CadMesh, label: str) -> CadMesh:
@@ -47,25 +47,27 @@ def checked_mesh(mesh: CadMesh, label: str) -> CadMesh:
                 "Correct it."
             )
     if not isinstance(mesh.unit, str | None):
-        raise UnitError(f"{label}: expected the unit as a word, got {mesh.unit!r}. Say unit='mm'.")
+        raise UnitError(f"{label}: expected the unit as a word, got {mesh.unit!r}. Use unit='mm'.")
     return CadMesh(vertices, triangles, None if mesh.unit is None else unit_name(mesh.unit), faces, tuple(mesh.notes))
 
 
 def draft_of_mesh(mesh: CadMesh, label: str, *, stated: bool) -> tuple[Draft, list[str]]:
-    """Repair a checked mesh and sort its triangles into faces.
+    """Repair a checked mesh, and assign its triangles to faces.
 
     Args:
-        mesh: a mesh that :func:`checked_mesh` returned, with a unit.
+        mesh: mesh from :func:`checked_mesh`, with a unit.
         label: name of the mesh for messages.
-        stated: the file states the unit; otherwise the caller does.
+        stated: whether the file states the unit; otherwise the caller does.
 
     Returns:
-        The mesh in metres, and one sentence for each repair.
+        Mesh in metres, and one sentence for each repair.
 
     Raises:
-        PartError: the mesh is no surface of a plausible size.
+        PartError: the mesh is not a surface of plausible size.
     """
-    vertices, triangles, unit = np.asarray(mesh.vertices), np.asarray(mesh.triangles), str(mesh.unit)
+    vertices = np.asarray(mesh.vertices)
+    triangles = np.asarray(mesh.triangles)
+    unit = str(mesh.unit)
     if len(triangles):
         check_size(diagonal_of_points(vertices[triangles.reshape(-1)]) * METRES[unit], unit, label, stated=stated)
     points, corners, repairs = sound_mesh(vertices, triangles, label)
@@ -76,10 +78,14 @@ def draft_of_mesh(mesh: CadMesh, label: str, *, stated: bool) -> tuple[Draft, li
 
 
 def part_of_mesh(mesh: CadMesh, name: str) -> Part:
-    """Build a part from a checked mesh with a unit that no file lists.
+    """Return the part of a checked mesh with a unit that does not come from a file.
+
+    Args:
+        mesh: mesh from :func:`checked_mesh`, with a unit.
+        name: name of the part.
 
     Raises:
-        PartError: as :func:`draft_of_mesh`.
+        PartError: the mesh is not a surface of plausible size.
     """
     unit = str(mesh.unit)
     draft, repairs = draft_of_mesh(mesh, name, stated=False)
@@ -88,7 +94,11 @@ def part_of_mesh(mesh: CadMesh, name: str) -> Part:
 
 
 def diagonal_of_points(points: FloatArray) -> float:
-    """Return the diagonal of the box of finite points ``(n, 3)``; 1 if there are none."""
+    """Return the diagonal of the box of finite points ``(n, 3)``; 1 if there are none.
+
+    Args:
+        points: points ``(n, 3)``; points that are not finite are ignored.
+    """
     finite = points[np.isfinite(points).all(axis=1)]
     with np.errstate(over="ignore"):  # infinite is too large, too
         return float(np.linalg.norm(np.ptp(finite, axis=0))) if len(finite) else 1.0
@@ -114,9 +124,9 @@ def _array(given: npt.ArrayLike, dtype: type, name: str, label: str) -> Any:
 def _carried(
     numbers: IntArray, vertices: FloatArray, triangles: IntArray, points: FloatArray, corners: IntArray
 ) -> IntArray:
-    """Return the face number of each repaired triangle: that of the given triangle on which its middle lies.
+    """Return the face number of each repaired triangle: that of the original triangle on which its centre lies.
 
-    A triangle that fills a hole lies on none, and gets a number of its own.
+    A triangle that fills a hole lies on none and gets a new number.
     """
     if np.array_equal(triangles, corners) and np.array_equal(vertices, points):
         return numbers
@@ -129,6 +139,6 @@ def _carried(
 
 
 def _doubled(vertices: FloatArray, triangles: IntArray) -> FloatArray:
-    """Return the normal of each triangle, as long as twice its area ``(T, 3)``."""
+    """Return the normal of each triangle with twice its area as length ``(T, 3)``."""
     corners = vertices[triangles]
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

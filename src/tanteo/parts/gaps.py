@@ -1,4 +1,4 @@
-"""Where a mesh does not close: vertices in the middle of a neighbour's edge, and small holes."""
+"""Close gaps of a mesh: vertices on the side of an adjacent triangle, and small holes."""
 
 from __future__ import annotations
 
@@ -8,32 +8,36 @@ from tanteo.parts.topology import edge_counts, mesh_edges
 from tanteo.typing import FloatArray, IntArray
 
 SMALL_HOLE = 0.05
-"""A hole is filled when its rim is shorter than this share of the diagonal."""
+"""Largest rim length of a hole that is filled, as a fraction of the diagonal."""
 
 _PASSES = 8
-"""Times that triangles are split, each at one of their sides at most."""
+"""Number of passes, each of which splits a triangle at most once."""
 
 
 _MOST_OPEN = 20_000
-"""Open edges of a mesh that is looked at: one with more is a heap of triangles."""
+"""Largest number of open edges for which gaps are repaired; a mesh with more is not a surface."""
 
 
 def open_edges(triangles: IntArray) -> int:
-    """Count the edges that an odd number of triangles share."""
+    """Return the number of edges that an odd number of triangles share.
+
+    Args:
+        triangles: vertex indices ``(T, 3)``.
+    """
     _, ahead, back = edge_counts(triangles)
     return int(((ahead + back) % 2 == 1).sum())
 
 
 def split_sides(points: FloatArray, faces: IntArray, distance: float) -> tuple[IntArray, int]:
-    """Split triangles at vertices of others that lie on their open sides; no point moves.
+    """Split triangles at vertices of others that lie on their open sides, without moving any point.
 
     Args:
-        points: ``(V, 3)``.
-        faces: ``(T, 3)``.
-        distance: within which a vertex lies on a side.
+        points: vertices ``(V, 3)``.
+        faces: vertex indices ``(T, 3)``.
+        distance: distance within which a vertex lies on a side.
 
     Returns:
-        Triangles, and how many sides were split.
+        Triangles, and the number of split sides.
     """
     split = 0
     for _ in range(_PASSES):
@@ -54,14 +58,15 @@ def _odd_edges(faces: IntArray) -> IntArray:
 
 
 def _on_sides(points: FloatArray, edges: IntArray, distance: float) -> dict[tuple[int, int], int]:
-    """A vertex of other open edges that lies on an open edge, for each that has one."""
+    """Return a vertex of other open edges for each open edge on which one lies."""
     from scipy.spatial import cKDTree  # slow to import, and seldom needed
 
     if not 0 < len(edges) <= _MOST_OPEN:
         return {}
     rim = np.unique(edges)
     tree = cKDTree(points[rim])
-    a, b = points[edges[:, 0]], points[edges[:, 1]]
+    a = points[edges[:, 0]]
+    b = points[edges[:, 1]]
     lengths = np.linalg.norm(b - a, axis=1)
     near = tree.query_ball_point((a + b) / 2.0, lengths / 2.0 + distance)
     found = {}
@@ -75,7 +80,7 @@ def _on_sides(points: FloatArray, edges: IntArray, distance: float) -> dict[tupl
         off = np.linalg.norm(local - along[:, None] * direction / length, axis=1)
         inside = (off < distance) & (along > distance) & (along < length - distance)
         if inside.any():
-            # the one nearest to the middle: the longest sides are halved first
+            # take the vertex nearest to the midpoint, so that the longest sides are halved first
             k = int(np.argmin(np.where(inside, np.abs(along - length / 2.0), np.inf)))
             found[int(start), int(end)] = int(others[k])
     return found
@@ -97,7 +102,12 @@ def _with_vertices(faces: IntArray, found: dict[tuple[int, int], int]) -> tuple[
 
 
 def fill_holes(points: FloatArray, faces: IntArray, diagonal: float) -> tuple[FloatArray, IntArray, list[str]]:
-    """Close small holes of a mesh that was cut, with a fan of triangles about the middle of their rim.
+    """Fill small holes of a mesh with a fan of triangles about the centre of their rim.
+
+    Args:
+        points: vertices ``(V, 3)``.
+        faces: vertex indices ``(T, 3)``, at most two at an edge.
+        diagonal: diagonal of the mesh.
 
     Returns:
         Points, triangles, and a sentence if something was filled.
@@ -105,14 +115,17 @@ def fill_holes(points: FloatArray, faces: IntArray, diagonal: float) -> tuple[Fl
     loops = [loop for loop in _rims(faces) if _length(points[loop]) < SMALL_HOLE * diagonal]
     if not loops:
         return points, faces, []
-    widest, middles, fans = 0.0, [points], [faces]
+    widest = 0.0
+    middles = [points]
+    fans = [faces]
     for k, loop in enumerate(loops):
         middle = points[loop].mean(axis=0)
         widest = max(widest, float(2.0 * np.linalg.norm(points[loop] - middle, axis=1).max()))
         middles.append(middle[None])
         fan = np.stack([np.roll(loop, -1), loop, np.full(len(loop), len(points) + k)], axis=1)
         fans.append(fan if len(loop) > 3 else loop[None, ::-1])
-    points, faces = np.concatenate(middles), np.concatenate(fans)
+    points = np.concatenate(middles)
+    faces = np.concatenate(fans)
     holes = "1 small hole" if len(loops) == 1 else f"{len(loops)} small holes"
     return points, faces, [f"Filled {holes}, up to {100.0 * widest / diagonal:.2g} % of the size wide."]
 
@@ -122,10 +135,11 @@ def _length(ring: FloatArray) -> float:
 
 
 def _rims(faces: IntArray) -> list[IntArray]:
-    """Closed loops of vertices along rims, in the direction of the triangles that end there."""
+    """Return closed loops of vertices along rims, in the direction of the adjacent triangles."""
     edges = mesh_edges(faces)
     rims = edges.rims
-    ends, owners = edges.ends[rims], faces[edges.left[rims]]
+    ends = edges.ends[rims]
+    owners = faces[edges.left[rims]]
     # from the first to the second end where the triangle runs that way
     at = (owners == ends[:, :1]).argmax(axis=1)
     ahead = np.take_along_axis(owners, ((at + 1) % 3)[:, None], axis=1)[:, 0] == ends[:, 1]

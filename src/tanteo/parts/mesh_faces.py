@@ -1,14 +1,14 @@
-"""Triangles of a mesh file -> faces: real planes, and strips of curved surfaces joined to what they were cut from.
+"""Assign the triangles of a mesh to faces: planes, and strips of curved surfaces joined to the original surface.
 
-A mesh holds no surfaces, so this is a rule, written down in ``docs/reading_cad.md``:
+A mesh does not store surfaces, so this is a rule (``docs/reading_cad.md``):
 
-1. Triangles in one plane that touch are one *facet*.
-2. Facets that meet at less than 30 degrees form a *run*. A facet four times as large as each facet it meets so
-   gently is *broad*: a plane that a rounding runs into, which ends the run.
-3. A run of three or more facets is a curved face. It is a cylinder, cone or sphere where all its corners lie on one,
-   else a free form; but a run of fewer than six large facets that fits nothing stays planes.
-4. Facets smaller than a millionth of the diagonal squared go to the curved face they touch.
-5. Thirty-two or more connected facets of one triangle each are a scan: one free form, whatever their angles.
+1. Connected triangles in one plane are one *facet*.
+2. Facets that meet at less than 30 degrees form a *run*. A facet four times as large as each facet it meets at such an
+   angle is *broad*: a plane that a rounding blends into, which ends the run.
+3. A run of three or more facets is a curved face. It is a cylinder, cone or sphere if all its corners lie on one,
+   otherwise a free form. A run of fewer than six large facets that fits nothing stays planes.
+4. Facets smaller than a millionth of the squared diagonal join the adjacent curved face.
+5. Thirty-two or more connected facets of one triangle each are a scan: one free form at any angles.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tanteo.parts.topology import Draft, MeshEdges, components, mesh_edges
 from tanteo.typing import FloatArray, IntArray
 
 SMOOTH_ANGLE = np.deg2rad(30.0) - 1e-4
-"""Facets that meet at less than this belong to one curved surface [rad]."""
+"""Angle between facets below which they belong to one curved surface [rad]."""
 
 SHORTEST_RUN, SHORTEST_PIECE, PIECE_SHARE = 3, 8, 0.2
 BROAD = 4.0
@@ -34,10 +34,14 @@ CRUMB = 1e-6
 
 
 def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
-    """Sort the triangles of a mesh into planes and curved faces.
+    """Assign the triangles of a mesh to planes and curved faces.
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``, outward.
 
     Returns:
-        The mesh with a face for each triangle; faces are numbered by their first triangle.
+        Mesh with a face for each triangle; faces are numbered by their first triangle.
     """
     edges = mesh_edges(triangles)
     facets = find_facets(vertices, triangles, edges)
@@ -47,16 +51,16 @@ def sort_faces(vertices: FloatArray, triangles: IntArray) -> Draft:
 
 
 def label_faces(vertices: FloatArray, triangles: IntArray, numbers: IntArray) -> Draft:
-    """Make one face of the triangles that have the same number and touch.
+    """Make a face of connected triangles with the same number.
 
     Args:
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``, outward.
-        numbers: number of the face of each triangle ``(T,)``.
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``, outward.
+        numbers: face number of each triangle ``(T,)``.
 
     Returns:
-        The mesh with its faces, numbered by their first triangle: planes where they are flat; cylinders, cones or
-        spheres where their facets meet smoothly and their corners lie on one; free forms otherwise.
+        Mesh with its faces, numbered by their first triangle: planes if they are flat; cylinders, cones or spheres if
+        their facets meet smoothly and their corners lie on one; otherwise free forms.
     """
     edges = mesh_edges(triangles)
     inner = numbers[edges.left] == numbers[edges.right]
@@ -81,7 +85,7 @@ def label_faces(vertices: FloatArray, triangles: IntArray, numbers: IntArray) ->
 
 
 def _runs(facets: MeshFacets) -> IntArray:
-    """Label each facet with its run of gently joined facets; -1 for those that are planes."""
+    """Label each facet with its run of smoothly joined facets; -1 for planes."""
     count = len(facets.areas)
     smooth = facets.angles < SMOOTH_ANGLE
     a, b = facets.links[smooth].T
@@ -91,7 +95,7 @@ def _runs(facets: MeshFacets) -> IntArray:
     np.maximum.at(largest, b, facets.areas[a])
     gentle = np.bincount(a, lengths, count) + np.bincount(b, lengths, count)
     around = sum(np.bincount(facets.links[:, k], facets.lengths, count) for k in range(2))
-    # One triangle that is gently joined nearly all around is a piece of a free form, however large.
+    # A single triangle that is smoothly joined along most of its border belongs to a free form, however large.
     patch = (facets.counts == 1) & (gentle > 0.67 * around)
     broad = (facets.areas > BROAD * largest) & ~patch
     inner = ~broad[a] & ~broad[b]
@@ -101,7 +105,7 @@ def _runs(facets: MeshFacets) -> IntArray:
 
 
 def _scans(facets: MeshFacets, runs: IntArray) -> IntArray:
-    """Join regions of single triangles, which only a scan has, and the odd facets inside them, to one run."""
+    """Join regions of single triangles, which only a scan has, and isolated facets inside them, to one run."""
     single = facets.counts == 1
     a, b = facets.links.T
     both = single[a] & single[b]
@@ -117,14 +121,14 @@ def _scans(facets: MeshFacets, runs: IntArray) -> IntArray:
     scanned |= loose & ~outside
     rough = scanned | (single & (runs >= 0))
     joined = rough[a] & rough[b]
-    # Runs that the scan touches become part of it: their gentle angles were luck.
+    # Runs adjacent to the scan become part of it: their small angles are coincidental.
     labels = components(len(runs), a[joined], b[joined])
     touched = np.isin(labels, labels[scanned]) & rough
     return np.where(touched, labels + runs.max() + 1, runs)
 
 
 def _crumbs(facets: MeshFacets, runs: IntArray, diagonal: float) -> IntArray:
-    """Give facets too small to be felt to the run that they share the longest border with."""
+    """Assign very small facets to the run with which they share the longest border."""
     tiny = (facets.areas < CRUMB * diagonal**2) & (runs < 0)
     first = np.concatenate([facets.links[:, 0], facets.links[:, 1]])
     second = np.concatenate([facets.links[:, 1], facets.links[:, 0]])
@@ -156,7 +160,7 @@ def _named(
         fitted[int(run)] = "freeform", {}
         for piece in _pieces(facets, members):
             found = _fit(vertices, triangles, facets, piece)
-            # A ring of any free form fits a cone or a sphere: only bores and rods are worth taking out.
+            # A ring of any free form fits a cone or a sphere, so only cylinders are separated.
             if found[0] == "cylinder":
                 groups[piece] = following
                 fitted[following] = found
@@ -176,7 +180,7 @@ def _named(
 
 
 def _pieces(facets: MeshFacets, members: IntArray) -> list[IntArray]:
-    """Split a run into stretches of like facets: same sign of curvature, similar angle and width."""
+    """Split a run into parts with the same sign of curvature and similar facet areas."""
     inside = np.isin(facets.links, members).all(axis=1) & (facets.angles < SMOOTH_ANGLE)
     pieces: list[IntArray] = []
     for sign in (True, False):

@@ -1,4 +1,4 @@
-"""What a CAD file becomes: a mesh in metres with its faces, planes, straight edges and corners."""
+"""Define a part: a mesh in metres with its faces, planes, straight edges, corners and symmetry."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from tanteo.typing import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Part:
-    """A part as read from a CAD file: everything in metres, in the file's own frame.
+    """Part read from a CAD file, in metres, in the file's own frame.
 
     Attributes:
-        name: unique within one call of ``read_parts``; the file's stem where possible.
-        source: the path as it was given.
-        unit: the unit the file was read in (``mm``, ``m``, ``in``, ...).
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``, corners counter-clockwise seen from outside. A closed mesh, as a rule; a surface that
-            does not close ends at rims, and has its triangles twice, facing both ways, where its outside is not known.
-        triangle_face: ``(T,)``, the entry of :attr:`faces` that each triangle belongs to.
+        name: name, unique within one call of ``read_parts``; the file's stem where possible.
+        source: path as given.
+        unit: length unit in which the file was read (``mm``, ``m``, ``in``, ...).
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``, counter-clockwise seen from outside. The mesh is usually closed. An open
+            surface ends at rims; where its outside is unknown, its triangles occur twice with opposite winding.
+        triangle_face: index into :attr:`faces` of each triangle ``(T,)``.
         faces: all faces, planar and curved.
-        planes: the planar ones as arrays.
-        edges: the sharp straight edges as arrays.
-        corners: the corners as arrays.
-        symmetry: the rotations that map the part onto itself.
-        volume: of the mesh [m^3]; 0 of one that does not close.
-        area: of the mesh [m^2].
-        centroid: ``(3,)``, centre of volume of the mesh [m]; of area where it does not close.
-        box: ``(2, 3)``, lowest and highest coordinates [m].
-        radius: of the sphere about :attr:`centroid` that holds every vertex [m].
-        repairs: one sentence for each thing that was repaired on reading.
-        derived: what was computed from the part alone and is kept as long as the part, by name; not part of its value.
+        planes: planar faces as arrays.
+        edges: sharp straight edges as arrays.
+        corners: corners as arrays.
+        symmetry: rotations that map the part onto itself.
+        volume: volume of the mesh [m^3]; 0 for an open surface.
+        area: area of the mesh [m^2].
+        centroid: centre of volume ``(3,)`` [m]; centre of area for an open surface.
+        box: lowest and highest coordinates ``(2, 3)`` [m].
+        radius: radius of the sphere about :attr:`centroid` that contains every vertex [m].
+        repairs: one sentence for each repair made when reading.
+        derived: cache of data computed from the part alone, by name; not part of its value.
 
     Example:
         >>> part = tanteo.read_part("parts/block.step")
@@ -64,11 +64,11 @@ class Part:
 
     @classmethod
     def opened(cls, load: Callable[[str], Any], **known: Any) -> Part:
-        """A part of which some attributes are known; each of the others is loaded when it is first used.
+        """Return a part with some known attributes; each of the others is loaded at first use.
 
         Args:
-            load: gives the value of an attribute by its name, arrays read-only.
-            known: attributes by name.
+            load: function that returns an attribute by name, with read-only arrays.
+            known: known attributes by name.
         """
         part = object.__new__(cls)
         for name, value in {**known, "derived": {"load": load}}.items():
@@ -85,7 +85,7 @@ class Part:
             return value
 
     def __getstate__(self) -> list[Any]:
-        """Of what goes to another process or into a copy, what was derived is left out: it can be derived again."""
+        """Return the state for copies and other processes, without derived data, which can be computed again."""
         return [{} if f.name == "derived" else getattr(self, f.name) for f in fields(self)]
 
     def __post_init__(self) -> None:
@@ -94,7 +94,7 @@ class Part:
 
     @property
     def closed(self) -> bool:
-        """Whether the mesh has an inside; a surface that does not close has none."""
+        """Whether the mesh is closed, so that it has an inside."""
         return self.volume > 0.0
 
     @property

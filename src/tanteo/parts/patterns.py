@@ -1,4 +1,4 @@
-"""Patterns of equal holes with parallel axes: bolt circles, rows and grids."""
+"""Find patterns of equal holes with parallel axes: bolt circles, rows and grids."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from tanteo.typing import FloatArray
 PatternKind: TypeAlias = Literal["bolt circle", "grid", "row", "irregular"]
 
 _LEAST = 3
-"""Equal holes from which they are a pattern."""
+"""Smallest number of equal holes in a pattern."""
 
 _SAME = 1e-4
-"""Share of the diagonal within which radii and places are the same."""
+"""Tolerance for equal radii and positions, as a fraction of the diagonal."""
 
 _PARALLEL = 1e-3
-"""Axes closer than this are parallel [rad]."""
+"""Angle below which axes are parallel [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HolePattern:
-    """Equal holes with parallel axes.
+    """Pattern of equal holes with parallel axes.
 
     Attributes:
-        kind: ``bolt circle`` (evenly around a centre), ``grid`` or ``row`` (even steps), else ``irregular``.
-        holes: index into :func:`round_features`.
-        hole_radius: of each [m].
-        axis: that they share, unit ``(3,)``.
-        centre: of the pattern in the plane across the axis, at the height of the middle of the holes ``(3,)`` [m].
-        radius: of a bolt circle [m]; None elsewhere.
-        steps: between neighbours of a row ``(1,)`` or a grid ``(2,)`` [m]; empty elsewhere.
+        kind: kind of the pattern: ``bolt circle`` (evenly around a centre), ``grid`` or ``row`` (equal steps),
+            otherwise ``irregular``.
+        holes: indices into :func:`round_features`.
+        hole_radius: radius of each hole [m].
+        axis: common unit axis ``(3,)``.
+        centre: centre of the pattern in the plane normal to the axis, at the mean height of the holes ``(3,)`` [m].
+        radius: radius of a bolt circle [m]; None for other kinds.
+        steps: distance between adjacent holes of a row ``(1,)`` or a grid ``(2,)`` [m]; empty for other kinds.
     """
 
     kind: PatternKind
@@ -47,30 +48,37 @@ class HolePattern:
 
 
 def hole_patterns(part: Part) -> tuple[HolePattern, ...]:
-    """The patterns of three or more equal holes of a part."""
-    rounds, near = round_features(part), _SAME * part.diagonal
+    """Return the patterns of three or more equal holes of a part.
+
+    Args:
+        part: the part.
+    """
+    rounds = round_features(part)
+    near = _SAME * part.diagonal
     left = [k for k, one in enumerate(rounds) if one.hole and one.surface == "cylinder"]
     found = []
     while left:
         first = rounds[left[0]]
-        group = [k for k in left if _alike(first, rounds[k], near)]
+        group = [k for k in left if _equal_holes(first, rounds[k], near)]
         left = [k for k in left if k not in group]
         if len(group) >= _LEAST:
             found.append(_pattern(rounds, group, near))
     return tuple(found)
 
 
-def _alike(a: RoundFeature, b: RoundFeature, near: float) -> bool:
+def _equal_holes(a: RoundFeature, b: RoundFeature, near: float) -> bool:
     parallel = float(np.linalg.norm(np.cross(a.axis, b.axis))) < _PARALLEL
     return parallel and abs(float(a.radii[0] - b.radii[0])) < near
 
 
 def _pattern(rounds: tuple[RoundFeature, ...], group: list[int], near: float) -> HolePattern:
-    axis, radius = rounds[group[0]].axis, float(rounds[group[0]].radii[0])
+    axis = rounds[group[0]].axis
+    radius = float(rounds[group[0]].radii[0])
     centres = np.array([rounds[k].centre for k in group])
     across = np.linalg.svd(axis[None])[2][1:]
-    flat, height = centres @ across.T, float(np.mean(centres @ axis))
-    flat = flat[np.sort(np.unique(np.round(flat / near), axis=0, return_index=True)[1])]  # one behind the other
+    flat = centres @ across.T
+    height = float(np.mean(centres @ axis))
+    flat = flat[np.sort(np.unique(np.round(flat / near), axis=0, return_index=True)[1])]  # coaxial holes count once
 
     def at(middle: FloatArray) -> FloatArray:
         return np.asarray(middle @ across + height * axis)
@@ -84,7 +92,7 @@ def _pattern(rounds: tuple[RoundFeature, ...], group: list[int], near: float) ->
 
 
 def _circle(flat: FloatArray, middle: FloatArray, near: float) -> float | None:
-    """Radius of the circle on which places are evenly spread; None if they are not."""
+    """Return the radius of the circle on which points are evenly spaced; None if they are not."""
     off = flat - middle
     radii = np.linalg.norm(off, axis=1)
     if len(flat) < _LEAST or np.ptp(radii) > 2 * near or radii.min() < near:
@@ -95,7 +103,7 @@ def _circle(flat: FloatArray, middle: FloatArray, near: float) -> float | None:
 
 
 def _lattice(flat: FloatArray, near: float) -> tuple[float, ...] | None:
-    """Steps of a row or of a right-angled grid without gaps; None if places are neither."""
+    """Return the steps of a row or of a complete rectangular grid; None if the points form neither."""
     if len(flat) < _LEAST:
         return None
     gaps = np.linalg.norm(flat[:, None] - flat, axis=-1) + np.where(np.eye(len(flat)), np.inf, 0.0)
@@ -109,7 +117,7 @@ def _lattice(flat: FloatArray, near: float) -> tuple[float, ...] | None:
 
 
 def _levels(values: FloatArray, near: float) -> FloatArray | None:
-    """Different values, where their steps are equal; None where they are not."""
+    """Return the distinct values if their steps are equal; None otherwise."""
     values = np.sort(values)
     levels = values[np.r_[True, np.diff(values) > 2 * near]]
     steps = np.diff(levels)

@@ -1,4 +1,4 @@
-"""Faces of a sorted mesh and the planar ones among them, as arrays."""
+"""Measure the faces of a mesh, and collect the planar ones as arrays."""
 
 from __future__ import annotations
 
@@ -11,14 +11,22 @@ from tanteo.typing import FloatArray, IntArray
 
 
 def face_normals(draft: Draft) -> FloatArray:
-    """Return ``(F, 3)``, the area-weighted mean outward normal of each face; exact for planes."""
+    """Return the area-weighted mean outward normal of each face ``(F, 3)``, which is exact for planes.
+
+    Args:
+        draft: mesh whose triangles are assigned to faces.
+    """
     normals, areas = triangle_geometry(draft.vertices, draft.triangles)
     summed = _sums(draft, normals * areas[:, None])
     return summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-300)
 
 
 def build_faces(draft: Draft, edges: MeshEdges) -> tuple[Face, ...]:
-    """Measure the faces of a sorted mesh.
+    """Return the measured faces of a mesh.
+
+    Args:
+        draft: mesh whose triangles are assigned to faces.
+        edges: edges of the mesh.
 
     Returns:
         One :class:`Face` for each entry of ``draft.kinds``.
@@ -49,7 +57,13 @@ def build_faces(draft: Draft, edges: MeshEdges) -> tuple[Face, ...]:
 
 
 def build_planes(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> ModelPlanes:
-    """Frame the planar faces by their area: z outward, origin at the centroid, x and y the principal axes."""
+    """Return the planar faces with frames: z outward, origin at the centroid, x and y the principal axes of the area.
+
+    Args:
+        draft: mesh whose triangles are assigned to faces.
+        faces: faces of the mesh.
+        edges: edges of the mesh.
+    """
     chosen = np.array([i for i, face in enumerate(faces) if face.surface == "plane"], dtype=np.int64)
     count = len(chosen)
     if not count:
@@ -69,13 +83,13 @@ def build_planes(draft: Draft, faces: tuple[Face, ...], edges: MeshEdges) -> Mod
 
 
 def _sums(draft: Draft, values: FloatArray) -> FloatArray:
-    """Sum values ``(T, 3)`` over the triangles of each face."""
+    """Return sums of values ``(T, 3)`` over the triangles of each face."""
     count = len(draft.kinds)
     return np.stack([np.bincount(draft.triangle_face, values[:, k], count) for k in range(3)], axis=1)
 
 
 def _second_moments(draft: Draft, faces: tuple[Face, ...]) -> FloatArray:
-    """Return ``(F, 3, 3)``, the integral of (p - centroid)(p - centroid)^T over each face [m^4]."""
+    """Return the integral of (p - centroid)(p - centroid)^T over each face ``(F, 3, 3)`` [m^4]."""
     _, areas = triangle_geometry(draft.vertices, draft.triangles)
     centroids = np.array([face.centroid for face in faces])
     local = draft.vertices[draft.triangles] - centroids[draft.triangle_face][:, None]
@@ -89,13 +103,13 @@ def _second_moments(draft: Draft, faces: tuple[Face, ...]) -> FloatArray:
 
 
 def _principal_frames(normals: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Turn normals and second moments per area into right-handed frames and standard deviations along x, y."""
+    """Return right-handed frames and standard deviations along x and y, from normals and second moments per area."""
     basis = SO3.frame_from_axis(normals, 2)[..., :2]
     flat = np.einsum("mia,mij,mjb->mab", basis, second, basis)
     values, vectors = np.linalg.eigh(flat)
     values = np.maximum(values[:, ::-1], 0.0)
     x = np.einsum("mia,ma->mi", basis, vectors[:, :, 1])
-    # A square or round face has no principal axes: take a fixed direction instead of rounding noise.
+    # A square or round face has no unique principal axes: use a fixed direction instead of rounding noise.
     even = values[:, 0] - values[:, 1] < 1e-6 * values[:, 0]
     x = np.where(even[:, None], basis[..., 0], x)
     largest = np.take_along_axis(x, np.argmax(np.abs(x) > 0.5, axis=1)[:, None], axis=1)
@@ -104,8 +118,9 @@ def _principal_frames(normals: FloatArray, second: FloatArray) -> tuple[FloatArr
 
 
 def _hulls(draft: Draft, edges: MeshEdges, chosen: IntArray, Ts: FloatArray) -> list[FloatArray]:
-    """Return the corners of each plane's convex outline, counter-clockwise seen from outside."""
-    left, right = draft.triangle_face[edges.left], draft.triangle_face[edges.right]
+    """Return the vertices of each plane's convex outline, counter-clockwise seen from outside."""
+    left = draft.triangle_face[edges.left]
+    right = draft.triangle_face[edges.right]
     border = (left != right) | edges.rims
     owners = np.concatenate([left[border], right[border]]).repeat(2)
     vertices = np.concatenate([edges.ends[border], edges.ends[border]]).reshape(-1)
@@ -121,16 +136,22 @@ def _hulls(draft: Draft, edges: MeshEdges, chosen: IntArray, Ts: FloatArray) -> 
 
 
 def convex_outline(points: FloatArray) -> IntArray:
-    """Return the indices of the convex hull of plane points ``(N, 2)``, counter-clockwise, no collinear ones."""
+    """Return the indices of the convex hull of plane points, counter-clockwise without collinear ones (Andrew 1979).
+
+    Args:
+        points: points in the plane ``(N, 2)``.
+    """
     order = np.lexsort((points[:, 1], points[:, 0]))
-    x, y = points[:, 0].tolist(), points[:, 1].tolist()
+    x = points[:, 0].tolist()
+    y = points[:, 1].tolist()
     slack = 1e-12 * max(float(np.ptp(points[:, 0]) * np.ptp(points[:, 1])), 1e-300)
 
     def chain(indices: list[int]) -> list[int]:
         hull: list[int] = []
         for i in indices:
             while len(hull) > 1:
-                a, b = hull[-2], hull[-1]
+                a = hull[-2]
+                b = hull[-1]
                 if (x[b] - x[a]) * (y[i] - y[a]) - (y[b] - y[a]) * (x[i] - x[a]) > slack:
                     break
                 hull.pop()
@@ -142,14 +163,16 @@ def convex_outline(points: FloatArray) -> IntArray:
 
 
 def _sagittas(draft: Draft, edges: MeshEdges) -> FloatArray:
-    """Estimate how far the mesh of each curved face may lie off its true surface [m].
+    """Estimate the largest distance of the mesh of each curved face from its true surface [m].
 
     Two neighbouring facets that meet at an angle t and are h1 and h2 wide are chords of a circle of radius
     (h1 + h2) / (2 t); the sagitta of such a chord is t (h1 + h2) / 16 for equal widths, doubled here for unequal.
     """
     normals, areas = triangle_geometry(draft.vertices, draft.triangles)
     same = draft.triangle_face[edges.left] == draft.triangle_face[edges.right]
-    left, right, ends = edges.left[same], edges.right[same], edges.ends[same]
+    left = edges.left[same]
+    right = edges.right[same]
+    ends = edges.ends[same]
     sines = np.linalg.norm(np.cross(normals[left], normals[right]), axis=1)
     angles = np.arctan2(sines, np.einsum("ni,ni->n", normals[left], normals[right]))
     lengths = np.linalg.norm(draft.vertices[ends[:, 1]] - draft.vertices[ends[:, 0]], axis=1)

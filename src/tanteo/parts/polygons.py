@@ -1,4 +1,4 @@
-"""OFF and OBJ files -> vertices and triangles: polygons of any number of corners, cut into triangles."""
+"""Read OFF and OBJ files as vertices and triangles; polygons are triangulated."""
 
 from __future__ import annotations
 
@@ -13,10 +13,14 @@ from tanteo.typing import FloatArray, IntArray
 
 
 def read_off(path: Path, label: str) -> tuple[FloatArray, IntArray]:
-    """Read OFF, with comments, and with colours, normals or textures behind coordinates (COFF, NOFF, STOFF).
+    """Read OFF, with comments, and with colours, normals or textures after the coordinates (COFF, NOFF, STOFF).
+
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
 
     Raises:
-        PartError: it breaks off, or holds something else.
+        PartError: the file is truncated, or has other content.
     """
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     lines = [words for line in text.splitlines() if (words := line.split("#", 1)[0].split())]
@@ -25,7 +29,8 @@ def read_off(path: Path, label: str) -> tuple[FloatArray, IntArray]:
         raise PartError(f"{label}: expected the word OFF at the start, got {got!r}. Export it as plain OFF.")
     lines = ([lines[0][1:]] if len(lines[0]) > 1 else []) + lines[1:]
     try:
-        count, polygons = int(lines[0][0]), int(lines[0][1])
+        count = int(lines[0][0])
+        polygons = int(lines[0][1])
         if len(lines) < 1 + count + polygons or min(count, polygons) < 0:
             raise IndexError
         vertices = np.array([line[:3] for line in lines[1 : 1 + count]], dtype=np.float64).reshape(-1, 3)
@@ -44,12 +49,16 @@ def read_off(path: Path, label: str) -> tuple[FloatArray, IntArray]:
 def read_obj(path: Path, label: str) -> tuple[FloatArray, IntArray]:
     """Read the vertices and faces of an OBJ file.
 
-    Lines may end as on any system or go on behind a backslash, indices may count back from the last vertex, and
-    colours behind coordinates are passed over, as are normals, textures, materials, groups, lines and points
+    Line ends of all systems and continuation lines are accepted, and indices may count back from the last vertex.
+    Colours after coordinates, normals, textures, materials, groups, lines and points are ignored
     (http://paulbourke.net/dataformats/obj).
 
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
+
     Raises:
-        PartError: it holds no faces, indices of no vertices, or weights of rational surfaces.
+        PartError: the file has no faces, invalid indices, or weights of rational surfaces.
     """
     text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
     rows: list[list[str]] = []
@@ -83,14 +92,14 @@ def read_obj(path: Path, label: str) -> tuple[FloatArray, IntArray]:
 
 
 def _coordinates(words: list[str]) -> list[str]:
-    """The first three of a vertex; a fourth alone has to be 1, more than that are colours."""
+    """Return the first three coordinates of a vertex; a fourth alone must be 1, more than four include colours."""
     if len(words) < 3 or (len(words) == 4 and float(words[3]) != 1.0):
         raise ValueError
     return words[:3]
 
 
 def _triangles(vertices: FloatArray, rings: list[IntArray], label: str) -> IntArray:
-    """Triangles ``(T, 3)`` of polygons; those that no corner sees whole are triangulated in their plane."""
+    """Return the triangles of polygons ``(T, 3)``."""
     if any(len(ring) and (ring.min() < 0 or ring.max() >= len(vertices)) for ring in rings):
         last = len(vertices) - 1
         raise PartError(f"{label}: expected corners among the vertices 0 to {last}, got others. Export it again.")
@@ -103,11 +112,12 @@ def _triangles(vertices: FloatArray, rings: list[IntArray], label: str) -> IntAr
 
 
 def _of_polygon(vertices: FloatArray, ring: IntArray) -> list[tuple[int, ...]]:
-    """Cut a polygon into a fan from the first corner that sees all others, or as it takes."""
+    """Return a fan from the first corner that sees all others, otherwise a general triangulation."""
     points = vertices[ring]
     normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
     for shift in range(len(ring)):
-        turned, at = np.roll(ring, -shift).tolist(), np.roll(points, -shift, axis=0)
+        turned = np.roll(ring, -shift).tolist()
+        at = np.roll(points, -shift, axis=0)
         areas = np.cross(at[1:-1] - at[0], at[2:] - at[0]) @ normal
         if (areas >= -1e-9 * np.abs(areas).max()).all():
             return [(turned[0], b, c) for b, c in pairwise(turned[1:])]

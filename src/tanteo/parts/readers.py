@@ -1,4 +1,4 @@
-"""Readers of CAD files by suffix: the built-in ones, and those that other distributions add by entry point."""
+"""Register readers of CAD files by suffix: the built-in ones, and those of plug-ins."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CadMesh:
-    """A triangle mesh as a file or the caller lists it.
+    """Triangle mesh as listed in a file or by the caller.
 
     Attributes:
-        vertices: corners ``(V, 3)`` in ``unit``.
-        triangles: rows of ``vertices`` ``(T, 3)``, counter-clockwise seen from outside.
-        unit: length unit: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``; None where the file states none.
-        faces: number of the face of each triangle ``(T,)``; None to have the faces found.
+        vertices: vertices ``(V, 3)`` in ``unit``.
+        triangles: vertex indices ``(T, 3)``, counter-clockwise seen from outside.
+        unit: length unit: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``; None if the file states none.
+        faces: face number of each triangle ``(T,)``; None to find the faces.
         notes: sentences about what the reader left out.
     """
 
@@ -37,10 +37,10 @@ class CadMesh:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CadFaces:
-    """A mesh whose triangles are sorted into faces with exact surfaces, as STEP files have them.
+    """Mesh whose triangles are assigned to faces with exact surfaces, as in STEP files.
 
     Attributes:
-        draft: mesh with its faces, in metres.
+        draft: mesh with its faces in metres.
         unit: short name of the file's length unit.
         notes: sentences about what the reader repaired or left out.
     """
@@ -105,16 +105,20 @@ CAD_READERS: Registry[CadReader] = Registry(
         "3mf": CadReader("a 3MF package", _mesh),
     },
 )
-"""Readers by suffix, without the dot and in lower case."""
+"""Readers by suffix without dot, in lower case."""
 
 
 def readable_suffixes() -> tuple[str, ...]:
-    """Return the suffixes of all CAD files that can be read, with their dot and in lower case."""
+    """Return the suffixes of all readable CAD files, with dot, in lower case."""
     return tuple(f".{name}" for name in CAD_READERS.names())
 
 
 def is_unitless(suffix: str) -> bool:
-    """Return whether files of a suffix state no length unit; False for a suffix without a reader that works."""
+    """Return whether files of a suffix state no length unit; False without a working reader.
+
+    Args:
+        suffix: suffix with or without dot.
+    """
     try:
         reader = CAD_READERS.find(suffix.lower().removeprefix("."))
     except PluginError:
@@ -125,8 +129,13 @@ def is_unitless(suffix: str) -> bool:
 def read_cad(suffix: str, reader: CadReader, file: Path) -> CadMesh | CadFaces:
     """Read a file with the reader of its suffix.
 
+    Args:
+        suffix: suffix of the file with dot, in lower case.
+        reader: reader of the suffix.
+        file: path of the file.
+
     Raises:
-        PluginError: a plug-in fails, or returns something else.
+        PluginError: a plug-in fails, or returns another type.
     """
     origin = CAD_READERS.origin(suffix.removeprefix("."))
     with guarded(origin, f"{file.name} to be read"):

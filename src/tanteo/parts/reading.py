@@ -1,4 +1,4 @@
-"""One CAD file -> one :class:`Part`; and parts as they are passed: several, or one."""
+"""Read one CAD file as a :class:`Part`, and check arguments that are parts."""
 
 from __future__ import annotations
 
@@ -20,45 +20,54 @@ if TYPE_CHECKING:
 
 
 class StoredParts(Sequence[Part]):
-    """Parts that are opened one by one, when they are asked for: there may be too many to open all."""
+    """Sequence of parts that are opened one by one when used, because they may be too many for the memory."""
 
     @property
     @abstractmethod
     def numbers(self) -> FloatArray:
-        """Sizes of each without opening it ``(n, 17)``.
+        """Sizes of all parts without opening them ``(n, 17)``.
 
-        Area, volume, radius, diameter, mean width, centroid, lowest and highest corner of the box, order of symmetry,
-        whether that is continuous, share of the surface that is compared with no reading beforehand.
+        Columns: area, volume, radius, diameter, mean width, centroid, lowest and highest corner of the box, order of
+        symmetry, whether the symmetry is continuous, fraction of the surface outside the compared faces.
         """
 
     @abstractmethod
     def row_of(self, name: str) -> int | None:
-        """Number of the part of that name; None where there is none."""
+        """Return the number of the part with a given name; None if there is none.
+
+        Args:
+            name: name of a part.
+        """
 
     @property
     @abstractmethod
     def units(self) -> frozenset[str]:
-        """Units that they were read in."""
+        """Length units of the files from which the parts were read."""
 
 
 def part_named(parts: Iterable[Any], name: str) -> Any:
-    """The part of that name, or what was prepared of it; None where there is none."""
+    """Return the part with a given name, or the object prepared from it; None if there is none.
+
+    Args:
+        parts: parts, prepared parts, or stored parts.
+        name: name of a part.
+    """
     if isinstance(parts, StoredParts):
         return parts[row] if (row := parts.row_of(name)) is not None else None
     return next((one for one in parts if getattr(one, "part", one).name == name), None)
 
 
 def as_parts(name: str, parts: Any) -> Sequence[Any]:
-    """What was passed as parts, as a tuple: parts, or what rooms above prepare of them (it has a ``part``).
+    """Return an argument that contains parts as a tuple of parts or of prepared parts (which have a ``part``).
 
-    Stored parts stay as they are, unopened.
+    Stored parts are returned unopened.
 
     Args:
-        name: of the argument.
-        parts: any iterable of them, ``Parts`` of a catalogue too; or one alone.
+        name: name of the argument.
+        parts: iterable of parts or prepared parts, ``Parts`` of a catalogue, or a single part.
 
     Raises:
-        InputError: a path, which has to be read first, or something else.
+        InputError: the argument is a path, which must be read first, or has another type.
     """
     if isinstance(parts, StoredParts):
         return parts
@@ -76,10 +85,14 @@ def as_parts(name: str, parts: Any) -> Sequence[Any]:
 
 
 def as_part(name: str, part: Any) -> Any:
-    """One part, or what was prepared of it; the only one of several, too.
+    """Return an argument that is one part or prepared part, or contains exactly one.
+
+    Args:
+        name: name of the argument.
+        part: part, prepared part, or iterable with one of them.
 
     Raises:
-        InputError: several, or no part at all.
+        InputError: there are several parts, or none.
     """
     found = as_parts(name, part)
     if len(found) != 1:
@@ -88,24 +101,25 @@ def as_part(name: str, part: Any) -> Any:
 
 
 def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: str | None = None) -> Part:
-    """Read a CAD file into a part: its mesh, faces, straight edges, corners and symmetry.
+    """Read a CAD file as a part: its mesh, faces, straight edges, corners and symmetry.
 
     Args:
-        path: STEP (``.step``, ``.stp``), IGES (``.igs``, ``.iges``) or a mesh (``.stl``, ``.obj``, ``.ply``, ``.off``,
-            ``.glb``, ``.3mf``); or a file of a suffix for which a reader is installed (group ``tanteo.cad_readers``).
-        unit: what one step of a coordinate means: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``. Required for
-            formats that carry no unit (STL, OBJ, PLY, OFF); instead of their own for those that state one, which
-            the part's repairs then say.
-        name: of the part; the file's stem where left out.
+        path: STEP (``.step``, ``.stp``), IGES (``.igs``, ``.iges``) or mesh file (``.stl``, ``.obj``, ``.ply``,
+            ``.off``, ``.glb``, ``.3mf``), or a file with a suffix for which a reader is installed (group
+            ``tanteo.cad_readers``).
+        unit: length unit of the coordinates: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``. It is required for
+            formats that carry no unit (STL, OBJ, PLY, OFF). It overrides the unit of other formats, and the part's
+            repairs state that.
+        name: name of the part; None for the file's stem.
 
     Returns:
-        The part in metres, in the file's own frame. Several bodies in one file make one part. A surface that does not
-        close is one too, and its repairs say so.
+        Part in metres, in the file's own frame. Several bodies in one file make one part. An open surface is accepted,
+        and its repairs state that.
 
     Raises:
-        PartError: the file does not describe a surface of a plausible size; the message says why.
-        UnitError: the format carries no unit and none was given, or the unit is not known.
-        MissingExtraError: a STEP or IGES file, and the extra ``tanteo[step]`` is not installed.
+        PartError: the file does not contain a surface of plausible size; the message names the fault.
+        UnitError: the format carries no unit and none is given, or the unit is unknown.
+        MissingExtraError: the file is STEP or IGES, and the extra ``tanteo[step]`` is not installed.
         PluginError: the installed reader of the suffix fails.
 
     Example:
@@ -138,7 +152,7 @@ def read_part(path: str | os.PathLike[str], *, unit: str | None = None, name: st
 
 
 def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tuple[Draft, str, list[str], bool]:
-    """Read a file in its own unit, or in another that is passed.
+    """Read a file in its own unit, or in another stated one.
 
     Returns:
         The mesh in metres with its faces, the unit, sentences about repairs, and whether the file states the unit.
@@ -146,7 +160,8 @@ def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tupl
     from tanteo.parts.from_mesh import checked_mesh, draft_of_mesh  # not needed where a part is remembered
     from tanteo.parts.topology import scaled
 
-    found, label = read_cad(suffix, reader, file), file.name
+    found = read_cad(suffix, reader, file)
+    label = file.name
     if isinstance(found, CadFaces):
         used = unit or found.unit
         draft = found.draft if used == found.unit else scaled(found.draft, METRES[used] / METRES[found.unit])
@@ -155,7 +170,8 @@ def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tupl
     own = mesh.unit or unit
     if own is None:
         raise UnitError(f"unit: expected the length unit of {label}, got none. Pass unit='mm' (or um, cm, m, in, ft).")
-    used, stated = unit or own, unit is None
+    used = unit or own
+    stated = unit is None
     notes = (*_asked(used, own), *mesh.notes)
     draft, repairs = draft_of_mesh(replace(mesh, unit=used, notes=notes), label, stated=stated)
     return draft, used, repairs, stated
@@ -166,10 +182,11 @@ def _asked(used: str, own: str) -> tuple[str, ...]:
 
 
 def _check_content(file: Path, label: str) -> None:
-    """Refuse what may not be read, or holds nothing."""
+    """Refuse a file that is unreadable, empty or too large."""
     try:
         with file.open("rb") as stream:
-            first, size = stream.read(1), os.fstat(stream.fileno()).st_size
+            first = stream.read(1)
+            size = os.fstat(stream.fileno()).st_size
     except OSError as error:
         why = error.strerror or error
         raise PartError(f"{label}: expected a file that may be read, got: {why}. Check its permissions.") from None

@@ -1,4 +1,4 @@
-"""Triangles as a file lists them -> a mesh with outward winding whose edges have one triangle or two."""
+"""Repair the triangles of a file to a mesh with outward winding and at most two triangles per edge."""
 
 from __future__ import annotations
 
@@ -6,28 +6,33 @@ import numpy as np
 
 from tanteo.errors import PartError
 from tanteo.parts.crossings import crossings
-from tanteo.parts.cuts import crowded_edges, cut, wound_alike
+from tanteo.parts.cuts import consistently_wound, crowded_edges, cut
 from tanteo.parts.gaps import fill_holes, open_edges, split_sides
 from tanteo.parts.sides import outward, united, with_sides, without_loose
 from tanteo.parts.topology import directed_edges, edge_counts, near_groups, triangle_geometry, volume_and_centroid
 from tanteo.typing import FloatArray, IntArray
 
 MERGE_STEPS = (1e-8, 1e-6, 1e-5)
-"""Distances below which two vertices are one, tried in turn until the mesh closes, relative to the diagonal."""
+"""Distances, relative to the diagonal, below which vertices are merged, tried in turn until the mesh closes."""
 
 NEEDLE = 1e-7
-"""A triangle this much lower than long (relative to the diagonal) has no area."""
+"""Ratio of height to diagonal below which a triangle counts as having no area."""
 
 
 def sound_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[FloatArray, IntArray, list[str]]:
-    """Merge, clean, cut, close and wind the triangles of a file.
+    """Merge, clean, cut, close and orient the triangles of a file.
+
+    Args:
+        vertices: vertices ``(V, 3)``.
+        triangles: vertex indices ``(T, 3)``.
+        label: name of the file for messages.
 
     Returns:
-        Vertices; triangles, outward, of which at most two share an edge; and one sentence for each repair. A surface
-        that does not close stays open, or has each triangle twice where its outside is not known.
+        Vertices; outward triangles with at most two per edge; and one sentence for each repair. An open surface stays
+        open, or has each triangle twice if its outside is unknown.
 
     Raises:
-        PartError: empty, not finite, or without area.
+        PartError: the mesh is empty, not finite, or without area.
     """
     if not len(triangles):
         got = f"{len(vertices):,} points alone" if len(vertices) else "an empty mesh"
@@ -48,7 +53,7 @@ def sound_mesh(vertices: FloatArray, triangles: IntArray, label: str) -> tuple[F
 
 
 def _merged(vertices: FloatArray, triangles: IntArray, diagonal: float) -> tuple[FloatArray, IntArray, list[str]]:
-    """Merge vertices no farther than it takes to close the mesh, or as far as leaves the fewest open edges."""
+    """Merge vertices by the smallest distance that closes the mesh, or that leaves the fewest open edges."""
     best: tuple[int, FloatArray, IntArray, list[str]] | None = None
     for step in MERGE_STEPS:
         points, faces, repairs = _cleaned(vertices, triangles, step * diagonal, diagonal)
@@ -68,14 +73,14 @@ def _merged(vertices: FloatArray, triangles: IntArray, diagonal: float) -> tuple
 
 
 def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: list[str]) -> tuple[FloatArray, IntArray]:
-    """Cut the surface where more than two triangles meet, drop what hangs loose, and fill small holes."""
+    """Cut the surface where more than two triangles meet, drop loose pieces, and fill small holes."""
     _, ahead, back = edge_counts(faces)
     if ((ahead == 1) & (back == 1)).all():
         return points, faces
     crowded = crowded_edges(faces)
-    alike = wound_alike(faces)
-    turned = (alike != faces).any()
-    points, faces, _ = cut(points, alike)
+    consistent = consistently_wound(faces)
+    turned = (consistent != faces).any()
+    points, faces, _ = cut(points, consistent)
     if crowded:
         edges = "1 edge" if crowded == 1 else f"{crowded} edges"
         repairs.append(f"Cut the surface at {edges} of three or more triangles; no point moved.")
@@ -88,14 +93,14 @@ def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: lis
 
 
 def _wound(points: FloatArray, faces: IntArray, repairs: list[str], diagonal: float) -> tuple[FloatArray, IntArray]:
-    """Turn the surface outward, unite its bodies, and say where its sides are not known or it crosses itself."""
+    """Orient the surface outward, unite its bodies, and note unknown sides and self-intersections."""
     if open_edges(faces):
         points, faces, _, said = with_sides(points, faces)
     else:
-        alike = "Made the winding of the triangles consistent." not in repairs
+        consistent = "Made the winding of the triangles consistent." not in repairs
         total = volume_and_centroid(points, faces)[0]
-        faces = outward(points, faces[:, ::-1] if alike and total < 0.0 else faces, as_wound=alike)
-        if alike and total < 0.0:
+        faces = outward(points, faces[:, ::-1] if consistent and total < 0.0 else faces, as_wound=consistent)
+        if consistent and total < 0.0:
             repairs.append("Turned the surface inside out: its normals pointed into the material.")
         points, faces, said = united(points, faces)
     repairs += said
@@ -105,10 +110,14 @@ def _wound(points: FloatArray, faces: IntArray, repairs: list[str], diagonal: fl
 
 
 def merge_vertices(points: FloatArray, distance: float) -> tuple[FloatArray, IntArray]:
-    """Merge points closer than ``distance`` (chains of them too).
+    """Merge points closer than a distance, including chains of such points.
+
+    Args:
+        points: points ``(n, 3)``.
+        distance: merge distance.
 
     Returns:
-        The merged points and, for each given point, the index of the one it became.
+        Merged points and, for each given point, the index of its merged point.
     """
     unique, index = np.unique(points, axis=0, return_inverse=True)
     labels = near_groups(unique, distance)
@@ -137,20 +146,20 @@ def _cleaned(
 
 
 def _without_duplicates(faces: IntArray) -> IntArray:
-    """Keep one of equal triangles; drop both of a pair that faces opposite ways (a wall without thickness)."""
+    """Keep one of equal triangles, and drop both of a pair with opposite winding (a wall without thickness)."""
     if not len(faces):
         return faces
     order = np.argsort(faces, axis=1)
     even = (order == [0, 1, 2]).all(1) | (order == [1, 2, 0]).all(1) | (order == [2, 0, 1]).all(1)
     _, first, group = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_inverse=True)
     net = np.bincount(group.reshape(-1), weights=np.where(even, 1.0, -1.0))
-    # where each triangle has its like, it is a sheet that was drawn from both sides
+    # if every triangle has its opposite, the mesh is a sheet modelled from both sides
     kept = net != 0.0 if (net != 0.0).any() else np.ones(len(first), dtype=np.bool_)
     return faces[np.sort(first[kept])]
 
 
 def _without_needles(points: FloatArray, faces: IntArray, height: float) -> tuple[IntArray, int]:
-    """Flip the long edge of each triangle without area, which keeps the mesh closed (dropping would open it)."""
+    """Flip the long edge of each triangle without area, which keeps the mesh closed."""
     faces = faces.copy()
     flipped = 0
     for _ in range(10):
@@ -169,8 +178,10 @@ def _without_needles(points: FloatArray, faces: IntArray, height: float) -> tupl
 
 def _flip_needles(faces: IntArray, needles: IntArray, sides: FloatArray) -> int:
     edges, owner = directed_edges(faces)
-    count, longest = int(faces.max()) + 1, np.argmax(sides[needles], axis=1)
-    starts, ends = faces[needles, longest], faces[needles, (longest + 1) % 3]
+    count = int(faces.max()) + 1
+    longest = np.argmax(sides[needles], axis=1)
+    starts = faces[needles, longest]
+    ends = faces[needles, (longest + 1) % 3]
     beside = np.isin(edges[:, 0] * count + edges[:, 1], ends * count + starts)
     across = {(int(a), int(b)): int(t) for (a, b), t in zip(edges[beside], owner[beside], strict=True)}
     touched: set[int] = set()

@@ -1,6 +1,6 @@
-"""Holes and bosses of a part, with their rims, and through or blind.
+"""Find the holes and bosses of a part with their rims, and whether holes are through or blind.
 
-Beside them its spheres and cones, for a sphere has a centre and a cone an apex however far they go around.
+Its spheres and cones are listed separately, because a sphere has a centre and a cone an apex for any angular extent.
 """
 
 from __future__ import annotations
@@ -18,22 +18,25 @@ from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 _TIP = 1.2
-"""A hole ends where material lies on its axis no farther beyond its wall than so many radii: what a drill leaves."""
+"""Distance beyond its wall, in radii, within which material on the axis closes a hole.
+
+A drill tip leaves such material.
+"""
 
 _INSIDE = 0.02
-"""Share of the radius by which a ray along a boss runs below its surface."""
+"""Depth of a ray along a boss below its surface, as a fraction of the radius."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rim:
-    """The circle at one end of a hole or boss.
+    """Circle at one end of a hole or boss.
 
     Attributes:
-        centre: in the part frame ``(3,)`` [m].
-        axis: unit, out of the material at that end: out of a hole, off the free end of a boss ``(3,)``.
-        radius: [m].
-        faces: that meet the wall there, index into :attr:`Part.faces`.
-        open: whether a hole opens there, or a boss ends in the open.
+        centre: centre in the part frame ``(3,)`` [m].
+        axis: unit axis out of the material at that end: out of a hole, off the free end of a boss ``(3,)``.
+        radius: radius [m].
+        faces: indices into :attr:`Part.faces` of the faces that meet the wall there.
+        open: whether a hole is open there, or a boss ends freely.
     """
 
     centre: FloatArray
@@ -45,18 +48,18 @@ class Rim:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoundFeature:
-    """A hole or boss: a wall about an axis.
+    """Hole or boss: a wall about an axis.
 
     Attributes:
-        name: ``hole 3``, ``boss 4``; the number is the index in :func:`round_features`.
-        hole: True of a hole, False of a boss.
-        surface: ``cylinder`` or ``cone``.
-        faces: of the wall, index into :attr:`Part.faces`.
-        ends: of the axis where the wall begins and ends, in the part frame ``(2, 3)`` [m].
-        radii: at these ends ``(2,)`` [m]; equal of a cylinder.
-        rims: at these ends.
-        through: of a hole, whether it is open at both ends; None of a boss, and where the surface does not close.
-        residual: largest distance of a corner of the mesh from the surface [m].
+        name: name such as ``hole 3`` or ``boss 4``; the number is the index in :func:`round_features`.
+        hole: True for a hole, False for a boss.
+        surface: kind of the wall: ``cylinder`` or ``cone``.
+        faces: indices into :attr:`Part.faces` of the wall's faces.
+        ends: points of the axis where the wall begins and ends, part frame ``(2, 3)`` [m].
+        radii: radii at these ends ``(2,)`` [m]; equal for a cylinder.
+        rims: rims at these ends.
+        through: whether a hole is open at both ends; None for a boss, and for an open surface.
+        residual: largest distance of a mesh vertex from the surface [m].
     """
 
     name: str
@@ -71,32 +74,32 @@ class RoundFeature:
 
     @property
     def axis(self) -> FloatArray:
-        """Unit direction from the first end to the second ``(3,)``; out of the material at the second."""
+        """Unit direction from the first end to the second ``(3,)``, out of the material at the second."""
         along = self.ends[1] - self.ends[0]
         return np.asarray(along / np.linalg.norm(along))
 
     @property
     def length(self) -> float:
-        """Of the wall along the axis [m]."""
+        """Length of the wall along its axis [m]."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
     @property
     def centre(self) -> FloatArray:
-        """Middle of the axis ``(3,)`` [m]."""
+        """Midpoint of the axis ``(3,)`` [m]."""
         return np.asarray(self.ends.mean(axis=0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CentredFace:
-    """A spherical or conical face, by its centre or apex.
+    """Spherical or conical face with its centre or apex.
 
     Attributes:
-        surface: ``sphere`` or ``cone``.
+        surface: kind of the face: ``sphere`` or ``cone``.
         face: index into :attr:`Part.faces`.
         centre: centre or apex in the part frame ``(3,)`` [m].
-        axis: of a cone, into it, unit ``(3,)``; any of a sphere.
+        axis: unit axis into a cone ``(3,)``; arbitrary for a sphere.
         size: radius [m] or half angle [rad].
-        hole: True of a hollow, False of a ball or a boss.
+        hole: True for a hollow, False for a ball or a boss.
     """
 
     surface: str
@@ -108,7 +111,11 @@ class CentredFace:
 
 
 def centred_faces(part: Part) -> tuple[CentredFace, ...]:
-    """The spheres and cones among the faces of a part, in their order; kept with the part."""
+    """Return the spheres and cones among the faces of a part in their order, cached with the part.
+
+    Args:
+        part: the part.
+    """
     if "centred" not in part.derived:
         part.derived["centred"] = tuple(one for k, face in enumerate(part.faces) if (one := _centred(k, face)))
     found: tuple[CentredFace, ...] = part.derived["centred"]
@@ -126,10 +133,13 @@ def _centred(k: int, face: Face) -> CentredFace | None:
 
 
 def round_features(part: Part) -> tuple[RoundFeature, ...]:
-    """The holes and bosses of a part, in the order of their first faces; kept with the part.
+    """Return the holes and bosses of a part in the order of their first faces, cached with the part.
 
-    Cylinders that share axis, radius and side and overlap are one wall. Walls of less than about half a turn are
-    roundings, and left out.
+    Cylinders with equal axis, radius and side that overlap are one wall. Walls that extend over less than about half a
+    turn are roundings and are excluded.
+
+    Args:
+        part: the part.
     """
     if "rounds" not in part.derived:
         walls = walls_of(part)
@@ -141,7 +151,7 @@ def round_features(part: Part) -> tuple[RoundFeature, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Context:
-    """A part with its surface, and the edges of its mesh with the faces beside them ``(N, 2)``; none if it is open."""
+    """Part with its surface, and mesh edges between faces: midpoints ``(N, 3)`` and faces ``(N, 2)``; empty if open."""
 
     part: Part
     surface: Surface
@@ -166,7 +176,8 @@ def _feature(context: _Context, number: int, wall: Wall) -> RoundFeature:
     ends = wall.point + np.array([[wall.low], [wall.high]]) * wall.axis
     opened = _open_ends(context, wall, hole)
     if opened == (True, False) or (opened[0] == opened[1] and wall.axis[np.argmax(np.abs(wall.axis))] < 0):
-        ends, opened = ends[::-1], opened[::-1]
+        ends = ends[::-1]
+        opened = opened[::-1]
     along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     radii = np.array([_radius_at(face, end) for end in ends])
     meets = _meeting(context, wall, ends)
@@ -188,12 +199,14 @@ def _radius_at(face: Face, end: Vectors) -> float:
 
 
 def _open_ends(context: _Context, wall: Wall, hole: bool) -> tuple[bool, bool]:
-    """Whether a hole is open at its lower and upper end; whether a boss ends in the open there."""
+    """Return whether a hole is open, or a boss ends freely, at its lower and upper end."""
     middle = wall.point + 0.5 * (wall.low + wall.high) * wall.axis
-    half, out = 0.5 * (wall.high - wall.low), wall.place - wall.point
+    half = 0.5 * (wall.high - wall.low)
+    out = wall.place - wall.point
     out = out - (out @ wall.axis) * wall.axis
     start = middle if hole else middle + (1 - _INSIDE) * out
-    origins, directions = np.stack([start, start]), np.stack([-wall.axis, wall.axis])
+    origins = np.stack([start, start])
+    directions = np.stack([-wall.axis, wall.axis])
     far = context.surface.cast(origins, directions).distances
     if hole:
         beyond = half + _TIP * float(np.linalg.norm(out))
@@ -203,7 +216,7 @@ def _open_ends(context: _Context, wall: Wall, hole: bool) -> tuple[bool, bool]:
 
 
 def _meeting(context: _Context, wall: Wall, ends: Vectors) -> list[tuple[int, ...]]:
-    """Faces that meet a wall at each of its ends."""
+    """Return the faces that meet a wall at each of its ends."""
     own = np.isin(context.sides, wall.faces)
     rim = own.any(axis=1) & ~own.all(axis=1)
     middles = context.middles[rim]

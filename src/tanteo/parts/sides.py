@@ -1,4 +1,4 @@
-"""Which side of a mesh is the material on: closed bodies, bodies in and over each other, and open surfaces."""
+"""Determine the material side of a mesh: closed bodies, nested and overlapping bodies, and open surfaces."""
 
 from __future__ import annotations
 
@@ -8,35 +8,45 @@ from tanteo.parts.topology import components, mesh_edges, triangle_geometry
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
 LOOSE = 1e-3
-"""A piece with less than this share of the area is dropped if it does not close."""
+"""Area fraction below which an open piece is dropped."""
 
 OUTSIDE, WITHIN = 0.35, 0.65
-"""Winding number, but for its sign, of places just in front of an open surface: below the first its front is outside,
-above the second inside; between them it may be either."""
+"""Limits on the negative winding number just in front of an open surface: below the first the front is outside, above
+the second inside, between them unknown."""
 
 _PROBES = 2000
-"""Triangles in front of which the winding number is asked for."""
+"""Largest number of triangles in front of which the winding number is evaluated."""
 
 _LIFT = 1e-4
-"""How far in front, in diagonals."""
+"""Distance of these points in front of the surface, in diagonals."""
 
 
 def bodies(faces: IntArray) -> IntArray:
-    """Label the connected pieces of a mesh: ``(T,)`` from 0."""
+    """Return the connected piece of each triangle ``(T,)``, numbered from 0.
+
+    Args:
+        faces: vertex indices ``(T, 3)``.
+    """
     count = int(faces.max()) + 1
     labels = components(count, faces[:, [0, 1]].reshape(-1), faces[:, [1, 2]].reshape(-1))[faces[:, 0]]
     return np.unique(labels, return_inverse=True)[1].reshape(-1).astype(np.int64)
 
 
 def without_loose(points: FloatArray, faces: IntArray) -> tuple[IntArray, list[str]]:
-    """Drop open pieces of a mesh that are tiny, or lie inside a closed one where nothing can touch them."""
+    """Drop open pieces that are tiny, or lie inside a closed piece, where nothing can touch them; return notes.
+
+    Args:
+        points: vertices ``(V, 3)``.
+        faces: vertex indices ``(T, 3)``.
+    """
     labels = bodies(faces)
     open_ = _open_pieces(faces, labels)
     if not open_.any():
         return faces, []
     _, areas = triangle_geometry(points, faces)
     shares = np.bincount(labels, areas) / areas.sum()
-    tiny, hidden = open_ & (shares < LOOSE), np.zeros(len(open_), dtype=np.bool_)
+    tiny = open_ & (shares < LOOSE)
+    hidden = np.zeros(len(open_), dtype=np.bool_)
     closed = faces[~open_[labels]]
     asked = np.flatnonzero((open_ & ~tiny)[labels])
     if len(closed) and len(asked):
@@ -47,19 +57,20 @@ def without_loose(points: FloatArray, faces: IntArray) -> tuple[IntArray, list[s
     said = []
     for dropped, where in ((tiny, "that hang loose"), (hidden, "inside the material")):
         if dropped.any():
-            count, share = int(dropped[labels].sum()), 100.0 * float(shares[dropped].sum())
+            count = int(dropped[labels].sum())
+            share = 100.0 * float(shares[dropped].sum())
             said.append(f"Dropped {count} triangles {where}, {share:.2g} % of the area.")
     kept = ~(tiny | hidden)[labels]
-    return (faces[kept], said) if kept.any() else (faces, [])  # a heap of loose triangles is all there is
+    return (faces[kept], said) if kept.any() else (faces, [])  # keep a mesh of loose triangles only
 
 
 def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
-    """Turn each closed body outward, and inward where an odd number of other ones surrounds it.
+    """Orient each closed body outward, and inward if an odd number of others surrounds it.
 
     Args:
-        points: ``(V, 3)``.
-        faces: ``(T, 3)``, closed.
-        as_wound: the file's own winding is consistent: only bodies are turned that it has inside out.
+        points: vertices ``(V, 3)``.
+        faces: vertex indices ``(T, 3)``, closed.
+        as_wound: whether the file's own winding is consistent, so that only inverted bodies are changed.
     """
     labels = bodies(faces)
     normals, areas = triangle_geometry(points, faces)
@@ -67,7 +78,7 @@ def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
     if as_wound and not inverted.any():
         return faces
     turned = np.where(inverted[labels][:, None], faces[:, ::-1], faces)
-    # Just outside of each body, the winding number counts the other ones that surround it.
+    # just outside each body the winding number counts the bodies that surround it
     largest = np.lexsort((-areas, labels))[np.searchsorted(np.sort(labels), np.arange(len(inverted)))]
     away = np.where(inverted[:, None], -1.0, 1.0) * normals[largest] * 1e-3 * np.sqrt(areas[largest])[:, None]
     around = np.rint(_winding(points, turned, points[faces[largest]].mean(axis=1) + away)).astype(np.int64)
@@ -76,16 +87,20 @@ def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
 
 
 def _volumes(points: FloatArray, faces: IntArray, labels: IntArray) -> FloatArray:
-    """What each closed body encloses, negative if it is inside out."""
+    """Return the signed volume of each closed body, negative if it is inside out."""
     a, b, c = (points[faces[:, k]] - points.mean(axis=0) for k in range(3))
     return np.asarray(np.bincount(labels, np.einsum("ni,ni->n", a, np.cross(b, c)) / 6.0))
 
 
 def united(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, list[str]]:
-    """Unite closed bodies that overlap or share walls, by manifold3d; hollows stay.
+    """Unite closed bodies that overlap or share walls, by manifold3d; cavities are kept.
+
+    Args:
+        points: vertices ``(V, 3)``.
+        faces: vertex indices ``(T, 3)``, closed.
 
     Returns:
-        Vertices, triangles, and a sentence if there was something to unite.
+        Vertices, triangles, and a sentence if bodies were united.
     """
     labels = bodies(faces)
     if labels.max() == 0:
@@ -102,7 +117,8 @@ def united(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, l
     if any(solid.status() != manifold3d.Error.NoError for solid in solids):
         return points, faces, []
     one = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    before, after = sum(solid.surface_area() for solid in solids), one.surface_area()
+    before = sum(solid.surface_area() for solid in solids)
+    after = one.surface_area()
     if one.is_empty() or after > (1.0 - 1e-6) * before:
         return points, faces, []
     mesh = one.to_mesh64()
@@ -123,7 +139,8 @@ def _boxes_meet(points: FloatArray, shells: list[IntArray]) -> bool:
     lows = np.array([points[shell].min(axis=(0, 1)) for shell in shells])
     highs = np.array([points[shell].max(axis=(0, 1)) for shell in shells])
     order = np.argsort(lows[:, 0])
-    lows, highs = lows[order], highs[order]
+    lows = lows[order]
+    highs = highs[order]
     for k in range(len(shells) - 1):
         later = lows[k + 1 :, 0] <= highs[k, 0]
         if ((lows[k + 1 :] <= highs[k]) & (highs[k + 1 :] >= lows[k])).all(axis=1)[later].any():
@@ -132,20 +149,26 @@ def _boxes_meet(points: FloatArray, shells: list[IntArray]) -> bool:
 
 
 def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, IntArray, list[str]]:
-    """Turn the front of an open surface outside, or give it two fronts where that is not known.
+    """Orient an open surface with its front outside, or duplicate it with both orientations if that is unknown.
 
-    What is just in front of a surface that nearly closes has the winding number 0 if that is outside, and -1 if it is
-    inside (Jacobson and others, 2013); of a flat sheet it is -1/2, and nothing is known.
+    Just in front of an almost closed surface, the winding number is 0 outside and -1 inside (Jacobson et al. 2013). For
+    a flat sheet it is -1/2, and the side is unknown.
+
+    Args:
+        points: vertices ``(V, 3)``.
+        faces: vertex indices ``(T, 3)``.
 
     Returns:
-        Vertices; triangles, of which the last ones are those that were doubled, by their numbers; and sentences.
+        Vertices; triangles, with the duplicated ones last; the numbers of the duplicated ones; and notes.
     """
     labels = bodies(faces)
     _, areas = triangle_geometry(points, faces)
-    open_, front = _open_pieces(faces, labels), _in_front(points, faces, labels)
+    open_ = _open_pieces(faces, labels)
+    front = _in_front(points, faces, labels)
     faces = np.where((open_ & (front > WITHIN))[labels][:, None], faces[:, ::-1], faces)
     unknown = (open_ & (front >= OUTSIDE) & (front <= WITHIN))[labels]
-    rims, share = int(mesh_edges(faces).rims.sum()), 100.0 * float(areas[open_[labels]].sum() / areas.sum())
+    rims = int(mesh_edges(faces).rims.sum())
+    share = 100.0 * float(areas[open_[labels]].sum() / areas.sum())
     said = [f"The surface is open: it ends at {rims} edges ({share:.3g} % of the area is of pieces that do not close)."]
     if not unknown.any():
         return points, faces, np.flatnonzero(unknown), [*said, "Its outside was found by winding numbers."]
@@ -157,7 +180,7 @@ def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
 
 
 def _in_front(points: FloatArray, faces: IntArray, labels: IntArray) -> FloatArray:
-    """Mean winding number, but for its sign, just in front of each piece of a mesh."""
+    """Return the negative mean winding number just in front of each piece of a mesh."""
     normals, areas = triangle_geometry(points, faces)
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
     rng = np.random.default_rng(0)
@@ -170,7 +193,7 @@ def _in_front(points: FloatArray, faces: IntArray, labels: IntArray) -> FloatArr
 
 
 def _open_pieces(faces: IntArray, labels: IntArray) -> BoolArray:
-    """Which pieces do not close."""
+    """Return the mask of pieces that do not close."""
     edges = mesh_edges(faces)
     open_ = np.zeros(int(labels.max()) + 1, dtype=np.bool_)
     open_[labels[edges.left[edges.rims]]] = True
@@ -178,7 +201,7 @@ def _open_pieces(faces: IntArray, labels: IntArray) -> BoolArray:
 
 
 def _winding(points: FloatArray, faces: IntArray, places: FloatArray) -> FloatArray:
-    """Generalized winding numbers of places ``(n,)``."""
+    """Return generalized winding numbers of points ``(n,)``."""
     import igl  # slow to import, and seldom needed
 
     asked = igl.winding_number if len(faces) * len(places) < 2_000_000 else igl.fast_winding_number

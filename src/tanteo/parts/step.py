@@ -1,4 +1,4 @@
-"""STEP and IGES files -> a mesh whose triangles are sorted into the faces of the B-rep, through OpenCASCADE."""
+"""Read STEP and IGES files as a mesh whose triangles are assigned to the faces of the B-rep, by OpenCASCADE."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tanteo.parts.bodies import bodies_of, compound, diagonal_of, explore, tesse
 from tanteo.parts.brep import face_mesh
 from tanteo.parts.brep_mesh import BrepMesh, joined, meshed, surface_mesh
 from tanteo.parts.exchange import read_shape
-from tanteo.parts.files import reader_of_others
+from tanteo.parts.files import third_party_reader
 from tanteo.parts.mesh_faces import sort_faces
 from tanteo.parts.planes import face_normals
 from tanteo.parts.repair import sound_mesh
@@ -22,10 +22,10 @@ from tanteo.parts.surfaces import merge_faces, surface_offsets
 from tanteo.parts.topology import Draft, mesh_edges, volume_and_centroid
 
 FLATNESS = 2e-4
-"""How thick the mesh of a planar face may be, relative to the diagonal."""
+"""Largest thickness of the mesh of a planar face, relative to the diagonal."""
 
 ROUNDNESS = 1e-3
-"""How far the mesh of a cylinder, cone, sphere or torus may lie off it, relative to the diagonal."""
+"""Largest distance of the mesh of a cylinder, cone, sphere or torus from its surface, relative to the diagonal."""
 
 _MM = 1e-3
 
@@ -33,20 +33,24 @@ _MM = 1e-3
 def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
     """Read a STEP or IGES file.
 
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
+
     Returns:
-        The mesh in metres with the faces of the B-rep, the short name of the file's unit, and repairs.
+        Mesh in metres with the faces of the B-rep, short name of the file's unit, and repairs.
 
     Raises:
-        PartError: not such a file, no face in it, or faces that contradict themselves.
+        PartError: the file is not STEP or IGES, has no face, or has contradictory faces.
     """
-    with reader_of_others(path, label):
+    with third_party_reader(path, label):
         shape, unit, notes = read_shape(path, label)
         draft, repairs = _draft(shape, label)
     return draft, unit, notes + repairs
 
 
 def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
-    """Mesh every body of a shape and sort the triangles into the faces of the B-rep."""
+    """Mesh every body of a shape, and assign the triangles to the faces of the B-rep."""
     given = tessellated(shape)
     if given and len(given) == len(explore(shape, TopAbs_FACE)):
         return _of_triangles(given, label)
@@ -79,7 +83,7 @@ def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
 
 
 def _exact(shape: Any) -> Any:
-    """What is left of a shape without bodies, shells and faces that have triangles alone."""
+    """Return a shape without bodies, shells and faces that have only triangles."""
     every = [
         *explore(shape, TopAbs_SOLID),
         *explore(shape, TopAbs_SHELL, TopAbs_SOLID),
@@ -89,7 +93,7 @@ def _exact(shape: Any) -> Any:
 
 
 def _beside(meshes: list[BrepMesh], given: list[Any], label: str) -> tuple[list[BrepMesh], list[str]]:
-    """Put faces of triangles beside those with surfaces, but for those that are the same body over again."""
+    """Add tessellated faces to those with surfaces, unless they repeat the same body."""
     draft, said = _of_triangles(given, label)
     exact = joined(meshes)
     volumes = [volume_and_centroid(exact.vertices * _MM, exact.triangles)[0]]
@@ -106,7 +110,7 @@ def _beside(meshes: list[BrepMesh], given: list[Any], label: str) -> tuple[list[
 
 
 def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
-    """Tessellated faces, as a mesh file has them."""
+    """Return tessellated faces as those of a mesh file."""
     pieces = [face_mesh(TopoDS.Face(face)) for face in faces]
     starts = np.cumsum([0] + [len(points) for points, _ in pieces])[:-1]
     triangles = np.concatenate([t + start for (_, t), start in zip(pieces, starts, strict=True)])
@@ -115,10 +119,12 @@ def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
 
 
 def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
-    """Refuse planes whose border is not in them: the file contradicts itself."""
-    normals, points = face_normals(draft)[draft.triangle_face], draft.vertices[draft.triangles]
+    """Refuse planes whose border does not lie in them."""
+    normals = face_normals(draft)[draft.triangle_face]
+    points = draft.vertices[draft.triangles]
     offsets = np.einsum("tki,ti->tk", points, normals)
-    low, high = np.full(len(draft.kinds), np.inf), np.full(len(draft.kinds), -np.inf)
+    low = np.full(len(draft.kinds), np.inf)
+    high = np.full(len(draft.kinds), -np.inf)
     np.minimum.at(low, draft.triangle_face, offsets.min(axis=1))
     np.maximum.at(high, draft.triangle_face, offsets.max(axis=1))
     planar = np.array([kind == "plane" for kind, _ in draft.kinds])
@@ -131,7 +137,7 @@ def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
 
 
 def _check_curved(draft: Draft, diagonal: float, label: str) -> None:
-    """Refuse cylinders, cones, spheres and tori whose mesh is elsewhere: the file contradicts itself."""
+    """Refuse cylinders, cones, spheres and tori whose mesh does not lie on them."""
     order = np.argsort(draft.triangle_face, kind="stable")
     starts = np.searchsorted(draft.triangle_face[order], np.arange(len(draft.kinds) + 1))
     for face, (kind, fields) in enumerate(draft.kinds):

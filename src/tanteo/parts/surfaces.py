@@ -1,4 +1,4 @@
-"""Simple curved surfaces: distances from them, those behind the faces of a mesh, and pieces of one made one face."""
+"""Compute distances from simple curved surfaces, exact surfaces of a mesh, and merge faces on one surface."""
 
 from __future__ import annotations
 
@@ -15,9 +15,14 @@ from tanteo.typing import FloatArray, IntArray, Vectors
 
 
 def surface_offsets(kind: SurfaceKind, fields: Mapping[str, Any], points: FloatArray) -> FloatArray:
-    """Return how far points ``(N, 3)`` lie off a curved surface, positive away from its axis or centre [m].
+    """Return signed distances of points from a curved surface, positive away from its axis or centre ``(N,)`` [m].
 
-    ``fields`` are those of :class:`Face`; points are on a plane or free form by definition.
+    Points are on a plane or free form by definition.
+
+    Args:
+        kind: kind of the surface.
+        fields: fields of :class:`Face` that describe it.
+        points: points ``(N, 3)`` [m].
     """
     if kind in ("plane", "freeform"):
         return np.zeros(len(points))
@@ -34,21 +39,22 @@ def surface_offsets(kind: SurfaceKind, fields: Mapping[str, Any], points: FloatA
 
 
 _PRECISION = 0.1, 1e-6
-"""How far corners of the mesh may be off: in sagittas of their face, and in diagonals of the part."""
+"""Largest distance of mesh vertices from their surface: in sagittas of the face, plus in diagonals of the part."""
 
 
 def exact_faces(part: Part, normals: Vectors) -> Revolved | None:
-    """Cylinders, cones, spheres and tori of a part, for distances that its mesh has only to within the sagitta.
+    """Return the cylinders, cones, spheres and tori of a part, for distances more exact than its mesh.
 
     Args:
-        part: as read. A face whose mesh does not lie on its surface (a wrong fit, a repaired mesh) is left out.
-        normals: of its triangles ``(T, 3)``.
+        part: part as read; faces whose mesh does not lie on their surface (wrong fit, repaired mesh) are excluded.
+        normals: unit normals of its triangles ``(T, 3)``.
 
     Returns:
-        The surfaces; None for a part that has none, of planes and free forms.
+        Exact surfaces; None for a part with only planes and free forms.
     """
     known = [(k, _profile(face)) for k, face in enumerate(part.faces)]
-    rows, found = np.full(len(part.faces), -1), [(k, p) for k, p in known if p is not None]
+    rows = np.full(len(part.faces), -1)
+    found = [(k, p) for k, p in known if p is not None]
     if not found:
         return None
     rows[[k for k, _ in found]] = np.arange(len(found))
@@ -60,7 +66,7 @@ def exact_faces(part: Part, normals: Vectors) -> Revolved | None:
 
 
 def _profile(face: Face) -> FloatArray | None:
-    """Point, axis, distance of the profile from it, slope and radius of the profile ``(9,)``; None if not known."""
+    """Return point, axis, offset, slope and radius of a face's profile ``(9,)``; None if unknown."""
     shape = {
         "cylinder": (face.radius, 0.0, 0.0),
         "cone": (0.0, face.half_angle, 0.0),
@@ -76,16 +82,22 @@ def _profile(face: Face) -> FloatArray | None:
 Kinds = list[tuple[SurfaceKind, dict[str, Any]]]
 
 ANGLE = 1e-5
-"""Directions closer than this are one [rad]."""
+"""Angle below which directions are equal [rad]."""
 
 LENGTH = 1e-6
-"""Positions and radii closer than this are one, relative to the diagonal."""
+"""Difference below which positions and radii are equal, relative to the diagonal."""
 
 
 def merge_faces(
     vertices: FloatArray, triangles: IntArray, owners: IntArray, kinds: Kinds
 ) -> tuple[IntArray, tuple[tuple[SurfaceKind, dict[str, Any]], ...]]:
-    """Join faces that touch and lie on the same plane, cylinder, cone, sphere or torus.
+    """Merge adjacent faces on the same plane, cylinder, cone, sphere or torus.
+
+    Args:
+        vertices: vertices ``(V, 3)``.
+        triangles: vertex indices ``(T, 3)``.
+        owners: face of each triangle ``(T,)``.
+        kinds: surface kind and fields of each face.
 
     Returns:
         New owners and kinds, numbered by first appearance.

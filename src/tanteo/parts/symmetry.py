@@ -1,8 +1,8 @@
-"""The rotations that map a part onto itself.
+"""Find the rotations that map a part onto itself.
 
-Candidates come from labelled vectors that any symmetry must permute: the normals of planes, and the arms from the
-centroid to the centroids of faces and to corners. Two that are not parallel fix a rotation, so every symmetry shows up
-among the maps of the rarest such pair to its equals. Each candidate is then checked against the whole surface.
+Every symmetry permutes labelled vectors: the normals of planes, and the vectors from the centroid to the centroids of
+faces and to corners. Two nonparallel vectors determine a rotation, so every symmetry is among the maps of the rarest
+such pair to equal pairs. Each candidate is then checked on the whole surface.
 """
 
 from __future__ import annotations
@@ -14,40 +14,132 @@ import numpy as np
 from tanteo.lie import SE3, SO3
 from tanteo.parts.elements import SymmetryGroup
 from tanteo.parts.part import Part
-from tanteo.parts.symmetry_probe import TOLERANCE, SymmetryProbe
 from tanteo.parts.topology import components
+from tanteo.shapes import Surface
 from tanteo.typing import FloatArray, IntArray
 
-LOOSE = 5e-3
-"""How far labels of equal vectors may differ, relative to the part's size."""
+TOLERANCE = 2e-4
+"""Largest distance of a mapped point from the surface, relative to the diagonal of the part's box."""
 
-_FEW = 500
-"""Vectors up to this number are compared each with each."""
+FREEFORM_SLACK = 1e-3
+"""Largest assumed error of the mesh of a free form, relative to the diagonal."""
+
+PROBES = 4000
+"""Largest number of test points."""
+
+
+_FEW_PLANES = 64
+"""Number of planes up to which planes are compared before points."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SymmetryProbe:
+    """Test points of a part's surface with their tolerances.
+
+    Attributes:
+        part: part to test.
+        surface: surface of the part.
+        points: points on the surface ``(n, 3)`` [m].
+        slack: largest error of the mesh at the points ``(n,)`` [m].
+        face_slack: largest error of the mesh of each face ``(F,)`` [m].
+        base: tolerance for mapped points in addition to the mesh error [m].
+    """
+
+    part: Part
+    surface: Surface
+    points: FloatArray
+    slack: FloatArray
+    face_slack: FloatArray
+    base: float
+
+    @staticmethod
+    def of(part: Part) -> SymmetryProbe:
+        """Return the probe of a part: its vertices and triangle centroids, or a random subset of them.
+
+        Args:
+            part: the part.
+        """
+        most = np.array([np.inf if face.surface != "freeform" else FREEFORM_SLACK for face in part.faces])
+        slacks = np.minimum([face.sagitta for face in part.faces], most * part.diagonal)
+        sagitta = slacks[part.triangle_face]
+        centres = part.vertices[part.triangles].mean(axis=1)
+        at_vertex = np.zeros(len(part.vertices))
+        np.maximum.at(at_vertex, part.triangles.reshape(-1), sagitta.repeat(3))
+        points = np.concatenate([part.vertices, centres])
+        slack = np.concatenate([at_vertex, sagitta])
+        if len(points) > PROBES:
+            chosen = np.random.default_rng(0).choice(len(points), PROBES, replace=False)
+            points = points[chosen]
+            slack = slack[chosen]
+        surface = Surface(part.vertices, part.triangles)
+        return SymmetryProbe(part, surface, points, slack, slacks, TOLERANCE * part.diagonal)
+
+    def accepts(self, T: FloatArray) -> bool:
+        """Return whether a motion maps planes to planes and the surface to itself.
+
+        Args:
+            T: motion of the part frame ``(4, 4)`` [m].
+        """
+        if len(self.part.planes) <= _FEW_PLANES and not self._planes_match(T):
+            return False
+        # a few points reject most candidates
+        few = slice(None, None, 1 + len(self.points) // 64)
+        every = slice(None)
+        return self._on_surface(T, few) and self._planes_match(T) and self._on_surface(T, every)
+
+    def _on_surface(self, T: FloatArray, chosen: slice) -> bool:
+        moved = self.points[chosen] @ T[:3, :3].T + T[:3, 3]
+        hits = self.surface.closest(moved)
+        there = self.face_slack[self.part.triangle_face[hits.triangles]]
+        return bool((hits.distances <= self.base + 2.0 * np.maximum(self.slack[chosen], there)).all())
+
+    def _planes_match(self, T: FloatArray) -> bool:
+        planes = self.part.planes
+        if not len(planes):
+            return True
+        size = self.part.diagonal
+        normals = planes.normals @ T[:3, :3].T
+        centroids = planes.centroids @ T[:3, :3].T + T[:3, 3]
+        sagitta = 2.0 * float(self.face_slack.max())
+        far = np.linalg.norm(centroids[:, None] - planes.centroids[None], axis=2)
+        offsets = np.abs(np.einsum("ijk,jk->ij", centroids[:, None] - planes.centroids[None], planes.normals))
+        aligned = normals @ planes.normals.T > 1.0 - 1e-5
+        spread = np.abs(planes.gyration[:, None] - planes.gyration[None]).max(axis=2)
+        near = (far < 10.0 * self.base + sagitta) & (offsets < self.base) & (spread < 3.0 * self.base + sagitta)
+        areas = np.abs(planes.areas[:, None] - planes.areas[None]) <= (3.0 * self.base + sagitta) * size
+        return bool((aligned & near & areas).any(axis=1).all())
+
+
+LOOSE = 5e-3
+"""Largest difference of the labels of equal vectors, relative to the part's size."""
+
+_FEW_VECTORS = 500
+"""Number of vectors up to which all pairs are compared directly."""
 
 _MOST_PAIRS = 20_000_000
-"""Pairs of equal vectors that are listed; of more, cells of a grid are enough."""
+"""Largest number of listed pairs of equal vectors; beyond it grid cells are used."""
 
 MOST_CANDIDATES = 4000
-"""Pairs of vectors that are tried at most."""
+"""Largest number of vector pairs that are tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Vectors:
-    """Vectors about the centroid that a symmetry permutes; those with one label may be exchanged."""
+    """Vectors from the centroid that a symmetry permutes among those with the same label."""
 
     directions: FloatArray
     labels: IntArray
 
 
 def find_symmetry(part: Part) -> SymmetryGroup:
-    """Find the rotation group of a part.
+    """Return the rotation group of a part.
 
     Args:
-        part: with its mesh, faces, planes and corners; its own ``symmetry`` is not looked at.
+        part: part with its mesh, faces, planes and corners; its own ``symmetry`` is ignored.
 
     Returns:
-        The finite group, or the axis and what maps it onto itself for a solid of revolution. Rotations that fit to
-        0.02 % of the part's diagonal (plus the sagitta of tessellated faces) count as symmetries.
+        Finite group, or for a solid of revolution its axis and the motions that preserve the axis. Rotations that fit
+        to 0.02 % of the part's diagonal (plus the sagitta of tessellated faces) count as symmetries.
     """
     probe = SymmetryProbe.of(part)
     centres = [
@@ -77,14 +169,16 @@ def _about(centre: FloatArray, R: FloatArray) -> FloatArray:
 
 
 def _revolution_axis(part: Part, probe: SymmetryProbe) -> tuple[FloatArray, FloatArray] | None:
-    """Find the axis of a solid of revolution from its faces; None where it is not one."""
+    """Return the axis of a solid of revolution from its faces; None if the part is not one."""
     slack = 10.0 * TOLERANCE * part.diagonal
     round_faces = [face for face in part.faces if face.surface in ("cylinder", "cone", "torus")]
     if round_faces:
         face = max(round_faces, key=lambda each: each.area)
-        direction, point = face.axis_direction, face.axis_point
+        direction = face.axis_direction
+        point = face.axis_point
     else:
-        direction, point = _inertia_axis(part), part.centroid
+        direction = _inertia_axis(part)
+        point = part.centroid
     if direction is None or point is None:
         return None
     for face in part.faces:
@@ -98,7 +192,7 @@ def _revolution_axis(part: Part, probe: SymmetryProbe) -> tuple[FloatArray, Floa
             turned = face.axis_direction is not None and abs(face.axis_direction @ direction) < 1.0 - 1e-5
             if turned or _off(face.axis_point, point, direction) > sagitta:
                 return None
-    # Turns by angles that no finite symmetry has in common.
+    # angles that no finite rotation group has in common
     turns = [_about(part.centroid, SO3.exp(angle * direction)) for angle in (0.37, 1.0, 2.3)]
     if not all(probe.accepts(T) for T in turns):
         return None
@@ -110,7 +204,7 @@ def _off(where: FloatArray, point: FloatArray, direction: FloatArray) -> float:
 
 
 def _inertia_axis(part: Part) -> FloatArray | None:
-    """Return the axis of a surface whose two other principal moments are equal; None where there is none."""
+    """Return the axis of a surface whose two other principal moments are equal; None if there is none."""
     a, b, c = (part.vertices[part.triangles[:, k]] - part.centroid for k in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
     sums = a + b + c
@@ -149,7 +243,7 @@ def _candidates(part: Part) -> list[FloatArray]:
 
 
 def _principal_candidates(part: Part) -> list[FloatArray]:
-    """Half turns about the principal axes, and small fractions of a turn, for parts without usable features."""
+    """Return rotations by fractions of a turn about the principal axes, for parts without usable features."""
     local = part.vertices[part.triangles].mean(axis=1) - part.centroid
     a, b, c = (part.vertices[part.triangles[:, k]] for k in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -189,14 +283,14 @@ def _labelled(part: Part) -> _Vectors:
 
 
 def _clusters(marks: FloatArray) -> IntArray:
-    """Label rows that are equal to within the loose tolerance (chains of them too)."""
-    if len(marks) <= _FEW:  # SciPy takes longer to import
+    """Label rows that are equal within the loose tolerance, including chains."""
+    if len(marks) <= _FEW_VECTORS:  # SciPy takes longer to import
         pairs = np.argwhere(np.abs(marks[:, None] - marks).max(axis=2) <= LOOSE)
     else:
         from scipy.spatial import cKDTree  # slow to import
 
         tree = cKDTree(marks)
-        if tree.count_neighbors(tree, LOOSE, p=np.inf) > _MOST_PAIRS:  # of a heap of triangles
+        if tree.count_neighbors(tree, LOOSE, p=np.inf) > _MOST_PAIRS:  # meshes with very many equal facets
             return np.unique(np.rint(marks / LOOSE), axis=0, return_inverse=True)[1].reshape(-1)
         pairs = tree.query_pairs(LOOSE, p=np.inf, output_type="ndarray")
     return components(len(marks), pairs[:, 0], pairs[:, 1])
@@ -209,7 +303,7 @@ def _pair_frame(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _refined(part: Part, R: FloatArray) -> FloatArray:
-    """Fit the rotation again to all planes it permutes, then give it an exact angle."""
+    """Refine a rotation on all planes that it permutes, then round its angle to a fraction of a turn."""
     normals = part.planes.normals
     if len(normals) and np.linalg.matrix_rank(normals, tol=0.1) >= 2:
         moved = normals @ R.T
@@ -228,5 +322,5 @@ def _refined(part: Part, R: FloatArray) -> FloatArray:
 
 
 def _ordered(rotations: list[FloatArray]) -> list[FloatArray]:
-    """Identity first, then by angle."""
+    """Return the rotations with the identity first, then by angle."""
     return sorted(rotations, key=lambda R: -round(float(np.trace(R)), 6))

@@ -1,7 +1,7 @@
-"""3MF files -> vertices and triangles: what is built, with components, and parts of the package in files of their own.
+"""Read 3MF files as vertices and triangles: the build items with their components, also from several model files.
 
-Core specification 1.3 and production extension 1.1 of the 3MF Consortium (https://3mf.io/spec). What only supports the
-build, or is stored beside it, is no part of the part.
+Sources: core specification 1.3 and production extension 1.1 of the 3MF Consortium (https://3mf.io/spec). Support
+structures and objects outside the build are ignored.
 """
 
 from __future__ import annotations
@@ -16,21 +16,71 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import PartError
-from tanteo.parts.archives import Archive
-from tanteo.parts.files import METRES, reader_of_others
+from tanteo.parts.files import METRES, third_party_reader
 from tanteo.typing import FloatArray, IntArray
+
+LARGEST = 512_000_000
+"""Largest total size that is unpacked from one archive [bytes]."""
+
+SMALL, RATIO = 32_000_000, 200
+"""Unpacked size [bytes] above which the compression ratio is limited, and its limit; text of meshes has about 10."""
+
+_CHUNK = 1 << 20
+
+
+class Archive:
+    """Files of a zip archive by name, ignoring case; the sizes stated in the archive are not trusted."""
+
+    def __init__(self, file: zipfile.ZipFile, packed: int, label: str) -> None:
+        self._file, self._packed, self._label = file, packed, label
+        self._names = {info.filename.lstrip("/").lower(): info for info in file.infolist()}
+        self._read = 0
+
+    def __contains__(self, name: str) -> bool:
+        return name.lower() in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(info.filename.lstrip("/") for info in self._names.values())
+
+    def read(self, name: str) -> bytes:
+        """Unpack one file.
+
+        Args:
+            name: name of the file, ignoring case.
+
+        Raises:
+            PartError: the file does not exist, or exceeds the limits; damaged archives raise the errors of ``zipfile``.
+        """
+        info = self._names.get(name.lower())
+        if info is None:
+            raise PartError(f"{self._label}: expected a file {name!r} in the archive, got none. Export it again.")
+        pieces = []
+        with self._file.open(info) as stream:
+            while piece := stream.read(_CHUNK):
+                self._read += len(piece)
+                self._check()
+                pieces.append(piece)
+        return b"".join(pieces)
+
+    def _check(self) -> None:
+        if self._read > LARGEST or (self._read > SMALL and self._read > RATIO * self._packed):
+            raise PartError(
+                f"{self._label}: expected a mesh, got an archive of {self._packed:,} bytes that unpacks to more than "
+                f"{self._read:,}. Export one part."
+            )
+
 
 UNITS = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft", "meter": "m"}
 
 _READ = ("/production/", "/material/", "/trianglesets/", "/core/")
-"""Namespaces of extensions that are read, or change no surface."""
+"""Namespaces of extensions that are supported, or that change no surface."""
 
 _DEEPEST, _MOST_COPIES, _MOST_TRIANGLES = 32, 20_000, 5_000_000
 
 
 @dataclass(slots=True)
 class _Object:
-    """A mesh, or components: other objects with their transforms."""
+    """Mesh, or components: other objects with their transforms."""
 
     kind: str
     vertices: FloatArray | None = None
@@ -40,7 +90,7 @@ class _Object:
 
 @dataclass(slots=True)
 class _Model:
-    """One model file of the package: its objects by id, what is built, and its unit."""
+    """Model file of the package: its objects by identifier, the build items, and its unit."""
 
     unit: str
     objects: dict[str, _Object] = field(default_factory=dict)
@@ -48,20 +98,24 @@ class _Model:
 
 
 def read_3mf(path: Path, label: str) -> tuple[FloatArray, IntArray, str, list[str]]:
-    """Read what a 3MF file says is to be built.
+    """Read the build items of a 3MF file.
+
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
 
     Returns:
-        Vertices, triangles, the short name of the unit, and a sentence for what was left out.
+        Vertices, triangles, short name of the unit, and sentences about what was left out.
 
     Raises:
-        PartError: it is damaged, is not what the specification says, or needs an extension that is not read.
+        PartError: the file is damaged, violates the specification, or needs an unsupported extension.
     """
-    with reader_of_others(path, label), zipfile.ZipFile(path) as file:
+    with third_party_reader(path, label), zipfile.ZipFile(path) as file:
         return _Package(Archive(file, path.stat().st_size, label), label).built()
 
 
 class _Package:
-    """The models of a file, each parsed when it is first needed."""
+    """Models of a file, each parsed at first use."""
 
     def __init__(self, archive: Archive, label: str) -> None:
         self._archive, self._label = archive, label
@@ -71,7 +125,8 @@ class _Package:
     def built(self) -> tuple[FloatArray, IntArray, str, list[str]]:
         root = self._root()
         model = self._model(root)
-        notes, items = [], model.items
+        notes = []
+        items = model.items
         if not items:
             used = {(p, i) for o in model.objects.values() for p, i, _ in o.components}
             items = [("", i, np.eye(4)) for i in model.objects if ("", i) not in used]
@@ -81,7 +136,8 @@ class _Package:
         if left and len(left) < len(items):
             kept = [item for item, kind in zip(items, kinds, strict=True) if kind in ("model", "surface")]
             named = ", ".join(sorted(set(left)))
-            items, count = kept, len(left)
+            items = kept
+            count = len(left)
             notes.append(f"Left out {count} {'object' if count == 1 else 'objects'} of the type {named}.")
         pieces = [piece for p, i, T in items for piece in self._meshes(p or root, i, T, ())]
         if not pieces:
@@ -93,7 +149,7 @@ class _Package:
     def _meshes(
         self, path: str, index: str, T: FloatArray, above: tuple[tuple[str, str], ...]
     ) -> Iterator[tuple[FloatArray, IntArray]]:
-        """Meshes of an object and of its components, in metres."""
+        """Yield meshes of an object and of its components, in metres."""
         if (path, index) in above or len(above) > _DEEPEST:
             raise PartError(f"{self._label}: expected objects made of others, got object {index} made of itself.")
         self._copies += 1
@@ -128,7 +184,7 @@ class _Package:
         return self._models[path]
 
     def _root(self) -> str:
-        """The model that the package begins with."""
+        """Return the name of the root model of the package."""
         if "_rels/.rels" in self._archive:
             for relation in _tree(self._archive.read("_rels/.rels"), self._label).iter("{*}Relationship"):
                 if relation.get("Type", "").endswith("/3dmodel"):
@@ -146,7 +202,7 @@ def _plain(path: str) -> str:
 
 
 def _tree(data: bytes, label: str) -> Any:
-    """Parse XML: no entities, nothing from elsewhere. Prefixes that nobody declares are of extensions."""
+    """Parse XML without entities and external content; undeclared prefixes are accepted as those of extensions."""
     from lxml import etree  # slow to import
 
     parser = etree.XMLParser(
@@ -156,7 +212,8 @@ def _tree(data: bytes, label: str) -> Any:
         root = etree.fromstring(data, parser)
         wrong = [one.message for one in parser.error_log if one.domain_name != "NAMESPACE"]
     except (etree.XMLSyntaxError, ValueError) as error:
-        root, wrong = None, [str(getattr(error, "msg", error))]
+        root = None
+        wrong = [str(getattr(error, "msg", error))]
     if root is None or wrong:
         detail = wrong[0].splitlines()[0] if wrong and wrong[0] else "nothing in it"
         raise PartError(f"{label}: expected XML in the 3MF file, got a damaged one ({detail}). Export it again.")
@@ -208,7 +265,7 @@ def _object(element: Any, label: str) -> _Object:
 
 
 def _placed(element: Any, label: str) -> tuple[str, str, FloatArray]:
-    """File (or none), object and transform, for row vectors, of an item or a component."""
+    """Return file (or empty), object and transform (for row vectors) of an item or a component."""
     path = next((value for name, value in element.attrib.items() if name.rsplit("}", 1)[-1] == "path"), "")
     T = np.eye(4)
     if "transform" in element.attrib:

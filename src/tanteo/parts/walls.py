@@ -1,4 +1,4 @@
-"""Walls of holes and bosses: cylinders with what continues them, and cones, that go far enough around their axes."""
+"""Find walls of holes and bosses: cylinders with their continuations, and cones, with a sufficient angular extent."""
 
 from __future__ import annotations
 
@@ -11,15 +11,24 @@ from tanteo.parts.topology import components
 from tanteo.typing import BoolArray, FloatArray, Vectors
 
 _BINS, _LEAST_BINS = 72, 34
-"""Sectors around an axis, and how many have to have surface for a hole or boss: half a turn, with a mesh's rounding."""
+"""Number of sectors around an axis, and how many must contain surface: about half a turn, with tolerance for meshes."""
 
 _PARALLEL, SAME = 1e-4, 1e-4
-"""Axes closer than this are parallel [rad]; positions and radii within this share of the diagonal are the same."""
+"""Angle below which axes are parallel [rad]; tolerance for equal positions and radii, as a fraction of the diagonal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wall:
-    """Faces of one wall with axis, extent along it [m], and a place of the surface."""
+    """Wall of a hole or boss.
+
+    Attributes:
+        faces: indices into :attr:`Part.faces`.
+        point: point of the axis, part frame ``(3,)`` [m].
+        axis: unit axis ``(3,)``.
+        low: smallest coordinate of the wall along the axis from ``point`` [m].
+        high: largest coordinate of the wall along the axis from ``point`` [m].
+        place: point of the wall's surface ``(3,)`` [m].
+    """
 
     faces: tuple[int, ...]
     point: Vectors
@@ -30,13 +39,17 @@ class Wall:
 
 
 def walls_of(part: Part) -> list[Wall]:
-    """The walls of a part that go far enough around, in the order of their first faces."""
+    """Return the walls of a part with sufficient angular extent, in the order of their first faces.
+
+    Args:
+        part: the part.
+    """
     walls = [_wall(part, faces) for faces in _together(part)]
     return [wall for wall in walls if wall is not None]
 
 
 def _together(part: Part) -> list[tuple[int, ...]]:
-    """Faces of each wall: cones alone, cylinders with those that continue them."""
+    """Return the faces of each wall: single cones, and cylinders with their continuations."""
     round_ones = [
         k
         for k, face in enumerate(part.faces)
@@ -53,8 +66,9 @@ def _together(part: Part) -> list[tuple[int, ...]]:
 
 
 def _continued(part: Part, rows: list[int]) -> BoolArray:
-    """Which of some faces are of one cylinder and overlap along it ``(n, n)``."""
-    faces, near = [part.faces[k] for k in rows], SAME * part.diagonal
+    """Return which faces lie on one cylinder and overlap along it ``(n, n)``."""
+    faces = [part.faces[k] for k in rows]
+    near = SAME * part.diagonal
     points = np.array([face.axis_point for face in faces]) - part.centroid
     axes = np.array([face.axis_direction for face in faces])
     axes *= np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
@@ -71,7 +85,12 @@ def _continued(part: Part, rows: list[int]) -> BoolArray:
 
 
 def corners_of(part: Part, faces: tuple[int, ...]) -> Vectors:
-    """Corners of the mesh of some faces ``(n, 3)``."""
+    """Return the mesh vertices of some faces ``(n, 3)`` [m].
+
+    Args:
+        part: the part.
+        faces: indices into :attr:`Part.faces`.
+    """
     return np.asarray(part.vertices[np.unique(part.triangles[np.isin(part.triangle_face, faces)])])
 
 
@@ -81,9 +100,10 @@ def _extent(points: Vectors, point: Vectors, axis: Vectors) -> tuple[float, floa
 
 
 def _wall(part: Part, faces: tuple[int, ...]) -> Wall | None:
-    """The wall of some faces; None if it does not go far enough around."""
+    """Return the wall of some faces; None if its angular extent is too small."""
     face = part.faces[faces[0]]
-    point, axis = np.asarray(face.axis_point), np.asarray(face.axis_direction)
+    point = np.asarray(face.axis_point)
+    axis = np.asarray(face.axis_direction)
     triangles = part.vertices[part.triangles[np.isin(part.triangle_face, faces)]]
     if np.count_nonzero(_sectors(triangles, point, axis)) < _LEAST_BINS:
         return None
@@ -94,13 +114,14 @@ def _wall(part: Part, faces: tuple[int, ...]) -> Wall | None:
 
 
 def _sectors(triangles: FloatArray, point: Vectors, axis: Vectors) -> BoolArray:
-    """Which sectors around an axis have surface ``(_BINS,)``."""
+    """Return the mask of sectors around an axis that contain surface ``(_BINS,)``."""
     x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     x /= np.linalg.norm(x)
     off = triangles - point
     angles = np.arctan2(off @ np.cross(axis, x), off @ x)
     beside = (angles - angles[:, :1] + np.pi) % (2 * np.pi) - np.pi
-    low, high = angles[:, 0] + beside.min(axis=1), angles[:, 0] + beside.max(axis=1)
+    low = angles[:, 0] + beside.min(axis=1)
+    high = angles[:, 0] + beside.max(axis=1)
     middles = 2 * np.pi * (np.arange(_BINS) + 0.5) / _BINS
     after = (middles - low[:, None]) % (2 * np.pi)
     return np.asarray((after <= (high - low)[:, None]).any(axis=0))

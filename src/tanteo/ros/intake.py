@@ -136,7 +136,7 @@ class Intake:
         self._begun = float(np.fmin(self._begun, one.came))  # a simulated clock may be set back
         if kinds[one.topic] != io.RANGE and io.RANGE in kinds.values():
             self.dropped["of another type than the ranges"] += 1
-        elif not io.says_something(kinds[one.topic], one.row):
+        elif not io.is_usable(kinds[one.topic], one.row):
             self.dropped["too near, or no number"] += 1
         elif one.came - stamp > self.patience.age:
             self.dropped["older than --max-age when it came"] += 1

@@ -1,11 +1,11 @@
-"""From device to measurement: readings, error models, presets of sensors and robots.
+"""Convert device readings to measurements: readings, error models, presets of sensors and robots.
 
-``measure(readings, ...)`` turns what the devices said into points in the world with covariance and shared errors.
-The other way, for simulators: ``emit`` (and ``error_model``, ``draw_units``, ``draw_aims``) makes readings of true
-ranges with errors drawn from the very model that ``measure`` assumes.
-This room has never heard of shapes: it knows rays, ranges and covariances.
+``measure(readings, ...)`` converts readings to points in the world with covariance and shared errors. For simulators,
+``emit`` (with ``error_model``, ``draw_units``, ``draw_aims``) generates readings of true ranges with errors drawn from
+the model that ``measure`` assumes. This package uses rays, ranges and covariances, and no part geometry.
 """
 
+from tanteo.sensors.anomalies import find_repeated, find_stuck
 from tanteo.sensors.checks import check_features
 from tanteo.sensors.devices import Device, misspelt
 from tanteo.sensors.emission import (
@@ -32,7 +32,6 @@ from tanteo.sensors.noise import (
     sensed_point,
     sensor_error_cov,
 )
-from tanteo.sensors.oddities import find_repeated, find_stuck
 from tanteo.sensors.presets import (
     NoiseLaw,
     RobotPreset,

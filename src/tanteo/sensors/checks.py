@@ -1,4 +1,4 @@
-"""What every set of readings must satisfy."""
+"""Check the validity of a set of readings."""
 
 from __future__ import annotations
 
@@ -31,10 +31,16 @@ _LENGTHS = "points", "ranges", "max_ranges", "radii", "hole_radii", "sds", "acro
 
 
 def check_readings(readings: Readings) -> None:
-    """Names unique, kinds known, numbers finite, directions unit, labels of one kind, every row located.
+    """Check that a set of readings is valid.
+
+    Names must be unique, kinds known, numbers finite, directions unit; a label must have one kind, and every row a
+    position.
+
+    Args:
+        readings: readings to check.
 
     Raises:
-        ReadingsError: The first thing that is wrong, with the reading's name.
+        ReadingsError: a check fails; the message names the reading.
     """
     _check_ids(readings.ids)
     _check_kinds(readings)
@@ -47,10 +53,13 @@ def check_readings(readings: Readings) -> None:
 
 
 def check_features(readings: Readings) -> None:
-    """Check that every labelled plane has three readings and every edge two.
+    """Check that every labelled feature has the number of readings that its kind requires, such as three for a plane.
+
+    Args:
+        readings: readings to check.
 
     Raises:
-        ReadingsError: A label has too few readings of its kind; the message names label and readings.
+        ReadingsError: a label has too few readings; the message names label and readings.
     """
     counts = Counter(zip(readings.features, readings.kinds, strict=True))
     for (label, kind), count in counts.items():
@@ -112,7 +121,7 @@ def _check_numbers(readings: Readings) -> None:
 
 
 def _check_tilts(readings: Readings) -> None:
-    """The spread of a sensed normal is one that a device can have and that still says where the normal looks."""
+    """Check that standard deviations of sensed normals are possible for a device and still determine a direction."""
     sds = readings.normal_sds
     wrong = (sds < LEAST_TILT_SD) | (sds > LARGEST_TILT_SD * (1 + 1e-9))
     if who := _first_bad(readings, wrong):
@@ -152,7 +161,7 @@ def _check_labels(readings: Readings) -> None:
 
 
 def _check_centres(readings: Readings) -> None:
-    """Only centres of round features have the size and the side of a hole or boss, and they have no ball."""
+    """Check that only centres of round features have a hole's size and side, and that they have no tip radius."""
     if strange := set(readings.material_sides) - set(_SIDES):
         raise ReadingsError(f"material_sides: expected hole, boss or nothing, got '{min(strange)}'. Correct it.")
     kinds = [reading_kind(kind) for kind in readings.kinds]
@@ -184,7 +193,7 @@ def _check_centres(readings: Readings) -> None:
 
 
 def _check_located(readings: Readings) -> None:
-    """Every row says where something is: a point, or a range with the hand's pose; a free-space ray also where to."""
+    """Check that every row has a point, or a range with hand pose; a free-space ray also needs direction and length."""
     by_rig = readings.has_hand & np.fromiter(map(bool, readings.sensors), dtype=bool, count=len(readings))
     ranged = by_rig & ~np.isnan(readings.ranges)
     if who := _first_bad(readings, ~readings.is_free & ~readings.has_point & ~ranged):

@@ -1,4 +1,4 @@
-"""Which device gave each reading, and what that says of its noise; ranges become points here."""
+"""Assign readings to devices with their noise figures, and convert ranges to points."""
 
 from __future__ import annotations
 
@@ -15,15 +15,21 @@ from tanteo.sensors.rig import Rig, RigSensor
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
 _UNITS, _BEYOND = {"mm": 1e-3, "m": 1e3}, 3.0
-"""What a range times the factor is in, if it was given in another unit; how far out of range it looks like that."""
+"""Factors for ranges given in a wrong unit, and the factor beyond the limits from which a wrong unit is suspected."""
 
 _NEAR = 0.85
-"""Likeness of names from which one is taken for a misspelt other."""
+"""Similarity of two names above which one counts as a misspelling of the other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Device:
-    """Error figures of one device: a sensor of the rig, a preset, or nothing known (NaN and zero)."""
+    """Error figures of one device: a sensor of the rig, a preset, or unknown (NaN and zero).
+
+    Attributes:
+        name: name of the sensor or preset; empty if unknown.
+        preset: preset of the device; None if it has none.
+        mount: sensor of the rig; None if the device is not on a rig.
+    """
 
     name: str
     preset: SensorPreset | None
@@ -31,50 +37,50 @@ class Device:
 
     @property
     def unit(self) -> str:
-        """The device that shares its errors: itself, or the multi-zone sensor that it is a zone of."""
+        """Name of the device with shared errors: this one, or the multi-zone sensor that contains it as a zone."""
         return self.mount.device if self.mount is not None else self.name
 
     @property
     def min_range(self) -> float:
-        """Nearest range [m], 0 for unknown."""
+        """Smallest range [m]; 0 if unknown."""
         return self.preset.min_range if self.preset is not None else 0.0
 
     @property
     def max_range(self) -> float:
-        """Farthest range [m], NaN for unknown."""
+        """Largest range [m]; NaN if unknown."""
         if self.mount is not None and not math.isnan(self.mount.max_range):
             return self.mount.max_range
         return self.preset.max_range if self.preset is not None and not self.preset.is_contact else math.nan
 
     @property
     def max_incidence(self) -> float:
-        """Incidence up to which it answers [rad], a right angle for unknown."""
+        """Largest incidence with an echo [rad]; a right angle if unknown."""
         return self.preset.max_incidence if self.preset is not None else math.pi / 2
 
     @property
     def beam_half_angle(self) -> float:
-        """Half angle of the beam [rad], NaN for unknown."""
+        """Half angle of the beam [rad]; NaN if unknown."""
         if self.mount is not None:
             return self.mount.beam_half_angle
         return self.preset.beam_half_angle if self.preset is not None else math.nan
 
     @property
     def bias_sd(self) -> float:
-        """Standard deviation of the error common to its readings [m]."""
+        """Standard deviation of the bias common to all readings of the device [m]."""
         if self.mount is not None:
             return self.mount.bias_sd
         return self.preset.bias_std if self.preset is not None else 0.0
 
     @property
     def scale_sd(self) -> float:
-        """Standard deviation of the common error proportional to the range."""
+        """Standard deviation of the scale error common to all readings of the device."""
         if self.mount is not None and not math.isnan(self.mount.scale_sd):
             return self.mount.scale_sd
         return self.preset.bias_prop_std if self.preset is not None else 0.0
 
     @property
     def cov_unit(self) -> Covariances:
-        """Covariance ``(7, 7)`` of mounting (body error) and scale error: what a unit has once and for all."""
+        """Covariance ``(7, 7)`` of mounting (body error) and scale error, which are constant for the device."""
         cov = np.zeros((7, 7))
         cov[6, 6] = self.scale_sd**2
         if self.mount is not None:
@@ -84,13 +90,17 @@ class Device:
 
     @property
     def law(self) -> NoiseLaw:
-        """How its noise grows with the range; NaN where it cannot be known."""
+        """Noise law over the range; NaN if unknown."""
         if self.mount is not None and self.mount.sd > 0:
             return NoiseLaw.of(self.mount.sd, self.mount.sd_prop)
         return self.preset.law if self.preset is not None else NoiseLaw.of(math.nan)
 
     def along_beam(self, ranges: FloatArray) -> FloatArray:
-        """Ranges along the beam from what the device reported, less its known bias and scale [m]."""
+        """Return ranges along the beam, corrected for the known bias and scale [m].
+
+        Args:
+            ranges: reported ranges ``(n,)`` [m].
+        """
         if self.mount is None:
             return ranges
         return (ranges / self.mount.axis_cosine - self.mount.bias) / (1 + self.mount.scale)
@@ -98,7 +108,7 @@ class Device:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """The readings with every range turned into a point and every free-space ray into origin, direction, length.
+    """Readings as points, and free-space rays as origin, direction and length, in the world frame.
 
     Attributes:
         points: ``(n, 3)``; origin of the beam for a free one.
@@ -120,10 +130,18 @@ class Placed:
 def find_devices(
     readings: Readings, sensor: SensorPreset | None, rig: Rig | None
 ) -> tuple[tuple[Device, ...], IntArray]:
-    """The devices of the readings, and which of them gave each.
+    """Return the devices of the readings, and the index of the device of each reading.
 
-    A name in the ``sensor`` column is a sensor of the rig; without a rig it may name a preset. Rows without a name
-    come from ``sensor``.
+    The ``sensor`` column names a sensor of the rig; without a rig it may name a preset. Rows without a name belong to
+    ``sensor``.
+
+    Args:
+        readings: readings to assign.
+        sensor: preset of rows without a name; None if unknown.
+        rig: rig of the sensors; None if there is none.
+
+    Raises:
+        InputError: a row names a sensor that the rig does not have.
     """
     default = Device(sensor.name if sensor else "", sensor, None)
     if rig is not None:
@@ -138,22 +156,31 @@ def find_devices(
 
 
 def misspelt(readings: Readings) -> str:
-    """A sentence if a row without a rig names a sensor that is hardly another than one that is known; empty if not."""
+    """Return a sentence on a sensor name that is probably a misspelt preset; empty if there is none.
+
+    Args:
+        readings: readings without a rig.
+    """
     known = sensor_presets()
     for name in dict.fromkeys(readings.sensors):
         hint = "" if name in known else did_you_mean(name, known, _NEAR)
         if hint:
             unknown = f"column sensor: '{name}' is no known sensor (tanteo sensor list)"
-            return f"{unknown}, so nothing is assumed of it.{hint}"
+            return f"{unknown}, so no noise figures are assumed for it.{hint}"
     return ""
 
 
 def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> Placed:
-    """Where the beams start, where they go and where they end.
+    """Return start, direction and end of every beam in the world.
+
+    Args:
+        readings: readings to place.
+        devices: devices of the readings, see :func:`find_devices`.
+        numbers: device index of each reading ``(n,)``.
 
     Raises:
-        InputError: A row has a range only and there is no rig that says where its sensor sits.
-        ReadingsError: A range is outside what its device can give.
+        InputError: a row has only a range and no rig states the pose of its sensor.
+        ReadingsError: a range is outside the limits of its device.
     """
     mounted = np.array([d.mount is not None for d in devices])[numbers]
     by_rig = ~(readings.has_point) & mounted & readings.has_hand
@@ -176,7 +203,8 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
             f"max of free reading '{readings.ids[short[0]]}': expected how far the beam reached, got nothing. "
             "Add the column max_mm, or a preset to the rig."
         )
-    points, directions = np.array(readings.points), np.array(readings.directions)
+    points = np.array(readings.points)
+    directions = np.array(readings.directions)
     units = np.full((len(readings), 4, 4), np.nan)
     if by_rig.any():
         T_hand_sensors = np.stack([d.mount.T_hand_sensor if d.mount else np.eye(4) for d in devices])
@@ -190,12 +218,12 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
 
 
 def _advice(got: float, nearest: float, farthest: float) -> str:
-    """What to do about a range that its device cannot give."""
+    """Return advice for a range outside the limits of its device."""
     unit = next((u for u, factor in _UNITS.items() if nearest <= got * factor <= farthest), "")
     if unit and (got > _BEYOND * farthest or got < nearest / _BEYOND):
         return f"It would be in range in {unit}: correct the unit in the column's name, or the value"
     if got < nearest:
-        return "Leave it out, for nothing is known of it; a session is told so by refuse()"
+        return "Remove the row; in a session, call refuse() instead"
     return "Drop the row, or give it status none"
 
 

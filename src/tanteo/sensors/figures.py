@@ -1,4 +1,4 @@
-"""Error figures of sensors as arrays."""
+"""Collect the error figures of sensors in arrays."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorModel:
-    """Error figures of ``k`` sensors as arrays ``(k,)``: metres, radians, NaN nowhere.
+    """Error figures of ``k`` sensors as arrays without NaN.
 
     Attributes:
-        names: Of the sensors.
-        law: Noise along the beam.
-        min_range: Nearest range reported [m].
-        max_range: Farthest range reported [m], infinite for unknown.
-        max_incidence: Incidence up to which the device answers [rad].
-        beam_half_angle: Of the cones [rad].
-        bias: Known offset of the ranges [m].
-        bias_sd: Standard deviation of the offset that is left, one draw a unit [m].
-        scale: Known scale error of the ranges.
-        axis_cosine: Between beam and optical axis, for devices that report the distance along the axis.
-        T_hand_sensors: Where the sensors sit by the rig, ``(k, 4, 4)``; identity for bare presets.
-        cov_unit: Of mounting (body error at the device) and scale error, one draw a unit, ``(k, 7, 7)``.
-        T_hand_units: Where the devices sit that the sensors are beams of, ``(k, 4, 4)``.
-        unit: Number of the first sensor of the same device, ``(k,)``: they share the draw.
+        names: names of the sensors.
+        law: noise laws along the beam.
+        min_range: smallest reported ranges ``(k,)`` [m].
+        max_range: largest reported ranges ``(k,)`` [m]; infinite if unknown.
+        max_incidence: largest incidences with an echo ``(k,)`` [rad].
+        beam_half_angle: half angles of the beams ``(k,)`` [rad].
+        bias: known offsets of the ranges ``(k,)`` [m].
+        bias_sd: standard deviations of the remaining offsets, one draw per unit ``(k,)`` [m].
+        scale: known scale errors of the ranges ``(k,)``.
+        axis_cosine: cosines between beam and optical axis ``(k,)``, for devices that report the distance along the
+            axis.
+        T_hand_sensors: poses of the sensors on the rig ``(k, 4, 4)`` [m]; identity for presets.
+        cov_unit: covariances of mounting (body error at the device) and scale error, one draw per unit ``(k, 7, 7)``.
+        T_hand_units: poses of the devices that the beams belong to ``(k, 4, 4)`` [m].
+        unit: index of the first sensor of the same device ``(k,)``; such sensors share the draw.
     """
 
     names: tuple[str, ...]
@@ -61,10 +62,13 @@ class ErrorModel:
 
 
 def error_model(source: Rig | SensorPreset | Sequence[SensorPreset]) -> ErrorModel:
-    """The error figures of a rig's sensors, of a preset or of several, as :func:`measure` uses them.
+    """Return the error figures that :func:`measure` uses for a rig, a preset or several presets.
+
+    Args:
+        source: rig, preset, or presets.
 
     Raises:
-        InputError: A preset that touches: it has no range (see :func:`emit_touches`).
+        InputError: a preset is a touch probe, which has no range (see :func:`emit_touches`).
     """
     devices = _devices(source)
 

@@ -1,10 +1,10 @@
-"""From readings to measurements: points in the world with their covariance and the errors they share.
+"""Convert readings to measurements: points in the world with covariance and shared errors.
 
-What the numbers mean. ``sd`` is one standard deviation along the beam or the normal. Across a beam the spread is
-that of its cone (half the half angle, ``math.md`` section 7) where the range is known; a touch, and a beam whose
-cone is unknown, gets the same ``sd`` in every direction. Repeatability of the robot is independent from reading to
-reading. Shared by the run: the robot's absolute error (a rigid left error of the world about its origin), the tip's
-offset (in the hand's frame), each sensor's bias and scale (along its beam) and its mounting.
+``sd`` is one standard deviation along the beam or the normal. Across a beam with known range, the standard deviation is
+that of its cone (half the half angle, ``math.md`` section 7). A contact reading, and a beam with unknown cone, have
+``sd`` in every direction. The robot's repeatability is independent for each reading. Errors shared by the run are: the
+robot's absolute error (a rigid left error of the world about its origin), the tip's offset (in the hand frame), and
+each sensor's bias and scale (along its beam) and mounting.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from tanteo.sensors.noise import beam_cov
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.readings import Readings, check_readings_kind
 from tanteo.sensors.rig import Rig
-from tanteo.sensors.shared import Common, aims_of, base, of_devices, offset, tip
+from tanteo.sensors.shared import SharedEffect, aims_of, base, of_devices, offset, tip
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 _ACROSS_FLOOR = 1e-2
-"""Least spread across a beam, as a share of the spread along it: keeps covariances invertible."""
+"""Smallest standard deviation across a beam as a fraction of that along it, which keeps covariances invertible."""
 
 
 _SIDES = {"hole": 1, "boss": -1, "": 0}
 
 UNSTATED_SD = 1e-4
-"""Of touches of which nobody said how well they repeat [m]: between a touch probe and a hand-held tip."""
+"""Standard deviation assumed for contact readings without one [m], between a touch probe and a hand-held tip."""
 
 
 def measure(
@@ -47,27 +47,27 @@ def measure(
     rig: Rig | None = None,
     beam_half_angle: float = math.nan,
 ) -> PointMeasurements:
-    """Points in the world with covariance and shared errors, from what the devices said.
+    """Return points in the world with covariance and shared errors from device readings.
 
-    A point is the sensed **surface** point where the contact normal is known (ball centre less one radius along the
-    normal); otherwise it is the centre of the tip's ball and its radius is kept. Free-space rays are carried along.
+    A point is the sensed **surface** point where the contact normal is known (ball centre minus one radius along the
+    normal). Otherwise it is the centre of the tip's ball, and the radius is kept. Free-space rays are kept as well.
 
     Args:
-        readings: What the devices said.
-        sensor: Preset (or its name) of readings whose sensor the rig does not know.
-        robot: Preset (or its name) of the robot's errors; none are assumed without it.
-        sd: One standard deviation along the beam or normal [m], for rows that have none of their own.
-        tip_sd: Standard deviations ``(3,)`` of the tip's offset in the hand's frame [m], one draw for the run.
-        bias_sd: Standard deviation of an error along the approach that all readings share [m]: of the ball's radius,
-            the trigger point or the zero, beside what presets and rigs say.
-        rig: Where the range sensors sit on the hand.
-        beam_half_angle: Of the beams of readings with a range whose sensor says none [rad]; if NaN, such readings are
-            as uncertain across as along, as a touch is.
+        readings: readings of the devices.
+        sensor: preset, or its name, for readings whose sensor the rig does not contain.
+        robot: preset, or its name, of the robot's errors; None to assume no errors.
+        sd: standard deviation along the beam or normal [m], for rows without their own.
+        tip_sd: standard deviations of the tip's offset in the hand frame ``(3,)`` [m], one draw for the run.
+        bias_sd: standard deviation of an error along the approach shared by all readings [m], such as of the ball's
+            radius, the trigger point or the zero; it adds to those of presets and rigs.
+        rig: poses of the range sensors on the hand.
+        beam_half_angle: half angle of beams whose sensor does not state one [rad]; if NaN, such readings have the same
+            standard deviation across as along the beam.
 
     Raises:
-        InputError: The spread of a reading is unknown (no column, no ``sd``, no preset, or a preset that needs the
-            range), the tip's error is asked for without hand poses, a range without a rig, or a name is unknown.
-        ReadingsError: A range is outside what its device can give.
+        InputError: the standard deviation of a reading is unknown (no column, ``sd`` or preset, or a preset that needs
+            the range), ``tip_sd`` is given without hand poses, a range has no rig, or a name is unknown.
+        ReadingsError: a range is outside the limits of its device.
     """
     sensor, robot = _checked(readings, sensor, robot, rig)
     _check_sds(sd, bias_sd)
@@ -79,8 +79,9 @@ def measure(
     points, radii = _surface_points(readings, placed)
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
     half_angles = np.where(np.isnan(half_angles), beam_half_angle, half_angles)
-    covs, aims = _independent(readings, placed, half_angles, sds, radii), aims_of(readings, placed)
-    shared = list[Common]()
+    covs = _independent(readings, placed, half_angles, sds, radii)
+    aims = aims_of(readings, placed)
+    shared = list[SharedEffect]()
     if robot is not None:
         covs = covs + _repeatability(readings, points, robot)
         shared.append(base(points, placed, free, robot))
@@ -106,14 +107,14 @@ def measure(
         jacobians=tuple(one.points[hit] for one in shared),
         rows=np.flatnonzero(hit),
         free=_free_beams(readings, placed, devices, numbers, shared),
-        taken_off=(readings.radii - radii)[hit],
+        subtracted_radii=(readings.radii - radii)[hit],
         sizes=tuple(None if np.isnan(size) else size for size in sizes[hit].tolist()),
         material_sides=tuple(_SIDES[readings.material_sides[k]] for k in np.flatnonzero(hit)),
     )
 
 
 def _check_sds(sd: float | None, bias_sd: float | None) -> None:
-    """Spreads that readings can have."""
+    """Check that stated standard deviations are in the accepted range."""
     if sd is not None:
         check_number("sd", sd, "m")
     if sd is not None and not LEAST_SD <= sd <= LARGEST:
@@ -123,16 +124,24 @@ def _check_sds(sd: float | None, bias_sd: float | None) -> None:
 
 
 def _unaimed(aims: Vectors, sds: FloatArray | float) -> Covariances:
-    """A bias whose direction is unknown cannot be shared: it widens the independent part ``(n, 3, 3)``."""
+    """Return the covariance ``(n, 3, 3)`` of a bias in unknown direction, which is treated as independent."""
     return np.asarray(np.where(np.isnan(aims[:, 0]), np.square(sds), 0.0)[:, None, None] * np.eye(3))
 
 
 def unstated_sd(
     readings: Readings, *, sensor: SensorPreset | str | None = None, sd: float | None = None, rig: Rig | None = None
 ) -> float | None:
-    """The sd that is assumed of readings of which nobody said any [m]; None where somebody did, or it is a preset's.
+    """Return the standard deviation assumed for readings without a stated one [m].
 
-    It is only where to begin: the readings themselves tell how much they scatter, within a factor of some twenty.
+    None if one is stated or from a preset.
+
+    It is only a start value: the scatter of the readings corrects it within a factor of about twenty.
+
+    Args:
+        readings: readings of the devices.
+        sensor: preset, or its name; None if not stated.
+        sd: standard deviation [m]; None if not stated.
+        rig: rig of the sensors; None if not stated.
     """
     check_readings_kind("readings", readings)
     said = sd is not None or sensor is not None or rig is not None or bool(np.isfinite(readings.sds).any())
@@ -142,7 +151,7 @@ def unstated_sd(
 def _checked(
     readings: Readings, sensor: SensorPreset | str | None, robot: RobotPreset | str | None, rig: Rig | None
 ) -> tuple[SensorPreset | None, RobotPreset | None]:
-    """The presets, by name or not; what is no readings, preset or rig at all is refused."""
+    """Return the presets looked up by name; refuse arguments of the wrong type."""
     check_readings_kind("readings", readings)
     if rig is not None:
         check_kind("rig", rig, Rig, "Read its file first: tanteo.io.read_rig(path).")
@@ -159,7 +168,7 @@ def _checked(
 def _spreads(
     readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray, sd: float | None
 ) -> FloatArray:
-    """Standard deviation along the beam or normal: the column, else ``sd``, else the device."""
+    """Return the standard deviation along the beam or normal [m]: from the column, else ``sd``, else the device."""
     sds = np.array(readings.sds)
     if sd is not None:
         sds[np.isnan(sds)] = sd
@@ -182,7 +191,7 @@ def _spreads(
 
 
 def _surface_points(readings: Readings, placed: Placed) -> tuple[Vectors, FloatArray]:
-    """Points, moved to the surface where the normal is known, and the radii that remain."""
+    """Return points, moved to the surface where the normal is known, and the remaining tip radii."""
     known = readings.has_normal & (readings.radii > 0)
     shift = np.where(known[:, None], readings.radii[:, None] * readings.normals, 0.0)
     return placed.points - shift, np.where(known, 0.0, readings.radii)
@@ -191,7 +200,10 @@ def _surface_points(readings: Readings, placed: Placed) -> tuple[Vectors, FloatA
 def _independent(
     readings: Readings, placed: Placed, half_angles: FloatArray, sds: FloatArray, radii: FloatArray
 ) -> Covariances:
-    """Independent covariances: along and across the beam, or a ball; and the normal's tilt on the tip's radius."""
+    """Return independent covariances.
+
+    Along and across a beam, or isotropic, plus the tilt of the normal at the tip's radius.
+    """
     cone = 0.5 * placed.ranges * half_angles
     is_beam = ~np.isnan(cone) & ~np.isnan(placed.directions[:, 0])
     across = np.where(is_beam, np.maximum(cone, _ACROSS_FLOOR * sds), sds)
@@ -208,7 +220,10 @@ def _independent(
 
 
 def _repeatability(readings: Readings, points: Vectors, robot: RobotPreset) -> Covariances:
-    """Of the hand's pose: its position, and its turn times the arm from hand to point where the hand is known."""
+    """Return the covariance of the hand's repeatability.
+
+    Position, plus rotation times the lever arm if the hand is known.
+    """
     arms = np.where(readings.has_hand[:, None], points - readings.Ts_world_hand[:, :3, 3], 0.0)
     squares = np.sum(arms**2, axis=-1)[:, None, None]
     turned = squares * np.eye(3) - arms[:, :, None] * arms[:, None, :]
@@ -216,11 +231,11 @@ def _repeatability(readings: Readings, points: Vectors, robot: RobotPreset) -> C
 
 
 def _free_beams(
-    readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray, shared: Sequence[Common]
+    readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray, shared: Sequence[SharedEffect]
 ) -> FreeBeams:
     free = readings.is_free
     half_angles = np.array([d.beam_half_angle for d in devices])[numbers]
-    touches = [d.preset is not None and d.preset.is_contact for d in devices]  # a tip is stopped however it comes
+    touches = [d.preset is not None and d.preset.is_contact for d in devices]  # a surface stops a tip at any incidence
     limits = np.where(touches, np.pi / 2, [d.max_incidence for d in devices])[numbers]
     return FreeBeams(
         ids=tuple(np.array(readings.ids, dtype=object)[free]),

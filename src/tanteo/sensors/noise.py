@@ -1,9 +1,9 @@
-"""Error models of a sensed point: range, beam and its cone, mounting and robot (``math.md`` section 7).
+"""Model the errors of a sensed point: range, beam and its cone, mounting and robot (``math.md`` section 7).
 
-Two ways to look along a cone. One ray drawn from it for every reading (:func:`draw_aims`) is what :func:`measure`
-assumes: the point met is off the axis by a quarter of the squared half angle per axis, independently. Many rays that
-fill it (:func:`cone_rays`) and are blended into one range (:func:`blend`) show what a real device does where only a
-share of its spot is on the part.
+There are two models of a cone. :func:`measure` assumes one ray drawn for every reading (:func:`draw_aims`): the hit
+point is off the axis by a quarter of the squared half angle per axis, independently. Many rays that fill the cone
+(:func:`cone_rays`), blended into one range (:func:`blend`), simulate a real device whose spot is only partly on the
+part.
 """
 
 from __future__ import annotations
@@ -27,50 +27,52 @@ def range_variance(
     s_rho: float = 0.0,
     s_beta: float = 0.0,
 ) -> FloatArray:
-    """Variance of the range of an intensity sensor, ``I = k rho cos(beta) / d^2`` (``math.md`` section 7).
+    """Return the variance of the range of an intensity sensor, ``I = k rho cos(beta) / d^2`` (``math.md`` section 7).
 
     Args:
-        d: Range [m].
-        beta: Incidence: angle between beam and surface normal [rad], below pi/2.
-        s0: Floor [m].
-        k1: Part proportional to the range.
-        k3: Constant noise of the intensity, which grows as ``d^3 / cos(beta)`` [1/m^2].
-        s_rho: Relative standard deviation of the reflectance. It is common to a surface: use it as noise only
-            when readings come from different surfaces.
-        s_beta: Standard deviation of the incidence [rad].
+        d: range [m].
+        beta: incidence, the angle between beam and surface normal [rad], below pi/2.
+        s0: constant standard deviation [m].
+        k1: standard deviation proportional to the range.
+        k3: standard deviation from constant noise of the intensity, which grows as ``d^3 / cos(beta)`` [1/m^2].
+        s_rho: relative standard deviation of the reflectance. It is common to a surface: use it as noise only when
+            readings come from different surfaces.
+        s_beta: standard deviation of the incidence [rad].
 
     Returns:
-        The variance [m^2], broadcast over ``d`` and ``beta``.
+        Variance [m^2], broadcast over ``d`` and ``beta``.
 
     Raises:
-        InputError: An incidence of pi/2 or more: the beam does not meet the surface.
+        InputError: an incidence is pi/2 or more, where the beam misses the surface.
     """
-    d, beta = np.asarray(d, dtype=np.float64), np.asarray(beta, dtype=np.float64)
+    d = np.asarray(d, dtype=np.float64)
+    beta = np.asarray(beta, dtype=np.float64)
     cos = np.cos(beta)
     if not (cos > 0).all():
         raise InputError(
-            f"beta: expected an incidence below pi/2, got {np.max(np.abs(beta)):g} rad. Look at the front."
+            f"beta: expected an incidence below pi/2, got {np.max(np.abs(beta)):g} rad. The beam must face the surface."
         )
-    reflectance, incidence = 0.5 * d * s_rho, 0.5 * d * np.tan(beta) * s_beta
+    reflectance = 0.5 * d * s_rho
+    incidence = 0.5 * d * np.tan(beta) * s_beta
     return np.asarray(s0**2 + (k1 * d) ** 2 + (k3 * d**3 / cos) ** 2 + reflectance**2 + incidence**2)
 
 
 def sensor_error_cov(
     T_robot_sensor: Transforms, T_sensor_feature: Transforms, cov_robot: Covariances, cov_device: Covariances
 ) -> Covariances:
-    """Covariance of a sensed feature's location in its own frame: equation (2) of the paper.
+    """Return the covariance of a sensed feature's location in its own frame (Montano and Sagues 1991, equation (2)).
 
-    ``T_robot_feature = T_robot_sensor T_sensor_feature``, with a body error of the robot ahead of the first and a
-    body error of the device between the two, independent: ``C = FJR C_r FJR^T + FJS C_d FJS^T``.
+    ``T_robot_feature = T_robot_sensor T_sensor_feature``, with independent body errors of the robot (at ``robot``) and
+    of the device (at ``sensor``): ``C = FJR C_r FJR^T + FJS C_d FJS^T``.
 
     Args:
-        T_robot_sensor: Pose of the sensor in the robot's frame.
-        T_sensor_feature: Pose of the feature in the sensor's frame.
-        cov_robot: Of the robot's body error at ``robot`` (``x y z rx ry rz``).
-        cov_device: Of the device's body error at ``sensor``.
+        T_robot_sensor: pose of the sensor in the robot frame ``(*batch, 4, 4)`` [m].
+        T_sensor_feature: pose of the feature in the sensor frame ``(*batch, 4, 4)`` [m].
+        cov_robot: covariance of the robot's body error at ``robot`` ``(6, 6)``, order ``x y z rx ry rz``.
+        cov_device: covariance of the device's body error at ``sensor`` ``(6, 6)``.
 
     Returns:
-        ``(*batch, 6, 6)`` in the feature's frame.
+        Covariance ``(*batch, 6, 6)`` in the feature frame.
     """
     J_robot = SE3.adjoint_inverse(T_robot_sensor @ T_sensor_feature)
     J_device = SE3.adjoint_inverse(T_sensor_feature)
@@ -87,19 +89,20 @@ def sensed_point(
     var_range: FloatArray | float,
     cone_half_angle: FloatArray | float = 0.0,
 ) -> tuple[Vectors, Covariances]:
-    """Point that a beam along +z of the sensor met at range ``d``, with its covariance (``math.md`` section 7).
+    """Return the point that a beam along +z of the sensor hits, with its covariance (``math.md`` section 7).
 
     Args:
-        T_world_robot: Pose of the robot (or of the hand, if ``cov_robot`` is the hand's) in the world.
-        T_robot_sensor: Pose of the sensor on it.
-        d: Range [m].
-        cov_robot: Of the body error at ``robot``.
-        cov_sensor: Of the body error at ``sensor`` (mounting).
-        var_range: Variance of the range [m^2].
-        cone_half_angle: Of the beam [rad]; a uniform disc, so a quarter of its square per axis.
+        T_world_robot: pose of the robot (or of the hand, if ``cov_robot`` is the hand's) in the world ``(*batch, 4,
+            4)`` [m].
+        T_robot_sensor: pose of the sensor in that frame ``(*batch, 4, 4)`` [m].
+        d: range [m].
+        cov_robot: covariance of the body error at ``robot`` ``(6, 6)``.
+        cov_sensor: covariance of the body error at ``sensor`` (mounting) ``(6, 6)``.
+        var_range: variance of the range [m^2].
+        cone_half_angle: half angle of the beam [rad]; the spot is a uniform disc with a quarter of its square per axis.
 
     Returns:
-        The points ``(*batch, 3)`` in the world [m] and their covariances ``(*batch, 3, 3)`` [m^2].
+        Points ``(*batch, 3)`` in the world [m] and their covariances ``(*batch, 3, 3)`` [m^2].
     """
     T_world_sensor = T_world_robot @ T_robot_sensor
     d = np.asarray(d, dtype=np.float64)
@@ -111,11 +114,11 @@ def sensed_point(
 
 
 def body_jacobian(T_world_body: Transforms, points: Vectors) -> FloatArray:
-    """How points fixed to a body move in the world with the body's error: ``R [I, -[q]x]``, ``(*batch, 3, 6)``.
+    """Return the derivative of points fixed to a body by the body's error: ``R [I, -[q]x]`` ``(*batch, 3, 6)``.
 
     Args:
-        T_world_body: Pose of the body; its error is ``T exp(e)``.
-        points: The points in the world [m].
+        T_world_body: pose of the body ``(*batch, 4, 4)`` [m]; its error ``e`` acts as ``T exp(e)``.
+        points: points in the world ``(*batch, 3)`` [m].
     """
     R = T_world_body[..., :3, :3]
     arms = SE3.apply(SO3.inverse(R), points - T_world_body[..., :3, 3])
@@ -123,14 +126,26 @@ def body_jacobian(T_world_body: Transforms, points: Vectors) -> FloatArray:
 
 
 def beam_cov(beam: Vectors, along: FloatArray | float, across: FloatArray | float) -> Covariances:
-    """``along a a^T + across (I - a a^T)`` for unit vectors ``a``: variances [m^2] along and across a beam."""
-    along, across = np.asarray(along, dtype=np.float64), np.asarray(across, dtype=np.float64)
+    """Return ``along a a^T + across (I - a a^T)``, the covariance of a point on a beam ``(*batch, 3, 3)`` [m^2].
+
+    Args:
+        beam: unit vectors ``a`` ``(*batch, 3)``.
+        along: variance along the beam [m^2].
+        across: variance across the beam per axis [m^2].
+    """
+    along = np.asarray(along, dtype=np.float64)
+    across = np.asarray(across, dtype=np.float64)
     outer = beam[..., :, None] * beam[..., None, :]
     return np.asarray(across[..., None, None] * np.eye(3) + (along - across)[..., None, None] * outer)
 
 
 def carry(J: FloatArray, cov: Covariances) -> Covariances:
-    """``J C J^T``, symmetric to the last bit."""
+    """Return ``J C J^T``, exactly symmetric.
+
+    Args:
+        J: Jacobian ``(*batch, m, n)``.
+        cov: covariance ``(*batch, n, n)``.
+    """
     out = J @ cov @ np.swapaxes(J, -1, -2)
     return np.asarray(0.5 * (out + np.swapaxes(out, -1, -2)))
 
@@ -139,15 +154,15 @@ _GOLDEN_TURN = math.pi * (3 - math.sqrt(5))
 
 
 def draw_aims(rng: np.random.Generator, half_angles: FloatArray | float, batch: tuple[int, ...] = ()) -> Vectors:
-    """One unit direction per reading, drawn uniformly from the disc of the cone about +z of the sensor.
+    """Draw one unit direction per reading, uniformly in the disc of the cone about +z of the sensor.
 
     Args:
-        rng: Source of chance.
-        half_angles: Half angles of the cones [rad], any shape.
-        batch: Leading axes of the result, before those of ``half_angles``.
+        rng: random number generator.
+        half_angles: half angles of the cones [rad], any shape.
+        batch: leading axes of the result.
 
     Returns:
-        ``(*batch, *half_angles.shape, 3)`` in the sensor's frame.
+        Directions ``(*batch, *half_angles.shape, 3)`` in the sensor frame.
     """
     half_angles = np.asarray(half_angles, dtype=np.float64)
     u = rng.random((2, *batch, *half_angles.shape))
@@ -156,14 +171,14 @@ def draw_aims(rng: np.random.Generator, half_angles: FloatArray | float, batch: 
 
 
 def cone_rays(half_angle: FloatArray | float, n: int) -> Vectors:
-    """``n`` unit directions that fill the disc of a cone about +z evenly, each for the same area (a sunflower).
+    """Return ``n`` unit directions that fill the disc of a cone about +z with equal areas (sunflower, Vogel 1979).
 
     Args:
-        half_angle: Half angle [rad], any shape.
-        n: How many.
+        half_angle: half angle [rad], any shape.
+        n: number of directions.
 
     Returns:
-        ``(*half_angle.shape, n, 3)`` in the sensor's frame.
+        Directions ``(*half_angle.shape, n, 3)`` in the sensor frame.
 
     Raises:
         InputError: ``n`` is less than one.
@@ -182,18 +197,19 @@ def _directions(off: FloatArray, turn: FloatArray) -> Vectors:
 
 
 def blend(ranges: FloatArray, *, threshold: float = 0.5, nearest: bool = False) -> tuple[FloatArray, FloatArray]:
-    """The range that a device makes of all the rays of its cone.
+    """Return the range that a device reports for all rays of its cone.
 
     Args:
-        ranges: Along the rays [m], rays on the last axis; not finite where a ray met nothing within range.
-        threshold: Share of the spot that must be met for the device to answer.
-        nearest: The device answers with the nearest echo (ultrasonic) instead of the mean of them (time of flight).
+        ranges: ranges along the rays [m], with the rays on the last axis; not finite where a ray hits nothing within
+            range.
+        threshold: fraction of the spot on a surface above which the device reports a range.
+        nearest: whether the device reports the nearest echo (ultrasonic) instead of the mean (time of flight).
 
     Returns:
-        The ranges [m], infinite where the share is below the threshold, and the shares, without the last axis.
+        Ranges [m], infinite where the fraction is below the threshold, and the fractions, without the last axis.
 
     Raises:
-        InputError: A threshold that is not in (0, 1].
+        InputError: the threshold is not in (0, 1].
     """
     if not 0 < threshold <= 1:
         raise InputError(f"threshold: expected a share above 0 and up to 1, got {threshold:g}. Use 0.5.")
@@ -207,14 +223,14 @@ def blend(ranges: FloatArray, *, threshold: float = 0.5, nearest: bool = False) 
 
 
 def edge_shift(threshold: FloatArray | float) -> FloatArray:
-    """How far the axis is over the part when a cone that crosses its edge begins to see it, in radii of the spot.
+    """Return the position of the axis relative to an edge, in spot radii, at which a crossing cone switches the device.
 
-    Zero at half the spot; negative where a smaller share is enough, so that the edge seems to stand out by this many
-    radii, from whichever side it is crossed: crossings of two opposite edges, or of one edge coming and going with a
-    part and a background that are both seen, cancel it.
+    It is zero for a threshold of half the spot and negative for a smaller one, so that the edge appears displaced
+    outwards whichever side the crossing starts from. Crossings of two opposite edges cancel it, and so do crossings of
+    one edge in both directions if part and background are both detected.
 
     Args:
-        threshold: Share of the spot at which the device changes its mind, within (0, 1).
+        threshold: fraction of the spot at which the device switches, in (0, 1).
     """
     # the covered share is the distribution function of a uniform disc along one axis: Beta(3/2, 3/2)
     from scipy.special import betaincinv  # slow to import
@@ -223,12 +239,14 @@ def edge_shift(threshold: FloatArray | float) -> FloatArray:
 
 
 def edge_bias(d: FloatArray | float, half_angle: FloatArray | float, threshold: FloatArray | float) -> FloatArray:
-    """Bias of an edge event [m] along the crossing, positive towards the part: ``d tan(gamma) g(threshold)``.
+    """Return the bias of an edge event along the crossing [m], positive towards the part.
+
+    ``d tan(gamma) g(threshold)``.
 
     Args:
-        d: Range to the edge [m].
-        half_angle: Of the cone [rad].
-        threshold: Share of the spot at which the device changes its mind.
+        d: range to the edge [m].
+        half_angle: half angle ``gamma`` of the cone [rad].
+        threshold: fraction of the spot at which the device switches, argument of ``g`` (:func:`edge_shift`).
     """
     return np.asarray(np.asarray(d) * np.tan(half_angle) * edge_shift(threshold))
 
@@ -236,11 +254,13 @@ def edge_bias(d: FloatArray | float, half_angle: FloatArray | float, threshold: 
 def edge_variance(
     d: FloatArray | float, half_angle: FloatArray | float, stride: FloatArray | float = 0.0
 ) -> FloatArray:
-    """Variance of an edge event along the crossing [m^2], at a threshold of half the spot (``math.md`` section 7).
+    """Return the variance of an edge event along the crossing [m^2] (``math.md`` section 7).
+
+    The threshold is half the spot.
 
     Args:
-        d: Range to the edge [m].
-        half_angle: Of the cone [rad].
-        stride: Way of the sensor from reading to reading [m]: speed times sampling time.
+        d: range to the edge [m].
+        half_angle: half angle of the cone [rad].
+        stride: path of the sensor between readings [m], speed times sampling time.
     """
     return np.asarray(np.asarray(stride) ** 2 / 12 + (0.5 * np.asarray(d) * half_angle) ** 2)

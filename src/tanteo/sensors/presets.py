@@ -1,7 +1,7 @@
-"""Presets of sensors and robots with the law of their noise: typical error figures, each with its source.
+"""Define presets of sensors and robots: typical error figures with their sources, and noise laws.
 
-The ``check`` text of a preset uses the letters V verified in the source, C computed by us from it, M from memory
-and A assumed by us. A preset is a start: a calibration of your own device is always better.
+The ``check`` text of a preset uses the letters V for verified in the source, C for computed from it, M for from memory,
+and A for assumed. A calibration of your own device is always better than a preset.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from tanteo.errors import InputError, did_you_mean
 from tanteo.typing import FloatArray
 
 _LARGEST_EXPONENT = 20.0
-"""The exponential is cut at 5e8: far beyond any device's range, only so that nothing overflows."""
+"""Largest exponent of the exponential law, which prevents overflow far beyond any device's range."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseLaw:
-    """Standard deviation of a range from reading to reading, along the beam. Numbers, or arrays over sensors.
+    """Standard deviation of a range along the beam over the range, for one sensor or for arrays of sensors.
 
-    Floor, proportional and quadratic part are independent of each other and add in quadrature. Where there is an
-    exponential law the floor is ``const (1 + exp(k (d - d0)))``: hardly more than the constant up to ``d0``, then
-    growing fast (Crazyflie firmware, ``zranger.c``).
+    The constant, proportional and quadratic parts are independent and add in quadrature. With an exponential law the
+    constant part is ``const (1 + exp(k (d - d0)))``: nearly constant up to ``d0``, then growing fast (Crazyflie
+    firmware, ``zranger.c``).
 
     Attributes:
-        const: Floor [m].
-        prop: Part proportional to the range.
-        quad: Part proportional to the range squared [1/m].
-        exp_d0: Range at which the exponential law has doubled the floor [m].
-        exp_k: Rate of the exponential law [1/m]; 0 for none.
+        const: constant standard deviation [m].
+        prop: standard deviation proportional to the range.
+        quad: standard deviation proportional to the squared range [1/m].
+        exp_d0: range at which the exponential law doubles the constant part [m].
+        exp_k: rate of the exponential law [1/m]; 0 for none.
 
     Raises:
         InputError: a part is negative.
@@ -52,11 +52,11 @@ class NoiseLaw:
     _grows: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("const", "prop", "quad", "exp_k"):  # NaN where a device does not say
+        for name in ("const", "prop", "quad", "exp_k"):  # NaN where the device does not state it
             value = getattr(self, name)
             if np.any(value < 0):
                 raise InputError(f"noise law, {name}: expected 0 or more, got {np.nanmin(value):g}. Correct it.")
-        # a simulator asks a thousand times a second: what the law needs is found out once
+        # simulators evaluate the law a thousand times a second, so these tests are made once
         object.__setattr__(self, "_explodes", bool(np.any(self.exp_k > 0)))
         object.__setattr__(self, "_grows", bool(np.any(self.prop > 0) or np.any(self.quad > 0)))
 
@@ -64,22 +64,38 @@ class NoiseLaw:
     def of(
         cls, const: float, prop: float = 0.0, quad: float = 0.0, exp_d0: float = 0.0, exp_k: float = 0.0
     ) -> NoiseLaw:
-        """The law of one device."""
+        """Return the law of one device.
+
+        Args:
+            const: constant standard deviation [m].
+            prop: standard deviation proportional to the range.
+            quad: standard deviation proportional to the squared range [1/m].
+            exp_d0: range at which the exponential law doubles the constant part [m].
+            exp_k: rate of the exponential law [1/m]; 0 for none.
+        """
         return cls(*(np.asarray(x, dtype=np.float64) for x in (const, prop, quad, exp_d0, exp_k)))
 
     @classmethod
     def stack(cls, laws: Sequence[NoiseLaw]) -> NoiseLaw:
-        """One law with arrays over the devices, last axis."""
+        """Return one law with arrays over the devices on the last axis.
+
+        Args:
+            laws: laws of the devices.
+        """
         names = ("const", "prop", "quad", "exp_d0", "exp_k")
         return cls(*(np.stack([getattr(law, name) for law in laws], axis=-1) for name in names))
 
     @property
     def depends_on_range(self) -> bool:
-        """The noise grows with the range, so the range must be known."""
+        """Whether the noise depends on the range, so that the range must be known."""
         return self._explodes or self._grows
 
     def sigma(self, d: FloatArray | float) -> FloatArray:
-        """Standard deviation [m] at range ``d`` [m]; a law that is constant ignores the range, even NaN."""
+        """Return the standard deviation [m] at a range; a constant law accepts NaN.
+
+        Args:
+            d: range [m].
+        """
         d = np.asarray(d, dtype=np.float64)
         if not (self._explodes or self._grows):
             return np.array(np.broadcast_to(self.const, np.broadcast_shapes(d.shape, self.const.shape)))
@@ -94,26 +110,26 @@ class NoiseLaw:
 
 @dataclass(frozen=True, slots=True)
 class SensorPreset:
-    """Error figures of one kind of sensor. Lengths [m], angles [rad]; NaN where the figure does not apply.
+    """Error figures of one kind of sensor; NaN where a figure does not apply.
 
     Attributes:
-        name: Name of the preset.
-        kind: ``tof``, ``laser_triangulation``, ``touch``, ...
-        min_range: Nearest range the device gives [m].
-        max_range: Farthest range [m]; 0 for a touch.
-        beam_half_angle: Half angle of the beam's cone [rad].
-        sigma_const: Constant standard deviation of a range [m].
-        sigma_prop: Part proportional to the range.
-        sigma_quad: Part proportional to the range squared [1/m].
-        exp_d0: Range at which the exponential law has doubled ``sigma_const`` [m].
-        exp_k: Rate of the exponential law [1/m].
-        bias_std: Standard deviation of the error common to all readings of one device [m].
-        bias_prop_std: The same, proportional to the range (scale error).
-        max_incidence: Incidence up to which the figures hold [rad].
-        rate_hz: Readings a second.
+        name: name of the preset.
+        kind: measuring principle: ``tof``, ``laser_triangulation``, ``touch``, ...
+        min_range: smallest range [m].
+        max_range: largest range [m]; 0 for a touch probe.
+        beam_half_angle: half angle of the beam's cone [rad].
+        sigma_const: constant standard deviation of a range [m].
+        sigma_prop: standard deviation proportional to the range.
+        sigma_quad: standard deviation proportional to the squared range [1/m].
+        exp_d0: range at which the exponential law doubles ``sigma_const`` [m].
+        exp_k: rate of the exponential law [1/m].
+        bias_std: standard deviation of the bias common to all readings of one device [m].
+        bias_prop_std: standard deviation of the common scale error.
+        max_incidence: largest incidence for which the figures hold [rad].
+        rate_hz: readings per second.
         range_kind: ``radial`` along the beam, ``perpendicular`` along the optical axis, or ``contact``.
-        check: What was verified and what is assumed.
-        source: Where the figures come from.
+        check: verified and assumed figures, see the module.
+        source: source of the figures.
     """
 
     name: str
@@ -136,28 +152,28 @@ class SensorPreset:
 
     @property
     def is_contact(self) -> bool:
-        """It touches: there is no range and no beam."""
+        """Whether the sensor is a touch probe, without range and beam."""
         return self.range_kind == "contact"
 
     @property
     def law(self) -> NoiseLaw:
-        """How its noise grows with the range."""
+        """Noise law over the range."""
         exponential = (self.exp_d0, self.exp_k) if self.exp_k > 0 else (0.0, 0.0)
         return NoiseLaw.of(self.sigma_const, self.sigma_prop, self.sigma_quad, *exponential)
 
 
 @dataclass(frozen=True, slots=True)
 class RobotPreset:
-    """Errors of a robot's hand pose. ``repeat`` differs from reading to reading, ``abs`` is common to the run.
+    """Errors of a robot's hand pose: ``repeat`` differs for each reading, ``abs`` is common to the run.
 
     Attributes:
-        name: Name of the preset.
-        pos_repeat_std: Position repeatability, per axis [m].
-        pos_abs_std: Absolute position error, per axis [m].
-        rot_repeat_std: Orientation repeatability, per axis [rad].
-        rot_abs_std: Absolute orientation error, per axis [rad].
-        check: What was verified and what is assumed.
-        source: Where the figures come from.
+        name: name of the preset.
+        pos_repeat_std: standard deviation of the position's repeatability per axis [m].
+        pos_abs_std: standard deviation of the absolute position error per axis [m].
+        rot_repeat_std: standard deviation of the orientation's repeatability per axis [rad].
+        rot_abs_std: standard deviation of the absolute orientation error per axis [rad].
+        check: verified and assumed figures, see the module.
+        source: source of the figures.
     """
 
     name: str
@@ -182,24 +198,24 @@ _COLUMN = {
 
 @cache
 def sensor_presets() -> Mapping[str, SensorPreset]:
-    """All sensor presets by name."""
+    """Return all sensor presets by name."""
     return _table(SensorPreset, "sensor_presets.csv")
 
 
 @cache
 def robot_presets() -> Mapping[str, RobotPreset]:
-    """All robot presets by name."""
+    """Return all robot presets by name."""
     return _table(RobotPreset, "robot_error_presets.csv")
 
 
 def sensor_preset(name: str) -> SensorPreset:
-    """The errors of a sensor, from the shipped table.
+    """Return the error figures of a sensor from the shipped table.
 
     Args:
-        name: as ``tanteo sensor list`` shows it.
+        name: name of the preset, see ``tanteo sensor list``.
 
     Raises:
-        InputError: No such preset; the message lists the nearest names.
+        InputError: there is no such preset; the message lists the nearest names.
 
     Example:
         >>> preset = tanteo.sensor_preset("keyence_il300")
@@ -210,13 +226,13 @@ def sensor_preset(name: str) -> SensorPreset:
 
 
 def robot_preset(name: str) -> RobotPreset:
-    """The errors of a robot, from the shipped table.
+    """Return the error figures of a robot from the shipped table.
 
     Args:
-        name: as :func:`robot_presets` lists it.
+        name: name of the preset, see :func:`robot_presets`.
 
     Raises:
-        InputError: No such preset; the message lists the nearest names.
+        InputError: there is no such preset; the message lists the nearest names.
 
     Example:
         >>> tanteo.robot_preset("calibrated_small").name

@@ -1,4 +1,4 @@
-"""A rig: which range sensors sit where on the hand. Metres, radians; the beam runs along +z of each sensor."""
+"""Define a rig: the range sensors of a hand with their poses; each beam runs along +z of its sensor."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ class RigSensor:
     """One range sensor on the hand.
 
     Attributes:
-        name: As in the ``sensor`` column of the readings.
-        T_hand_sensor: Its pose on the hand, ``(4, 4)``; the beam leaves its origin along +z.
-        preset: Noise law, beam and range limits; None when ``sd`` and ``beam_half_angle`` say it.
-        sd: One standard deviation along the beam [m]; overrides the preset's law. NaN for "use the preset".
-        sd_prop: Part of the noise proportional to the range, beside ``sd``.
-        beam_half_angle: Half angle of the beam's cone [rad].
-        max_range: Farthest range [m]; NaN for unknown.
-        bias_sd: Standard deviation of the error common to all readings of this sensor [m].
-        cov_mount: Of the mounting: body error at the sensor, ``(6, 6)``, common to all its readings.
-        axis_cosine: Cosine of the angle between beam and optical axis, for devices that report the distance along
-            the axis instead of along the beam (``range_kind`` perpendicular); 1 otherwise.
-        bias: Known offset of its ranges [m], from a calibration: what it reads too far. It is taken off.
-        scale: Known scale error of its ranges: it reads ``1 + scale`` times the range. It is taken off.
-        scale_sd: Standard deviation of the scale error that is left; NaN for the preset's.
-        unit: The device that it is one beam of, as a zone of a multi-zone sensor: beams of one unit share bias, scale
-            and mounting; ``''`` for a device of its own.
-        T_hand_unit: Pose of the device, at which its mounting error is stated; that of the beam if not given.
-        cov_scale: Covariance ``(6,)`` between mounting error and scale error, as a calibration finds them together.
+        name: name of the sensor, as in the ``sensor`` column of the readings.
+        T_hand_sensor: pose of the sensor on the hand ``(4, 4)`` [m]; the beam leaves its origin along +z.
+        preset: noise law, beam and range limits; None if ``sd`` and ``beam_half_angle`` are given.
+        sd: standard deviation along the beam [m], which overrides the preset's law; NaN to use the preset.
+        beam_half_angle: half angle of the beam's cone [rad].
+        max_range: largest range [m]; NaN if unknown.
+        bias_sd: standard deviation of the bias common to all readings of this sensor [m].
+        cov_mount: covariance of the mounting, a body error at the sensor common to all its readings ``(6, 6)``.
+        axis_cosine: cosine between beam and optical axis, for devices that report the distance along the axis
+            (``range_kind`` perpendicular); 1 otherwise.
+        sd_prop: standard deviation proportional to the range, in addition to ``sd``.
+        bias: known offset of the ranges from a calibration [m], which is subtracted.
+        scale: known scale error of the ranges, which is removed; the device reports ``1 + scale`` times the range.
+        scale_sd: standard deviation of the remaining scale error; NaN to use the preset's.
+        cov_scale: covariance between mounting error and scale error ``(6,)``, from a joint calibration.
+        unit: name of the device that the beam belongs to, as a zone of a multi-zone sensor; beams of one unit share
+            bias, scale and mounting. Empty for a separate device.
+        T_hand_unit: pose of the device on the hand ``(4, 4)`` [m], at which its mounting error acts; NaN for that of
+            the beam.
     """
 
     name: str
@@ -57,7 +58,7 @@ class RigSensor:
 
     @property
     def device(self) -> str:
-        """Name of the device that it is or belongs to."""
+        """Name of the device that the beam belongs to."""
         return self.unit or self.name
 
     def __post_init__(self) -> None:
@@ -96,7 +97,7 @@ class RigSensor:
 
 
 def _check_unit(sensor: RigSensor, first: RigSensor) -> None:
-    """Beams of one device have one pose and one set of errors that stay."""
+    """Check that all beams of a device have the same device pose and the same shared error figures."""
     same = all(
         np.array_equal(getattr(sensor, name), getattr(first, name), equal_nan=True)
         for name in ("T_hand_unit", "cov_mount", "cov_scale", "bias_sd", "scale_sd")
@@ -110,7 +111,12 @@ def _check_unit(sensor: RigSensor, first: RigSensor) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
-    """The range sensors of one hand, by name."""
+    """Range sensors of one hand.
+
+    Attributes:
+        sensors: sensors with unique names.
+        source: origin of the rig (a file name), for messages.
+    """
 
     sensors: tuple[RigSensor, ...]
     source: str = "rig"
@@ -123,10 +129,13 @@ class Rig:
             _check_unit(sensor, next(s for s in self.sensors if s.device == sensor.device))
 
     def numbers(self, names: Sequence[str]) -> np.ndarray:
-        """Index into ``sensors`` for every name; -1 for ``''``.
+        """Return the index into ``sensors`` of every name; -1 for an empty name.
+
+        Args:
+            names: names of sensors.
 
         Raises:
-            InputError: A name that the rig does not have.
+            InputError: the rig does not have a sensor of that name.
         """
         known = {s.name: i for i, s in enumerate(self.sensors)} | {"": -1}
         for name in dict.fromkeys(names):

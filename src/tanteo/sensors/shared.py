@@ -1,7 +1,7 @@
-"""Errors that readings share: what each of them is, and how it moves points and free-space rays.
+"""Model errors that readings share, and their effect on points and free-space rays.
 
-A free-space ray has an origin and a direction. What moves the frame that it is known in moves both; the bias and the
-scale of a sensor move neither, for they are of ranges.
+A free-space ray has an origin and a direction. An error of its frame moves both. Bias and scale of a sensor move
+neither, because they act on ranges.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Common:
-    """A shared error ``c`` of ``d`` numbers, and what it does to all readings, free-space rays among them.
+class SharedEffect:
+    """Shared error ``c`` of ``d`` components, with its effect on all readings.
 
     Attributes:
-        error: what it is.
-        points: how points, and origins of free-space rays, move: ``+= points @ c`` ``(n, 3, d)``.
-        turns: how directions of free-space rays do ``(n, 3, d)``; zero for the others.
+        error: name, covariance and meaning of the error.
+        points: derivative of points, and of origins of free-space rays, by ``c`` ``(n, 3, d)``.
+        turns: derivative of directions of free-space rays by ``c`` ``(n, 3, d)``; zero for the others.
     """
 
     error: SharedError
@@ -37,22 +37,40 @@ class Common:
     turns: FloatArray
 
 
-def base(points: Vectors, placed: Placed, free: BoolArray, robot: RobotPreset) -> Common:
-    """Rigid left error of the world about its origin: ``delta p = v + w x p`` (``math.md`` section 6)."""
+def base(points: Vectors, placed: Placed, free: BoolArray, robot: RobotPreset) -> SharedEffect:
+    """Return the absolute error of the robot, a rigid left error of the world.
+
+    ``delta p = v + w x p`` (``math.md`` section 6).
+
+    Args:
+        points: points of the readings ``(n, 3)`` [m].
+        placed: readings in the world.
+        free: mask of free-space rays ``(n,)``.
+        robot: error figures of the robot.
+    """
     variances = np.repeat([robot.pos_abs_std**2, robot.rot_abs_std**2], 3)
     error = SharedError("robot base", np.diag(variances), f"absolute error of the robot ({robot.name}) [m, rad]")
     J = np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=-1)
     turns = np.zeros_like(J)
     turns[free, :, 3:] = -SO3.hat(placed.directions[free])
-    return Common(error, J, turns)
+    return SharedEffect(error, J, turns)
 
 
-def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> Common:
-    """Tip offset in the hand's frame: moves a touch, or its way, by ``R_world_hand c``; ranges have no tip."""
+def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> SharedEffect:
+    """Return the tip's offset in the hand frame, which moves a contact reading by ``R_world_hand c`` but not a range.
+
+    Args:
+        readings: readings with hand poses.
+        placed: readings in the world.
+        tip_sd: standard deviations of the offset ``(3,)`` [m].
+
+    Raises:
+        InputError: ``tip_sd`` is invalid, or a contact reading has no hand pose.
+    """
     try:
         tip_sd = np.asarray(tip_sd, dtype=np.float64)
     except (ValueError, TypeError):
-        raise InputError(f"tip_sd: expected three numbers [m], got {tip_sd!r}. Say [1e-3, 1e-3, 0.3e-3].") from None
+        raise InputError(f"tip_sd: expected three numbers [m], got {tip_sd!r}. Use [1e-3, 1e-3, 0.3e-3].") from None
     if tip_sd.shape != (3,) or not np.isfinite(tip_sd).all() or (tip_sd < 0).any() or not tip_sd.any():
         raise InputError(
             f"tip_sd: expected three lengths of zero or more [m], got {tip_sd.tolist()}. Leave it out for zeros."
@@ -69,25 +87,46 @@ def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> Common:
         )
     error = SharedError("tip offset", np.diag(tip_sd**2), "offset of the tip in the hand's frame [m]")
     J = np.where(touched[:, None, None], readings.Ts_world_hand[:, :3, :3], 0.0)
-    return Common(error, J, np.zeros_like(J))
+    return SharedEffect(error, J, np.zeros_like(J))
 
 
-def offset(aims: Vectors, rows: BoolArray, bias_sd: float) -> Common:
-    """One error along all approach directions: a ball's radius, a trigger point, the zero of a sensor."""
+def offset(aims: Vectors, rows: BoolArray, bias_sd: float) -> SharedEffect:
+    """Return one error along all approach directions, such as of a ball's radius, a trigger point or a sensor's zero.
+
+    Args:
+        aims: directions in which the error acts ``(n, 3)``; NaN if unknown.
+        rows: mask of the affected rows ``(n,)``.
+        bias_sd: standard deviation [m].
+    """
     J = np.where((rows & ~np.isnan(aims[:, 0]))[:, None], aims, 0.0)[..., None]
     return _one("offset of all readings", bias_sd, "along the approach [m]", J)
 
 
 def aims_of(readings: Readings, placed: Placed) -> Vectors:
-    """The direction in which a device's bias acts: the beam or touch, else against the normal, else NaN."""
+    """Return the direction in which a device's bias acts.
+
+    Beam or approach, else opposite to the normal, else NaN ``(n, 3)``.
+
+    Args:
+        readings: readings of the devices.
+        placed: readings in the world.
+    """
     return np.where(np.isnan(placed.directions), -readings.normals, placed.directions)
 
 
 def of_devices(
     placed: Placed, aims: Vectors, devices: tuple[Device, ...], numbers: IntArray, free: BoolArray
-) -> list[Common]:
-    """Bias, scale and mounting of every device; zones of one device share them."""
-    out: list[Common] = []
+) -> list[SharedEffect]:
+    """Return bias, scale and mounting errors of every device; the zones of one device share them.
+
+    Args:
+        placed: readings in the world.
+        aims: directions in which a bias acts ``(n, 3)``; NaN if unknown.
+        devices: devices of the readings.
+        numbers: device index of each reading ``(n,)``.
+        free: mask of free-space rays ``(n,)``.
+    """
+    out: list[SharedEffect] = []
     units: dict[str, Device] = {}
     for device in devices:
         units.setdefault(device.unit, device)
@@ -109,30 +148,32 @@ def of_devices(
         if device.mount is not None and device.mount.cov_mount.any() and mount.any():
             meaning = "mounting of the sensor on the hand, body error [m, rad]"
             error = SharedError(f"mounting of {unit}", device.mount.cov_mount, meaning)
-            out.append(Common(error, *_mounted(placed, mount, free)))
+            out.append(SharedEffect(error, *_mounted(placed, mount, free)))
     return out
 
 
 def _mounted(placed: Placed, rows: BoolArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """How the body error of its sensor moves points, and turns directions of free-space rays ``(n, 3, 6)``."""
-    J, turns, open_ = np.zeros((len(rows), 3, 6)), np.zeros((len(rows), 3, 6)), rows & free
+    """Return the derivatives of points and of ray directions by the sensor's body error ``(n, 3, 6)``."""
+    J = np.zeros((len(rows), 3, 6))
+    turns = np.zeros((len(rows), 3, 6))
+    open_ = rows & free
     J[rows] = body_jacobian(placed.T_world_units[rows], placed.points[rows])
     ahead = placed.points[open_] + placed.directions[open_]
     turns[open_] = body_jacobian(placed.T_world_units[open_], ahead) - J[open_]
     return J, turns
 
 
-def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: BoolArray) -> list[Common]:
-    """Mounting and scale of a calibrated sensor, which were found together: one error of seven numbers."""
+def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: BoolArray) -> list[SharedEffect]:
+    """Return mounting and scale of a jointly calibrated sensor as one error of seven components."""
     if not rows.any():
         return []
     mounted, turns = _mounted(placed, rows, free)
-    # the more it reads too far, the nearer is what it met
+    # a device that reports too large a range has a nearer target
     nearer = np.where((rows & ~free)[:, None], -placed.ranges[:, None] * placed.directions, 0.0)[..., None]
     meaning = "mounting of the sensor on the hand, body error [m, rad], and scale error [1]"
     error = SharedError(f"mounting and scale of {device.unit}", device.cov_unit, meaning)
-    return [Common(error, np.concatenate([mounted, nearer], axis=2), np.pad(turns, [(0, 0), (0, 0), (0, 1)]))]
+    return [SharedEffect(error, np.concatenate([mounted, nearer], axis=2), np.pad(turns, [(0, 0), (0, 0), (0, 1)]))]
 
 
-def _one(name: str, sd: float, meaning: str, J: FloatArray) -> Common:
-    return Common(SharedError(name, np.array([[sd**2]]), meaning), J, np.zeros_like(J))
+def _one(name: str, sd: float, meaning: str, J: FloatArray) -> SharedEffect:
+    return SharedEffect(SharedError(name, np.array([[sd**2]]), meaning), J, np.zeros_like(J))

@@ -1,12 +1,11 @@
-"""Queries on a triangle mesh: closest points, inside or outside, rays, where its faces end, and the surfaces behind it.
+"""Query a triangle mesh: closest points, inside or outside, rays, borders of faces, and exact surfaces.
 
-Wraps libigl (double precision) and Embree (single precision, hits refined in double). Everything is in the
-frame of the mesh and in metres; points carry leading batch axes.
+The package wraps libigl (double precision) and Embree (single precision, hits refined in double). All data is in the
+mesh frame in metres; points have leading batch axes.
 """
 
-from tanteo.shapes.ball import ball_contact
 from tanteo.shapes.borders import Borders, borders
-from tanteo.shapes.field import DistanceField, as_signed, distance_field, signed_distance
+from tanteo.shapes.field import DistanceField, as_signed, ball_contact, distance_field, signed_distance
 from tanteo.shapes.junctions import SHARP, Junctions
 from tanteo.shapes.near_planes import NearPlanes, near_planes, nearest
 from tanteo.shapes.revolved import Profiles, Revolved, revolved

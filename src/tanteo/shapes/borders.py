@@ -1,7 +1,7 @@
-"""Where faces end: the sharp edges of a mesh and the corners where they meet, each with the faces around it.
+"""Find the borders of faces: sharp edges of a mesh and the corners where they meet, with the adjacent faces.
 
-A reading near an edge may belong to either face, and each face holds only the part of its noise that is on it. Far
-from every edge a surface is a plane as far as the noise reaches, and none of this matters.
+A reading near an edge may belong to either face, and each face receives only the truncated-normal mass of the noise on
+it. Far from every edge the noise does not reach the border, and a face can be treated as a plane.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from tanteo.shapes.surface import Surface
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 _CELLS = 24
-"""Cells of the grid of distances, along its longest side."""
+"""Number of distance-grid cells along the longest side."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Borders:
-    """The sharp edges of a mesh, ready to be asked for the nearest one.
+    """Sharp edges of a mesh with a search structure for the nearest one.
 
     Attributes:
-        vertices: of the mesh ``(V, 3)`` [m].
-        edges: pairs of vertices ``(E, 2)``.
-        junctions: of the edges, and after them of the corners ``(E + C, ...)``.
-        corners: row of the junction of each vertex; -1 for one that is no corner ``(V,)``.
-        narrowest: least width of the faces at each junction ``(E + C,)`` [m].
+        vertices: vertices of the mesh ``(V, 3)`` [m].
+        edges: vertex pairs of the sharp edges ``(E, 2)``.
+        junctions: junctions of the edges, followed by those of the corners ``(E + C, ...)``.
+        corners: junction row of each vertex ``(V,)``; -1 for a vertex that is not a corner.
+        narrowest: smallest width of the faces at each junction ``(E + C,)`` [m].
     """
 
     vertices: FloatArray
@@ -42,11 +42,11 @@ class Borders:
     _grid: FloatArray
 
     def near(self, points: Vectors, reach: FloatArray) -> BoolArray:
-        """Whether an edge may be within reach: never wrong when it says no.
+        """Return whether an edge may be within reach; False is always correct.
 
         Args:
-            points: ``(*batch, 3)`` in the frame of the mesh [m].
-            reach: ``(*batch,)`` [m].
+            points: points in the mesh frame ``(*batch, 3)`` [m].
+            reach: distances ``(*batch,)`` [m].
         """
         if not len(self.edges):
             return np.zeros(np.shape(points)[:-1], dtype=bool)
@@ -59,11 +59,13 @@ class Borders:
         return np.asarray(np.maximum(self._grid.ravel()[index] - away, beyond) <= reach)
 
     def nearest(self, points: Vectors, reach: FloatArray) -> tuple[FloatArray, IntArray]:
-        """The junction nearest to each point: a corner if one is within reach of the nearest edge's foot.
+        """Return the junction nearest to each point.
+
+        A corner if one is within reach of the nearest edge point, else the edge.
 
         Args:
-            points: ``(n, 3)`` in the frame of the mesh [m].
-            reach: ``(n,)`` [m].
+            points: points in the mesh frame ``(n, 3)`` [m].
+            reach: distances ``(n,)`` [m].
 
         Returns:
             Distance from the edge [m], and row of :attr:`junctions`.
@@ -79,14 +81,15 @@ class Borders:
 
 
 def borders(surface: Surface) -> Borders:
-    """Find the sharp edges of a mesh and what meets there.
+    """Return the sharp edges of a mesh with the faces at edges and corners.
 
     Args:
-        surface: a mesh; edges that do not have exactly two triangles are left out.
+        surface: mesh; edges without exactly two triangles are ignored.
     """
     edges, sides = _sharp_edges(surface)
     smooth = _smooth_faces(surface, edges)
-    junctions, corners = [at_edges(surface, edges, sides, smooth)], np.full(len(surface.vertices), -1)
+    junctions = [at_edges(surface, edges, sides, smooth)]
+    corners = np.full(len(surface.vertices), -1)
     valence = np.bincount(edges.ravel(), minlength=len(surface.vertices))
     incident = _incident(surface, np.flatnonzero(valence >= 3))
     sharp = {(int(a), int(b)) for a, b in edges}
@@ -101,16 +104,18 @@ def borders(surface: Surface) -> Borders:
 
 
 def _searchable(vertices: FloatArray, edges: IntArray) -> tuple[Any, FloatArray, float, FloatArray]:
-    """A tree of the edges, and the distance from them on a grid: its origin, its step and its values."""
+    """Return a search tree of the edges, and the distances from them on a grid: origin, step and values."""
     import igl  # slow to import
 
     tree = igl.AABB()
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    low = vertices.min(axis=0)
+    high = vertices.max(axis=0)
     step = float((high - low).max()) / _CELLS
     if not len(edges):
         return tree, low, step, np.full((1, 1, 1), np.inf)
     tree.init(vertices, edges)
-    shape, origin = np.ceil((high - low) / step).astype(int) + 3, low - step
+    shape = np.ceil((high - low) / step).astype(int) + 3
+    origin = low - step
     axes = [origin[k] + step * np.arange(shape[k]) for k in range(3)]
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     squared, _, _ = tree.squared_distance(vertices, edges, np.ascontiguousarray(centres))
@@ -118,12 +123,13 @@ def _searchable(vertices: FloatArray, edges: IntArray) -> tuple[Any, FloatArray,
 
 
 def _sharp_edges(surface: Surface) -> tuple[IntArray, IntArray]:
-    """Vertices ``(E, 2)`` and the two triangles ``(E, 2)`` of the sharp edges."""
+    """Return vertices ``(E, 2)`` and the two triangles ``(E, 2)`` of the sharp edges."""
     T = surface.triangles
     ends = np.sort(T[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     owner = np.repeat(np.arange(len(T)), 3)
     order = np.lexsort((ends[:, 1], ends[:, 0]))
-    ends, owner = ends[order], owner[order]
+    ends = ends[order]
+    owner = owner[order]
     _, first, count = np.unique(ends, axis=0, return_index=True, return_counts=True)
     first = first[count == 2]
     sides = np.stack([owner[first], owner[first + 1]], axis=1)
@@ -133,23 +139,27 @@ def _sharp_edges(surface: Surface) -> tuple[IntArray, IntArray]:
 
 
 def _smooth_faces(surface: Surface, sharp: IntArray) -> IntArray:
-    """Number of the smooth face that each triangle belongs to ``(T,)``: across shared edges that are not sharp."""
+    """Return the smooth face number of each triangle ``(T,)``: faces are connected across edges that are not sharp."""
     from scipy.sparse import coo_array  # slow to import
     from scipy.sparse.csgraph import connected_components
 
-    T, V = surface.triangles, len(surface.vertices)
+    T = surface.triangles
+    V = len(surface.vertices)
     ends = np.sort(T[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    keys, owner = ends[:, 0] * V + ends[:, 1], np.repeat(np.arange(len(T)), 3)
+    keys = ends[:, 0] * V + ends[:, 1]
+    owner = np.repeat(np.arange(len(T)), 3)
     order = np.argsort(keys, kind="stable")
-    keys, owner = keys[order], owner[order]
+    keys = keys[order]
+    owner = owner[order]
     joined = (keys[1:] == keys[:-1]) & ~np.isin(keys[1:], sharp[:, 0] * V + sharp[:, 1])
-    a, b = owner[:-1][joined], owner[1:][joined]
+    a = owner[:-1][joined]
+    b = owner[1:][joined]
     graph = coo_array((np.ones(len(a)), (a, b)), shape=(len(T), len(T)))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def _incident(surface: Surface, vertices: IntArray) -> dict[int, IntArray]:
-    """Triangles at each of some vertices."""
+    """Return the triangles at each of the given vertices."""
     chosen = np.isin(surface.triangles, vertices)
     rows, columns = np.nonzero(chosen)
     at = surface.triangles[rows, columns]

@@ -1,4 +1,4 @@
-"""Signed distance to a surface: exact, and from a grid for many points at once."""
+"""Compute the signed distance to a surface, exactly or from a grid, and the path of a ball until contact."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from tanteo.shapes.surface import ClosestPoints, Surface
 from tanteo.typing import FloatArray, Vectors
 
 CELLS = 40
-"""Cells of the grid along its longest side."""
+"""Number of grid cells along the longest side."""
 
 _MARGIN = 0.3
-"""How far the grid reaches beyond the surface, in diagonals of its box."""
+"""Margin of the grid around the surface, in diagonals of its box."""
 
 
 def signed_distance(surface: Surface, points: Vectors) -> tuple[FloatArray, Vectors]:
-    """Distance to the surface, negative inside, and its gradient.
+    """Return the distance to the surface, negative inside, and its gradient.
 
-    The sign comes from the normal at the closest point, weighted by angle on edges and corners; from the winding number
-    where the mesh does not close. On the surface itself the gradient is the outward normal.
+    The sign follows from the angle-weighted pseudonormal at the closest point (Baerentzen and Aanaes 2005), or from the
+    winding number if the mesh is open. On the surface the gradient is the outward normal.
 
     Args:
-        surface: a closed mesh.
-        points: ``(*batch, 3)`` in its frame [m].
+        surface: closed mesh.
+        points: points in its frame ``(*batch, 3)`` [m].
 
     Returns:
         Distances ``(*batch,)`` [m] and unit gradients ``(*batch, 3)``.
@@ -33,7 +33,13 @@ def signed_distance(surface: Surface, points: Vectors) -> tuple[FloatArray, Vect
 
 
 def as_signed(surface: Surface, points: Vectors, near: ClosestPoints) -> tuple[FloatArray, Vectors]:
-    """:func:`signed_distance` where the closest points are known."""
+    """Return :func:`signed_distance` from known closest points.
+
+    Args:
+        surface: closed mesh.
+        points: points in its frame ``(*batch, 3)`` [m].
+        near: closest points of ``points``.
+    """
     gap = points - near.points
     known = surface.pseudonormals
     if known is None:
@@ -51,12 +57,12 @@ def as_signed(surface: Surface, points: Vectors, near: ClosestPoints) -> tuple[F
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceField:
-    """Signed distance and gradient at the centres of a grid's cells; within a cell it is taken as linear.
+    """Signed distance and gradient at the cell centres of a grid, linear inside each cell.
 
     Attributes:
         origin: centre of the first cell ``(3,)`` [m].
         step: side of a cell [m].
-        shape: cells along each axis.
+        shape: number of cells along each axis.
         table: distance [m] and gradient of every cell ``(cells, 4)``, single precision.
     """
 
@@ -66,7 +72,11 @@ class DistanceField:
     table: np.ndarray
 
     def __call__(self, points: Vectors) -> tuple[FloatArray, Vectors]:
-        """Distances ``(*batch,)`` and gradients ``(*batch, 3)`` at ``(*batch, 3)``; linear beyond the grid."""
+        """Return distances ``(*batch,)`` [m] and gradients ``(*batch, 3)`` at points; linear outside the grid.
+
+        Args:
+            points: points in the surface frame ``(*batch, 3)`` [m].
+        """
         local = (points - self.origin) * (1.0 / self.step)
         cell = np.clip(np.rint(local), 0, np.array(self.shape) - 1)
         index = (cell[..., 0] * self.shape[1] + cell[..., 1]) * self.shape[2] + cell[..., 2]
@@ -78,13 +88,14 @@ class DistanceField:
 
 
 def distance_field(surface: Surface, cells: int = CELLS) -> DistanceField:
-    """Tabulate the signed distance of a surface.
+    """Return a grid of the signed distance of a surface.
 
     Args:
-        surface: a closed mesh.
-        cells: along the longest side of the grid, margins included.
+        surface: closed mesh.
+        cells: number of cells along the longest side of the grid, including margins.
     """
-    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    low = surface.vertices.min(axis=0)
+    high = surface.vertices.max(axis=0)
     margin = _MARGIN * float(np.linalg.norm(high - low))
     size = high - low + 2 * margin
     step = float(size.max()) / cells
@@ -96,3 +107,30 @@ def distance_field(surface: Surface, cells: int = CELLS) -> DistanceField:
     table = np.column_stack([distance, gradient]).astype(np.float32)
     table.setflags(write=False)
     return DistanceField(origin, step, (shape[0], shape[1], shape[2]), table)
+
+
+_STEPS, _NEAR = 200, 1e-7
+"""Largest number of steps, and the distance that counts as contact [m]."""
+
+
+def ball_contact(surface: Surface, origin: Vectors, direction: Vectors, radius: float, reach: float = np.inf) -> float:
+    """Return the path length of a ball's centre along a direction until contact [m]; infinite without contact.
+
+    The steps are as long as the distance to the surface (sphere tracing, Hart 1996).
+
+    Args:
+        surface: body, in its own frame.
+        origin: centre of the ball at the start, same frame ``(3,)`` [m].
+        direction: unit direction ``(3,)``.
+        radius: radius of the ball [m]; 0 for a sharp tip.
+        reach: path length at which the search ends [m].
+    """
+    way = 0.0
+    for _ in range(_STEPS):
+        gap = float(signed_distance(surface, (origin + way * direction)[None])[0][0]) - radius
+        way += gap
+        if gap < _NEAR:
+            return max(way, 0.0) if way <= reach else np.inf
+        if way > reach:
+            break
+    return np.inf

@@ -1,4 +1,4 @@
-"""Where two or more faces of a mesh meet: the faces as planes, and the lines at which they end."""
+"""Describe the places where faces of a mesh meet: the faces as planes, and the lines that bound them."""
 
 from __future__ import annotations
 
@@ -10,31 +10,32 @@ from tanteo.shapes.surface import Surface
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 SHARP = np.deg2rad(20.0)
-"""Triangles that meet at less than this are one smooth face [rad]."""
+"""Angle between triangles below which they belong to one smooth face [rad]."""
 
 FACES = 4
-"""Faces at one corner; where more meet, only the two of the nearest edge are looked at."""
+"""Largest number of faces at a corner; if more meet, only the two of the nearest edge are used."""
 
 _SEAM = 0.004
-"""A face that goes on this far past an edge, in diagonals of the mesh, only has a seam there."""
+"""Distance past an edge, in diagonals of the mesh, at which a continuing face indicates a seam instead of an edge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Junctions:
-    """Places where faces meet, an edge or a corner each: the faces as planes, and the lines at which they end.
+    """Edges and corners: the adjacent faces as planes, and the lines that bound them.
 
-    A face ends at one line at an edge, at two at a corner. Rows that do not exist are not ``valid``. There is room for
-    four faces (:data:`FACES`), or more where others were put beside them.
+    A face has one bounding line at an edge and two at a corner. Missing faces are not ``valid``. There is space for
+    four faces (:data:`FACES`), or more after :meth:`beside`.
 
     Attributes:
-        normals: of the faces, outward ``(*batch, 4, 3)``.
-        offsets: planes are ``n . x = offset`` ``(*batch, 4)`` [m].
-        inward: in the face, across a line, into the face ``(*batch, 4, 2, 3)``; zero for a line that is not there.
+        normals: outward normals of the faces ``(*batch, 4, 3)``.
+        offsets: offsets of the planes ``n . x = offset`` ``(*batch, 4)`` [m].
+        inward: unit vector in the face, perpendicular to the line, into the face ``(*batch, 4, 2, 3)``; zero for a
+            missing line.
         limits: a point is on the face where ``inward . x >= limit`` ``(*batch, 4, 2)`` [m].
-        widths: how far the face reaches from there ``(*batch, 4, 2)`` [m].
-        reflex: the face fills more than a half turn about the corner: past one of the lines is enough ``(*batch, 4)``.
-        valid: whether there is such a face ``(*batch, 4)``.
-        triangles: one of each face there ``(*batch, 4)``.
+        widths: extent of the face from the line ``(*batch, 4, 2)`` [m].
+        reflex: whether the face spans more than pi at the corner, so that satisfying one line suffices ``(*batch, 4)``.
+        valid: whether the face exists ``(*batch, 4)``.
+        triangles: one triangle of each face ``(*batch, 4)``.
     """
 
     normals: FloatArray
@@ -47,35 +48,52 @@ class Junctions:
     triangles: IntArray
 
     def take(self, index: IntArray) -> Junctions:
-        """Some of the places."""
+        """Return the junctions at given rows.
+
+        Args:
+            index: row numbers.
+        """
         return Junctions(*(getattr(self, name)[index] for name in self.__slots__))
 
     def first(self, count: int) -> Junctions:
-        """The same places with the first faces of each only."""
+        """Return the same junctions with only the first faces of each.
+
+        Args:
+            count: number of faces.
+        """
         return Junctions(*(getattr(self, name)[:, :count] for name in self.__slots__))
 
     def beside(self, others: Junctions) -> Junctions:
-        """The same places with more faces."""
+        """Return the same junctions with the faces of others appended.
+
+        Args:
+            others: junctions with the same batch.
+        """
         arrays = ((getattr(self, name), getattr(others, name)) for name in self.__slots__)
         return Junctions(*(np.concatenate(pair, axis=1) for pair in arrays))
 
     @classmethod
     def joined(cls, parts: list[Junctions]) -> Junctions:
-        """All of them in one."""
+        """Return several sets of junctions as one.
+
+        Args:
+            parts: sets of junctions.
+        """
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__))
 
 
 def at_edges(surface: Surface, edges: IntArray, sides: IntArray, smooth: IntArray) -> Junctions:
-    """The two faces of each edge.
+    """Return the junctions of edges, each with its two faces.
 
     Args:
-        surface: the mesh.
-        edges: pairs of vertices ``(E, 2)``.
-        sides: the two triangles of each ``(E, 2)``.
-        smooth: number of the smooth face that each triangle belongs to ``(T,)``.
+        surface: mesh.
+        edges: vertex pairs ``(E, 2)``.
+        sides: the two triangles of each edge ``(E, 2)``.
+        smooth: smooth face number of each triangle ``(T,)``.
     """
     out = _empty(len(edges))
-    a, b = surface.vertices[edges[:, 0]], surface.vertices[edges[:, 1]]
+    a = surface.vertices[edges[:, 0]]
+    b = surface.vertices[edges[:, 1]]
     for side in range(2):
         n = surface.normals[sides[:, side]]
         m = _into(n, a, b, surface.vertices[surface.triangles[sides[:, side]]].mean(axis=1))
@@ -88,17 +106,17 @@ def at_edges(surface: Surface, edges: IntArray, sides: IntArray, smooth: IntArra
 
 
 def _goes_on(surface: Surface, points: Vectors, normals: Vectors, inward: Vectors) -> BoolArray:
-    """Whether faces go on past points of their border, on a plate or body beside them: a seam, not an edge."""
+    """Return whether faces continue past points of their border on an adjacent body: a seam, not an edge."""
     if not len(points):
         return np.zeros(0, dtype=bool)
     step = _SEAM * float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
     near = surface.closest(points - step * inward)
-    alike = np.sum(surface.normals[near.triangles] * normals, axis=1) > np.cos(SHARP)
-    return np.asarray(alike & (near.distances < 0.25 * step))
+    parallel = np.sum(surface.normals[near.triangles] * normals, axis=1) > np.cos(SHARP)
+    return np.asarray(parallel & (near.distances < 0.25 * step))
 
 
 def _widths(surface: Surface, smooth: IntArray, faces: IntArray, inward: Vectors) -> FloatArray:
-    """Largest ``inward . x`` over the face of each row."""
+    """Return the largest ``inward . x`` over the face of each row."""
     out = np.zeros(len(faces))
     for face in np.unique(faces):
         rows = faces == face
@@ -108,7 +126,7 @@ def _widths(surface: Surface, smooth: IntArray, faces: IntArray, inward: Vectors
 
 
 def _into(normals: Vectors, a: Vectors, b: Vectors, inside: Vectors) -> Vectors:
-    """Unit vectors in faces, across lines from ``a`` to ``b``, to the side of points inside."""
+    """Return unit vectors in the faces, perpendicular to lines from ``a`` to ``b``, on the side of inner points."""
     m = np.cross(normals, b - a)
     m /= np.maximum(np.linalg.norm(m, axis=-1, keepdims=True), 1e-300)
     return np.asarray(m * np.sign(np.sum(m * (inside - a), axis=-1, keepdims=True)))
@@ -126,24 +144,26 @@ def _empty(count: int) -> Junctions:
 def at_corner(
     surface: Surface, vertex: int, triangles: IntArray, sharp: set[tuple[int, int]], smooth: IntArray
 ) -> Junctions | None:
-    """The faces about a vertex, each a fan of triangles between two sharp edges; none if it is not that simple.
+    """Return the junction of a vertex, each face being a fan of triangles between two sharp edges; None if it is not.
 
     Args:
-        surface: the mesh.
-        vertex: which one.
-        triangles: all that have it.
-        sharp: edges, lower vertex first.
-        smooth: number of the smooth face that each triangle belongs to ``(T,)``.
+        surface: mesh.
+        vertex: index of the vertex.
+        triangles: all triangles of the vertex.
+        sharp: sharp edges, lower vertex first.
+        smooth: smooth face number of each triangle ``(T,)``.
     """
     fans = _fans(surface, vertex, triangles, sharp)
     if not 3 <= len(fans) <= FACES:
         return None
-    out, v = _empty(1), surface.vertices[vertex]
+    out = _empty(1)
+    v = surface.vertices[vertex]
     for k, (fan, lines) in enumerate(fans):
         if len(lines) != 2:
             return None
         others = np.array([[w for w in surface.triangles[t] if w != vertex] for t in fan])
-        p, q = surface.vertices[others[:, 0]] - v, surface.vertices[others[:, 1]] - v
+        p = surface.vertices[others[:, 0]] - v
+        q = surface.vertices[others[:, 1]] - v
         angles = np.arctan2(np.linalg.norm(np.cross(p, q), axis=1), np.sum(p * q, axis=1))
         n = angles @ surface.normals[fan]
         n /= np.linalg.norm(n)
@@ -161,15 +181,21 @@ def at_corner(
 def _fans(
     surface: Surface, vertex: int, triangles: IntArray, sharp: set[tuple[int, int]]
 ) -> list[tuple[list[int], list[tuple[int, int]]]]:
-    """Triangles about a vertex in groups, with each group's sharp edges: far end, and the third corner there."""
+    """Return fans of triangles about a vertex, with the sharp edges of each.
+
+    Far end, and third vertex of the triangle.
+    """
     spokes: dict[int, list[int]] = {}
     for t in triangles:
         for w in surface.triangles[t]:
             if w != vertex:
                 spokes.setdefault(int(w), []).append(int(t))
-    left, out = {int(t) for t in triangles}, []
+    left = {int(t) for t in triangles}
+    out = []
     while left:
-        fan, stack, lines = list[int](), [left.pop()], list[tuple[int, int]]()
+        fan = list[int]()
+        stack = [left.pop()]
+        lines = list[tuple[int, int]]()
         while stack:
             t = stack.pop()
             fan.append(t)

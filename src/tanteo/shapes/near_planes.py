@@ -1,10 +1,10 @@
-"""Where the nearest surface is one plane: there the signed distance is a product, and no search tree is asked.
+"""Compute signed distances without a search tree where the nearest surface is one plane.
 
-A point is off its face by ``|phi|``. If everything that is not on the plane of that face is farther from the centre of
-its cell than ``|phi|`` and the way from there together, then no other surface is nearer, and the foot cannot have left
-the face on the way: it would have crossed its border, which is shared with another plane (the sum is convex along the
-way, so that both ends are enough). That is exact, not an approximation, and holds for most points near a part of
-planes; for all others there is the tree.
+A point has distance ``|phi|`` from the plane of its face. Suppose that everything off that plane is farther from the
+centre of the point's cell than ``|phi|`` plus the distance from that centre. Then no other surface is nearer. The foot
+also lies on the face: otherwise the segment from the centre would have crossed the face's border, which another plane
+shares (the sum is convex along the segment, so checking both ends suffices). The result is exact, and covers most
+points near a part with planar faces. The search tree handles all other points.
 """
 
 from __future__ import annotations
@@ -18,28 +18,28 @@ from tanteo.shapes.surface import Surface
 from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 _LARGE = 0.005
-"""Planes with a smaller share of the surface are left to the tree: it costs one tree a plane to prepare them."""
+"""Area fraction below which planes are handled by the search tree; preparing a plane needs its own tree."""
 
 _BAND = 4
-"""Cells whose centres are farther from the surface than this many cells are left to the tree."""
+"""Distance of a cell centre from the surface, in cells, above which the search tree is used."""
 
 _ALIKE = 1e-7
-"""Planes that differ by this, in radians and in diagonals of the mesh, are one."""
+"""Largest difference of coplanar triangles, in radians and in diagonals of the mesh."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NearPlanes:
-    """Cells of a grid with the plane that is nearest there.
+    """Grid cells with the plane that is nearest there.
 
     Attributes:
         origin: centre of the first cell ``(3,)`` [m].
         step: side of a cell [m].
-        shape: cells along each axis.
-        table: outward normal and offset of each plane ``(P, 4)``: signed distance ``n . x - offset``.
-        planes: row of the table for each cell ``(cells,)``, short integers.
-        triangles: one of each plane ``(P,)``.
-        clearance: from the centre to all that is not on that plane, 0 where it is not nearest ``(cells,)`` [m]; single
-            precision, rounded down.
+        shape: number of cells along each axis.
+        table: outward normal and offset of each plane ``(P, 4)``; the signed distance is ``n . x - offset``.
+        planes: plane index of each cell ``(cells,)``.
+        triangles: one triangle of each plane ``(P,)``.
+        clearance: distance from the cell centre to everything off its plane ``(cells,)`` [m], rounded down; 0 where the
+            plane is not nearest.
     """
 
     origin: FloatArray
@@ -51,7 +51,14 @@ class NearPlanes:
     clearance: np.ndarray
 
     def __call__(self, points: Vectors) -> tuple[IntArray, FloatArray, Vectors, BoolArray]:
-        """Row of a plane ``(n,)``, signed distance ``(n,)`` and gradient ``(n, 3)`` at ``(n, 3)``; where they hold."""
+        """Return plane index, signed distance [m] and gradient at points, and the mask where they are exact.
+
+        Args:
+            points: points in the surface frame ``(n, 3)`` [m].
+
+        Returns:
+            Plane indices ``(n,)``, distances ``(n,)``, gradients ``(n, 3)`` and mask ``(n,)``.
+        """
         local = (points - self.origin) * (1.0 / self.step)
         cell = np.clip(np.rint(local), 0, np.array(self.shape) - 1)
         index = ((cell[:, 0] * self.shape[1] + cell[:, 1]) * self.shape[2] + cell[:, 2]).astype(np.int64)
@@ -64,14 +71,15 @@ class NearPlanes:
 
 
 def near_planes(surface: Surface, field: DistanceField) -> NearPlanes:
-    """Find the cells of a distance grid near which the nearest surface is one plane.
+    """Return the grid cells near which the nearest surface is one plane.
 
     Args:
-        surface: a mesh; one that does not close has borders that belong to one plane only, so it gets no such cells.
-        field: its distance grid.
+        surface: mesh; an open mesh gets no such cells, because its borders belong to only one plane.
+        field: distance grid of the mesh.
     """
     cells = len(field.table)
-    planes, clearance = np.zeros(cells, dtype=np.int32), np.zeros(cells, dtype=np.float32)
+    planes = np.zeros(cells, dtype=np.int32)
+    clearance = np.zeros(cells, dtype=np.float32)
     plane, table, triangles = _planes(surface)
     if surface.pseudonormals is not None:
         rows = np.flatnonzero(np.abs(field.table[:, 0]) < _BAND * field.step)
@@ -89,12 +97,12 @@ def near_planes(surface: Surface, field: DistanceField) -> NearPlanes:
 
 
 def nearest(surface: Surface, planes: NearPlanes, points: Vectors) -> tuple[FloatArray, Vectors, IntArray]:
-    """:func:`signed_distance` in a fraction of the time where planes are nearest.
+    """Return :func:`signed_distance`, computed faster where a plane is nearest.
 
     Args:
-        surface: a mesh.
-        planes: of it.
-        points: ``(*batch, 3)`` in its frame [m].
+        surface: mesh.
+        planes: planes of the mesh, see :func:`near_planes`.
+        points: points in its frame ``(*batch, 3)`` [m].
 
     Returns:
         Distances ``(*batch,)`` [m], unit gradients ``(*batch, 3)``, and a triangle of the nearest plane ``(*batch,)``.
@@ -112,7 +120,7 @@ def nearest(surface: Surface, planes: NearPlanes, points: Vectors) -> tuple[Floa
 
 
 def _planes(surface: Surface) -> tuple[IntArray, FloatArray, IntArray]:
-    """Row of the plane of each triangle ``(T,)``, normal and offset of the planes ``(P, 4)``, a triangle of each."""
+    """Return the plane of each triangle ``(T,)``, normal and offset of planes ``(P, 4)``, and a triangle of each."""
     offsets = np.sum(surface.normals * surface.vertices[surface.triangles[:, 0]], axis=1)
     diagonal = float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
     key = np.rint(np.column_stack([surface.normals, offsets / diagonal]) / _ALIKE)
@@ -121,14 +129,14 @@ def _planes(surface: Surface) -> tuple[IntArray, FloatArray, IntArray]:
 
 
 def _large(surface: Surface, plane: IntArray) -> IntArray:
-    """Planes that hold a share of the surface that matters."""
+    """Return the planes with a sufficient area fraction."""
     a, b, c = (surface.vertices[surface.triangles[:, k]] for k in range(3))
     areas = np.bincount(plane, weights=np.linalg.norm(np.cross(b - a, c - a), axis=1))
     return np.flatnonzero(areas > _LARGE * areas.sum())
 
 
 def _distances(surface: Surface, triangles: IntArray, points: Vectors) -> FloatArray:
-    """From points to some of the triangles; infinite if there are none."""
+    """Return the distances from points to some triangles; infinite if there are none."""
     if not len(triangles) or not len(points):
         return np.full(len(points), np.inf)
     import igl  # slow to import

@@ -1,8 +1,8 @@
-"""Cylinders, cones, spheres and tori behind a mesh: where the surface is, how it is turned, and how it bends.
+"""Compute exact distances, normals and curvatures of the cylinders, cones, spheres and tori that a mesh approximates.
 
-A mesh of a curved face lies off it by up to its sagitta, and its normals by up to half the turn from facet to facet:
-far more than a touch is uncertain. The mesh is good for finding the nearest face; what a reading is compared with is
-the surface itself. All four are surfaces of revolution, whose profile is a line or a circle.
+A mesh of a curved face deviates from it by up to its sagitta, and its normals by up to half the angle between facets,
+which is far more than the uncertainty of a contact reading. So the mesh finds the nearest face, and the exact surface
+gives the distance. All four are surfaces of revolution, whose profile is a line or a circle.
 """
 
 from __future__ import annotations
@@ -14,28 +14,29 @@ import numpy as np
 from tanteo.typing import FloatArray, IntArray, Vectors
 
 _SLACK = 1.5
-"""Times the turn from a facet to its surface: gradients that are turned farther are of the border of the face."""
+"""Factor on the angle between facet and surface, above which a gradient belongs to the border of the face."""
 
 _COARSE = 0.2
-"""Facets that are turned farther from their surface may be a prism's, and are taken as they are [rad]."""
+"""Angle between facet and surface above which facets may be those of a prism, and the mesh is used [rad]."""
 
 _NEARLY_ALL = 0.98
-"""Share of a face's area whose facets are asked how far they are turned."""
+"""Fraction of a face's area that determines the angle between its facets and the surface."""
 
 _SAME = 1e-9
-"""One less the cosine of gradients that are the same."""
+"""One minus the cosine of gradients that count as equal."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profiles:
-    """Exact surfaces, in the frame of the mesh [m].
+    """Exact surfaces of revolution in the mesh frame.
 
     Attributes:
-        points: on the axis: of a cone its apex, of a ball or torus its centre ``(F, 3)``.
-        axes: unit ``(F, 3)``.
-        offsets: distance of the profile from the axis: radius of a cylinder, major radius of a torus, else 0 ``(F,)``.
-        slopes: angle of a straight profile with the axis: of a cone ``(F,)`` [rad].
-        radii: of a round profile: of a ball or a torus's tube; 0 for a straight one ``(F,)``.
+        points: points on the axes ``(F, 3)`` [m]: apex of a cone, centre of a sphere or torus.
+        axes: unit axes ``(F, 3)``.
+        offsets: distances of the profiles from the axes ``(F,)`` [m]: radius of a cylinder, major radius of a torus,
+            else 0.
+        slopes: angles of straight profiles with the axis, nonzero for cones ``(F,)`` [rad].
+        radii: radii of round profiles, of spheres and tubes of tori ``(F,)`` [m]; 0 for straight ones.
         signs: 1 where the material is on the side of the axis or of the tube's centre, -1 for a bore ``(F,)``.
     """
 
@@ -47,20 +48,31 @@ class Profiles:
     signs: FloatArray
 
     def take(self, index: IntArray) -> Profiles:
-        """One row for each index."""
+        """Return the surfaces at given rows.
+
+        Args:
+            index: row numbers.
+        """
         return Profiles(*(getattr(self, name)[index] for name in self.__slots__))
 
     def distance(self, points: Vectors) -> tuple[FloatArray, Vectors]:
-        """Signed distance ``(F,)`` [m] of one point each ``(F, 3)``, and its unit gradient; zero on the axis."""
+        """Return the signed distance ``(F,)`` [m] of one point per surface, and its unit gradient; zero on the axis.
+
+        Args:
+            points: points in the mesh frame ``(F, 3)`` [m].
+        """
         phi, n, _, _ = self._at(points)
         return phi, n
 
-    def bends(self, points: Vectors) -> tuple[FloatArray, Vectors, Vectors]:
-        """How the gradient turns from place to place: its derivative is ``sum_i b_i e_i e_i'``.
+    def curvatures(self, points: Vectors) -> tuple[FloatArray, Vectors, Vectors]:
+        """Return the principal curvatures at points: the derivative of the gradient is ``sum_i b_i e_i e_i'``.
+
+        Args:
+            points: points in the mesh frame ``(F, 3)`` [m].
 
         Returns:
-            Both ``b`` ``(F, 2)`` [1/m], positive where the surface is convex, unit directions ``e`` ``(F, 2, 3)``, and
-            the gradient ``(F, 3)``.
+            Both curvatures ``b`` ``(F, 2)`` [1/m], positive where the surface is convex, unit directions ``e``
+            ``(F, 2, 3)``, and the gradient ``(F, 3)``.
         """
         _, n, away, tube = self._at(points)
         out = np.sum(n * away[:, :3], axis=-1)
@@ -70,45 +82,49 @@ class Profiles:
         return np.where(np.isfinite(b), b, 0.0), np.stack([round_axis, np.cross(n, round_axis)], axis=1), n
 
     def _at(self, points: Vectors) -> tuple[FloatArray, Vectors, FloatArray, FloatArray]:
-        """Distance, gradient, the unit way from the axis and its length ``(F, 4)``, distance from the tube's centre."""
+        """Return distance, gradient, unit radial direction and length ``(F, 4)``, and distance from the tube centre."""
         v = points - self.points
         height = np.sum(v * self.axes, axis=-1)
         across = v - height[:, None] * self.axes
         rho = np.linalg.norm(across, axis=-1)
         out = across / np.maximum(rho, 1e-300)[:, None]
-        c, s, beyond = np.cos(self.slopes), np.sin(self.slopes), rho - self.offsets
+        c = np.cos(self.slopes)
+        s = np.sin(self.slopes)
+        beyond = rho - self.offsets
         tube = np.hypot(beyond, height)
-        straight, safe = self.radii == 0, np.maximum(tube, 1e-300)
+        straight = self.radii == 0
+        safe = np.maximum(tube, 1e-300)
         phi = np.where(straight, beyond * c - height * s, tube - self.radii)
-        by_out, by_axis = np.where(straight, c, beyond / safe), np.where(straight, -s, height / safe)
+        by_out = np.where(straight, c, beyond / safe)
+        by_axis = np.where(straight, -s, height / safe)
         n = by_out[:, None] * out + by_axis[:, None] * self.axes
         return self.signs * phi, self.signs[:, None] * n, np.column_stack([out, rho]), tube
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Revolved:
-    """The exact surfaces behind the triangles of a mesh.
+    """Exact surfaces that the triangles of a mesh approximate.
 
     Attributes:
-        profiles: the surfaces.
-        rows: of the surface of each triangle; -1 where there is only the mesh ``(T,)``.
-        alike: least cosine of a gradient of the mesh with that of the surface, where one stands for the other ``(F,)``.
+        profiles: exact surfaces.
+        rows: surface of each triangle ``(T,)``; -1 where there is only the mesh.
+        min_cosines: smallest cosine between the gradients of mesh and surface at which the surface is used ``(F,)``.
     """
 
     profiles: Profiles
     rows: IntArray
-    alike: FloatArray
+    min_cosines: FloatArray
 
     def replace(self, points: Vectors, triangles: IntArray, phi: FloatArray, g: Vectors) -> None:
-        """Put exact distances and gradients in the place of those from a mesh, where its nearest triangle has them.
+        """Replace distances and gradients of a mesh by exact ones, in place, where the nearest triangle has a surface.
 
-        Beyond the border of a face, where the way from the mesh is not across the face, they stay.
+        Points beyond the border of a face, whose gradient is not perpendicular to the surface, keep the mesh's values.
 
         Args:
-            points: ``(*batch, 3)`` in the frame of the mesh [m].
-            triangles: the nearest to each ``(*batch,)``.
-            phi: signed distances ``(*batch,)`` [m]; changed.
-            g: unit gradients ``(*batch, 3)``; changed.
+            points: points in the mesh frame ``(*batch, 3)`` [m].
+            triangles: nearest triangles ``(*batch,)``.
+            phi: signed distances ``(*batch,)`` [m]; updated.
+            g: unit gradients ``(*batch, 3)``; updated.
         """
         rows = self.rows[triangles]
         index = np.nonzero(rows >= 0)
@@ -116,26 +132,28 @@ class Revolved:
             return
         rows = rows[index]
         exact, n = self.profiles.take(rows).distance(points[index])
-        ok = np.sum(n * g[index], axis=-1) > self.alike[rows]
+        ok = np.sum(n * g[index], axis=-1) > self.min_cosines[rows]
         index = tuple(axis[ok] for axis in index)
-        phi[index], g[index] = exact[ok], n[ok]
+        phi[index] = exact[ok]
+        g[index] = n[ok]
 
-    def bends(
+    def curvatures(
         self, points: Vectors, triangles: IntArray, g: Vectors
     ) -> tuple[tuple[IntArray, ...], FloatArray, Vectors]:
-        """:meth:`Profiles.bends` where gradients are those of an exact surface.
+        """Return :meth:`Profiles.curvatures` of the points whose gradients are those of an exact surface.
 
         Args:
-            points: ``(*batch, 3)`` in the frame of the mesh [m].
-            triangles: of their faces ``(*batch,)``.
-            g: gradients there ``(*batch, 3)``.
+            points: points in the mesh frame ``(*batch, 3)`` [m].
+            triangles: nearest triangles ``(*batch,)``.
+            g: unit gradients ``(*batch, 3)``.
 
         Returns:
-            Index into the batch of those ``c`` points, ``b`` ``(c, 2)`` and ``e`` ``(c, 2, 3)``.
+            Index into the batch of these ``c`` points, curvatures ``b`` ``(c, 2)`` [1/m] and directions ``e``
+            ``(c, 2, 3)``.
         """
         rows = self.rows[triangles]
         index = np.nonzero(rows >= 0)
-        b, e, n = self.profiles.take(rows[index]).bends(points[index])
+        b, e, n = self.profiles.take(rows[index]).curvatures(points[index])
         ok = np.sum(n * g[index], axis=-1) > 1 - _SAME
         return tuple(axis[ok] for axis in index), b[ok], e[ok]
 
@@ -143,35 +161,37 @@ class Revolved:
 def revolved(
     profiles: Profiles, rows: IntArray, corners: FloatArray, normals: Vectors, precision: FloatArray
 ) -> Revolved | None:
-    """Check surfaces against their mesh, and leave out those that it does not show; None if none is left.
+    """Return the surfaces that agree with their mesh; None if there is none.
 
     Args:
-        profiles: the surfaces, as convex ones; their signs are found here.
-        rows: of the surface of each triangle, -1 for none ``(T,)``.
-        corners: of the triangles ``(T, 3, 3)`` [m].
-        normals: of the triangles ``(T, 3)``.
-        precision: how far corners may be off their surface ``(F,)`` [m].
+        profiles: surfaces with sign 1; the signs are determined here.
+        rows: surface of each triangle, -1 for none ``(T,)``.
+        corners: vertices of the triangles ``(T, 3, 3)`` [m].
+        normals: unit normals of the triangles ``(T, 3)``.
+        precision: largest accepted distance of vertices from their surface ``(F,)`` [m].
     """
     own = np.flatnonzero(rows >= 0)
-    row, count = rows[own], len(profiles.signs)
+    row = rows[own]
+    count = len(profiles.signs)
     phi, n = profiles.take(np.repeat(row, 3)).distance(corners[own].reshape(-1, 3))
     off = np.abs(phi).reshape(-1, 3).max(axis=1, initial=0.0)
     n = n.reshape(-1, 3, 3)
     cosines = np.sum(n * normals[own, None], axis=-1)
     areas = np.linalg.norm(np.cross(corners[own, 1] - corners[own, 0], corners[own, 2] - corners[own, 0]), axis=1)
     inside = np.bincount(row, areas * cosines.sum(axis=1), minlength=count) < 0
-    signs, worst = np.where(inside, -1.0, 1.0), np.zeros(count)
+    signs = np.where(inside, -1.0, 1.0)
+    worst = np.zeros(count)
     np.maximum.at(worst, row, off)
     cosines = np.where(np.sum(n * n, axis=-1) > 1 - 1e-6, cosines * signs[row, None], 1.0)  # but at the apex of a cone
     turns = _mostly(np.arccos(np.clip(cosines.min(axis=1, initial=1.0), -1.0, 1.0)), areas, row, count)
     good = (worst <= precision) & (turns < _COARSE)
     kept = np.where((rows >= 0) & good[rows], rows, -1)
-    alike = np.cos(np.minimum(_SLACK * turns + 1e-3, np.pi / 3))
-    return Revolved(replace(profiles, signs=signs), kept, alike) if np.any(kept >= 0) else None
+    min_cosines = np.cos(np.minimum(_SLACK * turns + 1e-3, np.pi / 3))
+    return Revolved(replace(profiles, signs=signs), kept, min_cosines) if np.any(kept >= 0) else None
 
 
 def _mostly(values: FloatArray, areas: FloatArray, row: IntArray, count: int) -> FloatArray:
-    """The value that nearly all of the area of each face has at most ``(F,)``: normals of slivers say nothing."""
+    """Return an area-weighted quantile for each face ``(F,)``, which ignores the unreliable normals of slivers."""
     out = np.zeros(count)
     order = np.lexsort((values, row))
     for mine in np.split(order, np.flatnonzero(np.diff(row[order])) + 1):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.catalogue import Rest, known_rests
+from tanteo.catalogue import StablePose, known_stable_poses
 from tanteo.lie import SE3, SO3
 from tanteo.parts import Part
 from tanteo.typing import Transforms, Vectors
@@ -15,7 +15,7 @@ from tanteo.vision.regions import area_from_above
 from tanteo.vision.wireframe import Wireframe, wireframe
 
 
-def lay(part: Part, rest: Rest, T_table_part: Transforms) -> Transforms:
+def lay(part: Part, rest: StablePose, T_table_part: Transforms) -> Transforms:
     """The pose ``(*batch, 4, 4)`` at which the part lies exactly, nearest to a given one in place and yaw."""
     M = T_table_part[..., :3, :3] @ rest.T_table_part[:3, :3].T
     yaw = np.arctan2(M[..., 1, 0] - M[..., 0, 1], M[..., 0, 0] + M[..., 1, 1])
@@ -55,7 +55,7 @@ class VisionModel:
     frame: Wireframe
     coarse: Wireframe
     inner: Vectors
-    rests: tuple[Rest, ...]
+    rests: tuple[StablePose, ...]
     area: float
     seen: _core.EdgePart
     seen_coarsely: _core.EdgePart
@@ -64,7 +64,7 @@ class VisionModel:
 def prepare_vision(part: Part) -> VisionModel:
     """Make a part ready; what was made is kept with the part, for further images."""
     if "vision" not in part.derived:
-        frame, coarse, ways = wireframe(part), wireframe(part, COARSE), known_rests(part)
+        frame, coarse, ways = wireframe(part), wireframe(part, COARSE), known_stable_poses(part)
         area = float(np.median([area_from_above(frame.surface, rest.T_table_part) for rest in ways]))
         inner, _ = spread(part)
         part.derived["vision"] = VisionModel(

@@ -1,4 +1,4 @@
-"""What is odd about readings, though each may be right: repeated ones, and a sensor that is stuck."""
+"""Find suspicious patterns in valid readings: repeated readings, and a sensor that reports a constant range."""
 
 from __future__ import annotations
 
@@ -12,35 +12,41 @@ from tanteo.typing import IntArray
 from tanteo.words.findings import Repeated, Stuck
 
 _SAME = 1e-9
-"""Numbers (m, or parts of a unit direction) that agree to this are the same."""
+"""Difference below which two coordinates [m] or direction components count as equal."""
 
 _NAMED = 3
-"""So many sets of equal readings are named, the rest are counted."""
+"""Largest number of repeated sets that are listed by name."""
 
 _FINE, _FEW, _MANY = 1e-4, 4, 7
-"""Where a sensor tells ranges finer than this [m], so many equal ones in a row are no chance; and so many where not."""
+"""Resolution that separates fine from coarse sensors [m]; run lengths of equal ranges that chance does not explain."""
 
 _ROUNDING = 1e-9
-"""Ranges that agree to this are the same [m]."""
+"""Difference below which two ranges count as equal [m]."""
 
 
 def find_repeated(measured: PointMeasurements) -> Repeated | None:
-    """Return the readings with equal point, direction, normal and spread; None if there are none.
+    """Return the readings with equal point, direction, normal and standard deviation; None if there are none.
 
     They are not merged: a device with a coarse resolution may repeat a reading.
+
+    Args:
+        measured: measurements of the readings.
     """
     sets = _equal(measured)
     return Repeated(tuple(map(tuple, sets))) if sets else None
 
 
 def _equal(measured: PointMeasurements) -> list[Sequence[str]]:
-    """Names of readings that are equal, a set at a time, in the order of their first ones."""
+    """Return the sets of equal readings by name, in the order of their first members."""
     if not len(measured):
         return []
     sds = np.sqrt(np.diagonal(measured.covs, axis1=-2, axis2=-1))
-    directions, normals = np.nan_to_num(measured.directions), np.nan_to_num(measured.normals)
+    directions = np.nan_to_num(measured.directions)
+    normals = np.nan_to_num(measured.normals)
     numbers = np.concatenate([measured.points, directions, normals, sds, measured.radii[:, None]], axis=1)
-    inverse = np.unique(np.round(numbers / _SAME) + 0.0, axis=0, return_inverse=True)[1].ravel()  # 0.0: no minus zero
+    inverse = np.unique(np.round(numbers / _SAME) + 0.0, axis=0, return_inverse=True)[
+        1
+    ].ravel()  # + 0.0 removes minus zero
     sets: dict[int, list[str]] = {}
     for name, row in zip(measured.ids, inverse.tolist(), strict=True):
         sets.setdefault(row, []).append(name)
@@ -48,10 +54,10 @@ def _equal(measured: PointMeasurements) -> list[Sequence[str]]:
 
 
 def find_stuck(readings: Readings) -> Stuck | None:
-    """Return a sensor that gave the same range again and again, from different places; None if there is none.
+    """Return a sensor that reported the same range repeatedly from different positions; None if there is none.
 
     Args:
-        readings: in the order in which they were made.
+        readings: readings in the order of their acquisition.
     """
     for sensor in dict.fromkeys(readings.sensors):
         rows = np.flatnonzero(np.isfinite(readings.ranges) & (np.array(readings.sensors, dtype=object) == sensor))
@@ -60,13 +66,14 @@ def find_stuck(readings: Readings) -> Stuck | None:
         fine = (np.abs(steps - np.round(steps)) > _ROUNDING / _FINE).any()
         if count < (_FEW if fine else _MANY):
             continue
-        k, end = rows[first], rows[first + count - 1]
+        k = rows[first]
+        end = rows[first + count - 1]
         return Stuck(sensor, readings.ids[k], readings.ids[end], count, float(readings.ranges[k]))
     return None
 
 
 def _longest(readings: Readings, rows: IntArray) -> tuple[int, int]:
-    """Where the longest run of equal ranges from different places begins, and how long it is."""
+    """Return start and length of the longest run of equal ranges from different positions."""
     best, first = (0, min(len(rows), 1)), 0
     places = np.where(readings.has_point[:, None], readings.points, readings.Ts_world_hand[:, :3, 3])
     for k in range(1, len(rows)):

@@ -1,4 +1,4 @@
-"""What a person may not expect of the files that were read."""
+"""Warn about unexpected properties of the files that were read."""
 
 from __future__ import annotations
 
@@ -9,32 +9,44 @@ from pathlib import Path
 from tanteo.parts import FLOAT32, Part, readable_suffixes, unit_name
 
 _SINGLE = (".stl", ".glb")
-"""Formats whose coordinates are of single precision, as a rule."""
+"""Formats that usually have coordinates in single precision."""
 
 _BLUR = 4e-6
-"""How much of rounding is worth a warning [m]."""
+"""Rounding error of coordinates above which a warning is given [m]."""
 
 
 def cad_files(paths: Iterable[str | Path]) -> list[Path]:
-    """The CAD files in those of the paths that are folders; a folder that may not be read has none."""
+    """Return the CAD files in those paths that are readable folders.
+
+    Args:
+        paths: files and folders.
+    """
     readable = readable_suffixes()
     return [file for path in paths for file in _inside(path) if file.suffix.lower() in readable]
 
 
 def skipped_folders(paths: Iterable[str | Path]) -> list[str]:
-    """A sentence for each folder in the folders that holds CAD files, which are not read unless it is named, too."""
+    """Return a warning for each subfolder with CAD files, which are read only if the subfolder is named.
+
+    Args:
+        paths: files and folders that were named.
+    """
     paths = list(paths)
     named = {os.path.realpath(path) for path in paths}
-    said = []
+    warnings = []
     for folder in (f for path in paths for f in _inside(path)):
         if os.path.realpath(folder) not in named and (count := len(cad_files([folder]))):
             files = "1 CAD file in it is" if count == 1 else f"{count} CAD files in it are"
-            said.append(f"{folder}: {files} not read, as folders in a folder are not looked into. Name it, too.")
-    return said
+            warnings.append(f"{folder}: {files} not read, because subfolders are not searched. Name it, too.")
+    return warnings
 
 
 def coarse_meshes(parts: Iterable[Part]) -> Iterator[str]:
-    """A sentence for each mesh that is so far from its origin that single precision blurs it."""
+    """Yield a warning for each mesh so far from its origin that single precision distorts it.
+
+    Args:
+        parts: parts that were read.
+    """
     for part in parts:
         far = float(abs(part.box).max())
         if Path(part.source).suffix.lower() in _SINGLE and far * FLOAT32 > _BLUR:
@@ -45,18 +57,27 @@ def coarse_meshes(parts: Iterable[Part]) -> Iterator[str]:
 
 
 def unused_unit(parts: Iterable[Part], unit: str | None) -> list[str]:
-    """That a stated unit is not that of files which say their own, as others need it; nothing if it is."""
+    """Return a warning if the stated unit does not apply to files that state their own; empty otherwise.
+
+    Args:
+        parts: parts that were read.
+        unit: unit that the user stated; None if not stated.
+    """
     if unit is None:
         return []
     other = [part for part in parts if part.unit != unit_name(unit)]
-    said = ", ".join(f"{part.source} in {part.unit}" for part in other[:5]) + (", ..." if len(other) > 5 else "")
-    return [f"--units {unit} is of the files that say no unit; others are as they say: {said}."] if other else []
+    listed = ", ".join(f"{part.source} in {part.unit}" for part in other[:5]) + (", ..." if len(other) > 5 else "")
+    return [f"--units {unit} applies to files without a unit. Others keep their own: {listed}."] if other else []
 
 
 def repaired(parts: Iterable[Part]) -> Iterator[str]:
-    """What was repaired, left out or taken otherwise, for each part whose surface is not just what its file says."""
+    """Yield the repairs of each part whose surface differs from the file's content.
+
+    Args:
+        parts: parts that were read.
+    """
     for part in parts:
-        if any(not any(word in said for word in _HARMLESS) for said in part.repairs):
+        if any(not any(word in repair for word in _HARMLESS) for repair in part.repairs):
             yield f"{part.source}: {' '.join(part.repairs)}"
 
 
@@ -64,11 +85,11 @@ _HARMLESS = (
     "no area", "corners coincide", "duplicate", "winding of the triangles", "no point moved", "Made a solid",
     "Made solids", "Meshed a solid",
 )  # fmt: skip
-"""In sentences about what changes no surface; ``tanteo part show`` says those, too."""
+"""Phrases of repairs that change no surface; ``tanteo part show`` lists those as well."""
 
 
 def _inside(path: str | Path) -> list[Path]:
-    """What is in a folder, in order; nothing where that is none, or one that may not be read."""
+    """Return the content of a folder in order; empty if it is not a readable folder."""
     try:
         return sorted(Path(path).iterdir()) if Path(path).is_dir() else []
     except OSError:

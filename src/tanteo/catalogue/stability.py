@@ -1,6 +1,6 @@
-"""How a part may lie on a table: its stable poses, and its convex hull, which is all that its outline there is made of.
+"""Compute the stable poses of a part on a table, and its convex hull, which determines its outline in a stable pose.
 
-Both are kept: beside a part in the cache, and as columns of a catalogue.
+Both are stored beside a part in the cache, and as columns of a catalogue.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from tanteo.parts import Part
 from tanteo.typing import FloatArray, Transforms, Vectors
 
 ANY = 0.3
-"""Share of parts that lie as somebody put them, each stable pose as likely as the others."""
+"""Fraction of parts that were placed by hand, for which all stable poses are equally probable."""
 
 RESTS = "rests2"
-"""Of what is kept beside a part, with its version: rows of direction down and probability, in single precision."""
+"""Kind and version of the stored stable poses: rows of downward direction and probability in single precision."""
 
 _SAME = 0.02
-"""Directions down that differ less than this are one [rad]."""
+"""Angle below which two downward directions are the same stable pose [rad]."""
 
 _FINE, _HULL = 2000, 200
-"""Points of a hull from which a few of them stand for it; so many at most are kept of any: a ball of 50 mm is
-taken as up to half a millimetre smaller."""
+"""Largest number of hull points for computing stable poses, and for storage; the latter shrinks a ball of 50 mm by up
+to 0.5 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rest:
-    """One way to lie on the plane z = 0.
+class StablePose:
+    """Stable pose on the plane z = 0.
 
     Attributes:
-        T_table_part: the part lying at the origin: centroid over it, turned as little as can be ``(4, 4)``.
-        probability: beforehand.
-        height: of the part as it lies [m].
+        T_table_part: pose with the centroid above the origin and the smallest rotation ``(4, 4)`` [m].
+        probability: prior probability.
+        height: height of the part in this pose [m].
     """
 
     T_table_part: Transforms
@@ -43,49 +43,58 @@ class Rest:
     height: float
 
 
-def rests(part: Part, least: float = 0.01) -> tuple[Rest, ...]:
-    """The stable poses of a part, most probable first.
+def stable_poses(part: Part, least: float = 0.01) -> tuple[StablePose, ...]:
+    """Return the stable poses of a part, most probable first.
 
-    A pose is stable if the centroid is over the face of the convex hull that it stands on; a part that is dropped comes
-    to lie on a face as often as the centroid sees it, tipping over unstable ones (Goldberg and others 1999, by
-    ``trimesh``).
+    A pose is stable if the centroid is above the face of the convex hull that the part rests on. A dropped part ends on
+    a face with a probability proportional to the solid angle of the face seen from the centroid, plus that of unstable
+    faces that tip over to it (Goldberg et al. 1999, implemented in ``trimesh``).
 
     Args:
-        part: with its mesh; its density is taken as even.
-        least: poses that dropped parts take less often than this are left out, but for the best.
+        part: part with its mesh; its density is assumed to be uniform.
+        least: smallest probability of a pose for dropped parts; the most probable pose is always kept.
     """
     return _of_rows(part, _computed(part, least))
 
 
-def known_rests(part: Part) -> tuple[Rest, ...]:
-    """The same; what was found before stays with the part, and is beside it in the cache or its catalogue."""
+def known_stable_poses(part: Part) -> tuple[StablePose, ...]:
+    """Return the stable poses of a part, most probable first, from the part, the cache or the catalogue if stored.
+
+    Args:
+        part: part with its mesh.
+    """
     if "rest_poses" not in part.derived:
         rows = _stored(part)
         if rows is None:
             rows = _computed(part)
             cache.store_derived(part, RESTS, rows.tobytes())
         part.derived["rest_poses"] = _of_rows(part, rows)
-    found: tuple[Rest, ...] = part.derived["rest_poses"]
+    found: tuple[StablePose, ...] = part.derived["rest_poses"]
     return found
 
 
-def rest_rows(part: Part) -> np.ndarray:
-    """Of each stable pose the direction down in the part's frame, and its probability ``(R, 4)``."""
+def stable_pose_rows(part: Part) -> np.ndarray:
+    """Return downward direction in the part frame and probability of each stable pose ``(R, 4)``.
+
+    Args:
+        part: part with its mesh.
+    """
     rows = _stored(part)
     return _computed(part) if rows is None else rows
 
 
 def hull_points(part: Part) -> np.ndarray:
-    """Corners of the convex hull, or those of very many that are the farthest in some direction ``(N, 3)``.
+    """Return vertices of the convex hull ``(N, 3)`` [m], at most 200 extreme ones; of a flat part extreme vertices.
 
-    Of a flat part, which has none, they are taken among all its vertices.
+    Args:
+        part: part with its mesh.
     """
     corners = _hull(part)
     return _few(part.vertices if corners is None else corners, _HULL).astype(np.float32)
 
 
 def _stored(part: Part) -> np.ndarray | None:
-    """What is beside the part, if it is whole."""
+    """Return the stored stable poses; None if there is no valid entry."""
     stored = cache.load_derived(part, RESTS)
     if stored is None or not stored.nbytes or stored.nbytes % 16:
         return None
@@ -94,7 +103,7 @@ def _stored(part: Part) -> np.ndarray | None:
 
 
 def _computed(part: Part, least: float = 0.01) -> np.ndarray:
-    """Rows of the stable poses; those that symmetry makes equal are one."""
+    """Return rows of the stable poses, with symmetric poses merged."""
     down, shares = _faces_down(part)
     kept: list[tuple[FloatArray, float]] = []
     for k in np.argsort(-np.asarray(shares), kind="stable"):
@@ -110,7 +119,7 @@ def _computed(part: Part, least: float = 0.01) -> np.ndarray:
 
 
 def _faces_down(part: Part) -> tuple[Vectors, FloatArray]:
-    """Directions down of faces of the hull that the part may lie on, and how often it does; of a sheet both sides."""
+    """Return downward directions of the stable hull faces and their probabilities; both sides of a flat part."""
     import trimesh  # slow to import
 
     corners = _hull(part)
@@ -125,7 +134,7 @@ def _faces_down(part: Part) -> tuple[Vectors, FloatArray]:
 
 
 def _hull(part: Part) -> Vectors | None:
-    """Corners of the convex hull; None of a part that is flat."""
+    """Return vertices of the convex hull; None for a flat part."""
     from scipy.spatial import ConvexHull, QhullError  # slow to import
 
     try:
@@ -135,17 +144,18 @@ def _hull(part: Part) -> Vectors | None:
 
 
 def _few(points: Vectors, most: int) -> Vectors:
-    """The points; of more than these those that are the farthest in so many directions, even over the sphere."""
+    """Return at most so many points: those extreme in directions evenly spaced on the sphere."""
     if len(points) <= most:
         return points
     k = np.arange(most) + 0.5
-    z, turn = 1 - 2 * k / most, np.pi * (1 + np.sqrt(5)) * k
+    z = 1 - 2 * k / most
+    turn = np.pi * (1 + np.sqrt(5)) * k
     ways = np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z])
     return points[np.unique(np.argmax(points @ ways, axis=0))]
 
 
 def _equal(part: Part, first: FloatArray, second: FloatArray) -> bool:
-    """Whether the part's symmetry maps one direction down to the other."""
+    """Return whether the part's symmetry maps one downward direction to another."""
     turned = np.einsum("kij,j->ki", part.symmetry.Ts[:, :3, :3], second)
     if part.symmetry.spherical:
         return True
@@ -155,24 +165,25 @@ def _equal(part: Part, first: FloatArray, second: FloatArray) -> bool:
     return bool(np.any(turned @ first > np.cos(_SAME)))
 
 
-def _of_rows(part: Part, rows: np.ndarray) -> tuple[Rest, ...]:
+def _of_rows(part: Part, rows: np.ndarray) -> tuple[StablePose, ...]:
     exact = rows.astype(np.float64)
     down = exact[:, :3] / np.linalg.norm(exact[:, :3], axis=1, keepdims=True)
     return tuple(_rest(part, d, float(p)) for d, p in zip(down, exact[:, 3] / exact[:, 3].sum(), strict=True))
 
 
-def _rest(part: Part, down: FloatArray, probability: float) -> Rest:
+def _rest(part: Part, down: FloatArray, probability: float) -> StablePose:
     R = _turn_down(down)
     low = (part.vertices @ R.T)[:, 2]
     p = -R @ part.centroid
     p[2] = -low.min()
-    return Rest(SE3.from_parts(R, p), probability, float(np.ptp(low)))
+    return StablePose(SE3.from_parts(R, p), probability, float(np.ptp(low)))
 
 
 def _turn_down(down: FloatArray) -> FloatArray:
-    """The smallest rotation that takes a direction to -z."""
+    """Return the smallest rotation that maps a direction to -z."""
     axis = np.cross(down, [0.0, 0.0, -1.0])
-    sine, cosine = float(np.linalg.norm(axis)), -float(down[2])
+    sine = float(np.linalg.norm(axis))
+    cosine = -float(down[2])
     if sine < 1e-12:
         return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
     return SO3.exp(axis / sine * np.arctan2(sine, cosine))
