@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from tanteo.inference.details import Details
-from tanteo.inference.outliers import log_by_rate
+from tanteo.inference.outliers import LEAST_RATE, log_by_rate
 from tanteo.inference.settings import DEFAULTS
 from tanteo.parts import Part
 from tanteo.special import legendre_nodes, log_sum
@@ -125,7 +125,7 @@ def shifted(at: Details, part: Part, mean: float) -> Shifted:
 
 def _at_rate(at: Details, mean: float) -> tuple[FloatArray, FloatArray]:
     """Log densities of each reading and that it is on the surface, or off, at the rate that is stated ``(S, n)``."""
-    return np.log1p(-mean) + at.log_hit, np.log(max(mean, np.finfo(float).tiny)) + at.log_outlier
+    return np.log1p(-mean) + at.log_hit, np.log(max(mean, LEAST_RATE)) + at.log_outlier
 
 
 def _proposed(at: Details, off: BoolArray) -> tuple[IntArray, IntArray]:
@@ -177,7 +177,7 @@ def by_place(
     first, count = np.unique(places[order], return_index=True, return_counts=True)[1:]
     several = np.repeat(count > 1, count)
     hit, outlier = log_hit[:, order], log_outlier[:, order]
-    rate = np.log(max(mean, np.finfo(float).tiny))
+    rate = np.log(max(mean, LEAST_RATE))
     hit = np.where(several, np.logaddexp(np.log1p(-mean) + hit, rate + outlier), hit)
     return np.add.reduceat(hit, first, axis=1), np.add.reduceat(outlier, first, axis=1)
 

@@ -12,6 +12,9 @@ from tanteo.typing import FloatArray
 JEFFREYS = 0.5
 """First parameter of the beta density of a rate, that of the prior of Jeffreys (1946)."""
 
+LEAST_RATE = 1e-290
+"""Least rate of outliers: no reading tells a smaller one from none, and its logarithm is still a number."""
+
 _RARE = 1e-3
 """Mean rate below which a beta density is a gamma density, up to a thousandth."""
 
@@ -33,7 +36,7 @@ def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
 def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
     if mean < _RARE:
         x, w = laguerre_nodes(nodes, JEFFREYS - 1)
-        return np.clip(mean / JEFFREYS * x, np.finfo(float).tiny, 1.0), w
+        return np.clip(mean / JEFFREYS * x, LEAST_RATE, 1.0), w
     x, w = jacobi_nodes(nodes, JEFFREYS / mean - JEFFREYS - 1, JEFFREYS - 1)
     return (1 + x) / 2, w
 

@@ -176,10 +176,8 @@ def _by_tables(problem: Problem, points: ContactPoints, candidates: Candidates, 
     found = _Costs(planes, np.zeros(len(rows)))
     if len(planes.triples):
         # poses are needed as far behind the best as all parts beyond could matter together
-        far = max(
-            cost_margin(problem.settings),
-            float(np.log(len(rows) / problem.settings.samples.matters)) / own.table_weight,
-        )
+        beyond = float(np.log(len(rows) / problem.settings.samples.matters))
+        far = max(cost_margin(problem.settings), beyond / own.table_weight)
         found.costs, found.known = on_planes(planes, candidates, rows, far)
         found.exhaustive = bool(found.costs.min() < planes.believed)
     else:

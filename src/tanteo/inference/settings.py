@@ -310,7 +310,7 @@ class UnknownSettings:
         axis_pairs: pairs of normals that propose perpendicular axes, those nearest to perpendicular.
         axis_steps: steps from proposed axes to a maximum.
         same_axes: angle within which axes are the same [rad].
-        ball_steps: steps to the middle of the ball of the points, plus one. Badoiu and Clarkson 2003.
+        ball_steps: steps to the middle of the ball of the points, plus one.
         nodes: nodes of the quadrature over the share of a surface that is displaced, at least.
     """
 
