@@ -1,7 +1,8 @@
-"""Golden answers of seeded scenes: ``python benchmarks/golden.py record|compare [FILE] [--only NAME ...]``.
+"""Golden answers of seeded scenes: ``python benchmarks/golden.py record|messages|compare [FILE] [--only NAME ...]``.
 
 ``record`` answers every scene and writes status, part, probability, pose, covariance and message;
-with ``--only`` it keeps the other recorded scenes, with another ``--seed`` it adds to them. ``compare`` answers
+with ``--only`` it keeps the other recorded scenes, with another ``--seed`` it adds to them. ``messages`` replaces the
+messages of the recorded answers whose every number is still the same, and names the others. ``compare`` answers
 them again and prints the differences beyond the tolerances below, grouped and counted; it exits with 1 if there are
 any. ``compare`` reports a changed message on its own line, as words may change where numbers do not.
 """
@@ -245,6 +246,15 @@ def differences(known: list[dict], new: dict, answer: Any, parts: dict) -> Itera
         yield "pose", f"{min(moved):.2f} of the largest corner sd"
 
 
+def reworded(known: list[dict], new: dict) -> bool:
+    """Replace the messages of recorded summaries that equal the new one in all else, and return if there are any."""
+    texts = {key for key in new if key.endswith("message")}
+    same = [old for old in known if all(old.get(key) == value for key, value in new.items() if key not in texts)]
+    for old in same:
+        old.update({key: new[key] for key in texts})
+    return bool(same)
+
+
 def words(one: dict) -> str:
     """Return a message without its numbers, which other rows judge."""
     return re.sub(r"\d[\d,]*(?:\.\d+)?(?:e-?\d+)?", "#", one["message"])
@@ -297,7 +307,7 @@ def read(file: Path = FILE) -> dict[str, list[dict]]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
-    parser.add_argument("what", choices=("record", "compare"))
+    parser.add_argument("what", choices=("record", "messages", "compare"))
     parser.add_argument("file", nargs="?", type=Path, default=FILE)
     parser.add_argument("--only", nargs="+", default=[], help="scenes, or groups of scenes: touch, holes/3")
     parser.add_argument("--seed", type=int, default=0, help="of the search")
@@ -315,6 +325,12 @@ def main() -> int:
         options.file.write_bytes(gzip.compress(text.encode(), mtime=0))
         print(f"{options.file}: {len(found)} scenes, {options.file.stat().st_size} bytes")
         return 0
+    if options.what == "messages":
+        found = read(options.file)
+        left = [scene for scene, new, *_ in answered(options.only, options.seed) if not reworded(found[scene], new)]
+        options.file.write_bytes(gzip.compress(json.dumps(found, indent=0).encode(), mtime=0))
+        print(f"Messages not replaced, as numbers differ: {', '.join(left) or 'none'}.")
+        return bool(left)
     counts, groups, different = Counter(), Counter(), set()
     for scene, name, text in compared(read(options.file), options.only, options.seed):
         print(f"{scene}: {name}: {text}", flush=True)

@@ -91,7 +91,7 @@ def test_a_path_through_the_part_is_named_with_how_far(steps, labels):
     readings = sensed(low, T, np.argsort(-low.planes.areas)[:7], [beside, (start, d)], rng, labels)
     answer = identify(readings, [low])
     says = f"{readings.ids[-1]} (it ends {1e3 * (LENGTH - met):.2g} mm further)."
-    assert f"in the way of 1 of 2 paths on which nothing was met: {says}" in answer.message
+    assert f"blocks 1 of 2 paths on which nothing was met: {says}" in answer.message
 
 
 def test_a_labelled_part_in_way_of_many_paths_is_none_of_these(steps):

@@ -105,7 +105,7 @@ def test_a_path_through_the_middle_is_named_also_with_base_off(targets, labels):
     T, paths = box_centred_pose(rng), [(p - 0.5 * LENGTH * d, d), *grazing(target, 3, rng)]
     readings = labelled(target, T, paths, rng) if labels else seen(T, *beams(target, 20, rng), paths, rng)
     answer = identify(readings, [target.part], robot=ROBOT)
-    assert f"in the way of 1 of 4 paths on which nothing was met: {readings.ids[-4]} (" in answer.message
+    assert f"blocks 1 of 4 paths on which nothing was met: {readings.ids[-4]} (" in answer.message
 
 
 def test_labelled_parts_are_weighed_with_free_space_rays(targets):

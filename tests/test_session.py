@@ -32,6 +32,7 @@ from tanteo.report import headline
 from tanteo.sensors import NoiseLaw, Readings, concatenate
 from tanteo.session import Action, Done, Sensing, Session
 from tanteo.session.answer import answered, moved
+from tanteo.words import percent
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 
@@ -306,9 +307,9 @@ def test_what_is_enough_is_an_answer_that_says_how_sure_it_is(tolerance):
     assert session.ask().reached
     answer = session.answer(top=1)
     assert answer.status == "recognized"
-    assert answer.message.startswith(f"step_12mm (P = {P[0]:.2f})")
-    assert f"it may also be step_15mm (P = {P[1]:.2f}" in answer.message
-    assert f"It is step_12mm ({100 * P[0]:.1f} %)" in headline(answer)
+    assert answer.message.startswith(f"step_12mm ({percent(P[0])})")
+    assert f"It may also be step_15mm ({percent(P[1])})" in answer.message
+    assert f"step_12mm ({percent(P[0])})" in headline(answer)
     session.stop = replace(session.stop, probability=0.99)
     assert session.answer().status == "ambiguous"
 
@@ -370,8 +371,8 @@ def test_a_contradicted_prior_ends_the_session(targets):
     assert session.state.of_parts()[2] > 0.95
     assert end.why == answer.message
     assert answer.status == "unknown"
-    assert answer.message.startswith("The closest part is wedge, but it is not where it was said to be")
-    assert "wider prior pose can be told the same readings" in end.why
+    assert answer.message.startswith("The closest part is wedge, but it is not at the prior pose")
+    assert "Start a new session with a wider prior pose" in end.why
     wide = new_session(rough(targets, (0.025, 0.175)), tolerance=1e-3)
     wide.tell(session.readings)
     assert sense(wide, targets[2], T, rng).reached
@@ -648,19 +649,21 @@ def test_poses_that_differ_by_less_than_tolerance_are_one_answer(targets):
         little = answered(three, enough, 0, 5, 0.01)
         assert little.status == "recognized"
         assert little.message == (
-            "wedge (P = 0.66); the poses that it may have differ by less than the tolerance of 20 mm; it may also be "
-            "an unknown part (P = 0.34)."
+            "It is wedge (66.0 %). Its possible poses differ by less than the tolerance of 20 mm. It may also be an "
+            "unknown part (34.0 %)."
         )
     assert answered(three, Stop(0.98, tolerance=0.02), 0, 5, 0.01).status == "unknown"
     in_some = answered(three, Stop(0.6), 0, 5, 0.01)
     assert in_some.status == "ambiguous"  # of its poses; which part it is was asked for, and is said
-    assert in_some.message.startswith("It is wedge (P = 0.66), in one of several poses: sense a face")
-    assert in_some.message.endswith("; it may also be an unknown part (P = 0.34).")
+    assert in_some.message.startswith(
+        "It is wedge (66.0 %), in one of several poses. It may also be an unknown part (34.0 %)."
+    )
+    assert in_some.message.endswith("Sense a face that is at different places in these poses.")
     two = supposing(state, (0.79, 0.06), 0.15)
     pose = answered(two, Stop(0.8), 0, 5, 0.01)
     assert pose.status == "recognized"
-    assert pose.message.startswith("wedge (P = 0.79), located to")
-    assert pose.message.endswith("it may also be an unknown part (P = 0.15) or wedge in another pose (P = 0.06).")
+    assert pose.message.startswith("wedge (79.0 %), located to")
+    assert pose.message.endswith("It may also be an unknown part (15.0 %) or wedge in another pose (6.0 %).")
     two = supposing(state, (0.6, 0.39), 0.01)
     face = answered(two, Stop(0.98, tolerance=0.02, feature="face 2"), 0, 5, 0.01)
     assert "the places that face 2 may have differ by less than" in face.message

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.errors import InputError
 from tanteo.typing import Covariances, FloatArray
 
@@ -41,7 +42,9 @@ def check_significance(value: object) -> None:
     """
     check_number("significance", value)
     if not 0 < value < 1:  # type: ignore[operator]
-        raise InputError(f"significance: expected a probability between 0 and 1, got {value}. Give for example 0.01.")
+        raise InputError(
+            f"significance: expected a probability between 0 and 1, got {value}. Give for example {SIGNIFICANCE:g}."
+        )
 
 
 def _kind(value: object) -> str:

@@ -19,7 +19,6 @@ from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
 from tanteo.parts import Part, as_part, part_named
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
 from tanteo.typing import FloatArray
-from tanteo.words import message_of
 from tanteo.words.findings import (
     CheckPrior,
     EstimatedNoise,
@@ -184,7 +183,7 @@ def _with_estimated_noise(answer: Answer, sd: float) -> Answer:
         return answer.adding(NoNoiseStated())
     estimate = EstimatedNoise(*(sd * factor for factor in best.noise_scale))
     findings = (*(one for one in answer.findings if not isinstance(one, Scatter)), estimate)
-    return replace(answer, findings=findings, message=message_of(findings))
+    return replace(answer, findings=findings)
 
 
 def _with_noise_factor(

@@ -36,6 +36,8 @@ def value(name, hint, count):
         return (1e-4, 2e-4) if count else ()
     if name == "sides":
         return ((0.1, 0.05, 0.02), (0.1, 0.05, 0.04)) if count else ()
+    if name in ("answers", "place", "heights"):
+        return ("wedge", "block") if name == "answers" else (1e-3 * count, 0.02)
     if name in ("distances", "lengths"):
         return tuple(1e-3 * (k + 1) for k in range(count))
     if name == "worst":
@@ -72,7 +74,7 @@ def test_kinds_have_names_and_roles():
 
 def test_a_message_has_all_but_the_questions():
     found = findings.Located("wedge", float("nan"), 1e-4), findings.MirrorQuestion("wedge", 0.999)
-    answer = Answer.of("recognized", found, (), 0.0)
+    answer = Answer("recognized", found, (), 0.0)
     assert answer.message == message_of(found) == "wedge, located to 0.1 mm (largest corner sd)."
     more = answer.adding(findings.ThinnedReadings(1000, 5000))
     assert more.message.startswith(f"{answer.message} 1,000 of the 5,000 readings")
@@ -81,11 +83,11 @@ def test_a_message_has_all_but_the_questions():
 
 def test_documents_have_the_numbers_behind_the_words():
     scatter = findings.Scatter(2.5, 1.8, 3.4, findings.WorstReading("7", 4.2))
-    document = recognition_document(Answer.of("unknown", (findings.NoPart(), scatter), (), 1.0))
+    document = recognition_document(Answer("unknown", (findings.NoPart(), scatter), (), 1.0))
     assert json.dumps(document)
     assert document["findings"][0] == {
         "kind": "no_part", "role": "verdict", "message": sentence(findings.NoPart()), "values": {},
     }  # fmt: skip
     assert document["findings"][1]["values"] == {
-        "scale": 2.5, "low": 1.8, "high": 3.4, "worst": {"reading": "7", "sds": 4.2, "normal": False},
+        "scale": 2.5, "low": 1.8, "high": 3.4, "worst": {"reading": "7", "sds": 4.2, "normal": False}, "part": "",
     }  # fmt: skip

@@ -22,7 +22,7 @@ def test_the_default_numbers_of_a_question_stand_in_one_place(function):
 
 
 def test_an_answer_and_a_session_carry_their_significance():
-    assert Answer("unknown", "", (), 1.0).significance == SIGNIFICANCE
+    assert Answer("unknown", (), (), 1.0).significance == SIGNIFICANCE
     assert inspect.signature(Session).parameters["significance"].default == SIGNIFICANCE
 
 

@@ -38,17 +38,20 @@ def test_a_wider_standard_deviation_says_less():
 def test_what_contradicts_a_part_is_said():
     of_mass = WholeObject(mass=(0.27, 0.001), density=(2700.0, 10.0))
     assert of_mass.mismatch("wedge", 1e-4, BOXES[0]) is of_mass.mismatch("sheet", 0.0, BOXES[0]) is None
-    assert "Its mass says 100 cm3, wedge has 200 cm3" in of_mass.mismatch("wedge", 2e-4, BOXES[0]).message
+    message = of_mass.mismatch("wedge", 2e-4, BOXES[0]).message
+    assert "The mass corresponds to 100 cm3, the volume of wedge is 200 cm3." in message
     of_sides = WholeObject(sides=(0.02, 0.1, 0.05), side_sd=2e-4)
     assert of_sides.mismatch("wedge", 1e-4, BOXES[0]) is None
-    assert "100 x 50 x 20 mm, that of wedge is 100 x 50 x 40 mm" in of_sides.mismatch("wedge", 1e-4, BOXES[2]).message
+    assert (
+        "100 x 50 x 20 mm, the box of wedge is 100 x 50 x 40 mm" in of_sides.mismatch("wedge", 1e-4, BOXES[2]).message
+    )
 
 
 def test_an_answer_says_that_another_mass_was_weighed(parts):
     readings = tanteo.read_readings(EXAMPLES / "readings" / "bracket_left.csv")
     whole = WholeObject(mass=(0.1, 0.002), density=(7850.0, 80.0))
     answer = tanteo.locate(readings, parts["bracket_left"], priors=Priors(whole=whole))
-    assert "Its mass says 12.74 cm3, bracket_left has 190.1 cm3" in answer.message
+    assert "The mass corresponds to 12.74 cm3, the volume of bracket_left is 190.1 cm3." in answer.message
     assert [one.kind for one in answer.findings if one.role != "verdict"] == ["outliers", "whole"]
 
 

@@ -141,7 +141,7 @@ def test_an_impossible_question_costs_the_answer_nothing():
 
     part = read_part(EXAMPLES / "parts/step_15mm.step")
     readings = read_readings(EXAMPLES / "readings/step_15mm.csv")
-    assert about_conventions(Answer("unknown", "", (), 1.0), readings, [part], ask) is None
+    assert about_conventions(Answer("unknown", (), (), 1.0), readings, [part], ask) is None
 
 
 def test_of_many_readings_two_dozen_are_asked_about():
@@ -153,5 +153,5 @@ def test_of_many_readings_two_dozen_are_asked_about():
 
     part = read_part(EXAMPLES / "parts/step_15mm.step")
     readings = Readings.from_columns(points=0.02 * np.random.default_rng(0).normal(size=(100, 3)))
-    assert about_conventions(Answer("unknown", "", (), 1.0), readings, [part], ask) is None
+    assert about_conventions(Answer("unknown", (), (), 1.0), readings, [part], ask) is None
     assert set(asked) == {24}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tanteo.answers import Answer, Hypothesis
+from tanteo.words.findings import NoPart
 
 READINGS = (
     "x_mm,y_mm,z_mm,hand_x_mm,hand_y_mm,hand_z_mm,hand_qw,hand_qx,hand_qy,hand_qz\n"
@@ -35,7 +36,7 @@ def identified(monkeypatch):
                 parts[0].name, parts[0].source, 0.9, np.eye(4), np.eye(6) * 1e-6, 1e-3, (), 1, np.zeros((0, 4, 4)),
                 1.0, 2, 0.6, 1e-4, (), (),
             )  # fmt: skip
-            return Answer(status, "Do this next.", (best,), 0.1, {"search": 0.01, "total": 0.02}, options["seed"])
+            return Answer(status, (NoPart(),), (best,), 0.1, {"search": 0.01, "total": 0.02}, options["seed"])
 
         monkeypatch.setattr("tanteo.recognition.identify", identify, raising=False)
         return calls
@@ -92,14 +93,14 @@ def test_exit_codes_and_streams(run, readings, parts, identified, status, code):
     args = ["identify", readings, "--parts", parts, "--units", "mm", "--sd", "1mm"]
     plain = run(*args)
     assert (plain.code, plain.err) == (code, "")
-    assert plain.out.splitlines()[-1] == "Do this next."
+    assert plain.out.splitlines()[-1] == NoPart().message
     both = run(*args, "--json")
     document = json.loads(both.out, parse_constant=pytest.fail)
     assert both.code == code
     assert document["status"] == status
     assert set(document["elapsed_s"]) == {"load", "search", "total"}
     assert document["elapsed_s"]["total"] >= document["elapsed_s"]["load"] > 0
-    assert both.err == ("" if code == 0 else f"{status}: Do this next.\n")
+    assert both.err == ("" if code == 0 else f"{status}: {NoPart().message}\n")
 
 
 def test_a_part_that_cannot_be_read_is_a_warning_beside_others(run, readings, parts, identified):

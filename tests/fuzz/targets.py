@@ -12,7 +12,7 @@ import numpy as np
 
 import tanteo
 import tanteo.io
-from logs.test_formats import CASES
+from log_cases import CASES
 from tanteo import inference
 from tanteo.catalogue import build_catalogue, cache, open_catalogue, read_parts
 from tanteo.cli import main

@@ -70,7 +70,7 @@ def test_normal_poses_of_a_round_part_do_not_resist_its_spin(tmp_path):
     np.testing.assert_allclose(np.mean(np.exp(value - q)) * 2 * np.pi * flips, 1.0, atol=0.05)
 
 
-def test_alternatives_are_the_sum_of_their_densities_with_its_slope():
+def test_alternatives_sum_their_densities_and_slopes():
     part = read_part(PARTS / "block.step")
     rng = np.random.default_rng(3)
     known = mixture(rng)

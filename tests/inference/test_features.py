@@ -62,8 +62,9 @@ def test_a_copy_under_another_name_is_said_to_fit_alike(models):
     part, rng = models["bracket_left"].part, np.random.default_rng(43)
     answer = identify_features(all_planes(part, random_pose(rng), rng), [part, replace(part, name="copy")])
     assert answer.status == "ambiguous"
-    assert answer.message.startswith("It may be bracket_left or copy: sense a face where they differ.")
-    assert "bracket_left and copy fit exactly alike: if they are one part, leave one out." in answer.message
+    assert answer.message.startswith("It may be bracket_left or copy.")
+    assert "bracket_left and copy have the same shape: if they are one part, remove one of them." in answer.message
+    assert answer.message.endswith("Sense a face where they differ.")
 
 
 def differing(part, other):
@@ -336,4 +337,4 @@ def test_more_noise_than_stated_is_told_and_widens_covariance(parts):
 def test_nothing_sensed_is_not_enough(parts):
     answer = identify_features([], [parts["block"]])
     assert (answer.status, answer.hypotheses) == ("insufficient", ())
-    assert "sense 3 places or more" in answer.message
+    assert "Sense three places or more" in answer.message

@@ -41,7 +41,7 @@ def test_the_right_unit_of_the_parts_is_among_the_guesses(meant, said):
 
 def test_sizes_are_named():
     words = about_units(Scale(210.0, (0.2,), "m", "")).message
-    assert words == "The part is 0.2 m wide and the readings span about 210 m: did you mean columns in mm (x_mm)?"
+    assert words == "The part is 0.2 m wide and the readings span about 210 m. Did you mean columns in mm (x_mm)?"
 
 
 @pytest.mark.parametrize("span", [0.0, 0.05, 0.19, 0.23])

@@ -63,13 +63,13 @@ def test_what_was_sensed_of_neither_twin_is_not_taken_for_one(plate, twin):
 def test_one_centre_is_too_little(plate):
     answer = locate(sensed(FIRST[:1], top=0), plate)
     assert answer.status == "insufficient"
-    assert "leaves free" in answer.message
+    assert "the part can tilt and turn about it" in answer.message
 
 
 def test_two_centres_alone_are_too_little(plate):
     answer = locate(sensed(FIRST[:2], top=0), plate)
     assert answer.status == "insufficient"
-    assert "sense a face" in answer.message
+    assert "Sense a face" in answer.message
 
 
 def test_one_hole_and_a_face_leave_a_turn_free(plate):

@@ -152,7 +152,7 @@ def test_a_wrong_prior_is_named_where_readings_agree(part):
         prior = PosePrior(rough, np.diag(np.repeat([1e-4, 1e-3], 3)) ** 2)
         answer = identify_points(touches, FreeRays.none(), [part], priors=Priors(radius=part.radius, pose=prior))
         assert answer.status == "unknown"
-        assert "not where it was said to be" in answer.message
+        assert "not at the prior pose" in answer.message
         assert "scatter" not in answer.message
 
 

@@ -14,6 +14,7 @@ from tanteo.features import SharedError
 from tanteo.inference import identify_points, prepare
 from tanteo.lie import SE3
 from tanteo.parts import mirror_part, read_part
+from tanteo.words import percent
 
 TOUCH, LASER, FLIGHT = SENSORS
 
@@ -60,7 +61,7 @@ def test_fewer_than_three_readings_fit_anything(targets, n):
     answer = identify_points(touches, no_paths(), [targets["block"]])
     assert answer.status == "insufficient"
     assert answer.hypotheses == ()
-    assert "sense 3 places" in answer.message
+    assert "Sense three places" in answer.message
 
 
 @pytest.mark.parametrize(("tolerance", "words"), [(0.0, "(sd 30 mm)"), (0.03, "(sd 42.43 mm with the tolerance)")])
@@ -71,8 +72,8 @@ def test_noise_as_large_as_the_set_is_not_called_a_line(targets, tolerance, word
         altered(touches, covs=covs, sd=sd, tolerance=tolerance), no_paths(), [targets["bracket_left"]]
     )
     assert answer.status == "insufficient"
-    assert answer.message.startswith(f"The noise of the readings {words} is as large as the whole set of them")
-    assert ("tolerance and their units" in answer.message) == (tolerance > 0)
+    assert answer.message.startswith(f"The noise of the readings {words} is as large as the distances between them")
+    assert ("the tolerance and the units" in answer.message) == (tolerance > 0)
     assert "line" not in answer.message
 
 
@@ -171,7 +172,7 @@ def test_a_part_given_twice_is_one_part(targets):
     assert identify_points(touches, no_paths(), [target]).status == "recognized"
     twice = identify_points(touches, no_paths(), [target, target])
     assert twice.status == "ambiguous"
-    assert twice.message.startswith("bracket_left was given more than once")
+    assert twice.message.startswith("bracket_left is more than once among the parts")
 
 
 def test_more_scatter_than_stated_is_said_and_widens_covariance(targets):
@@ -180,7 +181,7 @@ def test_more_scatter_than_stated_is_said_and_widens_covariance(targets):
     optimist = altered(touches, covs=touches.covs / 1.7**2, sd=touches.sd / 1.7)
     honest, widened = (identify_points(t, no_paths(), [target]) for t in (touches, optimist))
     assert "scatter" not in honest.message
-    assert "and the covariance is of that" in widened.message
+    assert "The covariance contains this factor." in widened.message
     ratio = np.sqrt(np.trace(widened.hypotheses[0].covariance) / np.trace(honest.hypotheses[0].covariance))
     assert 0.7 < ratio < 1.3
     assert nees(target.part, widened.hypotheses[0].T_world_part, widened.hypotheses[0].covariance, T)[0] < 25
@@ -196,7 +197,7 @@ def test_a_contradiction_names_the_reading_that_is_farthest_off(targets):
     points = SE3.apply(SE3.inverse(best.T_world_part), proud.points)
     kept = ~np.isin(proud.ids, best.outliers)
     off = target.surface.closest(points).distances / proud.sd * kept
-    assert f"most of all reading {proud.ids[int(np.argmax(off))]}, " in answer.message
+    assert f"The worst is reading {proud.ids[int(np.argmax(off))]}, " in answer.message
 
 
 def tip_scene(target, seed, n, sd, tip):
@@ -245,9 +246,9 @@ def test_none_of_these_when_most_readings_are_on_a_part(targets, name, seed, n):
     best = answer.hypotheses[0]
     assert answer.status == "unknown"
     assert answer.unknown_probability > max(0.5, best.probability)
-    assert answer.message == (
-        f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it: it may be another "
-        f"part (P = {answer.unknown_probability:.2f}); add its file, check the sensor's standard deviation, or expect "
+    assert answer.message.startswith(
+        f"The closest part is {best.part}, but {len(best.outliers)} of {n} readings are not on it. It may be another "
+        f"part ({percent(answer.unknown_probability)}). Add its file, check the sensor's standard deviation, or expect "
         "more outliers (--outlier-rate)."
     )
 
@@ -271,9 +272,9 @@ def test_none_of_these_when_half_of_the_readings_are_anywhere(targets):
     best = answer.hypotheses[0]
     assert answer.status == "unknown"
     assert answer.unknown_probability > 0.95  # not 1: an unknown object, too, has to be where all readings are
-    assert answer.message == (
-        f"None of the parts is the best explanation (P = {answer.unknown_probability:.2f}); the closest is {best.part} "
-        f"(P = {best.probability:.2f}): sense more of it, or add the part's file."
+    assert answer.message.startswith(
+        f"An unknown object explains the readings best ({percent(answer.unknown_probability)}). The closest part is "
+        f"{best.part} ({percent(best.probability)}). Sense more places on it, or add the part's file."
     )
 
 
@@ -296,7 +297,7 @@ def test_what_limits_the_place_of_a_round_part_is_said_too(cylinder):
     T, touches, _, shared = scene_of(cylinder, 11, 40, base_sd=2e-3)
     answer = identify_points(touches, no_paths(), [cylinder], shared=shared)
     assert answer.status == "recognized"
-    assert "What limits it is not the readings but place of the robot's base" in answer.message
+    assert "Most of the uncertainty is place of the robot's base" in answer.message
     assert off(cylinder.part, answer.hypotheses[0].T_world_part, T)[0] < 0.02
 
 

@@ -25,7 +25,7 @@ def touched(points, normals=None) -> ContactPoints:
     return surface_points(points, SD, normals=normals, normal_sds=np.pi if normals is None else TILT)
 
 
-@pytest.mark.parametrize(("along", "says"), [(0.0, "sense places farther apart"), (0.05, "on one line")])
+@pytest.mark.parametrize(("along", "says"), [(0.0, "or sense places farther apart"), (0.05, "on one line")])
 def test_readings_on_one_line_or_at_one_point_are_not_enough(target, along, says):
     points = np.linspace(0.0, along, 10)[:, None] * np.array([0.6, 0.0, 0.8])
     answer = identify_points(touched(points), FreeRays.none(), [target])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from logs.test_formats import CASES
+from log_cases import CASES
 from tanteo.errors import InputError
 from tanteo.io import read_readings
 

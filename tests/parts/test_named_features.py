@@ -21,7 +21,7 @@ def test_a_feature_that_a_part_does_not_have_is_none(wedge, name):
     assert named_feature(wedge, name) is None
 
 
-def test_the_foot_of_a_point_is_on_the_feature_and_off_it_only_across(wedge):
+def test_the_foot_of_a_point_is_the_nearest_point_of_the_feature(wedge):
     point = np.array([0.01, -0.02, 0.03])
     for name, count in (("plane 0", 1), ("edge 1", 2), ("vertex 2", 3)):
         foot, across = named_feature(wedge, name).nearest(point)

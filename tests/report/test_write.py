@@ -15,6 +15,8 @@ from tanteo.errors import InputError
 from tanteo.recognition import identify, locate
 from tanteo.report import Run, Section, element, gather, headline, percent, report_page, write_report
 from tanteo.sensors import Readings
+from tanteo.words import details_of, p_equals
+from tanteo.words.findings import CloseTogether, Located, NothingSensed, SeveralPoses
 
 MOST_BYTES = 6_000_000
 
@@ -32,7 +34,7 @@ def scene_of(page):
 def test_it_says_the_answer_the_wrong_reading_and_the_command(run, wedge):
     readings, answer = run
     page = report_page(answer, gather(readings), [wedge], Run("tanteo locate 'a b.csv' --part w.stl"))
-    assert "It is wedge, located to" in page
+    assert "wedge, located to" in page
     assert "✕ does not fit" in page
     assert "tanteo locate &#x27;a b.csv&#x27; --part w.stl" in page
     for words in ("[mm]", "world", "right perturbation", "noise of the sensor", "touches.csv"):
@@ -83,9 +85,9 @@ def test_several_hypotheses_have_one_body_each(wedge, near_wedge):
 
 def test_without_a_hypothesis_it_shows_the_readings(run, wedge):
     readings, _ = run
-    answer = Answer("insufficient", "Sense more.", (), 1.0)
+    answer = Answer("insufficient", (NothingSensed(),), (), 1.0)
     page = report_page(answer, gather(readings), [wedge], Run("tanteo"))
-    assert "Too little was sensed" in page
+    assert "No reading met anything." in page
     assert scene_of(page)["hypotheses"] == []
     assert len(scene_of(page)["readings"]["names"]) == len(readings)
 
@@ -95,7 +97,7 @@ def test_readings_that_met_nothing_alone_are_no_trouble(wedge):
         points=np.zeros((2, 3)), directions=np.array([[0, 0, 1.0], [0, 1.0, 0]]), kinds=["free"] * 2,
         max_ranges=np.full(2, 0.1),
     )  # fmt: skip
-    page = report_page(Answer("insufficient", "Sense more.", (), 1.0), gather(free), [wedge], Run("tanteo"))
+    page = report_page(Answer("insufficient", (NothingSensed(),), (), 1.0), gather(free), [wedge], Run("tanteo"))
     assert "beam that met nothing" in page
 
 
@@ -118,34 +120,41 @@ def test_a_large_mesh_and_many_readings_stay_small(run, wedge, tmp_path):
     points = part.vertices[np.random.default_rng(4).integers(len(part.vertices), size=20_000)]
     readings = Readings.from_columns(points=points, sds=np.full(len(points), SD))
     h = replace(best, T_world_part=np.eye(4), pairings=tuple((i, "face 0") for i in readings.ids[5:]), outliers=())
-    answer = Answer("ambiguous", "Sense more.", (h,) * 5, 0.1)
+    answer = Answer("ambiguous", (), (h,) * 5, 0.1)
     file = tmp_path / "report.html"
     write_report(file, report_page(answer, gather(readings), [part], Run("tanteo")))
     assert 1_000_000 < file.stat().st_size < MOST_BYTES
     assert re.search(r"\d+ of 20000 readings are shown", file.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("status", ["recognized", "ambiguous", "unknown", "insufficient"])
-def test_every_status_has_its_sentence(run, status):
+def test_the_headline_is_the_verdict_without_advice(run):
     _, answer = run
-    words = {headline(replace(answer, status=status)), headline(replace(answer, status=status, hypotheses=()))}
-    assert len(words) == 2
-    assert all(word.endswith(".") for word in words)
+    assert headline(answer).startswith("wedge, located to")
+    several = SeveralPoses("wedge", others=(("an unknown part", 0.2),))
+    said = headline(replace(answer, status="ambiguous", findings=(several, CloseTogether())))
+    assert said == "It is wedge, in one of several poses. It may also be an unknown part (20.0 %)."
 
 
-def test_several_poses_of_one_part_are_no_unknown_object(run):
-    _, answer = run
-    poses = tuple(replace(answer.hypotheses[0], probability=p) for p in (0.4, 0.3, 0.29))
-    said = headline(replace(answer, status="ambiguous", hypotheses=poses, unknown_probability=0.01))
-    assert said == "It is wedge, in one of several poses: not decided."
-    said = headline(replace(answer, status="ambiguous", hypotheses=poses[:1], unknown_probability=0.6))
-    assert said == "It is wedge or something unknown: not decided."
+def test_no_sentence_of_the_title_is_repeated_below_it(run, wedge):
+    readings, answer = run
+    several = replace(answer, status="ambiguous", findings=(SeveralPoses("wedge"), CloseTogether()))
+    page = report_page(several, gather(readings), [wedge], Run("tanteo"))
+    assert page.count(headline(several)) == 2  # the tab's title and the heading
+    assert headline(several) + " " + details_of(several.findings) == several.message
+    assert f"<p>{details_of(several.findings)}</p></header>" in page
+    sure = replace(answer, findings=(Located("wedge", 0.999, 1e-4),))
+    assert "</h1></header>" in report_page(sure, gather(readings), [wedge], Run("tanteo"))
+
+
+@pytest.mark.parametrize(("p", "words"), [(0.0123, "p = 0.012"), (3e-15, "p = 3e-15"), (1e-300, "p < 2.2e-16")])
+def test_a_tiny_p_value_is_a_bound(p, words):
+    assert p_equals(p) == words
 
 
 def test_a_large_sd_is_no_power_of_ten(run):
     _, answer = run
-    best = replace(answer.hypotheses[0], corner_sd=0.132)
-    assert headline(replace(answer, hypotheses=(best,))).endswith("located to 130 mm.")
+    located = Located("wedge", float("nan"), 0.132)
+    assert "located to 130 mm " in headline(replace(answer, findings=(located,)))
 
 
 def test_nothing_is_certain():

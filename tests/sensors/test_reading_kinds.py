@@ -14,7 +14,7 @@ def test_every_kind_is_found_by_its_name():
     assert [reading_kind(name).name for name in reading_kinds()] == list(reading_kinds())
 
 
-def test_points_are_taken_to_lie_on_a_plane_and_centres_on_no_feature():
+def test_points_lie_on_a_plane_and_centres_on_no_feature():
     assert reading_kind("point").feature is reading_kind("plane").feature is PLANE
     assert reading_kind("apex").feature is None
     assert reading_kind("apex").centre_of is CONE

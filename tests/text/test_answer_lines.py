@@ -10,6 +10,7 @@ from tanteo.answers import Answer, Hypothesis
 from tanteo.io import recognition_document, recognition_json
 from tanteo.lie import SE3, SO3
 from tanteo.text import answer_lines
+from tanteo.words.findings import GivenTwice, NoPart, NothingSensed
 
 T = SE3.from_parts(
     SO3.axis_rotation(2, np.deg2rad(30)) @ SO3.axis_rotation(1, np.deg2rad(20)) @ SO3.axis_rotation(0, np.deg2rad(10)),
@@ -38,8 +39,11 @@ def hypothesis(**changes):
     return Hypothesis(**(values | changes))
 
 
-def recognition(*hypotheses, status="recognized", unknown=0.03, message="It is the bracket."):
-    return Answer(status, message, hypotheses, unknown, {"load": 0.4, "search": 0.02, "total": 0.5}, 7)
+FOUND = GivenTwice("bracket")
+
+
+def recognition(*hypotheses, status="recognized", unknown=0.03, found=FOUND):
+    return Answer(status, (found,), hypotheses, unknown, {"load": 0.4, "search": 0.02, "total": 0.5}, 7)
 
 
 def test_the_first_line_is_the_answer():
@@ -48,7 +52,7 @@ def test_the_first_line_is_the_answer():
         "bracket at x 100.00 y -20.00 z 300.00 mm, roll 10.00 pitch 20.00 yaw 30.00 deg in the world; "
         "probability 97.0 %, largest corner sd 0.3 mm"
     )
-    assert lines[-1] == "It is the bracket."
+    assert lines[-1] == GivenTwice("bracket").message
     text = "\n".join(lines)
     assert "quaternion  w 0.951549  x 0.038135  y 0.189308  z 0.239298" in text
     assert "sd          x 1  y 2  z 3 mm" in text
@@ -64,7 +68,7 @@ def test_order_of_what_follows():
     marks = [
         "ambiguous, best guess bracket at", "2 equivalent poses", "T_world_part (metres):", "1 on plane 12",
         "It could also be:", "mirrored [bold]", "20.0 %", "Unknown object", "Readings that do not fit: 7, 9.",
-        "Not observed: rotation about part z.", "Time: load 0.400 s", "It is the bracket.",
+        "Not observed: rotation about part z.", "Time: load 0.400 s", GivenTwice("bracket").message,
     ]  # fmt: skip
     assert sorted(marks, key=text.index) == marks
 
@@ -80,19 +84,19 @@ def test_undecided_headlines(status, start):
 def test_a_test_that_speaks_against_likely_parts_is_said():
     lines = answer_lines(recognition(hypothesis(), status="unknown", unknown=1e-6))
     assert not any(line.startswith("Unknown object") for line in lines)
-    assert any(line.startswith("A test says that none of the parts fits") for line in lines)
+    assert any(line.startswith("The goodness-of-fit test rejects every part.") for line in lines)
 
 
 def test_no_hypothesis_at_all():
-    lines = answer_lines(recognition(status="unknown", unknown=1.0, message="Touch again."))
+    lines = answer_lines(recognition(status="unknown", unknown=1.0, found=NoPart()))
     assert lines[0] == "unknown: no part fits these readings"
     assert "Unknown object: > 99.9 %." in lines
-    assert lines[-1] == "Touch again."
+    assert lines[-1] == NoPart().message
 
 
 def test_nothing_sensed_says_nothing_about_the_parts():
-    lines = answer_lines(recognition(status="insufficient", unknown=1.0, message="Touch something."))
-    assert lines == ["insufficient: too little was sensed", "", "Touch something."]
+    lines = answer_lines(recognition(status="insufficient", unknown=1.0, found=NothingSensed()))
+    assert lines == ["insufficient: too little was sensed", "", NothingSensed().message]
 
 
 @pytest.mark.parametrize(
@@ -131,7 +135,7 @@ def test_document_follows_the_contract():
     document = json.loads(recognition_json(result))
     assert document == recognition_document(result)
     assert list(document) == [
-        "schema", "version", "seed", "status", "message", "hypotheses", "unknown_probability", "elapsed_s",
+        "schema", "version", "seed", "status", "message", "hypotheses", "unknown_probability", "elapsed_s", "findings",
     ]  # fmt: skip
     assert (document["schema"], document["version"], document["seed"]) == ("tanteo.recognition/1", __version__, 7)
     assert document["elapsed_s"] == {"load": 0.4, "search": 0.02, "total": 0.5}

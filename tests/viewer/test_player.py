@@ -60,7 +60,7 @@ def went(targets):
 def test_it_goes_to_its_end_and_says_what_it_is(went):
     person, (session,) = went
     assert session.stop.reached(session.state)
-    assert "It is bracket_left" in person.words["status"]
+    assert "bracket_left, located to " in person.words["status"]
     far = float(re.search(r"farther from it than ([\d.]+) mm", person.words["status"])[1])
     assert 0.1 < far < 4e3 * session.steps[-1].corner_sd
     assert f"Places sensed: {len(session.steps)}" in person.words["status"]

@@ -91,7 +91,7 @@ def test_what_was_not_looked_for_is_said(catalogue, shots, many, monkeypatch):
     _, shot, _ = next(whole(shots))
     (seen, *_) = see_table(shot.image, shot.camera, catalogue).objects
     assert seen.answer.status == "ambiguous"
-    assert f"one of {COUNT - 1} parts that were not looked for" in seen.answer.message
+    assert f"one of {COUNT - 1} parts with similar outlines that were not searched" in seen.answer.message
     assert seen.answer.unknown_probability > 0.9
 
 
@@ -112,7 +112,7 @@ def test_an_object_that_leaves_the_image_is_not_narrowed(catalogue, many):
     assert region.cut
     (seen, *_) = see_table(image, camera, catalogue).objects
     assert seen.answer.status == "insufficient"
-    assert f"which of {COUNT} parts to look for: move it into the image" in seen.answer.message
+    assert f"does not select among the {COUNT} parts. Move it into the image" in seen.answer.message
 
 
 def test_many_parts_need_a_table(catalogue, monkeypatch):

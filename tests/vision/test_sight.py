@@ -28,6 +28,7 @@ from tanteo.vision.answers import ask, heights, judged
 from tanteo.vision.fit import REACHES, meet, refine
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.rendering import Look, Stage, render, thing
+from tanteo.words import message_of
 from vision_scenes import random_shot
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
@@ -238,8 +239,8 @@ def test_poses_are_in_the_camera_frame_without_its_place(two, models, anywhere):
 @pytest.mark.parametrize(("p_value", "said"), [(0.5, False), (1e-9, True)])
 def test_edges_that_fit_badly_are_said_to(anywhere, p_value, said):
     best = anywhere.objects[0].answer.hypotheses[0]
-    message = judged([replace(best, p_value=p_value, probability=0.99)], ImagePosterior((), 0.01))[1]
-    assert ("fit badly" in message) == said
+    findings = judged([replace(best, p_value=p_value, probability=0.99)], ImagePosterior((), 0.01))[1]
+    assert ("The edges fit badly" in message_of(findings)) == said
 
 
 def test_without_opencv_the_message_says_what_to_install(monkeypatch):

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from tanteo.answers.seen_outline import OTHERWISE, SeenOutline
     from tanteo.answers.status import CONFIDENCE, doubt, verdict
     from tanteo.answers.whole_object import WholeObject
-    from tanteo.answers.words import percent
 
 __all__ = [
     "CONFIDENCE",
@@ -56,7 +55,6 @@ __all__ = [
     "motion_of",
     "observed_covariance",
     "part_scale",
-    "percent",
     "point_moves",
     "prior_residuals",
     "prior_rows",
@@ -86,7 +84,6 @@ __getattr__, __dir__ = lazy(
         "pose_prior": "PosePrior Table in_box log_density_within prior_residuals prior_rows",
         "priors": "STATED Priors sized",
         "whole_object": "WholeObject",
-        "words": "percent",
         "results": "Answer Hypothesis Status",
     },
 )

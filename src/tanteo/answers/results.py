@@ -36,7 +36,8 @@ class Hypothesis:
         rms: root mean square distance of the readings to the features they are paired with [m].
         outliers: ids of the readings that the hypothesis does not explain.
         pairings: reading id and model feature, for every explained reading.
-        outlier_distances: how far each outlier is from the surface [m]; NaN where that is not known.
+        outlier_distances: signed distance of each outlier from the surface, negative inside the material [m]; NaN
+            where that is not known.
         covariance_relative: the same covariance with the errors that all readings share (robot, tip, sensor bias)
             taken as known; None if nothing is shared. Where the robot's base is the only one of them, and nothing was
             said of where the part is in the world, it is how well the same robot finds the part again.
@@ -86,12 +87,11 @@ class Answer:
     Attributes:
         status: ``recognized`` (one answer), ``ambiguous`` (several remain), ``unknown`` (none of the parts) or
             ``insufficient`` (the readings leave a direction free that no symmetry explains).
-        message: the findings in words, without questions, with what to do next when it is not recognized.
+        findings: what the answer rests on: the verdict first, then its causes, then questions about the input.
         hypotheses: best first.
         unknown_probability: posterior of the unknown object; sums to one with all hypotheses, reported or not.
         elapsed: seconds by stage.
         seed: of the search; the same seed gives the same answer.
-        findings: what the answer rests on: the verdict first, then its causes, then questions about the input.
         significance: significance level of the tests behind the status: a p-value below it rejects.
 
     Example:
@@ -102,34 +102,21 @@ class Answer:
     """
 
     status: Status
-    message: str
+    findings: tuple[Finding, ...]
     hypotheses: tuple[Hypothesis, ...]
     unknown_probability: float
     elapsed: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
-    findings: tuple[Finding, ...] = ()
     significance: float = SIGNIFICANCE
 
-    @classmethod
-    def of(
-        cls,
-        status: Status,
-        findings: tuple[Finding, ...],
-        hypotheses: tuple[Hypothesis, ...],
-        unknown_probability: float,
-        elapsed: Mapping[str, float] | None = None,
-        seed: int = 0,
-        *,
-        significance: float = SIGNIFICANCE,
-    ) -> Answer:
-        """Return an answer whose message is made of its findings."""
-        message = message_of(findings)
-        return cls(status, message, hypotheses, unknown_probability, elapsed or {}, seed, findings, significance)
+    @property
+    def message(self) -> str:
+        """The findings in words, without questions, with what to do next when it is not recognized."""
+        return message_of(self.findings)
 
     def adding(self, *findings: Finding) -> Answer:
-        """Return the answer with further findings, which its message has at its end."""
-        message = f"{self.message} {message_of(findings)}".strip()
-        return replace(self, message=message, findings=(*self.findings, *findings))
+        """Return the answer with further findings at the end."""
+        return replace(self, findings=(*self.findings, *findings))
 
     @property
     def best(self) -> Hypothesis | None:

@@ -93,7 +93,7 @@ def _verdict(
         hypotheses and hypotheses[0].p_value < significance and prior_p < significance and worst is None
     )
     if elsewhere or (hypotheses and doubted):
-        return "unknown", PriorContradicted(elsewhere or hypotheses[0].part, prior_p)
+        return "unknown", PriorContradicted(elsewhere or hypotheses[0].part, prior_p, significance)
     several = unknown < 0.5 and len({name for name, _ in shares}) > _NAMED  # each has little of what is not unknown
     if not hypotheses:
         return "unknown", NoPart()
@@ -101,7 +101,7 @@ def _verdict(
     if unknown > max(h.probability for h in hypotheses) and not known and not several:
         return "unknown", UnknownObject(unknown, best.part, best.probability)
     if best.p_value < significance and not as_published:
-        return "unknown", Contradicted(best.part, best.p_value, worst)
+        return "unknown", Contradicted(best.part, best.p_value, worst, significance)
     if best.unobserved:
         return "insufficient", FreeMotions(best.part, best.unobserved, best.advice)
     if best.probability < least:

@@ -17,6 +17,7 @@ from tanteo.cli.printing import UNDECIDED, complain, emit, has_colour, layout, l
 from tanteo.cli.session_options import SessionOptions
 from tanteo.cli.session_record import kept, write_session
 from tanteo.errors import InputError
+from tanteo.words.findings import NoPartOnTable
 
 if TYPE_CHECKING:
     from tanteo.active import Start
@@ -110,10 +111,10 @@ def start_of(
             f"{scene.source}: expected a table [prior] with the prior pose, got none. Add it, give --pose-prior, "
             "or show an --image."
         )
-    message = "the image shows no part on the table, and no prior pose is given. Give --pose-prior."
+    answer = answers.Answer("unknown", (NoPartOnTable(),), (), 1.0)
     if as_json:
-        put(io.recognition_json(answers.Answer("unknown", message, (), 1.0)))
-    say(f"unknown: {message}", sys.stderr if as_json else sys.stdout)
+        put(io.recognition_json(answer))
+    say(f"unknown: {answer.message}", sys.stderr if as_json else sys.stdout)
     raise typer.Exit(UNDECIDED)
 
 

@@ -81,7 +81,15 @@ def on_furniture(one: GoodnessOfFit) -> OnFurniture | None:
     return OnFurniture(len(on_it), found) if found else None
 
 
-def scattered(best: Hypothesis, worst: WorstReading | None) -> Scatter | None:
-    """Return that the points scatter more or less than stated, if that is sure, and the worst of them."""
+def scattered(best: Hypothesis, worst: WorstReading | None, *, unknown: bool = False) -> Scatter | None:
+    """Return that the points scatter more or less than stated, if that is sure, and the worst of them.
+
+    Args:
+        best: the most probable hypothesis.
+        worst: the reading that agrees least; None if none is far off.
+        unknown: whether the answer is unknown, for which only a larger scatter about the closest part matters.
+    """
     scale, low, high = best.noise_scale
-    return None if low <= 1 <= high else Scatter(scale, low, high, worst if scale >= 1 else None)
+    if low <= 1 <= high or (unknown and scale < 1):
+        return None
+    return Scatter(scale, low, high, worst if scale >= 1 and not unknown else None, best.part if unknown else "")

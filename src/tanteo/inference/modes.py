@@ -11,7 +11,7 @@ from tanteo.inference.compared import Compared
 from tanteo.inference.peaks import Objective
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.sampler import Sampler
-from tanteo.inference.settings import DEFAULTS, POSE_DOF
+from tanteo.inference.settings import POSE_DOF
 from tanteo.inference.symmetry import folded
 from tanteo.inference.widths import roots
 from tanteo.lie import SE3, SO3
@@ -162,9 +162,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     )  # fmt: skip
 
 
-def _covariance(
-    told: Covariances, curved: Covariances, ess: float, least: float = DEFAULTS.samples.narrowest
-) -> Covariances:
+def _covariance(told: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
     """Covariance from that of so many samples and that of the curvature at the maximum.
 
     Few samples miss some of six directions, and on average the inverse of their covariance is too large (Hartlap, Simon
@@ -184,9 +182,8 @@ def _beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances)
     gaps = np.sum(z * z, axis=0)
     order, level = np.argsort(gaps), 1 - NOTABLE
     share = np.cumsum(weights[order]) / weights.sum()
-    return max(
-        float(gaps[order[np.searchsorted(share, level).clip(0, len(gaps) - 1)]]) / chi2_quantile(level, POSE_DOF), 1.0
-    )
+    reach = float(gaps[order[np.searchsorted(share, level).clip(0, len(gaps) - 1)]])
+    return max(reach / chi2_quantile(level, POSE_DOF), 1.0)
 
 
 def to_origin(objective: Objective, information: FloatArray) -> FloatArray:

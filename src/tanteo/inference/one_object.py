@@ -97,8 +97,7 @@ def _maximized(
         total = np.logaddexp(np.log1p(-share), on)
         weight = np.exp(on - total)
         J = -np.swapaxes(tangents, 1, 2) @ SO3.hat(a)  # the axis moves by phi x a
-        prior = 2 * np.pi / free ** (2 / 3) * np.eye(3)
-        H = np.einsum("fk,fkai,kab,fkbj->fij", weight, J, W, J) + prior
+        H = np.einsum("fk,fkai,kab,fkbj->fij", weight, J, W, J) + 2 * np.pi / free ** (2 / 3) * np.eye(3)
         g = -np.einsum("fk,fkai,fka->fi", weight, J, pulls)
         log = total.sum(axis=1) + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - np.log(free)
         return H, g, log

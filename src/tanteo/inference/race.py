@@ -209,12 +209,11 @@ def _by_fields(
 
 def _promising(problem: Problem, rows: IntArray, found: _Costs) -> Active:
     """Return the parts that are little behind the best, as many as the budget allows, and a bound of the others."""
-    own, margin = problem.settings.race, problem.settings.search.negligible
+    own, margin, matters = problem.settings.race, problem.settings.search.negligible, problem.settings.samples.matters
     order = np.argsort(found.costs, kind="stable")
     behind = found.costs[order] - found.costs[order[0]]
     weight, least = (own.table_weight, 1) if found.bound else (own.estimate_weight, own.least)
     rest = np.cumsum(np.exp(-weight * behind)[::-1])[::-1]  # of each and all behind it
-    matters = problem.settings.samples.matters
     count = min(int(np.searchsorted(weight * behind, margin)), int(np.searchsorted(-rest, -matters)))
     if found.bound and not found.exhaustive:
         count = count if count <= own.budget else own.unfixed  # which part it is will stay open

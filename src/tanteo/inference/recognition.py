@@ -64,8 +64,8 @@ def identify_points(
         points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors), settings=settings
     )
     clock.lap("prepare")
-    if message := too_little(problem):
-        return Answer("insufficient", message, (), 1.0, clock.laps(), seed, significance=significance)
+    if (few := too_little(problem)) is not None:
+        return Answer("insufficient", (few,), (), 1.0, clock.laps(), seed, significance=significance)
     odds = candidates.log_odds(problem.priors.whole)
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
     found, hypotheses = _located(posterior, problem.priors.pose, top)
@@ -85,7 +85,7 @@ def identify_points(
     clock.lap("compare")
     outcome = Outcome(candidates, chosen, posterior, found, hypotheses, check, worst)
     status, findings = verdict_of(outcome, significance, shared)
-    return Answer.of(status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
+    return Answer(status, findings, hypotheses, posterior.unknown, clock.laps(), seed, significance=significance)
 
 
 def _searched(

@@ -188,14 +188,13 @@ class Sampler:
             k: of the maximum.
             weights: of the samples in its region, over the largest of all ``(N,)``.
         """
-        comparable = self.settings.comparable
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
-        if not abs(mass) < comparable:
+        if not abs(mass) < self.settings.comparable:
             return Compared.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
-        own = np.exp(np.minimum(log - self.log_density, comparable))
+        own = np.exp(np.minimum(log - self.log_density, self.settings.comparable))
         if own[~np.isfinite(self.log_weights)].sum() > self.settings.cut * own.sum():  # a box that ends in it
             return Compared.alone(weights, self.settings)
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)

@@ -11,11 +11,6 @@ from dataclasses import dataclass, fields, replace
 
 from tanteo.errors import InputError, did_you_mean
 
-__all__ = [
-    "DEFAULTS", "FEWEST", "POSE_DOF", "CheckSettings", "Effort", "RaceSettings", "SampleSettings", "SearchSettings",
-    "Settings", "UnknownSettings",
-]  # fmt: skip
-
 POSE_DOF = 6
 """Degrees of freedom of a pose."""
 
@@ -259,8 +254,6 @@ class SampleSettings:
         normal_starts: samples of a normal mode from which its part is maximized again.
         several: number of points that, with a prior, fix a pose: then pairs of them propose poses, too.
         doubt: probability of the unknown object from which all parts are searched again.
-        gauge_sd: standard deviation about a reference of a turn that symmetry leaves free [rad]; the evidence does not
-            depend on it.
         sweeps: sweeps of coordinate descent in a box.
     """
 
@@ -298,7 +291,6 @@ class SampleSettings:
     normal_starts: int = 2
     several: int = 4
     doubt: float = 0.2
-    gauge_sd: float = 0.1
     sweeps: int = 50
 
 

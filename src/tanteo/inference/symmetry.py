@@ -6,11 +6,10 @@ import numpy as np
 
 from tanteo.answers import without_spin
 from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.settings import DEFAULTS
 from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms
 
-GAUGE_SD = DEFAULTS.samples.gauge_sd
+GAUGE_SD = 0.1
 """Standard deviation of a turn that symmetry leaves free, about a reference [rad]; the rest of the circle is in
 :func:`log_orbit`. The evidence does not depend on it; of a narrow one samples look normal."""
 

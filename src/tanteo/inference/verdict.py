@@ -26,7 +26,14 @@ from tanteo.inference.prior_check import PriorCheck
 from tanteo.inference.race import Active
 from tanteo.limits import NOTABLE
 from tanteo.words import Finding
-from tanteo.words.findings import AmongUnsearched, CloseTogether, MissedPoses, NotSearched, WorstReading
+from tanteo.words.findings import (
+    AmongUnsearched,
+    CloseTogether,
+    MissedPoses,
+    NotSearched,
+    PriorContradicted,
+    WorstReading,
+)
 
 _PATCH = 0.2
 """Share of the part's size that measurements have to reach over, or the pose to be roughly known, for one answer."""
@@ -83,8 +90,9 @@ def verdict_of(
     if found:
         more.append(on_furniture(found[0]))
     more += [_missed(posterior.missing, status), _not_searched(outcome.chosen, posterior, status)]
-    if hypotheses and status != "unknown":
-        more.append(scattered(hypotheses[0], outcome.worst))
+    if hypotheses and not any(isinstance(one, PriorContradicted) for one in findings):
+        # a contradicted prior biases the pose, and with it the scatter
+        more.append(scattered(hypotheses[0], outcome.worst, unknown=status == "unknown"))
     return status, (*findings, *(one for one in more if one is not None))
 
 

@@ -15,6 +15,7 @@ from tanteo.answers import Answer
 from tanteo.lie import SO3
 from tanteo.typing import FloatArray
 from tanteo.words import Finding
+from tanteo.words.findings import NothingSeen
 
 if TYPE_CHECKING:
     from tanteo.active import Explanation
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from tanteo.execution import Executed, Visit
     from tanteo.vision import Ellipse, Question, Sight, Sighting
 
-EMPTY = Answer("unknown", "Nothing was seen that could be a part: check light, focus and camera file.", (), 1.0)
+EMPTY = Answer("unknown", (NothingSeen(),), (), 1.0)
 """Answer for an image in which no object is found."""
 
 

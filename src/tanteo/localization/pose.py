@@ -28,6 +28,10 @@ from tanteo.localization.summary import (
 )
 from tanteo.special import chi2_survival
 from tanteo.typing import Covariances, FloatArray, Tangents, Transforms, Vectors
+from tanteo.words import Finding
+from tanteo.words.findings import PairingsAgree, PairingsContradict, PairingsFree
+
+_AGREE = PairingsAgree()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +56,7 @@ class PoseEstimate:
         shared: estimated shared errors by name, with their standard deviations.
         shared_given: the same errors, one after the other, given the pose.
         status: ``located`` or ``insufficient``.
-        message: one sentence.
+        finding: whether the pairings fix the pose and agree.
     """
 
     T_world_part: Transforms
@@ -68,7 +72,12 @@ class PoseEstimate:
     shared: dict[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
     shared_given: SharedGiven = field(default_factory=SharedGiven.none)
     status: str = "located"
-    message: str = ""
+    finding: Finding = _AGREE
+
+    @property
+    def message(self) -> str:
+        """The finding in words."""
+        return self.finding.message
 
 
 def estimate_pose(
@@ -186,13 +195,11 @@ def _report(
         shared=shared_estimates(solution.z[best], information, N, L, errors, scale),
         shared_given=SharedGiven.at(solution.z[best], information).mapped(L),
         status="insufficient" if insufficient else "located",
-        message=_message(unobserved, p_value),
+        finding=_finding(unobserved, p_value),
     )
 
 
-def _message(unobserved: tuple[str, ...], p_value: float) -> str:
+def _finding(unobserved: tuple[str, ...], p_value: float) -> Finding:
     if unobserved:
-        return f"The pairings leave {' and '.join(unobserved)} free: sense a feature that resists it."
-    if p_value < SIGNIFICANCE:
-        return f"The pairings contradict each other (p = {p_value:.2g}): check the one with the largest distance."
-    return "All six directions are observed and the pairings agree."
+        return PairingsFree(unobserved)
+    return PairingsContradict(p_value) if p_value < SIGNIFICANCE else PairingsAgree()

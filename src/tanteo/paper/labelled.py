@@ -12,6 +12,7 @@ from tanteo.fitting import LabelledFeatures, fit_labelled
 from tanteo.paper.recognition import identify_as_published
 from tanteo.parts import Part
 from tanteo.sensors import PointMeasurements, reading_kind
+from tanteo.words.findings import LabelNotes, LabelsRejected, NoFeatures
 
 _NOTES = 2
 """Notes on labels that a message has; more of them say nothing new."""
@@ -59,15 +60,8 @@ def identify_labelled_as_published(
         )
     seconds += time.perf_counter() - start
     if not sensed.features:
-        reasons = _in_short(sensed.notes) or "There is no reading that met anything."
         return Answer(
-            "insufficient",
-            f"No feature could be made of the readings. {reasons}",
-            (),
-            1.0,
-            {},
-            seed,
-            significance=significance,
+            "insufficient", (NoFeatures(), _in_short(sensed.notes)), (), 1.0, {}, seed, significance=significance
         )
     answer = identify_as_published(sensed.features, parts, significance=significance, top=top)
     return _with_notes(with_elapsed(answer, measure=seconds), sensed)
@@ -79,19 +73,10 @@ def _with_notes(answer: Answer, sensed: LabelledFeatures) -> Answer:
     hypotheses = tuple(
         replace(h, outliers=out + h.outliers, outlier_distances=by + h.outlier_distances) for h in answer.hypotheses
     )
-    notes = [_left_out(out)] if out else []
-    message = " ".join([answer.message, *notes, _in_short(sensed.notes)]).rstrip()
-    return replace(answer, hypotheses=hypotheses, message=message)
+    found = (*((LabelsRejected(out),) if out else ()), *((_in_short(sensed.notes),) if sensed.notes else ()))
+    return replace(answer, hypotheses=hypotheses).adding(*found)
 
 
-def _left_out(names: Sequence[str]) -> str:
-    if len(names) == 1:
-        return f"Reading {names[0]} disagrees with its label and was left out."
-    return f"Readings {', '.join(names)} disagree with their labels and were left out."
-
-
-def _in_short(notes: Sequence[str]) -> str:
-    """The first notes as sentences, and how many more there are."""
-    rest = len(notes) - _NOTES
-    more = [f"And {rest} more label{'s' * (rest > 1)} likewise."] if rest > 0 else []
-    return " ".join([*(f"{note[0].upper()}{note[1:].rstrip('.')}." for note in notes[:_NOTES]), *more])
+def _in_short(notes: Sequence[str]) -> LabelNotes:
+    """Return the first notes, and how many more there are."""
+    return LabelNotes(tuple(notes[:_NOTES]), max(len(notes) - _NOTES, 0))

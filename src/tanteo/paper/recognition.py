@@ -91,7 +91,7 @@ def identify_as_published(
     unknown = 0.0 if accepted else 1.0
     shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
     status, findings = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
-    return Answer.of(status, findings, hypotheses, unknown, clock.laps(), significance=significance)
+    return Answer(status, findings, hypotheses, unknown, clock.laps(), significance=significance)
 
 
 def _poses(

@@ -5,7 +5,6 @@ It has words, a picture in 3-D, charts, figures, and how to run it again. A page
 more to tell about an answer hands in further :class:`Section` values.
 """
 
-from tanteo.answers import percent
 from tanteo.report.charts import bar
 from tanteo.report.combined import combined
 from tanteo.report.contacts import Contacts, Sensed, find_contacts, gather
@@ -20,6 +19,7 @@ from tanteo.report.uncertainty import Budget, Source, make_budget
 from tanteo.report.ways import Way, find_ways
 from tanteo.report.words import headline, length
 from tanteo.report.write import Run, report_page, session_page, write_report
+from tanteo.words import percent
 
 __all__ = [
     "Budget", "Contacts", "Drawn", "Html", "Run", "Section", "Sensed", "Shapes", "Source", "Way", "bar",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tanteo.answers import Answer, percent
+from tanteo.answers import Answer
 from tanteo.report.charts import bar
 from tanteo.report.contacts import Sensed
 from tanteo.report.page import Front, Html, element, fact_list, join, switched
@@ -13,6 +13,7 @@ from tanteo.report.scene import Candidate, distance_enlarged
 from tanteo.report.shapes import Shapes
 from tanteo.report.ways import Way
 from tanteo.report.words import SIGNS, facts, headline, uncertain
+from tanteo.words import details_of, percent
 
 _VIEWS = ("Reset", "Top", "Front", "Side")
 
@@ -102,7 +103,7 @@ def answer_front(
         headline(answer),
         f"{SIGNS[answer.status]} {answer.status}",
         answer.status,
-        answer.message,
+        details_of(answer.findings),
         _picture(candidates, sensed, shapes),
         join([_hypotheses(answer), switched(lists, "dl")]),
     )

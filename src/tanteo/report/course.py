@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.active import Added, Stop
-from tanteo.answers import percent
 from tanteo.report.charts import SHARES, STYLES, Curve, bar, curve_chart, lengths_scale
 from tanteo.report.page import Html, Section, element, join, table
 from tanteo.report.words import MM, uncertain
 from tanteo.session import Session, Step
+from tanteo.words import percent
 
 _IN_TABLE = 2
 """Parts in each row of the table: those that ever led come first."""

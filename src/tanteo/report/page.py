@@ -119,7 +119,16 @@ _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inl
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """What is seen first: a sentence, the status and its class (``page.css``), what to do, picture and side."""
+    """The top of a page.
+
+    Attributes:
+        title: the verdict, as a sentence.
+        chip: the status with its sign.
+        status: class of the status in ``page.css``.
+        message: what follows the title, which it does not repeat; may be empty.
+        picture: the drawing and its controls.
+        side: what stands beside the drawing.
+    """
 
     title: str
     chip: str
@@ -141,8 +150,9 @@ def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) 
     ]
     chip = element("span", front.chip, class_=f"chip {front.status}")
     top = element("div", front.picture, element("div", front.side, class_="side"), class_="top")
+    message = [element("p", front.message)] if front.message else []
     body = [
-        element("header", chip, element("h1", front.title), element("p", front.message)),
+        element("header", chip, element("h1", front.title), *message),
         element("main", top, *map(render, sections)),
         data(scene, "scene"),
         element("script", Html(f"{_asset('draw.js')}\n{_asset('page.js')}")),

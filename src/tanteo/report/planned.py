@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tanteo.active import Plan, PlannedReading, Probe
-from tanteo.answers import box_corners, percent
+from tanteo.answers import box_corners
 from tanteo.lie import SE3
 from tanteo.parts import Part, named_feature
 from tanteo.report.answered import Layer, picture, times
@@ -20,6 +20,7 @@ from tanteo.report.ways import Way, find_ways
 from tanteo.report.words import MM, fixed, length, uncertain
 from tanteo.report.write import Run
 from tanteo.typing import Vectors
+from tanteo.words import percent
 
 _ARROW = 0.3
 """Longest arrow, as a share of the part's size: it starts nearer than the probe does, if that is far."""

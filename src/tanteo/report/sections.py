@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.active import Direction
-from tanteo.answers import percent, prior_rows
+from tanteo.answers import prior_rows
 from tanteo.lie import SO3
 from tanteo.report.charts import residual_chart
 from tanteo.report.contacts import Sensed
@@ -15,6 +15,7 @@ from tanteo.report.page import Html, Section, element, join, per_hypothesis, tab
 from tanteo.report.scene import Candidate
 from tanteo.report.words import MM, fixed
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.words import percent
 
 
 def figure_section(candidates: Sequence[Candidate]) -> Section:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.answers import CONFIDENCE, Answer, Hypothesis, corner_sd, percent
+from tanteo.answers import Answer, Hypothesis, corner_sd
 from tanteo.parts import Part
 from tanteo.report.contacts import Sensed
+from tanteo.words import from_surface, headline_of, p_equals
 
 MM = 1e3
 
@@ -17,28 +18,8 @@ _MOST_NAMES = 6
 
 
 def headline(answer: Answer) -> str:
-    """One sentence: what is it, and how well is it located."""
-    if not answer.hypotheses:
-        known = answer.status == "unknown"
-        return "None of the parts explains the readings." if known else "Too little was sensed to say anything."
-    best = answer.hypotheses[0]
-    if answer.status == "recognized":
-        P = sum(h.probability for h in answer.hypotheses if h.part == best.part)
-        sure = "" if P >= CONFIDENCE else f" ({percent(P)})"
-        return f"It is {best.part}{sure}, located to {uncertain(best.corner_sd)}."
-    if answer.status == "insufficient":
-        free = " and ".join(best.unobserved) or "a direction"
-        return (
-            f"{best.part} fits, but it is not located: {free} {'stay' if len(best.unobserved) > 1 else 'stays'} free."
-        )
-    if answer.status == "unknown":
-        return f"Probably an unknown object; the nearest part is {best.part}."
-    likely = list(dict.fromkeys(h.part for h in answer.hypotheses if h.probability > 0.01)) or [best.part]
-    if len(likely) == 1:
-        other = " or something unknown" if answer.unknown_probability >= 1 - CONFIDENCE else ""
-        several = ", in one of several poses" if sum(h.probability > 0.01 for h in answer.hypotheses) > 1 else ""
-        return f"It is {likely[0]}{other}{several}: not decided."
-    return f"Not decided: it may be {', '.join(likely[:-1])} or {likely[-1]}."
+    """Return the verdict in words: which part it is, and how well it is located."""
+    return headline_of(answer.findings)
 
 
 def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed, significance: float) -> list[tuple[str, str]]:
@@ -74,7 +55,7 @@ def _fitting(used: int, met: int, free: int) -> str:
 def _wrong(hypothesis: Hypothesis) -> str:
     off = hypothesis.outlier_distances or (float("nan"),) * len(hypothesis.outliers)
     names = [
-        name + (f" ({length(d)} off)" if np.isfinite(d) else "")
+        name + (f" ({from_surface(d, 3)})" if np.isfinite(d) else "")
         for name, d in zip(hypothesis.outliers, off, strict=True)
     ]
     rest = len(names) - _MOST_NAMES
@@ -85,7 +66,7 @@ def _agreement(hypothesis: Hypothesis, significance: float) -> str:
     if hypothesis.dof == 0:
         return "nothing left over to check"
     verdict = "no, they contradict each other" if hypothesis.p_value < significance else "yes, within their noise"
-    return f"{verdict} (p = {hypothesis.p_value:.2g})"
+    return f"{verdict} ({p_equals(hypothesis.p_value)})"
 
 
 def uncertain(metres: float) -> str:

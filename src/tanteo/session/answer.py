@@ -65,9 +65,9 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
         status: Status = "unknown" if state.unknown > _HALF else "insufficient"
         nothing = NothingMet() if status == "insufficient" else EmptySpace()
         gone = 1.0 - float(state.weights.sum())
-        return Answer.of(status, (nothing,), (), gone, seed=seed, significance=significance)
+        return Answer(status, (nothing,), (), gone, seed=seed, significance=significance)
     if not state.modes:
-        return Answer.of("unknown", (NoPartLeft(),), (), state.unknown, seed=seed, significance=significance)
+        return Answer("unknown", (NoPartLeft(),), (), state.unknown, seed=seed, significance=significance)
     found = [goodness_of_fit(mode) for mode in state.modes[:top]]
     hypotheses = tuple(
         as_hypothesis(touches, one, start.stated(row)) for one, row in zip(found, state.rows, strict=False)
@@ -90,7 +90,7 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
         moved_meanwhile(state),
     )
     findings = (*findings, *(one for one in more if one is not None))
-    return Answer.of(status, findings, hypotheses, state.unknown, seed=seed, significance=significance)
+    return Answer(status, findings, hypotheses, state.unknown, seed=seed, significance=significance)
 
 
 def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> str:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tanteo.answers import percent
 from tanteo.io import pose_as_brand
 from tanteo.lie import SO3
 from tanteo.text.layout import PLAIN, Layout, printable
+from tanteo.words import from_surface, percent
 
 if TYPE_CHECKING:
     from tanteo.answers import Answer, Hypothesis, PosePrior
@@ -43,7 +43,10 @@ def answer_lines(
     if len(answer.hypotheses) > 1:
         lines += ["", "It could also be:", *_others(answer.hypotheses[1:], layout)]
     if answer.status == "unknown" and best is not None and best.probability > answer.unknown_probability:
-        lines += ["", "A test says that none of the parts fits; the probabilities are what they were if one did."]
+        lines += [
+            "",
+            "The goodness-of-fit test rejects every part. The probabilities assume that one of them is right.",
+        ]
     elif best is not None or answer.status == "unknown":
         lines += ["", f"Unknown object: {percent(answer.unknown_probability)}."]
     if best is not None and best.outliers:
@@ -126,7 +129,7 @@ def _outliers(best: Hypothesis) -> str:
     """Each with how far off it is, where that is known."""
     off = best.outlier_distances or (float("nan"),) * len(best.outliers)
     shown = [
-        printable(name) + (f" ({_millimetres(d)} off)" if np.isfinite(d) else "")
+        printable(name) + (f" ({from_surface(d, 3)})" if np.isfinite(d) else "")
         for name, d in zip(best.outliers, off, strict=True)
     ]
     rest = len(shown) - _MOST_NAMES

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from tanteo.answers import percent
 from tanteo.text.layout import PLAIN, Layout
+from tanteo.words import percent
 
 if TYPE_CHECKING:
     from tanteo.active import Added, Direction, Explanation

@@ -15,12 +15,15 @@ from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.image_edges import ImageEdges, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.posterior import ImagePosterior
-from tanteo.words import message_of
-
-_LIKE = (
-    "whose outlines are as like to it: take an image from nearer or steeper above, or sense it "
-    "(tanteo identify READINGS --image)."
-)
+from tanteo.words import Finding, touch_words
+from tanteo.words.findings import (
+    DecidingTouch,
+    EdgesFitBadly,
+    NotSearched,
+    OutlineCut,
+    SimilarOutlines,
+    UnknownInImage,
+)  # fmt: skip
 
 _MAY_MISS = 0.05
 """Probability of parts that were not looked for from which it is said."""
@@ -73,35 +76,25 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
     )
 
 
-def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, str]:
-    """Status and sentence. Edges of real parts are not those of models: a poor fit widens, and is said."""
+def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, tuple[Finding, ...]]:
+    """Return status and findings. Edges of real parts differ from those of models: a poor fit widens the covariance."""
     status, findings = verdict(tuple(hypotheses), posterior.unknown, 0.0)
-    message = message_of(findings)
+    best = hypotheses[0] if hypotheses else None
     if status == "unknown" and posterior.left_out > 0.5 * posterior.unknown:
-        best = f"It may be {hypotheses[0].part}, or" if hypotheses else "It may be"
-        return "ambiguous", f"{best} one of {posterior.count:,} parts that were not looked for, {_LIKE}"
+        return "ambiguous", (SimilarOutlines("" if best is None else best.part, posterior.count),)
     if status == "unknown":
-        closest = f"; the closest is {hypotheses[0].part} (P = {hypotheses[0].probability:.2f})" if hypotheses else ""
-        message = f"None of the parts is the best explanation (P = {posterior.unknown:.2f}){closest}: "
-        message += "check camera file, marks, light and focus, or add the part's file."
-    elif hypotheses[0].p_value < _MISFIT:
-        message += f" Its edges fit badly (p = {hypotheses[0].p_value:.1g}): check the camera's file, marks and CAD."
+        unknown = posterior.unknown
+        findings = (UnknownInImage(unknown) if best is None else UnknownInImage(unknown, best.part, best.probability),)
+    elif best is not None and best.p_value < _MISFIT:
+        findings = (*findings, EdgesFitBadly(best.p_value))
     if status != "recognized" and posterior.left_out > _MAY_MISS:
-        message += (
-            f" {posterior.count:,} parts were not looked for; that it is one of them has a probability of up to "
-            f"{100 * posterior.left_out:.0f} %."
-        )
-    return status, message
+        findings = (*findings, NotSearched(posterior.count, posterior.left_out))
+    return status, findings
 
 
 def too_many(parts: int) -> Answer:
-    """Of an object whose outline narrows nothing, with more parts than can be looked for."""
-    return Answer(
-        "insufficient",
-        f"It leaves the image, so that its outline does not tell which of {parts:,} parts to look for: move it into "
-        "the image, or give fewer parts.",
-        (), 1.0,
-    )  # fmt: skip
+    """Return the answer for an object whose outline selects none of more parts than can be searched."""
+    return Answer("insufficient", (OutlineCut(parts),), (), 1.0)
 
 
 _CELLS = 48
@@ -123,12 +116,16 @@ class Question:
     answers: tuple[str, str]
 
     @property
+    def finding(self) -> DecidingTouch:
+        """The question as a finding."""
+        x, y = map(float, self.point[:2])
+        first, second = map(float, self.heights)
+        return DecidingTouch(self.answers, (x, y), (first, second))
+
+    @property
     def words(self) -> str:
-        """One sentence for a person."""
-        x, y = 1e3 * self.point[:2]
-        a, b = (f"the table, if {n}" if h <= 0 else f"z {1e3 * h:.1f} mm, if {n}"
-                for n, h in zip(self.answers, self.heights, strict=True))  # fmt: skip
-        return f"sense from above at x {x:.1f} y {y:.1f} mm: {a}; {b}"
+        """The touch as a clause for a person."""
+        return touch_words(self.finding)
 
 
 def heights(surface: Surface, T_table_part: Transforms, places: FloatArray) -> FloatArray:

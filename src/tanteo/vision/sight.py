@@ -262,17 +262,12 @@ def _sighting(
 ) -> Sighting:
     modes = image_modes(posterior, image.camera, top)
     hypotheses = tuple(hypothesis(mode, image, lying=True) for mode in posterior.modes[:top])
-    status, message = judged(hypotheses, posterior)
+    status, findings = judged(hypotheses, posterior)
     question = _question(modes, T_world_table, standing(image.camera))
     if status == "ambiguous" and question is not None:
-        message = f"The image leaves {_both(question)}: {question.words}."
-    answer = Answer(status, message, hypotheses, posterior.unknown)
+        findings = (question.finding,)
+    answer = Answer(status, findings, hypotheses, posterior.unknown)
     return Sighting(answer, modes, question, region)
-
-
-def _both(question: Question) -> str:
-    a, b = question.answers
-    return f"two poses of {a}" if a == b else f"{a} and {b}"
 
 
 def _question(modes: Sequence[ImageMode], T_world_table: Transforms, T_world_camera: Transforms) -> Question | None:

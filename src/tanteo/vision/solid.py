@@ -83,8 +83,8 @@ def see_anywhere(
     seen = replace(seen, log_unknown=float(np.log(tried)))
     posterior = infer(seen, proposals, len(models))
     hypotheses = tuple(hypothesis(mode, seen) for mode in posterior.modes[:top])
-    status, message = judged(hypotheses, posterior)
-    answer = Answer(status, message, hypotheses, posterior.unknown)
+    status, findings = judged(hypotheses, posterior)
+    answer = Answer(status, findings, hypotheses, posterior.unknown)
     factors = () if posterior.image is None else (posterior.image,)
     found = Sighting(
         answer, image_modes(posterior, camera, top), None, None, factors=factors, log_known=posterior.log_known

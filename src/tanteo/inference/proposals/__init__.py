@@ -2,10 +2,7 @@
 
 from tanteo.inference.proposals.built_in import FactorPoses
 from tanteo.inference.proposals.drawn import PriorSamples
-from tanteo.inference.proposals.proposer import BITS, EXHAUSTIVE, InitialPoses, Proposer, SearchState
+from tanteo.inference.proposals.proposer import BITS, InitialPoses, Proposer, SearchState
 from tanteo.inference.proposals.registry import PROPOSERS, proposers
 
-__all__ = [
-    "BITS", "EXHAUSTIVE", "PROPOSERS", "FactorPoses", "InitialPoses", "PriorSamples", "Proposer", "SearchState",
-    "proposers",
-]  # fmt: skip
+__all__ = ["BITS", "PROPOSERS", "FactorPoses", "InitialPoses", "PriorSamples", "Proposer", "SearchState", "proposers"]

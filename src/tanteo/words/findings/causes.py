@@ -1,0 +1,219 @@
+"""What a verdict rests on: noise, outliers, shared errors, what was not searched."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from tanteo.words.findings.base import Finding, Role
+from tanteo.words.findings.verdicts import WorstReading
+
+
+@dataclass(frozen=True, slots=True)
+class CutShort(Finding):
+    """The search dropped some assignments."""
+
+    kind: ClassVar[str] = "cut_short"
+
+
+@dataclass(frozen=True, slots=True)
+class CloseTogether(Finding):
+    """The readings cover a small patch, which many parts have more than once."""
+
+    kind: ClassVar[str] = "close_together"
+
+
+@dataclass(frozen=True, slots=True)
+class SharedErrorLimits(Finding):
+    """An error that all readings share contributes much to the uncertainty of the answer.
+
+    Attributes:
+        error: what the error is.
+        share: its own part of the largest corner sd [m].
+        corner_sd: the largest corner sd [m].
+        without: the largest corner sd if the error were known [m].
+        source: name of the kind of error, which decides what lessens it.
+    """
+
+    kind: ClassVar[str] = "shared_error"
+    error: str
+    share: float
+    corner_sd: float
+    without: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class Outliers(Finding):
+    """Some readings are not on the part.
+
+    Attributes:
+        readings: their ids.
+        distances: signed distance of each from the surface [m]; negative inside the material.
+        count: number of all readings.
+        expected: whether so many outliers are expected.
+    """
+
+    kind: ClassVar[str] = "outliers"
+    readings: tuple[str, ...]
+    distances: tuple[float, ...]
+    count: int
+    expected: bool
+
+
+@dataclass(frozen=True, slots=True)
+class FaceDisplaced(Finding):
+    """The part may be a near variant with one face displaced.
+
+    Attributes:
+        part: name of the part.
+        face: name of the face.
+        offset: displacement of the face along its outward normal [m].
+        count: number of readings that agree.
+    """
+
+    kind: ClassVar[str] = "face_displaced"
+    part: str
+    face: str
+    offset: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class OnFurniture(Finding):
+    """Some readings are on the furniture.
+
+    Attributes:
+        count: number of all readings.
+        on: name of each object and number of readings on it.
+    """
+
+    kind: ClassVar[str] = "on_furniture"
+    count: int
+    on: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MissedPoses(Finding):
+    """The search met some poses only once, so it may have missed others.
+
+    Attributes:
+        probability: of the poses that were met once.
+    """
+
+    kind: ClassVar[str] = "missed_poses"
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class NotSearched(Finding):
+    """Parts that were not searched may explain the readings as well.
+
+    Attributes:
+        count: number of these parts.
+        probability: posterior of these together, at most.
+    """
+
+    kind: ClassVar[str] = "not_searched"
+    count: int
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter(Finding):
+    """The readings scatter more or less than stated.
+
+    Attributes:
+        scale: noise over stated noise.
+        low: lower end of its 95 % interval.
+        high: upper end.
+        worst: the reading that agrees least; None if none is far off.
+        part: name of the closest part where the object is unknown; otherwise empty.
+    """
+
+    kind: ClassVar[str] = "scatter"
+    scale: float
+    low: float
+    high: float
+    worst: WorstReading | None = None
+    part: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatedNoise(Finding):
+    """Nobody stated a standard deviation, and the readings decide it.
+
+    Attributes:
+        sd: estimated standard deviation [m].
+        low: lower end of its 95 % interval [m].
+        high: upper end [m].
+    """
+
+    kind: ClassVar[str] = "estimated_noise"
+    sd: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class NoNoiseStated(Finding):
+    """Nobody stated a standard deviation, and the readings do not decide it."""
+
+    kind: ClassVar[str] = "no_noise_stated"
+    role: ClassVar[Role] = "advice"
+
+
+@dataclass(frozen=True, slots=True)
+class CheckPrior(Finding):
+    """The answer is unknown, and a prior of the pose counted."""
+
+    kind: ClassVar[str] = "check_prior"
+    role: ClassVar[Role] = "advice"
+
+
+@dataclass(frozen=True, slots=True)
+class ThinnedReadings(Finding):
+    """Only some of very many readings were used.
+
+    Attributes:
+        used: number of readings used.
+        given: number of readings given.
+    """
+
+    kind: ClassVar[str] = "many"
+    used: int
+    given: int
+
+
+@dataclass(frozen=True, slots=True)
+class WholeMismatch(Finding):
+    """Mass or size of the whole object contradict the part.
+
+    Attributes:
+        part: name of the part.
+        volumes: volume by the mass, and volume of the part [m^3]; empty where they agree.
+        sides: sides of the box as stated, and those of the part, longest first [m]; empty where they agree.
+    """
+
+    kind: ClassVar[str] = "whole"
+    part: str
+    volumes: tuple[float, ...] = ()
+    sides: tuple[tuple[float, ...], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSpaceCrossed(Finding):
+    """The part is in the way of free-space rays.
+
+    Attributes:
+        part: name of the part.
+        readings: ids of these rays, the worst first.
+        lengths: how far each ray ends behind the surface [m].
+        count: number of all free-space rays.
+    """
+
+    kind: ClassVar[str] = "free_space"
+    part: str
+    readings: tuple[str, ...]
+    lengths: tuple[float, ...]
+    count: int

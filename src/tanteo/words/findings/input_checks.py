@@ -1,0 +1,240 @@
+"""Oddities of the input, and what the user may have meant otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from tanteo.words.findings.base import Finding, Role
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated(Finding):
+    """Readings are equal in every number, and each counts.
+
+    Attributes:
+        sets: ids of the readings of each set of equal ones.
+    """
+
+    kind: ClassVar[str] = "repeated"
+    sets: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Stuck(Finding):
+    """A sensor gave the same range again and again, from different places.
+
+    Attributes:
+        sensor: its name; empty if there is one sensor without a name.
+        first: id of the first of these readings.
+        last: id of the last one.
+        count: their number.
+        range: the range that they all have [m].
+    """
+
+    kind: ClassVar[str] = "stuck"
+    sensor: str
+    first: str
+    last: str
+    count: int
+    range: float
+
+
+@dataclass(frozen=True, slots=True)
+class TooFarApart(Finding):
+    """The readings lie farther apart than any part is wide, as millimetres would that are taken for metres.
+
+    Attributes:
+        distance: median distance of the readings from their middle [m].
+        widest: size of the largest part [m].
+    """
+
+    kind: ClassVar[str] = "units"
+    distance: float
+    widest: float
+
+
+@dataclass(frozen=True, slots=True)
+class UnitsQuestion(Finding):
+    """Other units would make readings and parts fit.
+
+    Attributes:
+        widest: size of the largest part [m].
+        parts: number of parts.
+        span: distance that the readings span [m].
+        columns: units of the columns that would fit.
+        files: units of the part files that would fit.
+    """
+
+    kind: ClassVar[str] = "units"
+    role: ClassVar[Role] = "question"
+    subject: ClassVar[str] = "the units"
+    widest: float
+    parts: int
+    span: float
+    columns: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class TooNarrow(Finding):
+    """All readings lie within a tiny part of the smallest part.
+
+    Attributes:
+        within: largest distance of a reading from the middle [m].
+        smallest: size of the smallest part [m].
+        units: the units that would fit; None if none would.
+    """
+
+    kind: ClassVar[str] = "units"
+    role: ClassVar[Role] = "question"
+    subject: ClassVar[str] = "the units"
+    within: float
+    smallest: float
+    units: UnitsQuestion | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SpreadQuestion(Finding):
+    """The standard deviation of the readings is one that no sensor of such parts has.
+
+    Attributes:
+        sd: median standard deviation [m].
+        widest: size of the largest part [m]; NaN where the deviation is finer than that of any sensor.
+    """
+
+    kind: ClassVar[str] = "spread"
+    role: ClassVar[Role] = "question"
+    subject: ClassVar[str] = "the unit of the standard deviations"
+    sd: float
+    widest: float
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionsQuestion(Finding):
+    """Directions lead out of the material.
+
+    Attributes:
+        share: share of the readings whose direction does.
+    """
+
+    kind: ClassVar[str] = "directions"
+    role: ClassVar[Role] = "question"
+    subject: ClassVar[str] = "the signs of the directions (dx, dy, dz)"
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class NormalsQuestion(Finding):
+    """Sensed normals point into the material.
+
+    Attributes:
+        share: share of the readings whose normal does.
+    """
+
+    kind: ClassVar[str] = "normals"
+    role: ClassVar[Role] = "question"
+    subject: ClassVar[str] = "the signs of the normals (nx, ny, nz)"
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class MirrorQuestion(Finding):
+    """The mirror image of a part fits all readings.
+
+    Attributes:
+        part: name of the part.
+        probability: posterior of its mirror image.
+    """
+
+    kind: ClassVar[str] = "mirror"
+    role: ClassVar[Role] = "question"
+    subject: ClassVar[str] = "the order and the signs of the columns x, y, z"
+    part: str
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class Convention(Finding):
+    """The readings fit if their numbers are read by another convention.
+
+    Attributes:
+        part: name of the part that fits then.
+        fitting: number of readings that fit.
+        count: number of readings that were tried.
+        meant: the convention, in words.
+        advice: what to do about it.
+        given: number of all readings, where only some were tried; otherwise 0.
+    """
+
+    role: ClassVar[Role] = "question"
+    part: str
+    fitting: int
+    count: int
+    meant: str
+    advice: str
+    given: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class HandConvention(Convention):
+    """The poses of the hand may be meant otherwise."""
+
+    kind: ClassVar[str] = "hand"
+    subject: ClassVar[str] = "the columns of the hand's pose"
+
+
+@dataclass(frozen=True, slots=True)
+class DirectionsConvention(Convention):
+    """The directions may be meant otherwise."""
+
+    kind: ClassVar[str] = "directions"
+    subject: ClassVar[str] = "the signs of the directions (dx, dy, dz)"
+
+
+@dataclass(frozen=True, slots=True)
+class NormalsConvention(Convention):
+    """The normals may be meant otherwise."""
+
+    kind: ClassVar[str] = "normals"
+    subject: ClassVar[str] = "the signs of the normals (nx, ny, nz)"
+
+
+@dataclass(frozen=True, slots=True)
+class UnitsConvention(Convention):
+    """The lengths may be in another unit."""
+
+    kind: ClassVar[str] = "units"
+    subject: ClassVar[str] = "the units"
+
+
+@dataclass(frozen=True, slots=True)
+class MirrorConvention(Convention):
+    """The readings may be in a left-handed frame."""
+
+    kind: ClassVar[str] = "mirror"
+    subject: ClassVar[str] = "the order and the signs of the columns x, y, z"
+
+
+@dataclass(frozen=True, slots=True)
+class OffsetQuestion(Finding):
+    """The readings fit if the surface is nearer or farther by the same length everywhere.
+
+    Attributes:
+        part: name of the part that fits then.
+        fitting: number of readings that fit.
+        count: number of readings that were tried.
+        offset: how much farther the surface is than it was read [m].
+        touched: whether a tip touched; otherwise a range sensor measured.
+        given: number of all readings, where only some were tried; otherwise 0.
+    """
+
+    kind: ClassVar[str] = "offset"
+    role: ClassVar[Role] = "question"
+    subject: ClassVar[str] = "the tip radius and the zero of the sensor"
+    part: str
+    fitting: int
+    count: int
+    offset: float
+    touched: bool
+    given: int = 0

@@ -1,0 +1,258 @@
+"""Verdicts on readings: which part it is and where, or why this is not known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from tanteo.defaults import SIGNIFICANCE
+from tanteo.words.findings.base import Finding, Role, Share
+
+
+@dataclass(frozen=True, slots=True)
+class Located(Finding):
+    """One part at one pose.
+
+    Attributes:
+        part: name of the part.
+        probability: its posterior; NaN where it is as sure as usual.
+        corner_sd: largest corner sd [m].
+        others: what else it may be, most probable first.
+    """
+
+    kind: ClassVar[str] = "located"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    probability: float
+    corner_sd: float
+    others: tuple[Share, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PoseWithin(Finding):
+    """A part in one of several poses that differ by less than the tolerance of the goal.
+
+    Attributes:
+        part: name of the part.
+        probability: its posterior; NaN where it is as sure as usual.
+        tolerance: of the goal [m].
+        feature: feature of the part that the tolerance is about; empty for the whole part.
+        others: what else it may be.
+    """
+
+    kind: ClassVar[str] = "pose_within"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    probability: float
+    tolerance: float
+    feature: str = ""
+    others: tuple[Share, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SeveralPoses(Finding):
+    """One part in one of several poses.
+
+    Attributes:
+        part: name of the part.
+        probability: its posterior over all poses; NaN where it is as sure as usual.
+        others: what else it may be.
+    """
+
+    kind: ClassVar[str] = "several_poses"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    probability: float = float("nan")
+    others: tuple[Share, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SeveralParts(Finding):
+    """Several parts remain.
+
+    Attributes:
+        parts: their names, most probable first.
+        more: number of further parts.
+        equal: a part that fits exactly like the first one; empty if none does.
+    """
+
+    kind: ClassVar[str] = "several_parts"
+    role: ClassVar[Role] = "verdict"
+    parts: tuple[str, ...]
+    more: int = 0
+    equal: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GivenTwice(Finding):
+    """One part stands more than once among the candidates.
+
+    Attributes:
+        part: its name.
+    """
+
+    kind: ClassVar[str] = "given_twice"
+    role: ClassVar[Role] = "verdict"
+    part: str
+
+
+@dataclass(frozen=True, slots=True)
+class MayBeUnknown(Finding):
+    """A part fits, but an unknown one may fit, too.
+
+    Attributes:
+        part: name of the part.
+        unknown: probability of the unknown object.
+    """
+
+    kind: ClassVar[str] = "may_be_unknown"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    unknown: float
+
+
+@dataclass(frozen=True, slots=True)
+class FreeMotions(Finding):
+    """A part fits, but some of its motions are not observed.
+
+    Attributes:
+        part: name of the part.
+        motions: the unobserved directions, in words.
+        face: what to sense to observe the first one; empty if nothing is known.
+    """
+
+    kind: ClassVar[str] = "free_motions"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    motions: tuple[str, ...]
+    face: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class NoPart(Finding):
+    """No part explains the readings at all."""
+
+    kind: ClassVar[str] = "no_part"
+    role: ClassVar[Role] = "verdict"
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownObject(Finding):
+    """The unknown object is more probable than any part.
+
+    Attributes:
+        unknown: its probability.
+        part: name of the closest part.
+        probability: posterior of that.
+    """
+
+    kind: ClassVar[str] = "unknown_object"
+    role: ClassVar[Role] = "verdict"
+    unknown: float
+    part: str
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class MostlyOnPart(Finding):
+    """The unknown object is more probable than a part that most readings are on.
+
+    Attributes:
+        part: name of that part.
+        unknown: probability of the unknown object.
+        outliers: ids of the readings that are off it.
+        count: number of readings.
+    """
+
+    kind: ClassVar[str] = "mostly_on_part"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    unknown: float
+    outliers: tuple[str, ...]
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class WorstReading(Finding):
+    """The reading that contradicts a hypothesis most.
+
+    Attributes:
+        reading: its id.
+        sds: its distance, or the tilt of its normal, in standard deviations.
+        normal: whether it is the normal that contradicts.
+    """
+
+    kind: ClassVar[str] = "worst_reading"
+    reading: str
+    sds: float
+    normal: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Contradicted(Finding):
+    """The joint test rejects the closest part.
+
+    Attributes:
+        part: name of the part.
+        p_value: of the joint test.
+        worst: the reading that contradicts it most; None if no reading is far off.
+        significance: significance level of the test.
+    """
+
+    kind: ClassVar[str] = "contradicted"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    p_value: float
+    worst: WorstReading | None = None
+    significance: float = SIGNIFICANCE
+
+
+@dataclass(frozen=True, slots=True)
+class PriorContradicted(Finding):
+    """The closest part is not where the prior of the pose has it.
+
+    Attributes:
+        part: name of the part.
+        p_value: of the prior.
+        significance: significance level of the test.
+    """
+
+    kind: ClassVar[str] = "prior_contradicted"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    p_value: float
+    significance: float = SIGNIFICANCE
+
+
+@dataclass(frozen=True, slots=True)
+class LabelsContradicted(Finding):
+    """More labelled readings are off the best part than labels are wrong.
+
+    Attributes:
+        part: name of the part.
+        outliers: number of labelled readings that are off it.
+        count: number of labelled readings.
+    """
+
+    kind: ClassVar[str] = "labels_contradicted"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    outliers: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class AmongUnsearched(Finding):
+    """So little was sensed that very many parts may explain it.
+
+    Attributes:
+        part: the best part that was searched; empty if none was found.
+        count: number of parts that were not searched.
+        probability: posterior of these together, at most.
+    """
+
+    kind: ClassVar[str] = "among_unsearched"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    count: int
+    probability: float

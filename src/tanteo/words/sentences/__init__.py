@@ -1,0 +1,21 @@
+"""Sentences of findings: what is found, its value, and what to do."""
+
+from tanteo.words.sentences import causes, images, input_checks, pairings, sessions, too_little, verdicts
+from tanteo.words.sentences.base import details_of, headline_of, message_of, sentence
+from tanteo.words.sentences.input_checks import HANDED, size_advice
+
+__all__ = [
+    "HANDED",
+    "causes",
+    "details_of",
+    "headline_of",
+    "images",
+    "input_checks",
+    "message_of",
+    "pairings",
+    "sentence",
+    "sessions",
+    "size_advice",
+    "too_little",
+    "verdicts",
+]

@@ -1,0 +1,146 @@
+"""Sentences on what a verdict rests on."""
+
+from __future__ import annotations
+
+from tanteo.words import findings as f
+from tanteo.words.figures import from_surface, listed, millimetres, percent, readings
+from tanteo.words.sentences.base import Words, words_of
+
+_LESSENED = {
+    "robot base": "; more readings do not lessen it, but the same robot, when it goes back, is off by the same",
+    "tip offset": ", or turn the hand more between readings",
+    "mounting": ", or turn the hand more between readings",
+    "bias": ", or sense from more sides, opposite ones best",
+    "scale": ", or sense from nearer, or from opposite sides",
+}
+"""What else lessens an error that all readings share, by the beginning of its name."""
+
+_MOST_NAMES = 3
+"""Number of readings that a sentence names; more are counted."""
+
+
+@words_of.register
+def _(one: f.CutShort) -> Words:
+    return "The search was cut short.", "Sense fewer, better spread features."
+
+
+@words_of.register
+def _(one: f.CloseTogether) -> Words:
+    return (
+        "The readings lie close together, and other places of the parts may look the same."
+    ), "Sense places farther apart, or give a prior pose (--pose-prior)."
+
+
+@words_of.register
+def _(one: f.SharedErrorLimits) -> Words:
+    what = f"{one.error}, which all readings share"
+    size = f"{millimetres(one.share)} of the {millimetres(one.corner_sd)}"
+    most = one.share > one.without
+    text = f"{'Most' if most else 'Part'} of the uncertainty is {what}: {size}."
+    lessened = next((advice for source, advice in _LESSENED.items() if one.source.startswith(source)), "")
+    return text, f"Calibrate it ({millimetres(one.without)} are left then){lessened}."
+
+
+@words_of.register
+def _(one: f.Outliers) -> Words:
+    n = len(one.readings)
+    if not n:
+        return f"All of {readings(one.count)} are on it.", ""
+    some = f"{n} of {readings(one.count)} {'is' if n == 1 == one.count else 'are'} not on it"
+    if not one.expected:
+        return f"{some}, more than expected.", "Check them, and the order of their columns."
+    if n > _MOST_NAMES:
+        return f"{some}.", ""
+    named = [f"{name} ({from_surface(off)})" for name, off in zip(one.readings, one.distances, strict=True)]
+    if n == 1:
+        return f"Reading {named[0]} is not on it, and is excluded.", "Check it."
+    return f"Readings {listed(named)} are not on it, and are excluded.", "Check them."
+
+
+@words_of.register
+def _(one: f.FaceDisplaced) -> Words:
+    agree = f"{one.count} readings agree" if one.count > 1 else "One reading states"
+    where = "out" if one.offset > 0 else "in"
+    return f"{agree} that {one.face} of {one.part} is {millimetres(abs(one.offset))} farther {where}.", ""
+
+
+@words_of.register
+def _(one: f.OnFurniture) -> Words:
+    on = [f"{count} on the {name}" for name, count in one.on] or ["none on the furniture"]
+    return f"Of {readings(one.count)} {' and '.join(on)}.", ""
+
+
+@words_of.register
+def _(one: f.MissedPoses) -> Words:
+    return (
+        f"The search met some poses only once ({percent(one.probability)} of the probability), so others may fit, too."
+    ), ""
+
+
+@words_of.register
+def _(one: f.NotSearched) -> Words:
+    return (
+        f"{one.count:,} parts were not searched. Together they may explain it with a probability of up to "
+        f"{percent(one.probability)}."
+    ), "Give more readings, or label them."
+
+
+@words_of.register
+def _(one: f.Scatter) -> Words:
+    about = f" about the closest part, {one.part}," if one.part else ""
+    text = (
+        f"The readings scatter{about} {one.scale:.2g} times as much as stated (95 %: {one.low:.2g} to {one.high:.2g})."
+    )
+    if one.part:
+        return text, f"If it is {one.part}, state a larger standard deviation."
+    text += " The covariance contains this factor."
+    if one.scale < 1:
+        return text, ""
+    worst = f" The worst is reading {one.worst.reading}." if one.worst is not None else ""
+    return (
+        f"{text}{worst}"
+    ), "If a shared error causes it (tip, radius, calibration), the pose is less certain: state that error."
+
+
+@words_of.register
+def _(one: f.EstimatedNoise) -> Words:
+    sd, low, high = millimetres(one.sd), millimetres(one.low), millimetres(one.high)
+    return f"No standard deviation is stated. The estimate from the readings is {sd} (95 %: {low} to {high}).", ""
+
+
+@words_of.register
+def _(one: f.NoNoiseStated) -> Words:
+    return "No standard deviation is stated.", "State it (--sd)."
+
+
+@words_of.register
+def _(one: f.CheckPrior) -> Words:
+    return "The answer depends on the prior pose, too.", "Check it, or omit it and compare."
+
+
+@words_of.register
+def _(one: f.ThinnedReadings) -> Words:
+    return f"{one.used:,} of the {readings(one.given)} were used, spread evenly over all of them.", ""
+
+
+@words_of.register
+def _(one: f.WholeMismatch) -> Words:
+    text, advice = [], []
+    if one.volumes:
+        stated, own = (f"{1e6 * v:.4g} cm3" for v in one.volumes)
+        text.append(f"The mass corresponds to {stated}, the volume of {one.part} is {own}.")
+        advice.append("Check mass, density and parts.")
+    if one.sides:
+        stated, own = (" x ".join(f"{1e3 * v:.4g}" for v in box) for box in one.sides)
+        text.append(f"The stated box is {stated} mm, the box of {one.part} is {own} mm.")
+        advice.append("Check size and parts.")
+    return " ".join(text), " ".join(advice)
+
+
+@words_of.register
+def _(one: f.FreeSpaceCrossed) -> Words:
+    off = list(zip(one.readings, one.lengths, strict=True))
+    named = ", ".join(f"{name} (by {millimetres(length)})" for name, length in off[:_MOST_NAMES])
+    rest = f" and {len(off) - _MOST_NAMES} more" if len(off) > _MOST_NAMES else ""
+    which = f": {named}{rest}" if named else ""
+    return f"{one.part} blocks {len(off)} of {one.count} paths on which nothing was met{which}.", ""

@@ -1,0 +1,127 @@
+"""Sentences on oddities of the input, and on what the user may have meant otherwise."""
+
+from __future__ import annotations
+
+import math
+
+from tanteo.words import findings as f
+from tanteo.words.figures import listed, percent, readings
+from tanteo.words.sentences.base import Words, sentence, words_of
+
+_MOST_NAMES = 3
+"""Number of readings that a sentence names; more are counted."""
+
+
+@words_of.register
+def _(one: f.Repeated) -> Words:
+    if not one.sets:
+        return "No two readings are equal.", ""
+    names = [listed(list(ids)) for ids in one.sets[:_MOST_NAMES]]
+    rest = len(one.sets) - _MOST_NAMES
+    more = f" (and {rest} more such set{'s' * (rest > 1)})" if rest > 0 else ""
+    return (
+        f"Readings {'; '.join(names)}{more} are equal in place, direction and standard deviation, and each counts."
+    ), "If they are one reading under several names, keep one, or the covariance is too small."
+
+
+@words_of.register
+def _(one: f.Stuck) -> Words:
+    who = f" of '{one.sensor}'" if one.sensor else ""
+    return (
+        f"The {one.count} ranges {one.first} to {one.last}{who} are all {1e3 * one.range:.6g} mm, from different "
+        "places."
+    ), "Check whether the sensor is stuck."
+
+
+@words_of.register
+def _(one: f.TooFarApart) -> Words:
+    return (
+        f"Half of the readings are more than {one.distance:.3g} m from their middle, and the largest part measures "
+        f"{one.widest:.3g} m."
+    ), "Check the units: lengths are in metres."
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.3g} m" if metres >= 0.1 else f"{1e3 * metres:.3g} mm"
+
+
+@words_of.register
+def _(one: f.UnitsQuestion) -> Words:
+    guesses = [f"--units {u}" for u in one.files] + [f"columns in {u} (x_{u})" for u in one.columns]
+    return (
+        f"The {'largest ' if one.parts > 1 else ''}part is {_length(one.widest)} wide and the readings span about "
+        f"{_length(one.span)}."
+    ), f"Did you mean {' or '.join(guesses)}?"
+
+
+def size_advice(units: f.UnitsQuestion | None) -> str:
+    """Return what to check where readings and parts differ in size."""
+    advice = "Check the units in the names of the columns and of the parts (--units)."
+    return advice if units is None else f"{advice} {sentence(units)}"
+
+
+@words_of.register
+def _(one: f.TooNarrow) -> Words:
+    return (
+        f"all readings lie within {1e3 * one.within:.3g} mm, and the smallest part measures "
+        f"{1e3 * one.smallest:.4g} mm."
+    ), size_advice(one.units)
+
+
+@words_of.register
+def _(one: f.SpreadQuestion) -> Words:
+    size = "finer than any sensor" if math.isnan(one.widest) else f"{one.sd / one.widest:.0%} of the largest part"
+    return (
+        f"one standard deviation of the readings is {1e3 * one.sd:.3g} mm, which is {size}."
+    ), "Is its unit right (column sd_mm, sd_m, sd_um; --sd)?"
+
+
+@words_of.register
+def _(one: f.DirectionsQuestion) -> Words:
+    return (
+        f"The directions (dx, dy, dz) of {one.share:.0%} of the readings lead away from the middle of all. They have "
+        "to point into the material, along the beam or the motion of the tip."
+    ), "Did you mean the opposite?"
+
+
+@words_of.register
+def _(one: f.NormalsQuestion) -> Words:
+    return (
+        f"The normals (nx, ny, nz) of {one.share:.0%} of the readings point along the beam (dx, dy, dz). They have to "
+        "point out of the material."
+    ), "Did you mean the opposite?"
+
+
+HANDED = "Are two of the columns x, y, z exchanged, or is one reversed? tanteo takes right-handed frames."
+"""What to check where a mirror image fits."""
+
+
+@words_of.register
+def _(one: f.MirrorQuestion) -> Words:
+    return f"The mirror image of {one.part} fits all readings ({percent(one.probability)}).", HANDED
+
+
+def _fitting(one: f.Convention | f.OffsetQuestion) -> str:
+    n, fits = one.count, one.fitting
+    some = ("The reading fits" if n == 1 else f"All {n} readings fit") if n == fits else f"{fits} of {n} readings fit"
+    return f"{some} {one.part}"
+
+
+def _tried(one: f.Convention | f.OffsetQuestion) -> str:
+    return f" ({one.count} of the {readings(one.given)} were tried.)" if one.given else ""
+
+
+@words_of.register
+def _(one: f.Convention) -> Words:
+    return f"{_fitting(one)} if {one.meant}.{_tried(one)}", one.advice
+
+
+@words_of.register
+def _(one: f.OffsetQuestion) -> Words:
+    where = "farther from" if one.offset > 0 else "nearer to"
+    what = "tip" if one.touched else "sensor"
+    check = "Check radius_mm (a radius, not a diameter) and the trigger point" if one.touched else "Check its zero"
+    return (
+        f"{_fitting(one)} if the surface is {1e3 * abs(one.offset):.2g} mm {where} the {what} than "
+        f"measured.{_tried(one)}"
+    ), f"{check}, or state the offset as an error that all readings share (--bias-sd)."

@@ -1,0 +1,133 @@
+"""Sentences of verdicts on readings."""
+
+from __future__ import annotations
+
+from tanteo.defaults import SIGNIFICANCE
+from tanteo.words import findings as f
+from tanteo.words.figures import listed, millimetres, p_equals, percent, readings
+from tanteo.words.sentences.base import Words, words_of
+
+
+def _sure(probability: float) -> str:
+    return "" if probability != probability else f" ({percent(probability)})"  # NaN
+
+
+def _or_else(others: tuple[f.Share, ...]) -> str:
+    """Return what else it may be."""
+    return f" It may also be {listed([f'{name} ({percent(P)})' for name, P in others], 'or')}." if others else ""
+
+
+@words_of.register
+def _(one: f.Located) -> Words:
+    located = f"located to {millimetres(one.corner_sd)} (largest corner sd)"
+    return f"{one.part}{_sure(one.probability)}, {located}.{_or_else(one.others)}", ""
+
+
+@words_of.register
+def _(one: f.PoseWithin) -> Words:
+    what = f"The possible places of {one.feature} differ" if one.feature else "Its possible poses differ"
+    within = f"less than the tolerance of {millimetres(one.tolerance, 3)}"
+    return f"It is {one.part}{_sure(one.probability)}. {what} by {within}.{_or_else(one.others)}", ""
+
+
+@words_of.register
+def _(one: f.SeveralPoses) -> Words:
+    text = f"It is {one.part}{_sure(one.probability)}, in one of several poses.{_or_else(one.others)}"
+    return text, "Sense a face that is at different places in these poses."
+
+
+@words_of.register
+def _(one: f.SeveralParts) -> Words:
+    names = [*one.parts, *([f"one of {one.more} others"] if one.more else [])] or ["any part"]
+    text = f"It may be {listed(names, 'or')}."
+    if one.equal:
+        text += f" {names[0]} and {one.equal} have the same shape: if they are one part, remove one of them."
+    return text, "Sense a face where they differ."
+
+
+@words_of.register
+def _(one: f.GivenTwice) -> Words:
+    return f"{one.part} is more than once among the parts.", "Remove the copies."
+
+
+@words_of.register
+def _(one: f.MayBeUnknown) -> Words:
+    return f"{one.part} fits, but an unknown part may fit, too ({percent(one.unknown)}).", "Sense one more place."
+
+
+@words_of.register
+def _(one: f.FreeMotions) -> Words:
+    stays = "stays" if len(one.motions) <= 1 else "stay"
+    text = f"{one.part} fits, but {' and '.join(one.motions) or 'a direction'} {stays} free."
+    advice = one.face or "sense a face or an edge that resists it"
+    return text, f"{advice[0].upper()}{advice[1:].rstrip('.')}."
+
+
+@words_of.register
+def _(one: f.NoPart) -> Words:
+    return "None of the parts explains the readings.", "Check units and standard deviations, or add the part's file."
+
+
+@words_of.register
+def _(one: f.UnknownObject) -> Words:
+    return (
+        f"An unknown object explains the readings best ({percent(one.unknown)}). The closest part is {one.part} "
+        f"({percent(one.probability)})."
+    ), "Sense more places on it, or add the part's file."
+
+
+@words_of.register
+def _(one: f.MostlyOnPart) -> Words:
+    return (
+        f"The closest part is {one.part}, but {len(one.outliers)} of {readings(one.count)} are not on it. It may be "
+        f"another part ({percent(one.unknown)})."
+    ), "Add its file, check the sensor's standard deviation, or expect more outliers (--outlier-rate)."
+
+
+def worst_words(one: f.WorstReading) -> str:
+    """Return the reading that agrees least, as a clause."""
+    return f"{'the normal of ' if one.normal else ''}reading {one.reading}, {one.sds:.1f} sd off"
+
+
+@words_of.register
+def _(one: f.WorstReading) -> Words:
+    return f"The worst is {worst_words(one)}.", ""
+
+
+def _level(p_value: float, significance: float) -> str:
+    return f"{p_equals(p_value)}, significance level {significance:g}"
+
+
+@words_of.register
+def _(one: f.Contradicted) -> Words:
+    text = (
+        f"The closest part is {one.part}, but the readings contradict it ({_level(one.p_value, one.significance)})."
+        f"{'' if one.worst is None else f' The worst is {worst_words(one.worst)}.'}"
+    )
+    lower = f", or lower the significance level (--significance {SIGNIFICANCE:g})"
+    usual = one.p_value < SIGNIFICANCE
+    return text, f"Check the sensor's standard deviation, the tolerance and the units{'' if usual else lower}."
+
+
+@words_of.register
+def _(one: f.PriorContradicted) -> Words:
+    return (
+        f"The closest part is {one.part}, but it is not at the prior pose ({_level(one.p_value, one.significance)})."
+    ), "Check the prior pose, or omit it and compare."
+
+
+@words_of.register
+def _(one: f.LabelsContradicted) -> Words:
+    return (
+        f"{one.part} fits best, but {one.outliers} of {one.count} labelled readings are not on it, more than expected. "
+        "It may be another part."
+    ), "Check these labels, and sense more places."
+
+
+@words_of.register
+def _(one: f.AmongUnsearched) -> Words:
+    best = f"It may be {one.part}, or" if one.part else "It may be"
+    return (
+        f"{best} one of {one.count:,} parts that were not searched (up to {percent(one.probability)}). The readings "
+        "hardly discriminate them."
+    ), "Sense more places, with normals or labels if the sensor gives them."

@@ -1,0 +1,158 @@
+"""Small samples of every log format: the same four points, whoever wrote them."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+from tanteo.io import pose_as_brand
+from tanteo.lie import SE3, SO3
+
+P = np.array([[10.0, 20.0, 30.0], [40.5, 20.0, 30.0], [10.0, 50.25, 5.0], [12.5, 60.0, -7.25]])
+"""Millimetres."""
+
+UP = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.0, 0.6, -0.8]])
+R = SO3.exp(np.array([[np.pi - 0.1, 0, 0.2], [0, 0, 1.0], [0.3, 0.2, 0.1], [0, 0, 0]]))
+POSES = SE3.from_parts(R, P / 1000)
+
+
+def rows(values, sep=" ", end="\n", form="{:.6f}"):
+    return end.join(sep.join(form.format(x) for x in row) for row in np.atleast_2d(values)) + end
+
+
+def fields(brand):
+    return pose_as_brand(brand, POSES)
+
+
+def console():
+    met = "".join(f"[PRB:{x:.3f},{y:.3f},{z:.3f}:1]\nok\n" for x, y, z in P)
+    return "Grbl 1.1f ['$' for help]\n$13=0\n" + met + "ALARM:5\n[PRB:300.000,100.000,-60.000:0]\n"
+
+
+def results():
+    lines = ["START", "TOOLPATH Surf", "G331 N1 A0. B0. C0. X0. Y0. Z0."]
+    for k, (p, n) in enumerate(zip(P, UP, strict=True), start=1):
+        lines.append(f"G800 N{k} X0. Y0. Z0. I{n[0]:.5f} J{n[1]:.5f} K{n[2]:.5f} O0. U0.1 L0.1")
+        lines.append(f"G801 N{k} X{p[0]:.3f} Y {p[1]:.3f} Z{p[2]:.3f} R1.5")
+    return "\n".join([*lines, "G800 N9 X0. Y0. Z0. I0. J0. K1.", "END", ""])
+
+
+def dmis():
+    head = "DMISMN/'PART',5.3\nUNITS/MM,ANGDEC\n$$ a comment\nF(P1)=FEAT/POINT,CART,0,0,0,0,0,1\n"
+    points = [f"FA(P{k})=FEAT/POINT,CART,$\n {','.join(map(str, p))},{','.join(map(str, n))}"
+              for k, (p, n) in enumerate(zip(P.tolist(), UP.tolist(), strict=True), start=1)]  # fmt: skip
+    return head + "\n".join(points) + "\nFA(PL)=FEAT/PLANE,CART,0,0,0,0,0,1\nENDFIL\n"
+
+
+def qif():
+    points = "".join(
+        f'<PointFeatureMeasurement id="{k}"><Location>{rows(p, form="{}").strip()}</Location>'
+        f"<Normal>{rows(n, form='{}').strip()}</Normal></PointFeatureMeasurement>"
+        for k, (p, n) in enumerate(zip(P, UP, strict=True), start=1)
+    )
+    return (
+        '\ufeff<?xml version="1.0" encoding="UTF-8"?>\n<QIFDocument xmlns="http://qifstandards.org/xsd/qif3">'
+        "<FileUnits><PrimaryUnits><LinearUnit><SIUnitName>meter</SIUnitName><UnitName>mm</UnitName>"
+        "<UnitConversion><Factor>0.001</Factor></UnitConversion></LinearUnit></PrimaryUnits></FileUnits>"
+        f"<MeasurementsResults>{points}<PlaneFeatureMeasurement/></MeasurementsResults></QIFDocument>"
+    )
+
+
+def fanuc():
+    blocks = "".join(
+        f"P[{k}:\"T{k}\"]{{\n   GP1:\n\tUF : 1, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',\n"
+        f"\tX = {x:.4f}  mm,\tY = {y:.4f}  mm,\tZ = {z:.4f}  mm,\n"
+        f"\tW = {w:.5f} deg,\tP = {p:.5f} deg,\tR = {r:.5f} deg\n}};\n"
+        for k, (x, y, z, w, p, r) in enumerate(fields("fanuc"), start=1)
+    )
+    joints = "P[9]{\n   GP1:\n\tUF : 1, UT : 1,\n\tJ1= 0.000 deg,\tJ2= 0.000 deg\n};\n"
+    return f"/PROG  TOUCH\n/ATTR\n/MN\n   1:L P[1] 100mm/sec FINE    ;\n/POS\n{blocks}{joints}/END\n"
+
+
+def krl():
+    lines = "".join(
+        f"DECL E6POS XT{k}={{X {x:.4f},Y {y:.4f},Z {z:.4f},A {a:.5f},B {b:.5f},C {c:.5f},S 2,T 34,E1 0.0}}\n"
+        f'DECL FDAT FT{k}={{TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE,POINT2[] " "}}\n'
+        for k, (x, y, z, a, b, c) in enumerate(fields("kuka"), start=1)
+    )
+    return f"&ACCESS RVP\nDEFDAT TOUCH\nDECL E6POS XHOME={{X 1,Y 2,Z 3,A 0,B 0,C 0}}\n{lines}ENDDAT\n"
+
+
+def rapid():
+    def brackets(numbers):
+        return "[" + ",".join(f"{x:.7f}" for x in numbers) + "]"
+
+    return "MODULE Touch\n" + "".join(
+        f"CONST robtarget t{k}:=[{brackets(v[:3])},{brackets(v[3:])},[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+        for k, v in enumerate(fields("abb"), start=1)
+    )
+
+
+def urscript():
+    return "def touch():\n" + "".join(
+        f"  t{k}=p[{', '.join(f'{x:.7f}' for x in v)}]\n" for k, v in enumerate(fields("ur"), start=1)
+    )
+
+
+PLY_HEAD = "ply\nformat {} 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty float z\n"
+NORMALS = "property float nx\nproperty float ny\nproperty float nz\n"
+PCD_HEAD = (
+    "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 8 8 8 4\nTYPE F F F F\n"
+    "COUNT 1 1 1 1\nWIDTH 4\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 4\nDATA {}\n"
+)
+GRID = "0 40 2\n0 50 2\n-5 5 100\n\n\n"
+MM, TIP = {"units": "mm"}, {"units": "mm", "radius": 0.0015}
+
+CASES = {
+    "linuxcnc": ("linuxcnc", rows(np.c_[P, np.zeros((4, 6))]), TIP),
+    "linuxcnc of six axes": ("linuxcnc", rows(np.c_[P, np.zeros((4, 3))]), TIP),
+    "linuxcnc with a rotary axis": ("linuxcnc", rows(np.c_[P, np.tile([90.0, 0, 0, 0, 0, 0], (4, 1))]), TIP),
+    "grbl": ("grbl", console(), {"radius": 0.0015}),
+    "bcnc": ("bcnc", GRID + rows(P), MM),
+    "bcnc xyz": ("asc", rows(P), MM),
+    "fusion": ("fusion", results(), MM),
+    "xyzijk": ("xyzijk", rows(np.c_[P, UP], "\t"), MM),
+    "xyzijk with commas": ("xyzijk", rows(np.c_[P, UP], ", "), MM),
+    "decimal commas": ("asc", rows(P, ";").replace(".", ","), MM),
+    "asc with colours and normals": ("asc", "4\n" + rows(np.c_[P, [[255, 0, 7]] * 4, UP]), MM),
+    "asc with names": ("asc", "//X Y Z Nx Ny Nz\n" + rows(np.c_[P, UP]), MM),
+    "dmis": ("dmis", dmis(), {}),
+    "qif": ("qif", qif(), {}),
+    "fanuc": ("fanuc", fanuc(), {"radius": 0.0}),
+    "kuka": ("kuka", krl(), {"radius": 0.0}),
+    "abb": ("abb", rapid(), {"radius": 0.0}),
+    "ur": ("ur", urscript(), {"radius": 0.0}),
+    "ply": ("ply", PLY_HEAD.format("ascii") + "end_header\n" + rows(P), MM),
+    "ply binary": (
+        "ply",
+        (PLY_HEAD.format("binary_little_endian") + NORMALS + "end_header\n").encode()
+        + b"".join(struct.pack("<ddffff", *p, *n) for p, n in zip(P, UP, strict=True)),
+        MM,
+    ),
+    "ply big endian": (
+        "ply",
+        (PLY_HEAD.format("binary_big_endian") + "end_header\n").encode()
+        + b"".join(struct.pack(">ddf", *p) for p in P),
+        MM,
+    ),
+    "pcd": ("pcd", PCD_HEAD.format("ascii") + rows(np.c_[P, np.zeros(4)]), MM),
+    "pcd binary": (
+        "pcd",
+        PCD_HEAD.format("binary").encode() + b"".join(struct.pack("<dddf", *p, 0) for p in P),
+        MM,
+    ),
+    "csv of a spreadsheet": (
+        "csv", "\ufeffX (mm);Y [mm];Z_MM\n" + rows(P, ";", "\r\n").replace(".", ","), {}
+    ),
+    "csv in UTF-16": ("csv", ("X\tY\tZ\nmm\tmm\tmm\n" + rows(P, "\t")).encode("utf-16"), {}),
+    "csv with sep": ("csv", "sep=;\nx;y;z\n" + rows(P, ";"), MM),
+    "csv without units": ("csv", "x,y,z\n" + rows(P, ","), MM),
+    "csv of XYZIJK": ("csv", "X,Y,Z,I,J,K\n" + rows(np.c_[P, UP], ","), MM),
+}  # fmt: skip
+
+
+def save(tmp_path, content, name="log"):
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
