@@ -17,7 +17,6 @@ from tanteo.cli.printing import UNDECIDED, complain, emit, has_colour, layout, l
 from tanteo.cli.session_options import SessionOptions
 from tanteo.cli.session_record import kept, write_session
 from tanteo.errors import InputError
-from tanteo.words.findings import NoPartOnTable
 
 if TYPE_CHECKING:
     from tanteo.active import Start
@@ -96,6 +95,8 @@ def start_of(
         InputError: Nobody says where the parts may be.
         Exit: An image shows none of them, and nobody says either.
     """
+    from tanteo.words.findings import NoPartOnTable
+
     known = options.known()
     view = None if options.image is None else viewed(scene, options.image, options.camera, options.marks)
     parts = files.read_all_parts(part_paths, options.units, quiet=as_json)
