@@ -16,7 +16,7 @@ from tanteo.measurements import FreeRays
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
 _AROUND = np.linspace(0, 2 * np.pi, DEFAULTS.checks.path_turns, endpoint=False)
-"""Directions across a path in which it is moved [rad]."""
+"""Directions across a ray in which it is moved [rad]."""
 
 
 def _across(directions: Vectors) -> FloatArray:

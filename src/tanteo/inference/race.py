@@ -172,12 +172,11 @@ class _Costs:
 
 def _by_tables(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> _Costs:
     """Return costs and poses by sensed planes and centres against faces and axes."""
-    own, planes = problem.settings.race, sensed_planes(problem, points)
+    own, matters, planes = problem.settings.race, problem.settings.samples.matters, sensed_planes(problem, points)
     found = _Costs(planes, np.zeros(len(rows)))
     if len(planes.triples):
         # poses are needed as far behind the best as all parts beyond could matter together
-        beyond = float(np.log(len(rows) / problem.settings.samples.matters))
-        far = max(cost_margin(problem.settings), beyond / own.table_weight)
+        far = max(cost_margin(problem.settings), float(np.log(len(rows) / matters)) / own.table_weight)
         found.costs, found.known = on_planes(planes, candidates, rows, far)
         found.exhaustive = bool(found.costs.min() < planes.believed)
     else:

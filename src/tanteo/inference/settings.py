@@ -74,7 +74,7 @@ class SearchSettings:
         gate: agreement of distances, angles and sizes [standard deviations]: 6e-5 two-sided for a normal error.
             Decision 76.
         reach_sds: reach of an error: normals within it are parallel, a side of a box within it cuts a region, and a
-            free path within it may pass beside the part [standard deviations]: 0.3 % two-sided for a normal error.
+            free ray within it may pass beside the part [standard deviations]: 0.3 % two-sided for a normal error.
         as_made: difference of the made part from its drawing, 1 sd [m]. Decisions 76, 84.
         tilt_as_made: difference of a made angle from its drawing, 1 sd [rad]. Decision 76.
         noise_share: assumed inflation of the noise, as a share of the log of the factor to which it is known.
@@ -331,7 +331,7 @@ class CheckSettings:
         many_parts: number of parts above which diagonals are rounded to a hundredth.
         outward: mean cosine between a direction and the way away from the middle, above which directions are doubted.
         into: share of the sensed normals that point into the material, above which normals are doubted.
-        path_turns: directions across a free path in which it is moved.
+        path_turns: directions across a free ray in which it is moved.
         outlier_level: probability of as many outliers as a pose leaves, from which it explains the measurements.
         limiting_share: share of the largest corner sd from which a shared error is reported.
         beyond_curvature: largest corner sd over that by curvature up to which shared errors explain it.
