@@ -29,7 +29,7 @@ def test_the_report_is_written_and_says_how_to_run_it_again(run, asked, tmp_path
     page = file.read_text(encoding="utf-8")
     assert page.startswith("<!doctype html>")
     assert f"tanteo locate &#x27;{asked[1]}&#x27; --part" in page
-    assert "It is block" in page
+    assert "<h1>block, located to " in page
 
 
 def test_beside_json_only_the_document_is_on_standard_output(run, asked, tmp_path):

@@ -39,7 +39,7 @@ def check_scheduler(address: str) -> str:
         address: ``tcp://HOST:PORT`` (or ``tls://``, ``ucx://``), ``local`` or ``local:N``.
 
     Raises:
-        InputError: The address has none of these forms.
+        InputError: The address has another form.
     """
     kind, colon, count = address.partition(":")
     local = kind == "local" and (not colon or (count.isdecimal() and 0 < int(count) <= 1024))

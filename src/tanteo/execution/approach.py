@@ -1,4 +1,4 @@
-"""Hand poses that place a frontal sensor on a beam, with free rotation about it, and collision-free paths to them."""
+"""Hand poses that place a frontal sensor on a beam, with free rotation about it, and safe paths to them."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def _expected(
 
 
 def beyond_furniture(readings: Readings, of_it: BoolArray, rig: Rig) -> Readings:
-    """Return the readings with those of furniture replaced by free beams that end before it.
+    """Return the readings with those of furniture replaced by free-space rays that end before it.
 
     Args:
         readings: readings of the hand.
@@ -144,7 +144,7 @@ def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings |
 
     If a sensor's readings scatter beyond its noise, its beam covers an edge, and a few single readings are kept.
     Readings that are too near or have no echo are dropped. A beam that hits something only sometimes is dropped too:
-    its cone passes an edge, and as a free beam it would contradict valid poses.
+    its cone passes an edge, and as a free-space ray it would contradict valid poses.
 
     Args:
         hand: sensors and body of the hand.
@@ -172,7 +172,8 @@ def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings |
 def of_parts(hand: Hand, readings: Readings, possible: Possible) -> Readings | None:
     """Return readings of the frontal sensors, and of others whose beams pass a possible part; None if there are none.
 
-    The other sensors were not aimed at anything. Elsewhere they hit other objects, and free beams carry no information.
+    The other sensors were not aimed at anything. Elsewhere they hit other objects, and free-space rays carry no
+    information.
 
     Args:
         hand: sensors and body of the hand.

@@ -42,7 +42,7 @@ class SceneFile:
         clearance: smallest allowed distance of the hand from obstacles [m].
         guesses: rough positions of features to sense, by kind: ``plane``, ``edge``, ``vertex``, ``circle``,
             ``cylinder``.
-        prior: rough pose of a part's centre; None if not given.
+        prior: prior pose of a part's centre; None if not given.
         camera: files of the camera that observes the scene; None if there is none.
         furniture: solids that are not parts.
         occluders: the same without the table, as boxes that the hand avoids.

@@ -186,7 +186,7 @@ class SenseTable(Table, frozen=True, kw_only=True, eq=False):
 
 
 class PriorTable(Posed, frozen=True, kw_only=True, eq=False):
-    """Rough pose of a part's centre."""
+    """Prior pose of a part's centre."""
 
     sd: LengthSds
     turn_sd: AngleSds

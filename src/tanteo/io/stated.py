@@ -90,7 +90,7 @@ def parse_direction(text: str, name: str = "direction") -> Direction:
         name: name of the input, for messages.
 
     Raises:
-        InputError: the text is none of these.
+        InputError: the text is something else.
     """
     word = text.strip().lower()
     if word in ("tool", "ijk", "-ijk"):
