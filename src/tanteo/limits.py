@@ -14,6 +14,10 @@ LEAST_SD, LARGEST = 1e-9, 1e6
 LEAST_TILT_SD, LARGEST_TILT_SD = 1e-6, np.pi / 3
 """No sensed normal is known better than this, and one that is known worse says nothing [rad]."""
 
+NOTABLE = 0.05
+"""Probability below which chance does not explain a finding, so that it is mentioned, and probability from which an
+alternative is: the convention of Fisher (1925), not a tuned number. Regions are told at one less it, 95 %."""
+
 SUSPECT = 1e-3
 """Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
 

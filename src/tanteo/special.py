@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,17 @@ def chi2_survival(x: float, dof: int) -> float:
     powers = start + np.arange(dof // 2)
     logs = powers * math.log(half) - half - np.array([math.lgamma(power + 1.0) for power in powers])
     return min(1.0, float(np.sum(np.exp(logs))) + (math.erfc(math.sqrt(half)) if odd else 0.0))
+
+
+@cache
+def chi2_quantile(level: float, dof: int) -> float:
+    """Return the value that chi-square with ``dof`` degrees of freedom stays below with probability ``level``."""
+    low, high = 0.0, float(dof)
+    while chi2_survival(high, dof) > 1 - level:
+        low, high = high, 2 * high
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if chi2_survival(middle, dof) > 1 - level else (low, middle)
+    return high
 
 
 def binomial_cdf(k: int, n: int, p: FloatArray) -> FloatArray:
@@ -43,6 +55,11 @@ def log_sum(log: npt.ArrayLike, axis: int | tuple[int, ...] | None = None) -> Fl
     top[np.isneginf(top)] = 0.0
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(np.exp(log - top).sum(axis=axis)) + top.squeeze(axis))
+
+
+def log_even(log: npt.ArrayLike) -> FloatArray:
+    """Return the log of the mean of two densities, one of which is 1: of two hypotheses that are equally likely."""
+    return np.asarray(np.logaddexp(log, 0.0) - math.log(2.0))
 
 
 def softmax(log: npt.ArrayLike) -> FloatArray:

@@ -324,8 +324,8 @@ def test_degenerate_planes_end_in_nats_that_are_numbers(catalogue, what):
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("planes", np.zeros(5, dtype=np.float32), "seven numbers"),
-        ("rounds", np.zeros(5, dtype=np.float32), "nine numbers"),
+        ("planes", np.zeros(5, dtype=np.float32), "7 numbers a row"),
+        ("rounds", np.zeros(5, dtype=np.float32), "9 numbers a row"),
         ("starts", np.array([0, 10**6], dtype=np.int64), "expected"),
         ("rows", np.array([10**6], dtype=np.int32), "rows"),
         ("triples", np.array([0, 1, 99], dtype=np.int32), "triples"),

@@ -12,12 +12,12 @@ from tanteo.active.start import Start
 from tanteo.active.state import SensingState, begin
 from tanteo.active.stopping import largest_corner_sd
 from tanteo.answers import corner_moves, motion_of, observed_covariance, spins
-from tanteo.inference import NEGLIGIBLE, face_names, goodness_of_fit, information_by_point
+from tanteo.inference import DEFAULTS, face_names, goodness_of_fit, information_by_point
 from tanteo.parts import Part
 from tanteo.typing import Covariances, FloatArray, Transforms
 from tanteo.words import Motion
 
-_FORGOTTEN = np.exp(-NEGLIGIBLE)
+_FORGOTTEN = np.exp(-DEFAULTS.search.negligible)
 """What a part that is not listed any more may still have had."""
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tanteo.inference.modes import Mode
     from tanteo.inference.otherwise import Ask, about_conventions
     from tanteo.inference.part_search import PartSearch
-    from tanteo.inference.posterior import NEGLIGIBLE, Posterior, infer, posterior_of_factors, search_about, weigh
+    from tanteo.inference.posterior import Posterior, infer, posterior_of_factors, search_about, weigh
     from tanteo.inference.prepared import PreparedPart, prepare, prepare_all
     from tanteo.inference.prior_check import p_of_prior
     from tanteo.inference.problem import PoseMixture, Problem
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DEFAULTS",
-    "NEGLIGIBLE",
     "PROPOSERS",
     "Alternatives",
     "Ask",
@@ -107,7 +106,7 @@ __getattr__, __dir__ = lazy(
         "free_space": "gone_through",
         "otherwise": "Ask about_conventions",
         "modes": "Mode",
-        "posterior": "NEGLIGIBLE Posterior infer posterior_of_factors search_about weigh",
+        "posterior": "Posterior infer posterior_of_factors search_about weigh",
         "prepared": "PreparedPart prepare prepare_all",
         "part_search": "PartSearch",
         "prior_check": "p_of_prior",

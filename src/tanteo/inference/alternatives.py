@@ -15,15 +15,15 @@ import numpy as np
 from tanteo import _core
 from tanteo.answers import part_scale, spins
 from tanteo.inference.problem import PoseMixture
+from tanteo.inference.settings import DEFAULTS
 from tanteo.lie import SE3
 from tanteo.measurements import PoseFactor
 from tanteo.parts import Part
 from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Transforms
 
-_DRAWN = 96
-"""Samples of the densities of a part from which a search starts: as many as where a part is looked for all over its
-prior (``_WIDELY`` in ``update.py``)."""
+_DRAWN = DEFAULTS.samples.widely
+"""Number of samples of the densities of a part from which a search starts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,17 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.answers import Furniture, Priors
+from tanteo.inference.outliers import JEFFREYS
+from tanteo.inference.settings import SearchSettings
 from tanteo.measurements import ContactPoints, FreeRays
 from tanteo.typing import BoolArray, FloatArray, IntArray
-
-_SIGMAS = 4.0
-"""Before what a beam met it was free but for so many standard deviations."""
-
-_PATHS = 40
-"""Free-space rays to furniture that count: each is cast at every pose."""
-
-_JEFFREYS = 0.5
-"""Measurements on either side that the share of those on furniture starts with."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +40,7 @@ class Around:
         return np.flatnonzero(~self.on_it)
 
 
-def around(points: ContactPoints, priors: Priors) -> Around:
+def around(points: ContactPoints, priors: Priors, settings: SearchSettings) -> Around:
     """Weigh what stands around, the table included, for every point.
 
     The share of points on furniture is taken from how many are denser there than anywhere. Labelled points, and those
@@ -61,9 +54,9 @@ def around(points: ContactPoints, priors: Priors) -> Around:
     over = log.max(axis=0) - log_outlier - np.where(points.oriented, np.log(4 * np.pi), 0.0)
     over = np.where(points.centres, -np.inf, over)  # what stands around has no holes that anybody measures
     count = int(np.sum(over > 0))
-    odds = np.log(count + _JEFFREYS) - np.log(n - count + _JEFFREYS)
+    odds = np.log(count + JEFFREYS) - np.log(n - count + JEFFREYS)
     weighed = np.exp(np.minimum(over + odds, 600.0))
-    return Around(tuple(f.name for f in furniture), log.argmax(axis=0), weighed, _paths(points, weighed >= 1))
+    return Around(tuple(f.name for f in furniture), log.argmax(axis=0), weighed, _paths(points, weighed >= 1, settings))
 
 
 def without_pose(points: ContactPoints, priors: Priors) -> Priors:
@@ -75,7 +68,7 @@ def without_pose(points: ContactPoints, priors: Priors) -> Priors:
     return replace(priors, pose=None, furniture=(*priors.furniture, there))
 
 
-def _paths(points: ContactPoints, on_it: BoolArray) -> FreeRays:
+def _paths(points: ContactPoints, on_it: BoolArray, own: SearchSettings) -> FreeRays:
     """Where beams went before they met furniture, nothing was; the nearest to the other points say where these end."""
     rows = np.flatnonzero(on_it & points.directed & (points.reach > 0))
     if not len(rows) or on_it.all():
@@ -83,8 +76,8 @@ def _paths(points: ContactPoints, on_it: BoolArray) -> FreeRays:
     off = points.points[~on_it] - points.points[rows][:, None]
     along = np.sum(off * points.directions[rows][:, None], axis=2, keepdims=True)
     beside = np.linalg.norm(off - along * points.directions[rows][:, None], axis=2).min(axis=1)
-    some = points.take(rows[np.argsort(beside, kind="stable")[:_PATHS]])
-    margin = np.minimum(_SIGMAS * some.sd, some.reach)
+    some = points.take(rows[np.argsort(beside, kind="stable")[: own.furniture_rays]])
+    margin = np.minimum(own.gate * some.sd, some.reach)
     return FreeRays(
         some.points - some.reach[:, None] * some.directions, some.directions, some.reach, margin,
         shared_jacobian=some.shared_jacobian, turns=np.zeros_like(some.shared_jacobian),

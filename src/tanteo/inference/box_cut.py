@@ -5,20 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.inference.peaks import Objective
+from tanteo.inference.settings import Settings
 from tanteo.lie import SE3, SO3
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
-
-_WHOLE = 3.0
-"""Standard deviations from all sides of a box at which it cuts nothing worth it."""
-
-_REACH, _FALL = 4.0, 8.0
-"""Standard deviations to which a density is followed, and by how much its log may fall along an axis."""
-
-_NODES = 16
-"""Places along each axis at which a density inside of a box is looked at: steps of half a standard deviation."""
-
-_SWEEPS = 50
-"""Of coordinate descent in three coordinates, which is at rest long before."""
 
 
 def cut_by_box(
@@ -41,14 +30,14 @@ def cut_by_box(
     pose, part = objective.problem.priors.pose, objective.prepared.part
     if pose is None or pose.box is None:
         return means, covariances, cut
-    covariances = covariances.copy()
+    covariances, own = covariances.copy(), objective.problem.settings
     for k, (T, P) in enumerate(zip(Ts, covariances, strict=True)):
         J = T[:3, :3] @ np.hstack([np.eye(3), -SO3.hat(part.centroid - objective.prepared.shape.centre)])
         at, S = SE3.apply(T, part.centroid), J @ P @ J.T
-        reach = _WHOLE * np.sqrt(np.diag(S))
+        reach = own.search.reach_sds * np.sqrt(np.diag(S))
         cut[k] = bool(((at - reach < pose.box[0]) | (at + reach > pose.box[1])).any())
         if cut[k]:
-            mean, C = _moments(at, S, pose.box)
+            mean, C = _moments(at, S, pose.box, own)
             gain = np.linalg.solve(S, J @ P).T
             # Joseph form: P + gain (C - S) gain^T cancels to noise where the box is far away and C tiny
             rest = np.eye(6) - gain @ J
@@ -56,15 +45,18 @@ def cut_by_box(
     return means, covariances, cut
 
 
-def _moments(at: Vectors, S: Covariances, box: Vectors) -> tuple[Vectors, Covariances]:
-    """Mean ``(3,)`` and covariance ``(3, 3)`` of a normal density inside of a box ``(2, 3)``."""
+def _moments(at: Vectors, S: Covariances, box: Vectors, own: Settings) -> tuple[Vectors, Covariances]:
+    """Return mean ``(3,)`` and covariance ``(3, 3)`` of a normal density inside a box."""
+    gate = own.search.gate
     Q = np.asarray(np.linalg.inv(S), dtype=np.float64)
-    top = _likeliest(at, Q, box)
+    top = _likeliest(at, Q, box, own.samples.sweeps)
     slope = Q @ (top - at)
     with np.errstate(divide="ignore"):
-        reach = np.minimum(_REACH * np.sqrt(np.diag(S)), np.where(_on_border(top, box), _FALL / np.abs(slope), np.inf))
+        end = np.where((top <= box[0]) | (top >= box[1]), 0.5 * gate**2 / np.abs(slope), np.inf)
+    reach = np.minimum(gate * np.sqrt(np.diag(S)), end)  # where the log density has fallen by half of the square
     low, high = np.maximum(top - reach, box[0]), np.minimum(top + reach, box[1])
-    shares = (np.arange(_NODES) + 0.5) / _NODES
+    nodes = round(4 * gate)  # steps of half a standard deviation
+    shares = (np.arange(nodes) + 0.5) / nodes
     x = np.stack(np.meshgrid(*(low + shares[:, None] * (high - low)).T, indexing="ij"), axis=-1).reshape(-1, 3)
     log = -0.5 * np.einsum("ni,ij,nj->n", x - at, Q, x - at)
     w = np.exp(log - log.max())
@@ -72,15 +64,10 @@ def _moments(at: Vectors, S: Covariances, box: Vectors) -> tuple[Vectors, Covari
     return mean, ((w[:, None] * (x - mean)).T @ (x - mean)) / w.sum()
 
 
-def _on_border(x: Vectors, box: Vectors) -> BoolArray:
-    """Which coordinates are at a side of the box ``(3,)``."""
-    return np.asarray((x <= box[0]) | (x >= box[1]))
-
-
-def _likeliest(at: Vectors, Q: FloatArray, box: Vectors) -> Vectors:
-    """The place inside of a box that is nearest to another by the information ``Q`` ``(3,)``."""
+def _likeliest(at: Vectors, Q: FloatArray, box: Vectors, sweeps: int) -> Vectors:
+    """Return the place inside a box that is nearest to another by the information ``Q`` ``(3,)``."""
     x = np.clip(at, *box)
-    for _ in range(_SWEEPS):
+    for _ in range(sweeps):  # of coordinate descent, which is slow where the information is nearly singular
         for i in range(3):
             rest = Q[i] @ (x - at) - Q[i, i] * (x[i] - at[i])
             x[i] = np.clip(at[i] - rest / Q[i, i], box[0, i], box[1, i])

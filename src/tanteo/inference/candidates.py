@@ -11,15 +11,9 @@ import numpy as np
 from tanteo.answers import WholeObject
 from tanteo.catalogue import Catalogue, coarse_field, field_table, signature, tables_of
 from tanteo.inference.prepared import PreparedPart, prepare
-from tanteo.inference.settings import RaceSettings
+from tanteo.inference.settings import DEFAULTS, RaceSettings
 from tanteo.parts import StoredParts, as_parts
 from tanteo.typing import FloatArray, IntArray, Vectors
-
-_EQUAL = 1e-6
-"""Relative difference of area and volume up to which two parts may be one: rounding of their files."""
-
-_MANY = 1000
-"""Parts of which all diagonals are reported."""
 
 
 class Candidates:
@@ -89,9 +83,9 @@ class Candidates:
         return {self.name(int(row)): float(odds[row]) for row in rows}
 
     def names_alike(self, part: Any) -> list[str]:
-        """Names of the parts of the same area and volume as this one."""
-        same = np.isclose(self.areas, part.area, rtol=_EQUAL, atol=0)
-        same &= np.isclose(self.volumes, part.volume, rtol=_EQUAL, atol=0)
+        """Return the names of the parts of the same area and volume, up to single precision."""
+        rounding = float(np.finfo(np.float32).resolution)
+        same = np.isclose(self._numbers[:, :2], (part.area, part.volume), rtol=rounding, atol=0).all(axis=1)
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
     def similar(self, prepared: PreparedPart, rows: IntArray, settings: RaceSettings) -> list[int]:
@@ -137,9 +131,9 @@ def _signed(prepared: PreparedPart) -> dict[str, Any]:
 
 
 def sizes_of(parts: Any) -> tuple[float, ...]:
-    """Diagonals of parts [m]; of very many those that differ by a hundredth."""
+    """Return the diagonals of parts [m]; of very many those that differ by a hundredth."""
     found = Candidates(parts).diagonals
-    if len(found) <= _MANY:
+    if len(found) <= DEFAULTS.checks.many_parts:
         return tuple(found.tolist())
     steps = np.unique(np.rint(100 * np.log(found))) / 100
     inner = np.exp(steps).clip(found.min(), found.max())

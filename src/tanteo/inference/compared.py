@@ -6,14 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.inference.settings import DEFAULTS, POSE_DOF, SampleSettings
 from tanteo.typing import FloatArray
-
-_TOLD, _NORMAL = 24, 0.1
-"""Effective samples that tell whether a region is normal, and the variance of the ratio of both densities up to which
-it is."""
-
-_OF_SPREAD = 4.0 / 3.0
-"""Mean square of a squared length over the square of its mean, of a normal density in six directions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,17 +20,19 @@ class Compared:
             the curvature is not known.
         expected: what the sum of those is without the noise of the samples.
         gaps: squared lengths of the motions from the maximum, by its curvature ``(N,)``.
+        settings: numbers of the sampling.
     """
 
     weights: FloatArray
     normal: FloatArray
     expected: float
     gaps: FloatArray
+    settings: SampleSettings = DEFAULTS.samples
 
     @classmethod
-    def alone(cls, weights: FloatArray) -> Compared:
-        """Samples beside nothing: what they say is all there is."""
-        return cls(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)))
+    def alone(cls, weights: FloatArray, settings: SampleSettings = DEFAULTS.samples) -> Compared:
+        """Return samples without a normal density to compare them with."""
+        return cls(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)), settings)
 
     @property
     def rest(self) -> FloatArray:
@@ -52,11 +48,12 @@ class Compared:
     def ess(self) -> float:
         """How many samples of a normal density would tell its spread as well."""
         noise = float(np.sum((self.rest * self.gaps) ** 2))
-        return _OF_SPREAD * float(self.weights @ self.gaps) ** 2 / noise if noise > 0 else 0.0
+        spread = 1 + 2 / POSE_DOF  # mean square of a squared normal length, over its squared mean
+        return spread * float(self.weights @ self.gaps) ** 2 / noise if noise > 0 else 0.0
 
     @property
     def is_normal(self) -> bool:
         """Whether the weights are nearly those of a normal density, as far as they tell."""
         squares = float(self.weights @ self.weights)
-        told = squares > 0 and self.weights.sum() ** 2 >= _TOLD * squares
-        return told and float(self.rest @ self.rest) < _NORMAL * squares
+        told = squares > 0 and self.weights.sum() ** 2 >= self.settings.told * squares
+        return told and float(self.rest @ self.rest) < self.settings.share * squares

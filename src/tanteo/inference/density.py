@@ -10,10 +10,8 @@ from tanteo import _core
 from tanteo.answers import in_box
 from tanteo.inference.peaks import Objective
 from tanteo.inference.symmetry import is_held, log_gauge
+from tanteo.limits import LARGEST
 from tanteo.typing import FloatArray, Transforms
-
-_AWAY = 1e3
-"""Diagonals of the part at which it is out of reach of all points."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +36,7 @@ class Density:
         untouched = -np.inf
         if len(objective.problem.points):
             far = np.eye(4)
-            far[:3, 3] = T[:3, 3] + _AWAY * objective.prepared.part.diagonal
+            far[:3, 3] = T[:3, 3] + LARGEST  # out of reach of all points
             zs = np.zeros((1, objective.problem.states))
             untouched = float(_core.marginals(objective.prepared.shape, objective.core, far[None], zs)[0][0])
         return cls(objective, T, log_constant, untouched)

@@ -8,6 +8,7 @@ from tanteo.answers import Hypothesis, Priors
 from tanteo.inference.fit_at_mode import GoodnessOfFit
 from tanteo.inference.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
 from tanteo.inference.outliers import so_many
+from tanteo.limits import NOTABLE, SUSPECT
 from tanteo.measurements import ContactPoints
 from tanteo.special import binomial_cdf
 from tanteo.words.findings import (
@@ -19,12 +20,6 @@ from tanteo.words.findings import (
     Scatter,
     WorstReading,
 )  # fmt: skip
-
-_NOTABLE = 0.05
-"""So many outliers are mentioned if they, or more, are not more probable than this; the unknown object from this on."""
-
-_CONTRADICTED = 1e-3
-"""So improbable a number of outliers among labelled points contradicts the part that explains the others."""
 
 
 def mostly_on(best: Hypothesis, unknown: float) -> bool:
@@ -43,7 +38,7 @@ def against_labels(one: GoodnessOfFit, priors: Priors) -> LabelsContradicted | N
     A sensor may make more outliers than is stated, and then the rate is found out; but labels come from a person.
     """
     off, n = int(np.sum(one.outliers & (one.at.groups >= 0))), int(np.sum(one.at.groups >= 0))
-    if not off or binomial_cdf(off - 1, n, np.array([priors.outlier_rate]))[0] < 1 - _CONTRADICTED:
+    if not off or binomial_cdf(off - 1, n, np.array([priors.outlier_rate]))[0] < 1 - SUSPECT:
         return None
     return LabelsContradicted(one.mode.prepared.part.name, off, n)
 
@@ -53,7 +48,7 @@ def left_out(best: Hypothesis, priors: Priors) -> Outliers | None:
     outliers, n = len(best.outliers), len(best.outliers) + len(best.pairings)
     if not outliers:
         return None
-    expected = so_many(outliers, n, priors.outlier_rate) > _NOTABLE
+    expected = so_many(outliers, n, priors.outlier_rate) > NOTABLE
     return Outliers(best.outliers, best.outlier_distances, n, expected)
 
 
@@ -66,7 +61,7 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
         unknown: probability of the unknown object.
         priors: what is assumed beforehand.
     """
-    if unknown < _NOTABLE:
+    if unknown < NOTABLE:
         return None
     part, at = one.mode.prepared.part, one.at
     anywhere = log_density_by_surfaces(at, priors.outlier_rate)

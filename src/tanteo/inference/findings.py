@@ -17,8 +17,10 @@ from tanteo.errors import ReadingsError
 from tanteo.inference.candidates import Candidates, sizes_of
 from tanteo.inference.free_space import gone_through
 from tanteo.inference.prepared import prepare
+from tanteo.inference.settings import DEFAULTS, FEWEST
+from tanteo.inference.unknown import LARGER
 from tanteo.measurements import FreeRays
-from tanteo.parts import Part, part_named
+from tanteo.parts import METRES, Part, part_named
 from tanteo.sensors import PointMeasurements, Readings, find_repeated, find_stuck
 from tanteo.typing import Covariances, FloatArray, Vectors
 from tanteo.words import Finding, size_advice
@@ -32,29 +34,8 @@ from tanteo.words.findings import (
     UnitsQuestion,
 )  # fmt: skip
 
-_FEW = 3
-"""Fewer readings than this say nothing about the size of what was sensed, or about directions."""
-
-_TOO_WIDE, _TOO_NARROW = 3.0, 0.01
-"""Readings farther from their middle than this many diagonals, or all nearer, suggest a wrong unit."""
-
-_FINEST, _COARSEST = 2e-7, 0.1
-"""Standard deviations below the first [m], or above this share of the largest part, suggest a wrong unit."""
-
-_OUTWARD = 0.2
-"""Mean cosine between a direction and the way to the middle of the readings, below whose negative it looks reversed."""
-
-_LIKELY = (0.25, 1.2)
-"""Readings of one part span this share of its diagonal, as a rule."""
-
-_HANDLED = (2e-3, 5.0)
-"""Sizes of parts that robots touch [m]: a suggested unit leads to one of these."""
-
-_UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
+UNITS = {unit: METRES[unit] for unit in ("mm", "m", "um", "in")}
 """Units of columns, and of part files, in metres."""
-
-_INTO = 0.8
-"""Share of the sensed normals that make a question if they point as the sensor looks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +57,7 @@ class Scale:
 
 def scale_of(points: Vectors, parts: Any, column: str = "", option: str = "") -> Scale:
     """Sizes and units of points ``(n, 3)`` [m] and parts, of a list or a catalogue."""
-    span = 2 * float(np.median(_away(points))) if len(points) >= _FEW else 0.0
+    span = 2 * float(np.median(_away(points))) if len(points) >= FEWEST else 0.0
     return Scale(span, sizes_of(parts), column, option)
 
 
@@ -118,8 +99,8 @@ def about_units(scale: Scale) -> UnitsQuestion | None:
         return None
     columns, files = list[str](), list[str]()
     for column, option in product(_others(scale.column), _others(scale.option)):
-        span = scale.span * _UNITS.get(column, 1) / _UNITS.get(scale.column, 1)
-        sizes = [size * _UNITS.get(option, 1) / _UNITS.get(scale.option, 1) for size in scale.sizes]
+        span = scale.span * UNITS.get(column, 1) / UNITS.get(scale.column, 1)
+        sizes = [size * UNITS.get(option, 1) / UNITS.get(scale.option, 1) for size in scale.sizes]
         if (column == scale.column) != (option == scale.option) and fits_size(span, sizes):
             if option != scale.option:
                 files.append(option)
@@ -136,17 +117,17 @@ def about_size(points: Vectors, scale: Scale) -> TooNarrow | None:
     Raises:
         ReadingsError: the readings are far wider than any part.
     """
-    if len(points) < _FEW:
+    if len(points) < FEWEST:
         return None
     away = _away(points)
     largest, smallest = max(scale.sizes), min(scale.sizes)
     units = about_units(scale)
-    if np.median(away) > _TOO_WIDE * largest:
+    if np.median(away) > DEFAULTS.checks.too_wide * largest:
         raise ReadingsError(
             f"readings: expected points around a part of {largest * 1e3:.4g} mm or less, got half of them more than "
             f"{np.median(away) * 1e3:.4g} mm from their middle. {size_advice(units)}"
         )
-    if away.max() >= _TOO_NARROW * smallest:
+    if away.max() >= DEFAULTS.checks.too_narrow * smallest:
         return None
     return TooNarrow(float(away.max()), smallest, units)
 
@@ -156,19 +137,19 @@ def about_spread(covs: Covariances, scale: Scale) -> Finding | None:
     if not len(covs):
         return None
     sd = float(np.median(np.sqrt(np.trace(covs, axis1=1, axis2=2) / 3)))
-    if _FINEST <= sd <= _COARSEST * max(scale.sizes):
+    if DEFAULTS.checks.finest <= sd <= DEFAULTS.checks.coarsest * max(scale.sizes):
         return None
-    return SpreadQuestion(sd, max(scale.sizes) if sd > _FINEST else float("nan"))
+    return SpreadQuestion(sd, max(scale.sizes) if sd > DEFAULTS.checks.finest else float("nan"))
 
 
 def about_directions(points: Vectors, directions: Vectors) -> Finding | None:
     """Directions ``(n, 3)``, NaN where unknown, most of which lead away from the middle of the points."""
     known = np.isfinite(directions).all(axis=1)
-    if known.sum() < _FEW:
+    if known.sum() < FEWEST:
         return None
     inward = np.median(points[known], axis=0) - points[known]
     cosines = np.sum(inward * directions[known], axis=1) / np.linalg.norm(inward, axis=1).clip(1e-12)
-    if cosines.mean() > -_OUTWARD:
+    if cosines.mean() > -DEFAULTS.checks.outward:
         return None
     return DirectionsQuestion(float(np.mean(cosines < 0)))
 
@@ -177,7 +158,7 @@ def about_normals(normals: Vectors, directions: Vectors) -> Finding | None:
     """Sensed normals that point as the sensor looks: into the material."""
     cosines = np.sum(normals * directions, axis=1)
     known = cosines[np.isfinite(cosines)]
-    if len(known) < _FEW or np.mean(known > 0) <= _INTO:
+    if len(known) < FEWEST or np.mean(known > 0) <= DEFAULTS.checks.into:
         return None
     return NormalsQuestion(float(np.mean(known > 0)))
 
@@ -202,7 +183,7 @@ def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]
         return None
     away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
     widest = 2 * float(Candidates(parts).radii.max())
-    if away <= _TOO_WIDE * widest:
+    if away <= DEFAULTS.checks.too_wide * widest:
         return None
     return TooFarApart(away, widest)
 
@@ -214,10 +195,12 @@ def _away(points: Vectors) -> FloatArray:
 
 def _others(unit: str) -> tuple[str, ...]:
     """The unit itself and what else it might be; itself alone where it was not a choice."""
-    return (unit, *(u for u in _UNITS if u != unit)) if unit else (unit,)
+    return (unit, *(u for u in UNITS if u != unit)) if unit else (unit,)
 
 
 def fits_size(span: float, sizes: Sequence[float]) -> bool:
     """Whether readings of that span may be of a part of one of these sizes [m]."""
-    low, high = _LIKELY
-    return any(low <= span / size <= high and _HANDLED[0] <= size <= _HANDLED[1] for size in sizes)
+    own = DEFAULTS.checks
+    return any(
+        own.least_span <= span / size <= LARGER and own.smallest_part <= size <= own.largest_part for size in sizes
+    )

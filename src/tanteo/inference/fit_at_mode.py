@@ -16,10 +16,6 @@ from tanteo.measurements import FreeRays
 from tanteo.parts import Part
 from tanteo.typing import FloatArray, Tangents
 
-_HELD, _TOLD = 0.05, 24
-"""Standard deviation over the size of the part up to which samples say that the ends of faces hold a motion; so many
-samples say it."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoodnessOfFit:
@@ -93,15 +89,15 @@ def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
 
 def _free(mode: Mode, information: FloatArray) -> Tangents:
     """Motions that nothing resists at the maximum, but for those that the ends of faces hold nearly as well."""
-    part = mode.prepared.part
+    part, own = mode.prepared.part, mode.objective.problem.settings.samples
     scale, known = part_scale(part), spins(part)
     told = without_spins(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
-    if mode.maxima > 1 and mode.ess >= _TOLD:  # each maximum by itself seems to hold what all together leave free
+    if mode.maxima > 1 and mode.ess >= own.told:  # each maximum by itself seems to hold what all together leave free
         return weak_motions(told, scale, fixed=known)
     free = weak_motions(information, scale, fixed=known)
-    if len(free) == len(known) or mode.ess < _TOLD:
+    if len(free) == len(known) or mode.ess < own.told:
         return free
-    held = weak_motions(told, scale, _HELD, fixed=known)
+    held = weak_motions(told, scale, own.held, fixed=known)
     return held if len(held) < len(free) else free
 
 

@@ -9,16 +9,14 @@ import numpy as np
 
 from tanteo.answers import observed_covariance
 from tanteo.inference.prepared import PreparedPart
+from tanteo.inference.settings import DEFAULTS
 from tanteo.lie import SO3
 from tanteo.localization import SharedGiven
 from tanteo.measurements import FreeRays
 from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
-_SURELY = 3.0
-"""A path that passes the part with both off by so many standard deviations is not said to go through it."""
-
-_AROUND = np.pi / 4 * np.arange(8)
-"""Ways in which they are off, across the path [rad]."""
+_AROUND = np.linspace(0, 2 * np.pi, DEFAULTS.checks.path_turns, endpoint=False)
+"""Directions across a ray in which it is moved [rad]."""
 
 
 def _across(directions: Vectors) -> FloatArray:
@@ -80,14 +78,15 @@ def _surely(
 
     Of a cone all rays have to: its rim is at two of the standard deviations that ``slopes`` say.
     """
+    gate = DEFAULTS.search.reach_sds
     origins, directions = (np.broadcast_to(x, (1, len(free), 3))[0] for x in free.at(shared.mean[None]))
     start, along = (origins - T[:3, 3]) @ T[:3, :3], directions @ T[:3, :3]
     S = _between(free, T, C, shared, part, start + met[:, None] * along, met)
-    beside, cone = np.eye(3) - along[:, :, None] * along[:, None, :], (2 / _SURELY * free.slopes * met) ** 2
+    beside, cone = np.eye(3) - along[:, :, None] * along[:, None, :], (2 / gate * free.slopes * met) ** 2
     values, vectors = np.linalg.eigh(beside @ (S + cone[:, None, None] * np.eye(3)) @ beside)
     axes = vectors[..., 1:] * np.sqrt(values[:, None, 1:].clip(0))
-    starts = start[:, None] + _SURELY * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=1) @ np.swapaxes(axes, 1, 2)
-    end = _ends(free, part) - _SURELY * np.sqrt(np.einsum("mi,mij,mj->m", along, S, along))
+    starts = start[:, None] + gate * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=1) @ np.swapaxes(axes, 1, 2)
+    end = _ends(free, part) - gate * np.sqrt(np.einsum("mi,mij,mj->m", along, S, along))
     echoes = _echoes(part, starts, np.broadcast_to(along[:, None], starts.shape), free.incidences[:, None])
     return np.all(echoes < end[:, None], axis=1)
 

@@ -12,18 +12,15 @@ from typing import TypeAlias
 import numpy as np
 
 from tanteo.measurements import ContactPoints
-from tanteo.special import log_sum
+from tanteo.special import log_even, log_sum
 from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
-_FLAT = 0.5
-"""Share of labelled surfaces that are flat: nothing is known of it, and it matters by a factor of two at most."""
-
 _COUNT = 6
-"""Points of a label that count: how a made face is off is the same for all of them, so that more of them say no more of
-whether it is the part's."""
+"""Points of a label that count (decision 62). A made face is off by the same for all of them, so that more points state
+no more of whether it is the part's."""
 
 _SIZES = 6
-"""Sizes of faces and edges, each half of the last, that are equally likely: from the object's to a thirtieth of it."""
+"""Sizes of faces and edges, each half of the last, that are equally likely."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +91,7 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
             continue
         log, facet = _shared(own, radius)
         if len(own) > 2 or not free:
-            log_odds[g] = np.logaddexp(np.log(_FLAT) + log * min(1.0, _COUNT / len(own)), np.log1p(-_FLAT))
+            log_odds[g] = log_even(log * min(1.0, _COUNT / len(own)))
         if facet is not None and log > 0:
             rows.append(facet)
     columns = (

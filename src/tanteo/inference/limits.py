@@ -14,12 +14,6 @@ from tanteo.localization import pose_information
 from tanteo.typing import FloatArray
 from tanteo.words.findings import SharedErrorLimits
 
-_NOTABLE = 0.5
-"""Share of the largest corner sd from which an error that all measurements share is worth a sentence."""
-
-_ALIKE = 1.5
-"""Times the standard deviation from the curvature that the whole posterior may have, to be explained by its parts."""
-
 
 def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
     """Return the largest of the errors that all measurements share, if it matters; None if not.
@@ -28,10 +22,10 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErro
         one: the answer.
         shared: the errors behind its shared states, in that order.
     """
-    mode, part = one.mode, one.mode.prepared.part
+    mode, own = one.mode, one.mode.objective.problem.settings.checks
     information, start = mode.information, 6
     total, worst, name, source = _corner_sd(mode, information), 0.0, "", ""
-    if corner_sd(part, mode.covariance) > _ALIKE * total:
+    if corner_sd(mode.prepared.part, mode.covariance) > own.beyond_curvature * total:
         return None  # the curvature of the maximum says little of how far off the pose may be, or why
     for error in shared:
         stop = start + len(error.covariance)
@@ -41,7 +35,7 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErro
         if part_of > worst:
             worst, name, source = part_of, error.meaning or error.name, error.name
         start = stop
-    if worst < _NOTABLE * total:
+    if worst < own.limiting_share * total:
         return None
     return SharedErrorLimits(name, worst, total, float(np.sqrt(total**2 - worst**2)), source)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.lie import SE3, SO3
+from tanteo.parts import METRES
 from tanteo.sensors import Readings
 from tanteo.typing import Rotations, Transforms
 from tanteo.words import HANDED
@@ -83,8 +84,9 @@ def _mirrored(readings: Readings) -> Readings | None:
     )
 
 
-def _longer(factor: float) -> Callable[[Readings], Readings | None]:
-    """Readings with all lengths in another unit."""
+def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
+    """Return a function that takes all lengths for those of another unit than the one that was read."""
+    factor = METRES[unit] / METRES[read]
 
     def undo(readings: Readings) -> Readings | None:
         Ts = np.array(readings.Ts_world_hand)
@@ -95,9 +97,9 @@ def _longer(factor: float) -> Callable[[Readings], Readings | None]:
     return undo
 
 
-def _order(rows: tuple[int, int, int, int]) -> Callable[[Rotations], Rotations]:
-    """Rotations of quaternions whose numbers stood in another order; rows of ``w, x, y, z`` as they were read."""
-    return lambda R: SO3.from_quaternion(SO3.as_quaternion(R)[..., list(rows)])
+def _order(places: int) -> Callable[[Rotations], Rotations]:
+    """Return a function that moves all numbers of quaternions on by some places, the last to the front."""
+    return lambda R: SO3.from_quaternion(np.roll(SO3.as_quaternion(R), places, axis=-1))
 
 
 def _of_vector(R: Rotations) -> Rotations:
@@ -126,8 +128,8 @@ def _of_degrees(R: Rotations) -> Rotations:
 _POSES = "Check the columns of the hand's pose."
 
 HANDS = (
-    Way(HandConvention, "the hand's quaternions are in the order x y z w", _POSES, _turned(_order((3, 0, 1, 2)))),
-    Way(HandConvention, "the hand's quaternions are in the order w x y z", _POSES, _turned(_order((1, 2, 3, 0)))),
+    Way(HandConvention, "the hand's quaternions are in the order x y z w", _POSES, _turned(_order(1))),
+    Way(HandConvention, "the hand's quaternions are in the order w x y z", _POSES, _turned(_order(-1))),
     Way(HandConvention, "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
         lambda readings: _with_hands(readings, SE3.inverse)),
     Way(HandConvention, "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
@@ -144,10 +146,10 @@ OTHERS = (
         "They are meant to point into the material, as the sensor looks or the tip moves.", _reversed("directions")),
     Way(NormalsConvention, "the normals (nx, ny, nz) are reversed",
         "The normals are meant to point out of the material.", _reversed("normals")),
-    Way(UnitsConvention, "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer(25.4)),
-    Way(UnitsConvention, "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer(1 / 25.4)),
-    Way(UnitsConvention, "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer(1e-3)),
-    Way(UnitsConvention, "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer(1e3)),
+    Way(UnitsConvention, "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer("in", "mm")),
+    Way(UnitsConvention, "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer("mm", "in")),
+    Way(UnitsConvention, "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer("mm", "m")),
+    Way(UnitsConvention, "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer("m", "mm")),
     Way(MirrorConvention, "they are seen in a mirror", HANDED, _mirrored),
 )  # fmt: skip
 """Other usual mistakes."""

@@ -10,9 +10,6 @@ from tanteo import _core
 from tanteo.inference.widths import roots
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
-FREEDOM = 4.0
-"""Degrees of freedom of the Student-t components: tails heavy enough for weights to stay bounded."""
-
 
 @dataclass(slots=True, eq=False)
 class Mixture:
@@ -21,10 +18,12 @@ class Mixture:
     Attributes:
         images: motions other than none that bring the part onto itself ``(K, 4, 4)``.
         centre: of the part, about which components turn ``(3,)`` [m].
+        freedom: degrees of freedom of the Student-t components.
     """
 
     images: Transforms
     centre: FloatArray
+    freedom: float
     _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
 
     def add(self, k: int, mean: FloatArray, covariance: Covariances, count: int) -> None:
@@ -53,7 +52,7 @@ class Mixture:
         L = roots(np.array([c[2] for c in components]))
         inverse = np.ascontiguousarray(np.linalg.inv(L))
         log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
-        args = np.ascontiguousarray(bases), owners, means, inverse, log_w, FREEDOM, self.centre
+        args = np.ascontiguousarray(bases), owners, means, inverse, log_w, self.freedom, self.centre
         log_q, shares = _core.mixture(Ts, *args)
         for turn in self.images:
             other, of_other = _core.mixture(np.ascontiguousarray(Ts @ turn), *args)

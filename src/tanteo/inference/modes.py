@@ -10,30 +10,14 @@ from tanteo import _core
 from tanteo.inference.compared import Compared
 from tanteo.inference.peaks import Objective
 from tanteo.inference.prepared import PreparedPart
-from tanteo.inference.sampler import COUNTS, Sampler
+from tanteo.inference.sampler import Sampler
+from tanteo.inference.settings import POSE_DOF
 from tanteo.inference.symmetry import folded
 from tanteo.inference.widths import roots
 from tanteo.lie import SE3, SO3
+from tanteo.limits import NOTABLE
+from tanteo.special import chi2_quantile
 from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
-
-_SHARED = 0.15
-"""Share of its samples that a mode has in common with another from which both are one."""
-
-_VALLEY = 5.35
-"""Squared Mahalanobis distance within which half of a normal region lies: a maximum there is no mode of its own."""
-
-_BARRIER, _STEPS = 3.0, 4
-"""How far the log density may fall between two maxima of one region: less than to the border of a region of two sigma
-in six directions; and steps of the way between them."""
-
-_DIRECTIONS = 6
-"""In which a pose may move."""
-
-_LEVEL, _OF_LEVEL = 0.95, 12.592
-"""Probability of the region that is told, and the squared length up to which it reaches in six directions."""
-
-_NARROWEST = 0.05
-"""Times the variance by curvature that is told at least, in any direction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +69,7 @@ def modes_of(sampler: Sampler) -> list[Mode]:
     W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
     sums = W.sum(axis=0)
     common = W.T @ sampler.shares
-    together = (common > _SHARED * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
+    together = (common > sampler.settings.overlap * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]
     together |= _in_one_valley(sampler, np.flatnonzero(sampled))
@@ -100,11 +84,12 @@ def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
     A round face made of facets has a maximum on each: the turn about it is one region, with ripples.
     """
     objective, peaks, out = sampler.objective, sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool)
+    steps = sampler.settings.path_steps
     first, second = (rows[k] for k in np.triu_indices(len(rows), 1))
     if not len(first):
         return out
     xi = SE3.log(SE3.inverse(peaks.Ts[first]) @ peaks.Ts[second])
-    shares = np.arange(1, _STEPS) / _STEPS
+    shares = np.arange(1, steps) / steps
     Ts = peaks.Ts[first, None] @ SE3.exp(shares[:, None] * xi[:, None])
     zs = peaks.zs[first, None] + shares[:, None] * (peaks.zs[second] - peaks.zs[first])[:, None]
     logs = _core.log_densities(
@@ -112,17 +97,17 @@ def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
         np.ascontiguousarray(zs.reshape(len(first) * len(shares), zs.shape[2])),
     ).reshape(len(first), -1)  # fmt: skip
     lower = np.minimum(peaks.logs[first], peaks.logs[second])
-    joined = logs.min(axis=1) > lower - _BARRIER
+    joined = logs.min(axis=1) > lower - sampler.settings.barrier
     out[first[joined], second[joined]] = True
     return out
 
 
 def _inside(sampler: Sampler) -> np.ndarray:
-    """Whether the region of one maximum reaches to another ``(m, m)``."""
+    """Return whether the inner half of the normal region of one maximum reaches to another ``(m, m)``."""
     centre, peaks = sampler.objective.prepared.shape.centre, sampler.peaks
     x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts]) - sampler.means[:, None]
     z = x @ np.swapaxes(np.linalg.inv(roots(sampler.covariances)), 1, 2)
-    return np.asarray(np.sum(z * z, axis=-1) < _VALLEY)
+    return np.asarray(np.sum(z * z, axis=-1) < chi2_quantile(0.5, POSE_DOF))
 
 
 def _by_curvature(sampler: Sampler, k: int) -> Mode:
@@ -154,8 +139,8 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     best = int(rows[np.argmax(peaks.evidence[rows])])
     T = T_peak = peaks.Ts[best]
     w = W[:, rows].sum(axis=1)
-    alone = len(rows) == 1 and w.sum() > COUNTS * W.sum()
-    region = sampler.compared(best, w) if alone else Compared.alone(w)
+    alone = len(rows) == 1 and w.sum() > sampler.settings.region * W.sum()
+    region = sampler.compared(best, w) if alone else Compared.alone(w, sampler.settings)
     keep = w + region.normal > 1e-9 * w.max()
     Ts = folded(objective.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=objective.named)
     curved = from_centre(objective, objective.of_pose(peaks.information[best]))
@@ -166,7 +151,8 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
         T = T_peak @ SE3.exp(mean)
         xi = SE3.log(SE3.inverse(T) @ Ts)
     expected = region.expected * (curved + np.outer(mean, mean))
-    covariance = _covariance(((rest[:, None] * xi).T @ xi + expected) / region.mass, curved, region.ess)
+    told = ((rest[:, None] * xi).T @ xi + expected) / region.mass
+    covariance = _covariance(told, curved, region.ess, sampler.settings.narrowest)
     if not region.is_normal or objective.problem.scale_sd > 0:
         covariance = covariance * _beyond_normal(xi, w, covariance)
     return Mode(
@@ -176,27 +162,28 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     )  # fmt: skip
 
 
-def _covariance(told: Covariances, curved: Covariances, ess: float) -> Covariances:
+def _covariance(told: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
     """Covariance from that of so many samples and that of the curvature at the maximum.
 
     Few samples miss some of six directions, and on average the inverse of their covariance is too large (Hartlap, Simon
     and Schneider 2007): regions of a stated probability would hold less.
     """
-    trust = ess / (ess + _DIRECTIONS)
+    trust = ess / (ess + POSE_DOF)
     L = roots(curved[None])[0]
     whitened = np.linalg.solve(L, np.linalg.solve(L, told).T)
     values, vectors = np.linalg.eigh(trust * whitened + (1 - trust) * np.eye(6))
-    out = L @ (vectors * values.clip(_NARROWEST)) @ vectors.T @ L.T
-    return np.asarray(out * (1 + (_DIRECTIONS + 2) / max(ess - _DIRECTIONS - 2, _DIRECTIONS + 2)), dtype=np.float64)
+    out = L @ (vectors * values.clip(least)) @ vectors.T @ L.T
+    return np.asarray(out * (1 + (POSE_DOF + 2) / max(ess - POSE_DOF - 2, POSE_DOF + 2)), dtype=np.float64)
 
 
 def _beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances) -> float:
     """Times a covariance so that its region of 95 % holds 95 % of the samples: those of a bent ridge are far out."""
     z = np.linalg.solve(roots(covariance[None])[0], xi.T)
     gaps = np.sum(z * z, axis=0)
-    order = np.argsort(gaps)
+    order, level = np.argsort(gaps), 1 - NOTABLE
     share = np.cumsum(weights[order]) / weights.sum()
-    return max(float(gaps[order[np.searchsorted(share, _LEVEL).clip(0, len(gaps) - 1)]]) / _OF_LEVEL, 1.0)
+    reach = float(gaps[order[np.searchsorted(share, level).clip(0, len(gaps) - 1)]])
+    return max(reach / chi2_quantile(level, POSE_DOF), 1.0)
 
 
 def to_origin(objective: Objective, information: FloatArray) -> FloatArray:

@@ -13,28 +13,20 @@ from functools import cache
 import numpy as np
 
 from tanteo.inference.details import Details
-from tanteo.inference.outliers import log_by_rate
+from tanteo.inference.outliers import LEAST_RATE, log_by_rate
+from tanteo.inference.settings import DEFAULTS
 from tanteo.parts import Part
 from tanteo.special import legendre_nodes, log_sum
 from tanteo.typing import BoolArray, FloatArray, IntArray
 
-_SHARES = 12
-"""Nodes of the quadrature over the share of a surface that is elsewhere: so many at least."""
-
 _ONE_FACE = 0.5
-"""Share of what is a near variant that differs from it by one face."""
+"""Share of what is a near variant that differs from it by one face (decision 49)."""
 
 _OFFSET = 0.1
 """Standard deviation of how far a face may be out or in, in diagonals of the part."""
 
 _LEAST = 1
 """A face is elsewhere if so many readings agree on where; one alone may be an outlier as well, and is weighed so."""
-
-_FAR = 1e15
-"""So many standard deviations are as far as any."""
-
-_NEVER = 1e-300
-"""A rate of outliers that no reading can tell from none."""
 
 _AT_ONCE = 2_000_000
 """Pairs of readings that are compared at a time."""
@@ -100,7 +92,7 @@ def log_density_elsewhere(log_on: FloatArray, log_off: FloatArray) -> FloatArray
         log_on: log density of what was sensed at each place if the surface is that of the part ``(S, P)``.
         log_off: if it is elsewhere ``(S, P)``.
     """
-    nodes = max(_SHARES, int(np.ceil(2 * np.sqrt(log_on.shape[1]))))
+    nodes = max(DEFAULTS.unknown.nodes, int(np.ceil(2 * np.sqrt(log_on.shape[1]))))
     return log_sum(log_by_rate(log_on, log_off, *_shares(nodes)), axis=0)
 
 
@@ -133,13 +125,13 @@ def shifted(at: Details, part: Part, mean: float) -> Shifted:
 
 def _at_rate(at: Details, mean: float) -> tuple[FloatArray, FloatArray]:
     """Log densities of each reading and that it is on the surface, or off, at the rate that is stated ``(S, n)``."""
-    return np.log1p(-mean) + at.log_hit, np.log(max(mean, _NEVER)) + at.log_outlier
+    return np.log1p(-mean) + at.log_hit, np.log(max(mean, LEAST_RATE)) + at.log_outlier
 
 
 def _proposed(at: Details, off: BoolArray) -> tuple[IntArray, IntArray]:
     """Poses and readings ``(P,)`` that say where a face may be: of those that are as far off it, within an sd, one."""
-    pose, reading = np.nonzero(off)
-    off = np.rint((at.distances * at.per_sd)[pose, reading].clip(-_FAR, _FAR)).astype(np.int64)
+    far, (pose, reading) = 1 / np.finfo(float).eps, np.nonzero(off)  # farther, whole numbers are not exact
+    off = np.rint((at.distances * at.per_sd)[pose, reading].clip(-far, far)).astype(np.int64)
     _, one = np.unique(np.stack([pose, at.faces[pose, reading], off]), axis=1, return_index=True)
     return pose[one], reading[one]
 
@@ -185,7 +177,7 @@ def by_place(
     first, count = np.unique(places[order], return_index=True, return_counts=True)[1:]
     several = np.repeat(count > 1, count)
     hit, outlier = log_hit[:, order], log_outlier[:, order]
-    rate = np.log(max(mean, _NEVER))
+    rate = np.log(max(mean, LEAST_RATE))
     hit = np.where(several, np.logaddexp(np.log1p(-mean) + hit, rate + outlier), hit)
     return np.add.reduceat(hit, first, axis=1), np.add.reduceat(outlier, first, axis=1)
 

@@ -8,22 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.inference.labels import Facets
+from tanteo.inference.settings import DEFAULTS
 from tanteo.lie import SO3, maximize
-from tanteo.special import log_sum
+from tanteo.special import log_even, log_sum
 from tanteo.typing import Covariances, FloatArray, Vectors
-
-_AGAIN, _ALIKE = 0.5, 3.0
-"""Share of faces that look the same way as one before which are that one, as unknown as the last; the standard
-deviations within which they look the same way."""
-
-_FREE = 8 * np.pi**2 / 24
-"""Attitudes of three perpendicular axes: those of a body, of which 24 have the same axes."""
-
-_TRIED, _STEPS = 32, 4
-"""Pairs of directions that axes are proposed from, those nearest to perpendicular, and steps to the peak."""
-
-_SAME = 0.02
-"""Attitudes closer than this are one [rad]: far less than what the axes of two objects are apart."""
 
 
 def log_of_one_object(facets: Facets, share: float, radius: float) -> float:
@@ -42,7 +30,7 @@ def log_level(facets: Facets, radius: float) -> float:
     for k in range(1, len(facets)):
         tilts = facets.covariances[:k] + facets.covariances[k]
         rotated = n[:k] - n[k]
-        alike = np.sum(rotated**2, axis=1) < _ALIKE**2 * np.trace(tilts, axis1=1, axis2=2)
+        alike = np.sum(rotated**2, axis=1) < DEFAULTS.search.reach_sds**2 * np.trace(tilts, axis1=1, axis2=2)
         alike &= np.isfinite(facets.variances[:k] + facets.variances[k])
         if not alike.any():
             continue
@@ -51,7 +39,7 @@ def log_level(facets: Facets, radius: float) -> float:
         levers = np.einsum("ki,kij,kj->k", way, facets.covariances[:k][alike], way)
         variance = facets.variances[:k][alike] + facets.variances[k] + levers
         log = np.log(2 * radius) - 0.5 * np.log(2 * np.pi * variance) - 0.5 * off**2 / variance
-        total += float(np.logaddexp(np.log(_AGAIN) + log.max(), np.log1p(-_AGAIN)))
+        total += float(log_even(log.max()))  # half of such faces are that one (decision 62)
     return total
 
 
@@ -74,7 +62,7 @@ def log_right_angled(facets: Facets, share: float) -> float:
     order, kept = np.argsort(-log, kind="stable"), list[int]()
     for i in order:
         turns = np.abs(np.swapaxes(frames[kept], 1, 2) @ frames[i])
-        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(_SAME)):
+        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(DEFAULTS.unknown.same_axes)):
             kept.append(int(i))
     return float(log_sum([none, one, *log[kept]]))
 
@@ -83,7 +71,7 @@ def _axes_of_pairs(normals: Vectors) -> FloatArray:
     """Perpendicular axes through pairs of directions ``(F, 3, 3)``, columns; through one alone of parallel ones."""
     a, b = np.triu_indices(len(normals), 1)
     cosines = np.abs(np.sum(normals[a] * normals[b], axis=1))
-    some = np.argsort(cosines, kind="stable")[:_TRIED]
+    some = np.argsort(cosines, kind="stable")[: DEFAULTS.unknown.axis_pairs]
     x, z = normals[a[some]], np.cross(normals[a[some]], normals[b[some]])
     sines = np.linalg.norm(z, axis=1, keepdims=True)
     z = np.where(sines > 0.5, z / np.maximum(sines, 1e-12), SO3.frame_from_axis(x, 0)[..., 2])
@@ -94,6 +82,7 @@ def _maximized(
     frames: FloatArray, tangents: FloatArray, S: Covariances, normals: Vectors, share: float
 ) -> tuple[FloatArray, FloatArray]:
     """Axes at their peaks and the log of the integral about each, over the density of any directions."""
+    free = 8 * np.pi**2 / 24  # attitudes of a body, of which 24 have the same axes
     W, log_det = np.linalg.inv(S), np.linalg.slogdet(S)[1]
 
     def evaluate(frames: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -108,10 +97,11 @@ def _maximized(
         total = np.logaddexp(np.log1p(-share), on)
         weight = np.exp(on - total)
         J = -np.swapaxes(tangents, 1, 2) @ SO3.hat(a)  # the axis moves by phi x a
-        H = np.einsum("fk,fkai,kab,fkbj->fij", weight, J, W, J) + 2 * np.pi / _FREE ** (2 / 3) * np.eye(3)
+        H = np.einsum("fk,fkai,kab,fkbj->fij", weight, J, W, J) + 2 * np.pi / free ** (2 / 3) * np.eye(3)
         g = -np.einsum("fk,fkai,fka->fi", weight, J, pulls)
-        log = total.sum(axis=1) + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - np.log(_FREE)
+        log = total.sum(axis=1) + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - np.log(free)
         return H, g, log
 
-    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, _STEPS - 1)
+    steps = DEFAULTS.unknown.axis_steps
+    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, steps)
     return evaluate(frames)[2], frames

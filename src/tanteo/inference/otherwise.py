@@ -12,39 +12,26 @@ from typing import Protocol
 
 import numpy as np
 
-from tanteo.answers import Answer
+from tanteo.answers import STATED, Answer
 from tanteo.errors import TanteoError
 from tanteo.inference.candidates import sizes_of
 from tanteo.inference.findings import fits_size, scale_of
 from tanteo.inference.mistakes import HANDS, OTHERS, Way
 from tanteo.inference.prepared import prepare
+from tanteo.inference.settings import DEFAULTS
 from tanteo.lie import SE3
+from tanteo.limits import NOTABLE
 from tanteo.parts import Part, mirror_part, part_named
 from tanteo.sensors import Readings, thinned
 from tanteo.typing import BoolArray
 from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
 
-_SURE = 0.95
-"""Probability of a mirror image from which it makes a question."""
-
-_STRAYS = 0.1
-"""Share of the readings that may be left aside then."""
-
-_BADLY = 2.0
-"""Readings that surely scatter so many times as much as stated are read wrong more often than they are noisy."""
-
 _OFFSET = 0.03
 """Standard deviation of a common offset that nobody stated, over the size of the largest part: a ball's radius."""
 
 _AIMED = 3
 """Times that touches without a direction get one from the pose, which is known the better then."""
-
-_FELT = 4.0
-"""Standard deviations that such an offset has to be from none."""
-
-_ENOUGH = 24
-"""Readings that are asked about again: twelve tell every mistake (``benchmarks/honesty.py``), and each takes time."""
 
 
 class Ask(Protocol):
@@ -71,7 +58,7 @@ def about_conventions(
     others = [way for way in OTHERS if not (placed and way.finding in (MirrorConvention, UnitsConvention))]
     if _is_of_size(readings, parts):  # in another unit they would be of a small patch, which fits anywhere
         others = [way for way in others if way.finding is not UnitsConvention]
-    some = thinned(readings, _ENOUGH)
+    some = thinned(readings, DEFAULTS.search.few_points)
     found = (
         _about_ways(HANDS, some, parts, ask) or _about_offset(some, parts, ask) or _about_ways(others, some, parts, ask)
     )
@@ -104,7 +91,8 @@ def is_bad(answer: Answer) -> bool:
     best = answer.best or (answer.hypotheses[0] if answer.hypotheses else None)
     if answer.status == "unknown" or best is None:
         return answer.status == "unknown"
-    return best.noise_scale[1] > _BADLY or len(best.outliers) > _STRAYS * (len(best.outliers) + len(best.pairings))
+    readings = len(best.outliers) + len(best.pairings)
+    return best.noise_scale[1] > STATED["typed"] or len(best.pairings) < DEFAULTS.search.explained * readings
 
 
 def fits(answer: Answer) -> bool:
@@ -139,7 +127,7 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
     image = mirror_part(part)
     found = _asked(ask, readings, [part, image])
     best = found.best if found is not None else None
-    if best is None or best.part != image.name or best.outliers or best.probability < _SURE:
+    if best is None or best.part != image.name or best.outliers or best.probability < 1 - NOTABLE:
         return None
     return MirrorQuestion(part.name, best.probability)
 
@@ -158,7 +146,7 @@ def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask) -> Offset
     if shared is None or not len(shared.mean):
         return None
     off, spread = sd * float(shared.mean[-1]), sd * float(np.sqrt(shared.covariance[-1, -1]))
-    if abs(off) < _FELT * spread:
+    if abs(off) < DEFAULTS.search.gate * spread:
         return None
     touched = bool(np.any(np.isfinite(readings.points)))
     return OffsetQuestion(*_fitting(found), off, touched)

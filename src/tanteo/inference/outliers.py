@@ -9,17 +9,17 @@ import numpy as np
 from tanteo.special import binomial_cdf, jacobi_nodes, laguerre_nodes
 from tanteo.typing import FloatArray
 
-_SHAPE = 0.5
-"""First parameter of the beta density of the rate, that of Jeffreys' prior."""
+JEFFREYS = 0.5
+"""First parameter of the beta density of a rate, that of the prior of Jeffreys (1946)."""
 
-_NODES = 4
-"""Nodes of the quadrature over the rate: so many at least."""
-
-_LEAST_RATE = 1e-290
-"""No reading tells a smaller rate from none, and its logarithm is still a number."""
+LEAST_RATE = 1e-290
+"""Least rate of outliers: no reading tells a smaller one from none, and its logarithm is still a number."""
 
 _RARE = 1e-3
-"""Below this mean a beta density is a gamma density."""
+"""Mean rate below which a beta density is a gamma density, up to a thousandth."""
+
+NODES = 4
+"""Least number of nodes of the quadrature over a rate (decision 35)."""
 
 
 def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
@@ -29,15 +29,15 @@ def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
         mean: rate that is stated, above 0 and below 1.
         n: readings, which know the rate the better the more they are: then the nodes are closer.
     """
-    return _rates(mean, max(_NODES, int(np.ceil(1.2 * np.sqrt(n)))))
+    return _rates(mean, max(NODES, int(np.ceil(1.2 * np.sqrt(n)))))
 
 
 @cache
 def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
     if mean < _RARE:
-        x, w = laguerre_nodes(nodes, _SHAPE - 1)
-        return np.clip(mean / _SHAPE * x, _LEAST_RATE, 1.0), w
-    x, w = jacobi_nodes(nodes, _SHAPE / mean - _SHAPE - 1, _SHAPE - 1)
+        x, w = laguerre_nodes(nodes, JEFFREYS - 1)
+        return np.clip(mean / JEFFREYS * x, LEAST_RATE, 1.0), w
+    x, w = jacobi_nodes(nodes, JEFFREYS / mean - JEFFREYS - 1, JEFFREYS - 1)
     return (1 + x) / 2, w
 
 

@@ -82,7 +82,7 @@ def scores_of(
 
 
 _ROUNDING = 1e-11
-"""Share of an information that is added to it: of very precise points what is free would be lost by rounding."""
+"""Share of an information that is added to its diagonal: rounding would lose unobserved directions otherwise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

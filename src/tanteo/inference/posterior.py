@@ -23,12 +23,6 @@ from tanteo.inference.unknown import log_anywhere, log_unknown
 from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Transforms, Vectors
 
-NEGLIGIBLE = 12.0
-"""Log odds below everything else at which a mode is not reported."""
-
-_VARIANTS = 8
-"""Maxima of a part about which near variants of it are looked for."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
@@ -140,14 +134,15 @@ def weigh(
             that is not known, too, if it is one of them.
     """
     drawing = zip(searches, priors, common_random_numbers(rng, len(searches)), strict=True)
+    negligible = problem.settings.search.negligible
     found = [(s, float(prior), own) for s, prior, own in drawing if len(s.peaks)]
     evidence = np.array([s.log_evidence + prior for s, prior, _ in found])
     total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)
     samplers, variants = [], []
     for (s, prior, prior_samples), own in zip(found, evidence, strict=True):
-        if own > total - NEGLIGIBLE or own == best:
+        if own > total - negligible or own == best:
             samplers.append(_sampler(s, prior, max(total, best), prior_samples))
-        elif own > total - 2 * NEGLIGIBLE:  # a variant of a part explains more than the part
+        elif own > total - 2 * negligible:  # a variant of a part explains more than the part
             variants.append(_log_variant(s.objective, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
     sample(samplers, anywhere)
     modes = []
@@ -163,7 +158,7 @@ def weigh(
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
     most = max((mode.log_mass for mode in modes), default=0.0)
     modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins, which end nearly alike, keep their order
-    modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - NEGLIGIBLE]
+    modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - negligible]
     total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # what is left out has no probability
     kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
     once, unknown = missing([s for s, *_ in found]), float(np.exp(log_none - total))
@@ -183,7 +178,7 @@ def _log_variant(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> 
     """Log evidence of near variants of a part, about its maxima of those masses ``(M,)``, the likeliest of them."""
     if not len(log_masses):
         return -np.inf
-    rows = np.argsort(-log_masses, kind="stable")[:_VARIANTS]
+    rows = np.argsort(-log_masses, kind="stable")[: objective.problem.settings.search.kept]
     at = details_at(objective, peaks.Ts[rows], peaks.zs[rows])
     mean = objective.problem.priors.outlier_rate
     variant = log_density_of_near_variant(at, objective.prepared.part, mean)
@@ -194,6 +189,6 @@ def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Gene
     objective, peaks = search.objective, search.peaks
     constant = objective.problem.log_pose_density(objective.prepared) + prior
     constant += log_orbit(objective.prepared, named=objective.named) + search.log_odds
-    some = np.flatnonzero(peaks.evidence + constant > total - NEGLIGIBLE - 2)
+    some = np.flatnonzero(peaks.evidence + constant > total - objective.problem.settings.search.faint)
     some = some if len(some) else np.zeros(1, dtype=np.int64)
     return Sampler(objective, peaks.take(some), rng, constant, search.along, trusted=search.trusted)

@@ -19,18 +19,10 @@ from tanteo.inference.modes import Mode
 from tanteo.inference.outliers import so_many
 from tanteo.inference.peaks import Objective
 from tanteo.inference.posterior import Posterior
+from tanteo.limits import NOTABLE, SUSPECT
 from tanteo.localization import pose_information, weak_motions
 from tanteo.special import chi2_survival
 from tanteo.typing import FloatArray, Transforms
-
-DOUBT = 0.05
-"""P-values of the answer, and of the prior, above which a search without it is not worth its time."""
-
-_PLAUSIBLE, _OUTLIERS = 1e-3, 0.03
-"""A pose explains the measurements if its chi-square, and as many outliers as it leaves, are no less likely."""
-
-DRAWS = 32
-"""Samples of the mode among which the one is looked for that agrees best with both."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +62,7 @@ def check_prior(
         return PriorCheck()
     fits = best is not None and best.probability >= posterior.unknown
     p = p_of_prior(posterior.modes[0], priors) if posterior.modes else 1.0
-    if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > DOUBT:
+    if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > NOTABLE:
         return PriorCheck(p)
     other = without()
     if not other.modes or other.modes[0].probability < other.unknown:
@@ -86,9 +78,9 @@ def check_prior(
 def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
     """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
     outliers, n = int(np.sum(one.outliers)), len(one.outliers)
-    if so_many(outliers, n, rate) <= _OUTLIERS:
+    if so_many(outliers, n, rate) <= one.mode.objective.problem.settings.checks.outlier_level:
         return False
-    return one.misfit().p_value > _PLAUSIBLE
+    return one.misfit().p_value > SUSPECT
 
 
 def _share(posterior: Posterior) -> float:
@@ -140,7 +132,7 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
         logs = _core.log_densities(mode.prepared.shape, alone.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
         return np.asarray(np.sum(rows**2, axis=1) + 2 * (best - logs))
 
-    heavy = np.argsort(-mode.weights, kind="stable")[:DRAWS]
+    heavy = np.argsort(-mode.weights, kind="stable")[: alone.problem.settings.samples.heaviest]
     Ts = np.concatenate([mode.T_peak[None], mode.Ts[heavy]])
     least = off(Ts, np.repeat(zs[None], len(Ts), axis=0)).min()
     return min(share, chi2_survival(least, max(known - len(left), 1)))

@@ -67,7 +67,7 @@ class Problem:
     def __post_init__(self) -> None:
         groups = groups_of(self.points)
         object.__setattr__(self, "groups", groups)
-        object.__setattr__(self, "around", around(self.points, self.priors))
+        object.__setattr__(self, "around", around(self.points, self.priors, self.settings.search))
         object.__setattr__(self, "elsewhere", elsewhere(self.points, groups, self.priors.radius))
 
     @property

@@ -39,7 +39,7 @@ from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 __all__ = ["Active", "LeftOut", "PartSearch", "missing", "race", "screen", "start_search"]
 
-_NOTHING = -1e9
+_NONE = float(np.finfo(np.float32).min)
 """Log-evidence of a part of which no maximum was found."""
 
 _ROUND_OFF = 1.02
@@ -172,11 +172,11 @@ class _Costs:
 
 def _by_tables(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> _Costs:
     """Return costs and poses by sensed planes and centres against faces and axes."""
-    own, planes = problem.settings.race, sensed_planes(problem, points)
+    own, matters, planes = problem.settings.race, problem.settings.samples.matters, sensed_planes(problem, points)
     found = _Costs(planes, np.zeros(len(rows)))
     if len(planes.triples):
         # poses are needed as far behind the best as all parts beyond could matter together
-        far = max(cost_margin(problem.settings), float(np.log(len(rows) / own.remainder)) / own.table_weight)
+        far = max(cost_margin(problem.settings), float(np.log(len(rows) / matters)) / own.table_weight)
         found.costs, found.known = on_planes(planes, candidates, rows, far)
         found.exhaustive = bool(found.costs.min() < planes.believed)
     else:
@@ -208,12 +208,12 @@ def _by_fields(
 
 def _promising(problem: Problem, rows: IntArray, found: _Costs) -> Active:
     """Return the parts that are little behind the best, as many as the budget allows, and a bound of the others."""
-    own, margin = problem.settings.race, problem.settings.search.negligible
+    own, margin, matters = problem.settings.race, problem.settings.search.negligible, problem.settings.samples.matters
     order = np.argsort(found.costs, kind="stable")
     behind = found.costs[order] - found.costs[order[0]]
     weight, least = (own.table_weight, 1) if found.bound else (own.estimate_weight, own.least)
     rest = np.cumsum(np.exp(-weight * behind)[::-1])[::-1]  # of each and all behind it
-    count = min(int(np.searchsorted(weight * behind, margin)), int(np.searchsorted(-rest, -own.remainder)))
+    count = min(int(np.searchsorted(weight * behind, margin)), int(np.searchsorted(-rest, -matters)))
     if found.bound and not found.exhaustive:
         count = count if count <= own.budget else own.unfixed  # which part it is will stay open
     elif count > own.first_passes:
@@ -438,7 +438,7 @@ def _from_known_poses(
 ) -> tuple[FloatArray, dict[int, PartSearch]]:
     """Return the log-evidence that known poses lead to ``(n,)``, and the searches of parts near the best."""
     own = problem.settings
-    found, kept, proposer = np.full(len(parts), _NOTHING), dict[int, PartSearch](), KnownPoses()
+    found, kept, proposer = np.full(len(parts), _NONE), dict[int, PartSearch](), KnownPoses()
     together = 4 * own.race.budget  # open at a time, beside those near the best
     for begin in range(0, len(parts), together):
         some = [k for k in range(begin, min(begin + together, len(parts))) if known[k] is not None]
@@ -446,8 +446,8 @@ def _from_known_poses(
         for k, search in zip(some, searches, strict=True):
             search.known, search.exhaustive = known[k], exhaustive
             search.propose(proposer)
-            found[k], kept[k] = max(search.log_evidence, _NOTHING), search
-        least = found.max(initial=_NOTHING) - own.search.negligible / own.race.estimate_weight
+            found[k], kept[k] = max(search.log_evidence, _NONE), search
+        least = found.max(initial=_NONE) - own.search.negligible / own.race.estimate_weight
         for k in [k for k in kept if found[k] < least]:
             kept.pop(k).objective.prepared.close()
     return found, kept

@@ -11,15 +11,12 @@ from tanteo.inference.covariances import common_tolerance, mode_covariances
 from tanteo.inference.details import details_at
 from tanteo.inference.fit_at_mode import GoodnessOfFit, face_names
 from tanteo.inference.modes import Mode
-from tanteo.inference.prior_check import DOUBT, DRAWS
 from tanteo.lie import SE3
+from tanteo.limits import NOTABLE
 from tanteo.localization import SharedGiven
 from tanteo.measurements import ContactPoints
 from tanteo.typing import Transforms
 from tanteo.words.findings import WorstReading
-
-_REMARKABLE = 2.0
-"""A measurement that is off by fewer standard deviations is not what contradicts a pose."""
 
 
 def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | None = None) -> Hypothesis:
@@ -58,9 +55,9 @@ def _joint_misfit(one: GoodnessOfFit, pose: PosePrior | None) -> Misfit:
     A density is not highest where squares are least: where a prior bends a region, they may be far apart.
     """
     best = _misfit_at(one, pose, one.mode.T_peak)
-    if pose is None or best.p_value > DOUBT:
+    if pose is None or best.p_value > NOTABLE:
         return best
-    heavy = np.argsort(-one.mode.weights, kind="stable")[:DRAWS]
+    heavy = np.argsort(-one.mode.weights, kind="stable")[: one.mode.objective.problem.settings.samples.heaviest]
     others = [_misfit_at(_moved_to(one, T), pose, T) for T in one.mode.Ts[heavy]]
     return max([best, *(other for other in others if other.dof == best.dof)], key=lambda misfit: misfit.p_value)
 
@@ -93,6 +90,6 @@ def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | N
     """Return the point, or sensed normal, that agrees least among those on the part; None if none is far off."""
     off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
-    if off[tilted, i] < _REMARKABLE:
+    if off[tilted, i] < one.mode.objective.problem.settings.search.unusual_sds:
         return None
     return WorstReading(points.ids[i], float(off[tilted, i]), bool(tilted))

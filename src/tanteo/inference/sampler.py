@@ -15,35 +15,11 @@ from tanteo import _core
 from tanteo.inference.box_cut import cut_by_box
 from tanteo.inference.compared import Compared
 from tanteo.inference.density import Density
-from tanteo.inference.mixture import FREEDOM, Mixture
+from tanteo.inference.mixture import Mixture
 from tanteo.inference.peaks import Objective, Peaks
+from tanteo.inference.settings import POSE_DOF, SampleSettings
 from tanteo.inference.widths import narrowed, roots
 from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
-
-_WIDER = 1.3
-"""Times the inverse information that a component has at first."""
-
-_CLIP = 15
-"""A sample's share of the weights while components are adapted is no more than one in so many."""
-
-_LEFT = 0.2
-"""Share of the samples' own mass that is left at least: where less is, what is known tells nothing of this region."""
-
-_CUT = 0.01
-"""Share of a normal region outside of a box from which it is none."""
-
-COUNTS = 1e-3
-"""Share of a part's mass from which that of a region is told as well as its samples can."""
-
-_COMPARABLE = 30.0
-"""Log of the mass of a region by its curvature over the largest weight of a sample, either way, up to which one tells
-something about the other."""
-
-_WORTH = 32
-"""Samples from which the widths of a component are fitted."""
-
-_STRANGE, _LOOKED_AT = 0.1, 4
-"""Share of all weights at which a new maximization starts from a sample; so many of them at a time."""
 
 
 @dataclass(slots=True, eq=False)
@@ -86,16 +62,22 @@ class Sampler:
         self.shares = np.zeros((0, len(peaks)))
         self.means, self.covariances, self._slopes, cut = self._about(peaks)
         prepared = self.objective.prepared
-        self._mixture = Mixture(prepared.part.symmetry.Ts[1:], prepared.shape.centre)
+        self._mixture = Mixture(prepared.part.symmetry.Ts[1:], prepared.shape.centre, self.settings.freedom)
         self._fitted, self.local = cut | self.trusted, np.zeros(len(peaks), dtype=bool)
         self.density = Density.about(self.objective, peaks.Ts[0], self.log_constant)
+
+    @property
+    def settings(self) -> SampleSettings:
+        """Numbers of the sampling."""
+        return self.objective.problem.settings.samples
 
     def _about(self, peaks: Peaks) -> tuple[FloatArray, Covariances, FloatArray, BoolArray]:
         """First components: means ``(m, 6)``, scales ``(m, 6, 6)``, how the other states follow the pose ``(m, D, 6)``.
 
         And which of them a box cuts ``(m,)``.
         """
-        covariances = np.asarray(_WIDER * np.linalg.inv(self.objective.of_pose(peaks.information)), dtype=np.float64)
+        H = self.objective.of_pose(peaks.information)
+        covariances = np.asarray(self.settings.wider * np.linalg.inv(H), dtype=np.float64)
         means, covariances, cut = cut_by_box(self.objective, peaks.Ts, covariances)
         full = self.objective.regular(peaks.information)
         if full.shape[-1] == 6:
@@ -128,21 +110,21 @@ class Sampler:
         if not np.isfinite(self.log_weights.max()):
             return self.Ts[:0]
         w = np.exp(self.log_weights - self.log_weights.max())
-        rows = np.flatnonzero(w > _STRANGE * w.sum())
-        return self.Ts[rows[np.argsort(-w[rows])][:_LOOKED_AT]]
+        rows = np.flatnonzero(w > self.settings.share * w.sum())
+        return self.Ts[rows[np.argsort(-w[rows])][: self.settings.strange]]
 
     def sample(self, counts: IntArray) -> None:
         """So many more samples of each component ``(m,)``; all weights are made anew."""
         on = np.flatnonzero(counts)
         if not len(on):
             return
-        self._fit_widths(on[~self._fitted[on] & (counts[on] >= _WORTH)])
+        self._fit_widths(on[~self._fitted[on] & (counts[on] >= self.settings.heaviest)])
         owners = np.repeat(on, counts[on])
         L = roots(self.covariances[on])
         for k in on:
             self._mixture.add(int(k), self.means[k], self.covariances[k], int(counts[k]))
-        n = len(owners)
-        z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(FREEDOM, size=(n, 1)) / FREEDOM)
+        n, freedom = len(owners), self.settings.freedom
+        z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(freedom, size=(n, 1)) / freedom)
         x = self.means[owners] + np.einsum("nij,nj->ni", L[np.repeat(np.arange(len(on)), counts[on])], z)
         Ts = self._placed(owners, x)
         log, zs = self.density.at(Ts, self._followed(owners, x))
@@ -153,7 +135,7 @@ class Sampler:
 
     def _fit_widths(self, which: IntArray) -> None:
         """Narrow first components where the density falls faster than its curvature says."""
-        self._fitted[which] = True
+        self._fitted[which], own = True, self.objective.problem.settings
         if not len(which):
             return
 
@@ -162,7 +144,7 @@ class Sampler:
             return self.density.at(self._placed(owners, x), self._followed(owners, x))
 
         size = np.r_[np.ones(3), np.full(3, 4 / self.objective.prepared.part.diagonal)]  # turns as shifts of the rim
-        self.covariances[which] = narrowed(self.covariances[which], size, log_at)
+        self.covariances[which] = narrowed(self.covariances[which], size, log_at, own)
 
     def _placed(self, owners: IntArray, x: FloatArray) -> Transforms:
         """Poses after motions ``(N, 6)`` from maxima."""
@@ -185,18 +167,19 @@ class Sampler:
         for k in which:
             rows = np.flatnonzero(self.shares[:, k] > 1e-3)
             own = w[rows] * self.shares[rows, k]
-            own = np.minimum(own, max(own.sum() / _CLIP, 1e-300))
+            own = np.minimum(own, max(own.sum() / self.settings.clip, 1e-300))
             total = own.sum()
             if not total > 0:
                 continue
             own /= total
             x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts[rows]), centre)
             size = 1 / np.sum(own**2)
-            trust = size / (size + 12)
+            trust = size / (size + 2 * POSE_DOF)
             mean = own @ x
             off = x - mean
             self.means[k] = trust * mean + (1 - trust) * self.means[k]
-            self.covariances[k] = trust * 1.2 * (own[:, None] * off).T @ off + (1 - trust) * self.covariances[k]
+            wide = self.settings.adapted * (own[:, None] * off).T @ off
+            self.covariances[k] = trust * wide + (1 - trust) * self.covariances[k]
 
     def compared(self, k: int, weights: FloatArray) -> Compared:
         """The region of a maximum beside a normal density, as the curvature there says.
@@ -206,17 +189,17 @@ class Sampler:
             weights: of the samples in its region, over the largest of all ``(N,)``.
         """
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
-        if not abs(mass) < _COMPARABLE:
-            return Compared.alone(weights)
+        if not abs(mass) < self.settings.comparable:
+            return Compared.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
-        own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
-        if own[~np.isfinite(self.log_weights)].sum() > _CUT * own.sum():  # a box that ends in it
-            return Compared.alone(weights)
+        own = np.exp(np.minimum(log - self.log_density, self.settings.comparable))
+        if own[~np.isfinite(self.log_weights)].sum() > self.settings.cut * own.sum():  # a box that ends in it
+            return Compared.alone(weights, self.settings)
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
-        both = Compared(weights, factor * own, factor * float(np.exp(mass)), gaps)
-        return both if both.mass > _LEFT * weights.sum() else Compared.alone(weights)
+        both = Compared(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
+        return both if both.mass > self.settings.left * weights.sum() else Compared.alone(weights, self.settings)
 
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Log mass and effective samples of each maximum's region ``(m,)``."""
@@ -227,7 +210,7 @@ class Sampler:
         sums, squares = W.sum(axis=0), np.sum(W * W, axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ess = np.nan_to_num(sums**2 / squares)
-            for k in np.flatnonzero(sums > COUNTS * sums.sum()):
+            for k in np.flatnonzero(sums > self.settings.region * sums.sum()):
                 one = self.compared(int(k), W[:, k])
                 sums[k], ess[k] = one.mass, one.ess
             return np.log(sums) + top, ess

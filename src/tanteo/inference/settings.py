@@ -11,10 +11,11 @@ from dataclasses import dataclass, fields, replace
 
 from tanteo.errors import InputError, did_you_mean
 
-__all__ = ["DEFAULTS", "POSE_DOF", "Effort", "RaceSettings", "SearchSettings", "Settings"]
-
 POSE_DOF = 6
 """Degrees of freedom of a pose."""
+
+FEWEST = POSE_DOF // 2
+"""Measurements below which any surface fits: three points fix a plane, which fixes half of a pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,9 +68,13 @@ class SearchSettings:
         rounds: rounds of a search; half as many again while the best pose leaves points out.
             ``benchmarks/missed.py``.
         explained: share of the points that the leader has on it if it explains them. Decision 85.
-        unusual_sds: excess of outliers that makes a pose doubtful [standard deviations]. ``benchmarks/missed.py``.
+        unusual_sds: excess of outliers that makes a pose doubtful, of a residual that is reported, and of the scatter
+            of points along a line [standard deviations]. ``benchmarks/missed.py``.
         any_outlier: number of points up to which any outlier makes a pose doubtful. ``benchmarks/missed.py``.
         gate: agreement of distances, angles and sizes [standard deviations]: 6e-5 two-sided for a normal error.
+            Decision 76.
+        reach_sds: reach of an error: normals within it are parallel, a side of a box within it cuts a region, and a
+            free ray within it may pass beside the part [standard deviations]: 0.3 % two-sided for a normal error.
         as_made: difference of the made part from its drawing, 1 sd [m]. Decisions 76, 84.
         tilt_as_made: difference of a made angle from its drawing, 1 sd [rad]. Decision 76.
         noise_share: assumed inflation of the noise, as a share of the log of the factor to which it is known.
@@ -86,14 +91,17 @@ class SearchSettings:
         loose: cost of a sensed normal on a face that is not a plane, beside its share of the area [nats]. Decision 76.
         vote_share: share of all parts up to which the vote of a pair is counted. Decision 76.
         placed: tuples of axes, or poses of planes, that are tried on one part. Row labelled.
-        kept: poses of a part that a table proposes. Decision 76.
+        kept: poses of a part that a table proposes; maxima about which near variants are evaluated. Decision 76.
         wall_slack: distance of a centre beyond the end of its wall, over the length of the wall. Decision 84.
         plane_normal_sd: standard deviation of a sensed normal up to which it counts as a plane [rad]. Decision 76.
-        few_points: points of a coarse evaluation and of a first-pass search. Decisions 76, 85.
+        few_points: points of a coarse evaluation and of a first-pass search; readings on which usual mistakes are
+            tried. Decisions 76, 85.
         coarse_areas: equal areas of a surface; their spacing is the step of coarse poses. Decision 76.
         coarse_poses: poses of a part that are refined on its field with all ``few_points``; more with fewer points.
             Decision 76.
         thorough: times as many of them where parts are few. Decision 85.
+        furniture_rays: free rays before points on furniture; each is cast at every pose.
+        sources: number of independent sources that are counted apart: bits of a whole number.
     """
 
     points: int = 12
@@ -121,6 +129,7 @@ class SearchSettings:
     unusual_sds: float = 2.0
     any_outlier: int = 20
     gate: float = 4.0
+    reach_sds: float = 3.0
     as_made: float = 1e-4
     tilt_as_made: float = 0.004
     noise_share: float = 0.6
@@ -143,6 +152,8 @@ class SearchSettings:
     coarse_areas: int = 64
     coarse_poses: int = 24
     thorough: int = 16
+    furniture_rays: int = 40
+    sources: int = 60
 
     @property
     def faint(self) -> float:
@@ -171,7 +182,6 @@ class RaceSettings:
         first_pass: effort of a first-pass search; it proposes no pairs where poses are known. Row parts12_known.
         table_weight: log-evidence for each nat of cost by tables, where noise is taken larger than stated. Decision 76.
         estimate_weight: the same of an estimate by few points or a coarse field, at least. Decision 76.
-        remainder: probability of all pruned parts together, over that of the best, which a bound allows. Decision 76.
         least: parts that remain after a coarse evaluation; similar parts that are tried beside a leader. Decision 76.
         unfixed: parts that remain where very many have the sensed planes and these fix no pose. Decision 76.
         leaders: leading parts whose poses are tried on others; poses of each. Decision 52.
@@ -186,7 +196,6 @@ class RaceSettings:
     first_pass: Effort = Effort(6, 16, 3, 8)
     table_weight: float = 1.33
     estimate_weight: float = 0.5
-    remainder: float = 5e-3
     least: int = 200
     unfixed: int = 16
     leaders: int = 3
@@ -202,16 +211,165 @@ class RaceSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class SampleSettings:
+    """How the regions of the posterior are sampled, and followed from one measurement to the next.
+
+    Attributes:
+        first: samples of a component at first; effective samples along a ridge of a part that is not the likeliest.
+        first_trusted: samples of a component at first whose region was normal before the last measurement.
+        likely: log-evidence behind the total up to which a maximum gets all first samples [nats].
+        rare: the same up to which it gets ``few`` [nats]: a ridge can have a hundred times the mass by its curvature.
+        enough: effective samples of a mode: its covariance is good to a twelfth.
+        more: samples of a component in one later round at most.
+        most: samples that are drawn for one effective sample at most.
+        rounds: rounds of samples of one part.
+        told: effective samples that show the shape of a region; samples that stand for it.
+        heaviest: samples by which the widths of a component are fitted; samples of most weight among which the one is
+            sought that agrees best with the measurements and the prior.
+        few: samples of a component that may matter little.
+        along: samples of each of dozens of components along a ridge.
+        wider: variance of a component at first over that by curvature.
+        adapted: variance of an adapted component over that of its samples.
+        freedom: degrees of freedom of the Student components: weights stay bounded.
+        matters: probability from which a mode is sampled until it has enough; probability of all pruned parts together,
+            over that of the best, which a bound allows. Decision 76.
+        region: share of a part's mass from which a region is compared with a normal density; probability from which
+            regions along ridges are sampled.
+        followed: probability of a part from which, while its region is not normal, its prior is sampled again.
+        cut: share of a normal region outside a box from which the region is not normal.
+        comparable: log of the mass by curvature over the largest weight of a sample, either way, up to which both are
+            compared [nats].
+        strange: samples of large weight from which maximizations start, at a time.
+        share: least share of the samples, or of the variance by curvature, that counts as such.
+        overlap: share of its samples that a mode has in common with another from which both are one.
+        narrowest: least variance of a mode over that by curvature.
+        left: least share of the mass of the samples that a control variate leaves.
+        clip: number of samples of which one has the whole weight at most while components are adapted.
+        halvings: halvings of a width at most where a face ends.
+        barrier: fall of the log density between two maxima of one region [nats]: less than to the border of a
+            region of two standard deviations in six directions.
+        path_steps: steps of the path between two maxima on which the density has to stay high for one region.
+        held: standard deviation over the part's size up to which samples show that the ends of faces hold a motion.
+        widely: samples of the prior of the pose from which a part is maximized where nothing or too little is known.
+        normal_starts: samples of a normal mode from which its part is maximized again.
+        several: number of points that, with a prior, fix a pose: then pairs of them propose poses, too.
+        doubt: probability of the unknown object from which all parts are searched again.
+        sweeps: sweeps of coordinate descent in a box.
+    """
+
+    first: int = 64
+    first_trusted: int = 40
+    likely: float = 5.0
+    rare: float = 9.0
+    enough: int = 300
+    more: int = 400
+    most: int = 8
+    rounds: int = 5
+    told: int = 24
+    heaviest: int = 32
+    few: int = 12
+    along: int = 8
+    wider: float = 1.3
+    adapted: float = 1.2
+    freedom: float = 4.0
+    matters: float = 5e-3
+    region: float = 1e-3
+    followed: float = 3e-3
+    cut: float = 0.01
+    comparable: float = 30.0
+    strange: int = 4
+    share: float = 0.1
+    overlap: float = 0.15
+    narrowest: float = 0.05
+    left: float = 0.2
+    clip: int = 15
+    halvings: int = 7
+    barrier: float = 3.0
+    path_steps: int = 4
+    held: float = 0.05
+    widely: int = 96
+    normal_starts: int = 2
+    several: int = 4
+    doubt: float = 0.2
+    sweeps: int = 50
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownSettings:
+    """How densities of an object that is none of the parts are integrated.
+
+    Attributes:
+        axis_pairs: pairs of normals that propose perpendicular axes, those nearest to perpendicular.
+        axis_steps: steps from proposed axes to a maximum.
+        same_axes: angle within which axes are the same [rad].
+        ball_steps: steps to the middle of the ball of the points, plus one.
+        nodes: nodes of the quadrature over the share of a surface that is displaced, at least.
+    """
+
+    axis_pairs: int = 32
+    axis_steps: int = 3
+    same_axes: float = 0.02
+    ball_steps: int = 32
+    nodes: int = 12
+
+
+@dataclass(frozen=True, slots=True)
+class CheckSettings:
+    """When readings or an answer raise a finding.
+
+    Checks that need no search, those of units above all, use the defaults.
+
+    Attributes:
+        too_wide: median distance of the readings from their middle over the largest diagonal; beyond it the unit is
+            doubted.
+        too_narrow: the same over the smallest diagonal; if all readings are nearer, the unit is doubted.
+        least_span: span of the readings of one part over its diagonal, at least.
+        finest: standard deviation below which the unit is doubted [m].
+        coarsest: standard deviation over the largest diagonal above which the unit is doubted.
+        smallest_part: diagonal of the smallest part that a suggested unit may lead to [m].
+        largest_part: diagonal of the largest part that a suggested unit may lead to [m].
+        many_parts: number of parts above which diagonals are rounded to a hundredth.
+        outward: mean cosine between a direction and the way away from the middle, above which directions are doubted.
+        into: share of the sensed normals that point into the material, above which normals are doubted.
+        path_turns: directions across a free ray in which it is moved.
+        outlier_level: probability of as many outliers as a pose leaves, from which it explains the measurements.
+        limiting_share: share of the largest corner sd from which a shared error is reported.
+        beyond_curvature: largest corner sd over that by curvature up to which shared errors explain it.
+    """
+
+    too_wide: float = 3.0
+    too_narrow: float = 0.01
+    least_span: float = 0.25
+    finest: float = 2e-7
+    coarsest: float = 0.1
+    smallest_part: float = 2e-3
+    largest_part: float = 5.0
+    many_parts: int = 1000
+    outward: float = 0.2
+    into: float = 0.8
+    path_turns: int = 8
+    outlier_level: float = 0.03
+    limiting_share: float = 0.5
+    beyond_curvature: float = 1.5
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """All settings of an inference.
 
     Attributes:
         search: how poses of one part are proposed and maximized.
         race: how parts are pruned.
+        samples: how regions are sampled.
+        unknown: how densities of an unknown object are integrated.
+        checks: when readings or an answer raise a finding.
     """
 
     search: SearchSettings = SearchSettings()
     race: RaceSettings = RaceSettings()
+    samples: SampleSettings = SampleSettings()
+    unknown: UnknownSettings = UnknownSettings()
+    checks: CheckSettings = CheckSettings()
 
     @property
     def second_pass(self) -> Effort:

@@ -10,8 +10,8 @@ from tanteo.lie import SE3
 from tanteo.typing import FloatArray, Transforms
 
 GAUGE_SD = 0.1
-"""A turn that symmetry leaves free is held at a reference by a normal density of this width [rad]; the rest of the
-circle is in :func:`log_orbit`. Any width is right; a narrow one lets samples look normal."""
+"""Standard deviation of a turn that symmetry leaves free, about a reference [rad]; the rest of the circle is in
+:func:`log_orbit`. The evidence does not depend on it; of a narrow one samples look normal."""
 
 
 def is_held(prepared: PreparedPart, *, named: bool) -> bool:

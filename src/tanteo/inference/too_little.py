@@ -6,6 +6,7 @@ import numpy as np
 
 from tanteo.factors import AxisCentre
 from tanteo.inference.problem import Problem
+from tanteo.inference.settings import FEWEST
 from tanteo.measurements import ContactPoints
 from tanteo.typing import FloatArray
 from tanteo.words import Finding
@@ -18,12 +19,6 @@ from tanteo.words.findings import (
     TooFewReadings,
     TwoCentres,
 )  # fmt: skip
-
-_LEAST = 3
-"""Fewer measurements than this fit any surface in any way."""
-
-_BARELY = 2.0
-"""Points that scatter along their longest direction by so many standard deviations, or fewer, are all noise."""
 
 
 def too_little(problem: Problem) -> Finding | None:
@@ -40,7 +35,7 @@ def too_little(problem: Problem) -> Finding | None:
         return OneCentre(slides)
     if len(points) == 2 and points.centres.all() and not (named or points.oriented.any()):
         return TwoCentres(slides)
-    if points.held < _LEAST:
+    if points.held < FEWEST:
         return TooFewReadings(len(points))
     if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:
         return None
@@ -48,7 +43,7 @@ def too_little(problem: Problem) -> Finding | None:
     sd = float(np.median(_along(points)))
     if across > sd * np.sqrt(len(points)):
         return None
-    if along > _BARELY * sd * np.sqrt(len(points)):
+    if along > problem.settings.search.unusual_sds * sd * np.sqrt(len(points)):
         return OnOneLine()
     return NoiseTooLarge(sd, points.tolerance > 0)
 

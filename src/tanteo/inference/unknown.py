@@ -10,18 +10,13 @@ import numpy as np
 from tanteo.answers import Priors
 from tanteo.inference.one_object import log_of_one_object
 from tanteo.inference.problem import Problem
+from tanteo.inference.settings import DEFAULTS
 from tanteo.inference.unknown_place import log_place_of_unknown
 from tanteo.special import log_sum
 from tanteo.typing import FloatArray, Vectors
 
-_LARGER = 1.2
-"""An unknown object may be larger than the ball of the parts: so many times as large as the ball of its readings."""
-
-_STEPS, _OUTERMOST = 32, 256
-"""Steps to the middle of that ball, and readings that may lie on it."""
-
-NEGLIGIBLE = 12.0
-"""Log odds below everything else at which a pose is not reported, and forgotten."""
+LARGER = 1.2
+"""Largest size of an unknown object over that of the ball of its readings (decision 56)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,13 +49,13 @@ def whereabouts(points: Vectors, radius: float) -> Whereabouts:
     away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
     points = points[away <= max(2 * radius, away.min())]
     middle = points.mean(axis=0)
-    for k in range(1, _STEPS):  # Badoiu and Clarkson 2003
+    for k in range(1, DEFAULTS.unknown.ball_steps):  # Badoiu and Clarkson 2003
         middle = middle + (points[np.argmax(np.sum((points - middle) ** 2, axis=1))] - middle) / (k + 1)
     off = points - middle
     squared = np.sum(off * off, axis=1)
-    outermost = np.argsort(-squared)[:_OUTERMOST]
+    outermost = np.argsort(-squared)[: len(_directions())]
     off, squared = off[outermost], squared[outermost]
-    radius = max(radius, _LARGER * float(np.sqrt(squared[0])))
+    radius = max(radius, LARGER * float(np.sqrt(squared[0])))
     along = _directions() @ off.T
     reach = (along + np.sqrt(along**2 + radius**2 - squared)).min(axis=1)  # until a reading leaves the ball
     return Whereabouts(middle, float(4 / 3 * np.pi * np.mean(reach**3)), radius)

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tanteo.defaults import SIGNIFICANCE
 from tanteo.inference.details import details_at
 from tanteo.inference.modes import Mode
 from tanteo.inference.part_search import PartSearch, start_search
@@ -20,31 +21,12 @@ from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.posterior import Posterior, weigh
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
-from tanteo.inference.proposals import FactorPoses, PriorSamples
+from tanteo.inference.proposals import BITS, FactorPoses, PriorSamples
 from tanteo.inference.proposals.drawn import along_ridge
 from tanteo.typing import BoolArray, FloatArray, Transforms
 
-_SAMPLES, _OF_NORMAL = 24, 2
-"""Samples of the posterior so far from which a part is maximized again; fewer of a normal mode, from which nearly all
-lead back to its maximum."""
-
-_FRESH, _WIDELY = 24, 96
-"""Samples of the prior from which it is maximized besides; and of a part of which nothing is known, or in doubt."""
-
-_MATTERS = 0.003
-"""Probability of a part from which, while its region is not normal, samples of its prior are made after each tell."""
-
-_DOUBT, _SURE = 0.2, 0.99
-"""Probability of the unknown object from which the answer is in doubt; and of a part, once it becomes so probable."""
-
 _EXPECTED = 1.0
 """Log density over that of an outlier that a measurement has at least if its part is roughly where it was expected."""
-
-_SEVERAL = 4
-"""So many points, with what is known beforehand, fix a pose: then pairs of them propose some, too."""
-
-_FOUND = (1 << 62) - 1
-"""As if found by all groups of proposals: what was known, and samples of the prior, are no chance finds."""
 
 
 def update_posterior(
@@ -95,36 +77,36 @@ def _weighed(
 
 def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rng: np.random.Generator) -> PartSearch:
     """The maxima of a part that what was known of it leads to, and some samples of its prior."""
-    search = start_search(problem, part, rng)
+    search, own = start_search(problem, part, rng), problem.settings.samples
     modes = [] if before is None else _modes(before, part)
     if not modes:
         known = problem.mixture(part)
         if known is not None:  # coarse measurements do not tell means apart that the prior does
-            _take(search, search.objective.maximize(known.Ts[:_WIDELY], fine=True))
-        _draw(search, _WIDELY)
+            _take(search, search.objective.maximize(known.Ts[: own.widely], fine=True))
+        _draw(search, own.widely)
         return search
     objective, likely = search.objective, sum(mode.probability for mode in modes)
-    Ts, zs = _samples(modes, problem.states, rng)
-    if before is not None and likely > _MATTERS:
+    Ts, zs = _samples(modes, problem, rng)
+    if before is not None and likely > own.followed:
         Ts, zs = _with_maxima(Ts, zs, before, part)
     _take(search, objective.maximize(Ts, zs, fine=True))
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
-    if likely > _MATTERS and not search.trusted:
-        _draw(search, _FRESH)
+    if likely > own.followed and not search.trusted:
+        _draw(search, own.told)
         search.along = along_ridge(objective, _resampled(modes, search.settings.maximized, rng))
     return search
 
 
-def _samples(modes: Sequence[Mode], states: int, rng: np.random.Generator) -> tuple[Transforms, FloatArray]:
+def _samples(modes: Sequence[Mode], problem: Problem, rng: np.random.Generator) -> tuple[Transforms, FloatArray]:
     """The maxima of modes and samples of them by their probability, with the other states to start from."""
-    total = max(sum(mode.probability for mode in modes), 1e-300)
-    Ts, zs = [], []
+    total = max(sum(mode.probability for mode in modes), np.finfo(float).tiny)
+    own, Ts, zs = problem.settings.samples, [], []
     for mode in modes:
-        count = _OF_NORMAL if mode.normal else int(np.ceil(_SAMPLES * mode.probability / total))
+        count = own.normal_starts if mode.normal else int(np.ceil(own.told * mode.probability / total))
         ends = (np.arange(count) + rng.uniform()) / count
         rows = np.searchsorted(np.cumsum(mode.weights), ends).clip(0, len(mode.weights) - 1)
         Ts += [mode.T_peak[None], mode.Ts[np.unique(rows)]]
-        z = mode.z if len(mode.z) == states else np.zeros(states)  # another device has joined
+        z = mode.z if len(mode.z) == problem.states else np.zeros(problem.states)  # another device has joined
         zs.append(np.repeat(z[None], 1 + len(np.unique(rows)), axis=0))
     return np.concatenate(Ts), np.concatenate(zs)
 
@@ -155,10 +137,11 @@ def _draw(search: PartSearch, count: int) -> None:
 
 def _look_widely(search: PartSearch) -> None:
     """Look for a part all over its prior, and by pairs of points where these fix a pose."""
-    _draw(search, _WIDELY)
+    own = search.objective.problem.settings.samples
+    _draw(search, own.widely)
     search.propose(FactorPoses())
     search.peaks = _found(search.peaks)
-    if len(search.objective.problem.points) >= _SEVERAL:
+    if len(search.objective.problem.points) >= own.several:
         search.restart()
         search.peaks = _found(search.peaks)
 
@@ -168,7 +151,7 @@ def _take(search: PartSearch, peaks: Peaks) -> None:
 
 
 def _found(peaks: Peaks) -> Peaks:
-    peaks.groups[:] = _FOUND
+    peaks.groups[:] = (1 << BITS) - 1  # found by all sources: no chance finds
     return peaks
 
 
@@ -183,13 +166,13 @@ def _in_doubt(before: Posterior, after: Posterior) -> bool:
     one more of them an outlier, which another pose may explain; or a part has become nearly certain, and the true one
     may be among those that were not looked for.
     """
-    if after.unknown > _DOUBT or not after.modes:
+    if after.unknown > after.problem.settings.samples.doubt or not after.modes:
         return True
     if _surprising(before, after) or _outliers(after) > _outliers(before):
         return True
     old, new = (probabilities(posterior) for posterior in (before, after))
     best = max(new, key=lambda part: new[part])
-    return new[best] > _SURE and old.get(best, 0.0) <= _SURE
+    return new[best] > 1 - SIGNIFICANCE >= old.get(best, 0.0)
 
 
 def _surprising(before: Posterior, after: Posterior) -> bool:

@@ -24,6 +24,7 @@ from tanteo.inference.limits import what_limits
 from tanteo.inference.posterior import Posterior
 from tanteo.inference.prior_check import PriorCheck
 from tanteo.inference.race import Active
+from tanteo.limits import NOTABLE
 from tanteo.words import Finding
 from tanteo.words.findings import (
     AmongUnsearched,
@@ -36,9 +37,6 @@ from tanteo.words.findings import (
 
 _PATCH = 0.2
 """Share of the part's size that measurements have to reach over, or the pose to be roughly known, for one answer."""
-
-_MAY_MISS = 0.05
-"""Probability of poses that the search met only once from which the answer says that others may fit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +118,7 @@ def _doubted(findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors)
 
 def _not_searched(chosen: Active, posterior: Posterior, status: str) -> NotSearched | None:
     """Return that parts which were not searched may explain the readings as well, where that matters."""
-    if status == "recognized" or not _MAY_MISS < posterior.left_out < 0.5:
+    if status == "recognized" or not NOTABLE < posterior.left_out < 0.5:
         return None
     return NotSearched(len(chosen.others), posterior.left_out)
 
@@ -137,4 +135,4 @@ def _close_together(best: GoodnessOfFit) -> bool:
 
 def _missed(once: float, status: str) -> MissedPoses | None:
     """Return that the search may have missed other poses than the listed ones, where that matters."""
-    return MissedPoses(once) if status in ("ambiguous", "insufficient") and once > _MAY_MISS else None
+    return MissedPoses(once) if status in ("ambiguous", "insufficient") and once > NOTABLE else None

@@ -6,15 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tanteo.inference.settings import Settings
 from tanteo.typing import Covariances, FloatArray
-
-_STEEP, _HALVINGS = 2.0, 7
-"""How far the log density may fall within a width, and how often that is halved: a normal density falls by half of its
-square there."""
 
 
 def narrowed(
-    covariances: Covariances, size: FloatArray, log_at: Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+    covariances: Covariances,
+    size: FloatArray,
+    log_at: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    own: Settings,
 ) -> Covariances:
     """Covariances without what the density does not reach along their axes.
 
@@ -22,14 +22,15 @@ def narrowed(
         covariances: about maxima ``(m, 6, 6)`` [m, rad].
         size: of each coordinate, in which the axes are found ``(6,)``.
         log_at: log density after motions from the maxima ``(m, k, 6)``, and the other states there.
+        own: all settings.
     """
     values, vectors = np.linalg.eigh(covariances / (size[:, None] * size))
     widths, axes = np.sqrt(values.clip(0)), np.swapaxes(vectors, 1, 2) * size
     top = log_at(np.zeros((len(covariances), 1, 6)))[0]
-    for _ in range(_HALVINGS):
+    for _ in range(own.samples.halvings):
         x = (widths[..., None] * axes)[:, :, None] * np.array([1.0, -1.0])[:, None]
         there = log_at(x.reshape(-1, 12, 6))[0].reshape(-1, 6, 2).max(axis=-1)
-        steep = there < top.reshape(-1, 1) - _STEEP
+        steep = there < top.reshape(-1, 1) - 0.5 * own.search.same_sds**2
         widths = np.where(steep, 0.5 * widths, widths)
         if not steep.any():
             break

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from tanteo.parts.building import mirror_part
     from tanteo.parts.elements import Face, ModelEdges, ModelPlanes, ModelVertices, SurfaceKind, SymmetryGroup
     from tanteo.parts.facets import FLOAT32
-    from tanteo.parts.files import LARGEST_FILE, check_file, unit_name
+    from tanteo.parts.files import LARGEST_FILE, METRES, check_file, unit_name
     from tanteo.parts.from_mesh import checked_mesh, part_of_mesh
     from tanteo.parts.named_features import NamedFace, named_class, named_feature
     from tanteo.parts.part import Part
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tanteo.parts.topology import components, mesh_edges, near_groups
 
 __all__ = [
-    "CAD_READERS", "FLOAT32", "LARGEST_FILE", "CadMesh", "CadReader", "CentredFace", "Face", "HolePattern",
+    "CAD_READERS", "FLOAT32", "LARGEST_FILE", "METRES", "CadMesh", "CadReader", "CentredFace", "Face", "HolePattern",
     "ModelEdges", "ModelPlanes", "ModelVertices", "NamedFace", "Part", "Rim", "RoundFeature", "StoredParts",
     "SurfaceKind", "SymmetryGroup", "as_part", "as_parts", "centred_faces", "check_file", "checked_mesh", "components",
     "exact_faces", "hole_patterns", "is_unitless", "mesh_edges", "mirror_part", "named_class", "named_feature",
@@ -36,7 +36,7 @@ __getattr__, __dir__ = lazy(
     {
         "building": "mirror_part",
         "facets": "FLOAT32",
-        "files": "LARGEST_FILE check_file unit_name",
+        "files": "LARGEST_FILE METRES check_file unit_name",
         "elements": "Face ModelEdges ModelPlanes ModelVertices SurfaceKind SymmetryGroup",
         "from_mesh": "checked_mesh part_of_mesh",
         "named_features": "NamedFace named_class named_feature",

@@ -22,8 +22,8 @@ from tanteo.inference.settings import DEFAULTS, SearchSettings, Settings
 from tanteo.measurements import ContactPoints
 from tanteo.typing import BoolArray, FloatArray, Indices, IntArray, Transforms
 
-_COLUMNS, _NONE = ("axes", "planes", "rounds"), np.zeros((0, 4, 4))
-"""Columns of a catalogue that are read; poses of a part of which none are known."""
+_COLUMNS = ("axes", "planes", "rounds")
+"""Columns of a catalogue that are read."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,18 +162,18 @@ def _tried(
     poses: dict[int, Transforms],
 ) -> float:  # fmt: skip
     """Try poses on some parts, set their costs and poses, and return the least cost [nats]."""
-    none, far = sensed.settings.search.cost_limit, 2 * cost_margin(sensed.settings)
+    none, far, nowhere = sensed.settings.search.cost_limit, 2 * cost_margin(sensed.settings), np.zeros((0, 4, 4))
     lowest = none
     for start, table in candidates.tables:
         here = np.flatnonzero(some & (rows >= start) & (rows < start + len(table["numbers"])))
-        before = [poses.get(int(row), _NONE) for row in rows[here]]
+        before = [poses.get(int(row), nowhere) for row in rows[here]]
         limit = min(none, lowest + far)
         axes, planes, rounds = (np.asarray(table[name]).ravel() for name in _COLUMNS)
         starts = [np.asarray(table[f"{name}_start"]) for name in _COLUMNS]
         found, Ts, whole = _core.on_axes(
             axes, starts[0], planes, starts[1], rounds, starts[2], np.ascontiguousarray(table["numbers"][:, 16]),
             (rows[here] - start).astype(np.int32), sensed.rows, sensed.planes, seeds.ravel(),
-            np.ascontiguousarray(np.concatenate([_NONE, *before])),
+            np.ascontiguousarray(np.concatenate([nowhere, *before])),
             np.cumsum([0, *map(len, before)]).astype(np.int32), limit, far, sensed.settings.search.kept,
         )  # fmt: skip
         at_least = np.where(whole > 0, found[:, 0], 0.0)  # others may have poses that were not tried

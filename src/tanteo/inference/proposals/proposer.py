@@ -13,13 +13,13 @@ from tanteo.inference.peaks import Objective, Peaks
 from tanteo.inference.prepared import PreparedPart
 from tanteo.inference.problem import Problem
 from tanteo.inference.proposals.sensed_planes import SensedPlanes
-from tanteo.inference.settings import Effort
+from tanteo.inference.settings import DEFAULTS, Effort
 from tanteo.typing import BoolArray, Indices, IntArray, Transforms
 
-BITS = 60
-"""Independent sources that are counted apart: bits of a whole number."""
+BITS = DEFAULTS.search.sources
+"""Number of independent sources that are counted apart: bits of a whole number."""
 
-EXHAUSTIVE = 0b1111
+EXHAUSTIVE = (1 << DEFAULTS.search.often) - 1
 """Sources of poses that are all that measurements allow: as many as make a maximum surely found."""
 
 
