@@ -21,17 +21,15 @@ from sensing_scenes import (
     valid,
     where_a_ball_stops,
 )
-from tanteo.active import Candidates, Stop, around, at_pose, begin, probe_of, update
-from tanteo.answers import PosePrior, Priors
 from tanteo.errors import InputError
-from tanteo.inference import prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.parts import read_part
+from tanteo.planning import Action, Candidates, Done, Sensing, Session, Stop, around, at_pose, begin, probe_of, update
+from tanteo.planning.session.answer import answered, moved
+from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.recognition import identify
-from tanteo.report import headline
+from tanteo.render import headline
 from tanteo.sensors import NoiseLaw, Readings, concatenate
-from tanteo.session import Action, Done, Sensing, Session
-from tanteo.session.answer import answered, moved
 from tanteo.words import percent
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"

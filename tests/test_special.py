@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import special as scipy_special
 
-from tanteo.special import (
+from tanteo.geometry.special import (
     binomial_cdf,
     chi2_quantile,
     chi2_survival,

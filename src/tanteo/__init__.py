@@ -18,19 +18,17 @@ from importlib import import_module as _import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tanteo import constraints, features, frames, lie, localization
-    from tanteo.active import Probe, Stop, around, discriminate, plan, probe_of
-    from tanteo.answers import Answer, Furniture, Hypothesis, PosePrior, Priors
-    from tanteo.calibration import calibrate
+    from tanteo import features, fitting, geometry
     from tanteo.catalogue import open_catalogue, part_from_mesh, read_parts
     from tanteo.errors import InputError, TanteoError
-    from tanteo.frames import UncertainFrame
+    from tanteo.factors import PythonFactor
+    from tanteo.geometry import UncertainFrame
     from tanteo.io import read_camera, read_image, read_prior, read_readings, read_rig
-    from tanteo.measurements import PythonFactor
     from tanteo.parts import Part, read_part
+    from tanteo.planning import Action, Done, Probe, Sensing, Session, Stop, around, discriminate, plan, probe_of
+    from tanteo.posterior import Answer, Furniture, Hypothesis, PosePrior, Priors
     from tanteo.recognition import identify, locate
-    from tanteo.sensors import Readings, robot_preset, sensor_preset
-    from tanteo.session import Action, Done, Sensing, Session
+    from tanteo.sensors import Readings, calibrate, robot_preset, sensor_preset
     from tanteo.vision import Camera, see
 
 __version__ = "0.1.0"

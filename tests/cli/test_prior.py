@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 
 FILE = "[pose_prior]\nposition_mm = [300, 100, 20]\nturn_deg = [0, 0, 30]\nsd_mm = 3\nturn_sd_deg = 3\n"
 NEAR = "300,100,20mm 0,0,30deg +- 3mm 3deg"

@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from tanteo.answers import Answer, Hypothesis
+from tanteo.posterior import Answer, Hypothesis
 from tanteo.words.findings import NoPart
 
 READINGS = (

@@ -10,10 +10,9 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo import part_from_mesh
-from tanteo.answers import Priors, sized
-from tanteo.lie import SE3, SO3
-from tanteo.measurements import OnTable
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
+from tanteo.posterior import OnTable, Priors, sized
 from tanteo.vision import TableErrors, View, map_edges, prepare_vision, project, see_table, view_factors
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.fit import meet

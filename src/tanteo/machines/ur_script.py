@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tanteo.lie import SO3
-from tanteo.typing import Transforms
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import Transforms
 
 NUMBER, RESULT, PLACE = 24, 25, 24
 """Output registers: a program's number and result (whole numbers), the TCP's pose from here on (six numbers)."""
