@@ -16,12 +16,13 @@ def doctor(json: args.Json = False) -> None:
     Lists versions and extras, and runs a self-test.
     """
     from tanteo import __version__
+    from tanteo.cli.examinations import examination_lines
     from tanteo.cli.installation import examine
 
     found = examine()
     if json:
         put_json({"schema": "tanteo.doctor/1", "version": __version__, "ok": found.ok, **asdict(found)})
     else:
-        emit(cli.examination_lines(found, __version__, layout=layout()))
+        emit(examination_lines(found, __version__, layout=layout()))
     if not found.ok:
         raise typer.Exit(1)

@@ -8,7 +8,7 @@ Tangents are ``[v, w]``, translation first, and perturb on the right: ``T = T_me
 
 from lazy_loader import attach_stub
 
-from tanteo.geometry import se3 as SE3
-from tanteo.geometry import so3 as SO3
+from tanteo.geometry import se3 as SE3  # noqa: F401
+from tanteo.geometry import so3 as SO3  # noqa: F401
 
 __getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,6 +1,6 @@
 """What is odd about the input: units, spreads, directions, repeats, a stuck sensor, free-space rays through the part.
 
-Each is a typed :class:`tanteo.posterior.answers.Finding`. Those here cost next to nothing; ``mirror`` asks the search again.
+Each is a typed :class:`tanteo.words.Finding`. Those here cost next to nothing; ``mirror`` searches again.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Convert parsed documents (TOML, JSON) into the classes whose annotations they must match.
 
-Documents written by users are :class:`~tanteo.io.documents.schema.Table` classes; records contain plain frozen data classes.
+Documents written by users are :class:`~tanteo.io.documents.schema.Table` classes; records contain plain frozen data
+classes.
 Each error message names file, table, key and value, and for TOML the line.
 """
 

@@ -61,7 +61,7 @@ class Fit:
 def refine(
     setup: Setup, log: PlaneLog, prior: Prior, *, share: float = 0.5, law: PlaceLaw | None = None, passes: int = _PASSES
 ) -> Fit:
-    """Return the joint fit of setup, noise and outliers that :func:`tanteo.geometry.levenberg_marquardt` reaches from one start.
+    """Return the joint fit of setup, noise and outliers that :func:`tanteo.geometry.maximize` reaches from one start.
 
     The noise begins as ``law``, or by the share of the residuals that is trusted (:func:`first_law`).
     """
