@@ -1,9 +1,9 @@
 """Maximize log densities by Gauss-Newton on a manifold, in NumPy, for one pose or a batch.
 
-The compiled core has its counterpart in ``_core/maximize.hpp``, for factors of a part at a pose. States here have no
-factors in the core: averages of frames, sensed features under constraints, planes and edges of points, time offsets,
-calibrated beams. Their equations are arrays over a batch, so a compiled loop would call back to Python at each step. A
-single fit from a distant start uses SciPy instead.
+The compiled core has its counterpart in ``_core/solve/maximize.hpp``, for factors of a part at a pose. States here
+have no factors in the core: averages of frames, sensed features under constraints, planes and edges of points, time
+offsets, calibrated beams. Their equations are arrays over a batch, so a compiled loop would call back to Python at
+each step. A single fit from a distant start uses SciPy instead.
 """
 
 from __future__ import annotations
