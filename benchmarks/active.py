@@ -32,9 +32,13 @@ from common import Table
 import tanteo
 from cli.conftest import prism, stl
 from sensing_scenes import LASER, drawn_truth, located, new_session, true_range
-from tanteo.active import (
+from tanteo.geometry import SE3
+from tanteo.planning import (
     POLICIES,
+    Action,
     Probe,
+    Sensing,
+    Session,
     Start,
     Stop,
     around,
@@ -47,11 +51,8 @@ from tanteo.active import (
     propose,
     update,
 )
-from tanteo.answers import Priors, corner_sd
-from tanteo.inference import prepare
-from tanteo.lie import SE3
+from tanteo.posterior import Priors, corner_sd, prepare
 from tanteo.sensors import NoiseLaw
-from tanteo.session import Action, Sensing, Session
 
 
 def boxed(size):

@@ -27,10 +27,8 @@ from sensing_scenes import (
     tell_anything,
     true_range,
 )
-from tanteo.active import Choice, draw, predict
-from tanteo.answers import Priors
-from tanteo.inference import prepare
-from tanteo.session import Action
+from tanteo.planning import Action, Choice, draw, predict
+from tanteo.posterior import Priors, prepare
 
 HERE = Path(__file__).parents[1]
 OURS = ("block", "bracket_left", "bracket_right", "clamp", "flange", "housing", "t_slot", "wedge")

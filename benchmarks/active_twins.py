@@ -13,11 +13,10 @@ from common import Table
 
 import tanteo
 from sensing_scenes import FLIGHT, LASER, located, met_by_beams, new_session, sense
-from tanteo.active import Start
-from tanteo.active.discrimination import laid_on
-from tanteo.answers import Priors
-from tanteo.inference import prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.planning import Start
+from tanteo.planning.discrimination import laid_on
+from tanteo.posterior import Priors, prepare
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 PAIRS = ("bracket_left", "bracket_right"), ("step_12mm", "step_15mm")

@@ -40,7 +40,7 @@ def options(scene, folder):
         found["rig"] = _rig(scene.rig, folder)
     if scene.prior:
         try:
-            from tanteo.answers import PosePrior, Priors
+            from tanteo.posterior import PosePrior, Priors
         except ModuleNotFoundError:  # before the room was there
             from tanteo.matching import PosePrior, Priors
 
@@ -59,9 +59,8 @@ def _rig(text, folder):
 
 def new_session(scene, parts):
     """A session about a place, with a laser."""
-    from tanteo.active import Probe, Stop, around
+    from tanteo.planning import Probe, Sensing, Session, Stop, around
     from tanteo.sensors import NoiseLaw
-    from tanteo.session import Sensing, Session
 
     laser = Probe("laser", NoiseLaw.of(scene.sd), max_range=0.3, standoff=0.1)
     stop = Stop(tolerance=2e-3, max_measurements=max(scene.readings, 1))

@@ -16,12 +16,10 @@ import numpy as np
 from common import Table
 
 import tanteo
-from tanteo.answers import sized
-from tanteo.factors import AxisCentre, Factor, SensedSize, SurfacePoint
-from tanteo.inference import Problem, candidates, identify_points, race
-from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays, surface_points
+from tanteo.factors import AxisCentre, ContactPoints, Factor, FreeRays, SensedSize, SurfacePoint, surface_points
+from tanteo.geometry import SE3
 from tanteo.parts import Part, exact_faces, round_features
+from tanteo.posterior import Problem, candidates, identify_points, race, sized
 
 SD, NORMAL_SD = 1e-4, 0.02
 """Standard deviations of a point [m], and of each tilt of a sensed normal [rad]."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from common import Table, seconds
 
-from tanteo.constraints import relate_all
-from tanteo.features import EDGE, PLANE, VERTEX, Feature
-from tanteo.lie import SE3
+from tanteo.features import EDGE, PLANE, VERTEX, Feature, relate_all
+from tanteo.geometry import SE3
 
 TEXT = """\
 `constraints.relate_all`: every constraint that the pairs of features have, each with value, covariance, bias and what

@@ -44,10 +44,11 @@ class Finder:
 
 def tasks() -> dict[str, Callable[[], object]]:
     """Return the loops to time, by name."""
+    from inference.test_coarse_look import look, on_block, tables
+
     from core.bodies import flat_bodies
     from core.questions import asked, near_pose, random_pose, with_shared
     from core.test_rounds import fit
-    from inference.test_coarse_look import look, on_block, tables
     from tanteo import _core
 
     rng = np.random.default_rng(0)

@@ -21,10 +21,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from bare_scenes import box_centred_pose, surface_points, touches_of
 from random_parts import random_part, write_off
-from tanteo.inference import PreparedPart, identify_points, prepare
-from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays
+from tanteo.factors import ContactPoints, FreeRays
+from tanteo.geometry import SE3
 from tanteo.parts import Part, read_part
+from tanteo.posterior import PreparedPart, identify_points, prepare
 
 SD, NORMAL_SD = 5e-4, np.radians(3)
 USUAL = 30

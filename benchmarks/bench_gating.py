@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from common import Table, seconds
 
-from tanteo.constraints import gate
+from tanteo.features import gate
 
 COMBINATIONS = 100_000
 

@@ -8,16 +8,16 @@ import numpy as np
 from common import Table, seconds
 
 from tanteo.features import PLANE, Feature
-from tanteo.inference import identify_features, prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.parts import Part, read_part
+from tanteo.posterior import identify_features, prepare
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 SD = np.array([1e-4, 2e-3, 2e-3])
 """Standard deviations of a sensed plane: height [m] and the two tilts [rad]."""
 
 TEXT = """\
-`tanteo.inference.identify_features` on planes sensed on one of the example parts, against all, prepared beforehand:
+`tanteo.posterior.identify_features` on planes sensed on one of the example parts, against all, prepared beforehand:
 search, samples, pose with covariance. The planes are drawn at random from the part's own, heights with a standard
 deviation of 0.1 mm and tilts of 2 mrad; each part is sensed once for every number of planes. "True part first" counts
 the scenes whose most probable hypothesis is the part that was sensed; with few planes others may truly fit as well."""

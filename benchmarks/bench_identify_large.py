@@ -9,7 +9,7 @@ from bench_identify import sense
 from common import Table, seconds
 
 from tanteo.catalogue import read_parts
-from tanteo.inference import identify_features, prepare
+from tanteo.posterior import identify_features, prepare
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 PLANES = (52, 70)

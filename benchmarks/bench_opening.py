@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from bench_cost import resident, scene, status
 
 from tanteo.catalogue import read_parts
-from tanteo.inference import identify_points, prepare, prepare_all
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
+from tanteo.posterior import identify_points, prepare, prepare_all
 
 COUNT, ROUNDS = 1_000, 5
 TIME_TARGET, MEMORY_TARGET = 0.2, 150.0

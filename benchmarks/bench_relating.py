@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from common import Table, seconds, version
 
-from tanteo.frames import relate_arrays
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3, relate_arrays
 
 PAIRS = 100_000
 LOOP = 2_000

@@ -13,13 +13,11 @@ from common import Table
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from sensing_scenes import LASER, located, true_range
-from tanteo.active import Candidates, Start, Stop, begin, propose
-from tanteo.answers import Priors
-from tanteo.inference import PreparedPart, prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.parts import read_part
+from tanteo.planning import Action, Candidates, Sensing, Session, Start, Stop, begin, propose
+from tanteo.posterior import PreparedPart, Priors, prepare
 from tanteo.sensors import Readings
-from tanteo.session import Action, Sensing, Session
 
 PART = Path(__file__).parents[1] / "examples" / "parts" / "bracket_left.step"
 HYPOTHESES, CANDIDATES = 10, 500

@@ -19,10 +19,8 @@ from campaign import options, run_cases
 from common import Table
 
 from felt_scenes import gripper, nees, roof
-from tanteo.acquisition import EdgeGuess, FaceGuess, sense_edge, sense_plane
-from tanteo.lie import SE3, SO3
-from tanteo.motion import Rules
-from tanteo.simulator import SimulatedHand, clearances
+from tanteo.geometry import SE3, SO3
+from tanteo.hand import EdgeGuess, FaceGuess, Rules, SimulatedHand, clearances, sense_edge, sense_plane
 
 ANGLES = 10, 15, 20, 30, 45, 60, 75, 85
 DOF = {"plane": 3, "edge": 4}

@@ -20,11 +20,10 @@ from common import Table
 from holes import part_of, plate
 from OCP.Message import Message
 
-from tanteo.active import POLICIES, Stop, at_pose, corner_distances, probe_of
-from tanteo.inference import prepare
-from tanteo.lie import SE3, SO3
-from tanteo.session import Action, Sensing, Session
-from tanteo.shapes import ball_contact
+from tanteo.geometry import SE3, SO3
+from tanteo.parts import ball_contact
+from tanteo.planning import POLICIES, Action, Sensing, Session, Stop, at_pose, corner_distances, probe_of
+from tanteo.posterior import prepare
 
 SD, RADIUS, TOLERANCE, MOST = 5e-5, 1e-3, 2e-4, 40
 KNOWN = np.diag(np.repeat([1e-3, np.radians(0.5)], 3) ** 2)

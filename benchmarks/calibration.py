@@ -19,8 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from random_parts import random_part
 from scenes import clutter_touch, random_pose, sensed_edge, surface_planes, surface_touches
-from tanteo.answers import Priors
-from tanteo.inference import identify_features, prepare
+from tanteo.posterior import Priors, identify_features, prepare
 
 PARTS, SCENES = 8, 50
 """Parts in a catalogue, and scenes for each catalogue."""

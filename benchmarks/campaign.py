@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tanteo.cluster import spread
+from tanteo.catalogue import spread
 
 
 def options(arguments: list[str]) -> tuple[list[str], Path | None, int | str]:

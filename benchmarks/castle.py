@@ -20,9 +20,8 @@ from common import Table
 
 from bare_scenes import nees, no_paths, off
 from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
-from tanteo.answers import Priors
-from tanteo.inference import Problem, as_hypothesis, goodness_of_fit, identify_points, posterior_about, prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.posterior import Priors, Problem, as_hypothesis, goodness_of_fit, identify_points, posterior_about, prepare
 
 RIGHT = 3e-3, np.radians(1.5)
 

@@ -18,8 +18,7 @@ import test_cmm_bare as cmm
 
 import tanteo
 from bare_scenes import no_paths
-from tanteo.answers import Priors
-from tanteo.inference import Problem, goodness_of_fit, identify_points, posterior_about, prepare
+from tanteo.posterior import Priors, Problem, goodness_of_fit, identify_points, posterior_about, prepare
 
 
 def leaves_free(touches, block, truth):

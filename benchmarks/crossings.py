@@ -16,10 +16,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 from felt_scenes import gripper, nees
-from tanteo.acquisition.record import fitted_feature, labelled_readings
-from tanteo.lie import SE3, SO3
-from tanteo.motion import Rules, cross_edge, go_to
-from tanteo.simulator import Cell, Scene, SimulatedHand, box
+from tanteo.geometry import SE3, SO3
+from tanteo.hand import Cell, Rules, Scene, SimulatedHand, box, cross_edge, go_to
+from tanteo.hand.acquisition.record import fitted_feature, labelled_readings
 
 PLATE = Scene.of([box("plate", [-0.1, -0.1, -0.02], [0.1, 0.1, 0.0])])
 ASKEW = 0.02

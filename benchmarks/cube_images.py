@@ -16,7 +16,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import grey_cube
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, see_anywhere
 from tanteo.vision.camera import project_linearized
 from tanteo.vision.fit import refine

@@ -22,8 +22,8 @@ from region_coverage import FOLDER
 
 import tanteo
 from bare_scenes import box_centred_pose, inside, nees, no_paths, surface_points, touches_of
-from tanteo.inference import identify_points, prepare
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.posterior import identify_points, prepare
 
 PARTS = "flange", "hex_spacer"
 WAYS = {"25 touches, 0.01 mm": (25, 1e-5, None), "12 with normals, 0.3 mm and 0.03 rad": (12, 3e-4, 0.03)}

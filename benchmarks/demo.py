@@ -12,7 +12,7 @@ from importlib import resources
 
 import numpy as np
 
-from tanteo.demo import NEEDED, needed, try_it
+from tanteo.bench import NEEDED, needed, try_it
 
 WORKERS = 2
 
@@ -28,7 +28,7 @@ def main():
     """Count, write, and say what the demo will say."""
     tries = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     rows = zip(range(tries), counts("information", tries), counts("random", tries), strict=True)
-    with resources.as_file(resources.files("tanteo.demo").joinpath(NEEDED)) as path, path.open("w") as file:
+    with resources.as_file(resources.files("tanteo.bench.demo").joinpath(NEEDED)) as path, path.open("w") as file:
         file.write("# readings that the demo needs: python benchmarks/demo.py\n")
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(("seed", "planned", "random"))

@@ -25,7 +25,7 @@ from holes import part_of
 
 from rendered import table_camera
 from tanteo.errors import DegenerateError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import round_features
 from tanteo.vision import Stage, circle_poses, fit_ellipse, prepare_vision, project_circle, render, see, thing
 from vision import pose_errors

@@ -21,7 +21,7 @@ from region_coverage import FOLDER, PARTS
 
 import tanteo
 from bare_scenes import nees, no_paths, oriented
-from tanteo.inference import identify_points, prepare
+from tanteo.posterior import identify_points, prepare
 
 COUNTS = 6, 8, 10, 15
 REGION, NEAR = 12.59, 20.0

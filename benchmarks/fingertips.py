@@ -21,9 +21,9 @@ from common import Table
 
 import tanteo
 from bare_scenes import no_paths, touches_of
-from tanteo.inference import identify_points, prepare
-from tanteo.lie import SE3, SO3
-from tanteo.shapes import signed_distance
+from tanteo.geometry import SE3, SO3
+from tanteo.parts import signed_distance
+from tanteo.posterior import identify_points, prepare
 
 FOLDER = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "fingertip_touches"
 SETS = (

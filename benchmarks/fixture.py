@@ -15,9 +15,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, touches_of
-from tanteo.answers import corner_sd
-from tanteo.inference import identify_points
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
+from tanteo.posterior import corner_sd, identify_points
 
 
 def row(name, target):

@@ -35,7 +35,7 @@ import against_worker
 from against_scenes import draw
 
 import tanteo
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "tests" / "golden" / "answers.json.gz"
@@ -145,7 +145,7 @@ def examples() -> list:
 def features(k: int, seed: int) -> Outcome:
     """Answer fitted planes and, in every other scene, an edge or a corner; every fifth with clutter."""
     from scenes import clutter_touch, random_pose, sensed_edge, sensed_planes, sensed_vertex
-    from tanteo.inference import identify_features
+    from tanteo.posterior import identify_features
 
     rng, part = np.random.default_rng((SEED, 4, k)), examples()[k % len(examples())]
     T, usable = random_pose(rng), np.flatnonzero(part.planes.gyration[:, 1] > 1e-3)
@@ -167,12 +167,12 @@ def example(name: str, seed: int) -> Outcome:
 
 def image(name: str) -> Outcome:
     """Answer an example image, its camera placed by the marks."""
-    from tanteo import io, scenes
+    from tanteo import io
     from tanteo.vision import see_table
 
     folder = ROOT / "examples" / "images"
     pixels = io.read_image(str(folder / f"{name}.png"))
-    camera, _ = scenes.place_camera(
+    camera, _ = io.place_camera(
         io.read_camera(str(folder / "camera.yaml"), shape=pixels.shape), str(folder / "marks.csv")
     )
     return see_table(pixels, camera, examples()), {p.name: p for p in examples()}

@@ -40,10 +40,9 @@ from bare_scenes import (
     with_tip_off,
 )
 from sensing_scenes import drawn_truth
-from tanteo.active import around, begin, update
-from tanteo.answers import PosePrior, Priors
-from tanteo.inference import identify_points, prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.planning import around, begin, update
+from tanteo.posterior import PosePrior, Priors, identify_points, prepare
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 KINDS = {

@@ -23,11 +23,10 @@ from common import Table
 import tanteo
 from altered import altered
 from bare_scenes import Sensing, box_centred_pose, inside, nees, off, scene, surface_points
-from tanteo.answers import PosePrior, Priors
-from tanteo.answers import Table as Plane
-from tanteo.inference import identify_points, prepare
-from tanteo.lie import SE3, SO3
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
+from tanteo.geometry import SE3, SO3
+from tanteo.posterior import PosePrior, Priors, identify_points, prepare
+from tanteo.posterior import Table as Plane
 
 PARTS = ("block", "bracket_left", "clamp", "flange", "housing", "step_12mm", "t_slot", "wedge")
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"

@@ -16,11 +16,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from bare_scenes import SENSORS, box_centred_pose, nees, scene
-from tanteo.answers import Priors
-from tanteo.inference import Problem, infer, prepare
-from tanteo.inference.part_search import start_search
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
 from tanteo.parts import read_part
+from tanteo.posterior import Priors, Problem, infer, prepare
+from tanteo.posterior.part_search import start_search
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 NAMES = "housing", "clamp", "step_12mm", "bracket_left"

@@ -22,10 +22,9 @@ from bench_catalogue import SD, Outcome, points_on, shares_of
 from common import Table
 
 import tanteo
-from tanteo.answers import Priors, WholeObject
-from tanteo.inference import identify_points
-from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays, surface_points
+from tanteo.factors import ContactPoints, FreeRays, surface_points
+from tanteo.geometry import SE3
+from tanteo.posterior import Priors, WholeObject, identify_points
 from tanteo.vision import narrowed, outline_of_readings, prepare_vision, see_table
 from vision_scenes import random_shot, told_table
 

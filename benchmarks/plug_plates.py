@@ -22,7 +22,7 @@ from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 from OCP.TopoDS import TopoDS
 
 from tanteo import Readings, identify, read_part
-from tanteo.answers import Priors
+from tanteo.posterior import Priors
 
 THICK, RIM = 3.2, 406.0
 SD, MADE = 5e-6, 1e-5  # of the machine, and of the plates, which are drilled bent [m]

@@ -24,9 +24,8 @@ from common import Table
 
 import tanteo
 from bare_scenes import SENSORS, box_centred_pose, inside, nees, off, scene
-from tanteo.answers import Priors
-from tanteo.inference import identify_points, prepare
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
+from tanteo.posterior import Priors, identify_points, prepare
 
 PARTS = ("block", "bracket_left", "clamp", "flange", "housing", "step_12mm", "t_slot", "wedge")
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"

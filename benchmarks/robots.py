@@ -13,12 +13,11 @@ import numpy as np
 from scipy.stats import chi2
 
 import tanteo
-from tanteo.active import Stop, at_pose, probe_of
-from tanteo.answers import Priors
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.machines import MachineLimits, SafeMachine, World, opened, parse_machine, probe_part
-from tanteo.session import Sensing, Session
-from tanteo.shapes import Surface
+from tanteo.parts import Surface
+from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
+from tanteo.posterior import Priors
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -56,7 +55,7 @@ def one(part, surface, name: str, seed: int, priors: Priors = USUAL) -> tuple[bo
         asked = session(part, priors, turns=machine.facts.turns)
         done = probe_part(asked, SafeMachine(machine, LIMITS))
     best = asked.answer().hypotheses[0]
-    corners = tanteo.answers.box_corners(part)
+    corners = tanteo.posterior.box_corners(part)
     off = np.linalg.norm(SE3.apply(best.T_world_part, corners) - SE3.apply(T, corners), axis=1).max()
     xi = SE3.log(SE3.inverse(best.T_world_part) @ T)
     nees = float(xi @ np.linalg.solve(best.covariance, xi))

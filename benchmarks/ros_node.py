@@ -19,7 +19,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from tanteo import io
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.ros import Intake, Patience
 
 ROOT = Path(__file__).parents[1]

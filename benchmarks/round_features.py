@@ -32,7 +32,7 @@ from round_scenes import (
 )
 from tanteo.features import KINDS, PLANE, Feature, SharedError
 from tanteo.fitting import circle_on_plane, fit_plane, fit_round, observable, round_ml
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 
 KIND_NAMES, ARCS, POINTS, SD = ("circle", "cylinder", "cone", "sphere"), (360, 180, 120, 90, 60, 45, 30), 12, 1e-5
 CHUNK, SHARED_SD = 500, 1e-5

@@ -25,8 +25,8 @@ from OCP.Message import Message
 
 from bare_scenes import nees
 from felt_scenes import gripper
-from tanteo.execution import acquirable, sense_part
-from tanteo.inference import prepare
+from tanteo.planning import acquirable, sense_part
+from tanteo.posterior import prepare
 from unknown_scenes import off, unknown_scene, unknown_session
 
 TOLERANCE, MOST = 2e-3, 200

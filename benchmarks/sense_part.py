@@ -21,9 +21,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from campaign import options, run_cases
 from common import Table
 
-from tanteo.execution import sense_part
-from tanteo.inference import prepare
 from tanteo.parts import read_part
+from tanteo.planning import sense_part
+from tanteo.posterior import prepare
 from unknown_scenes import off, unknown_scene, unknown_session
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"

@@ -24,9 +24,7 @@ from common import Table
 
 from bore_scenes import WRONG, round_error, round_task, whole_covariance, wrong_task
 from felt_scenes import gripper
-from tanteo.acquisition import sense_circle, sense_cylinder
-from tanteo.motion import Rules
-from tanteo.simulator import Cell, SimulatedHand, clearances
+from tanteo.hand import Cell, Rules, SimulatedHand, clearances, sense_circle, sense_cylinder
 
 SENSE = {"circle": sense_circle, "cylinder": sense_cylinder}
 CASES = [(kind, convex) for kind in SENSE for convex in (False, True)]

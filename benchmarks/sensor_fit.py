@@ -13,8 +13,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from common import Table
 
 from plane_scenes import joined, random_hands, simulated_log
-from tanteo.calibration import calibrate, plane_angle
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.sensors import calibrate, plane_angle
 
 
 def one_log(seed, places, saturated):

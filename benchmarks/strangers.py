@@ -22,8 +22,8 @@ from region_coverage import FOLDER, PARTS
 
 import tanteo
 from bare_scenes import SENSORS, box_centred_pose, scene
-from tanteo.inference import identify_points, prepare
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
+from tanteo.posterior import identify_points, prepare
 
 COUNTS = 10, 16, 25
 STEPS = "step_12mm", "step_15mm"

@@ -2,7 +2,7 @@
 
 Every value answers the same scenes of ``against_scenes.py`` (rows as there; default: touch, hard_walls, labelled,
 prior) in the same process by turns, so that a slow machine slows all values. The table has one row for each value and
-kind of scene. Several seeds of the search tell a setting from luck. A number of ``inference/settings.py`` that names
+kind of scene. Several seeds of the search tell a setting from luck. A number of ``posterior/settings.py`` that names
 rows was chosen so: the smallest effort, or the widest margin, from which "right" does not rise any more.
 """
 
@@ -25,7 +25,7 @@ from against_worker import judge, options, part_reader
 from common import Table, machine
 
 import tanteo
-from tanteo.inference import DEFAULTS, identify_points
+from tanteo.posterior import DEFAULTS, identify_points
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES, DEMO = ROOT / "examples" / "parts", ROOT / "src" / "tanteo" / "demo" / "parts"
@@ -68,7 +68,7 @@ def table(name: str, found: dict[tuple[str, float], list[dict]]) -> Table:
             f"{np.median(nees):.2f}" if nees else "", f"{np.median(ms):.3g}", f"{np.mean(ms):.3g}",
         ))  # fmt: skip
     columns = ("scenes", name, "right", "claimed", "NEES / dof, median", "ms, median", "ms, mean")
-    return Table(f"Sweep of {name}", "The value in use is the default of `tanteo.inference.Settings`.", columns, lines)
+    return Table(f"Sweep of {name}", "The value in use is the default of `tanteo.posterior.Settings`.", columns, lines)
 
 
 def main() -> None:

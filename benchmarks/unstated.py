@@ -25,7 +25,7 @@ import fixture_sets
 import tanteo
 from bare_scenes import nees, off
 from castle_scene import FRAMES, castle, dense_fit, first_pose, pixels_of
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 
 PIXELS = 24
 
@@ -108,7 +108,7 @@ def fingertip_rows():
 def castle_rows(draws):
     """Pixels of depth frames."""
     with tempfile.TemporaryDirectory() as folder:
-        target = tanteo.inference.prepare(castle(folder))
+        target = tanteo.posterior.prepare(castle(folder))
     T = first_pose()
     for frame in FRAMES:
         T = dense_fit(target.surface, frame, T)

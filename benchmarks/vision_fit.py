@@ -24,9 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from campaign import options, run_cases
 
 from machined_parts import mixed_parts
-from tanteo.answers import Priors, sized
-from tanteo.lie import SE3
-from tanteo.measurements import OnTable
+from tanteo.geometry import SE3
+from tanteo.posterior import OnTable, Priors, sized
 from tanteo.vision import TableErrors, find_edges, find_regions, map_edges, prepare_vision, silhouette
 from tanteo.vision.candidates import candidates_in, own_edges
 from tanteo.vision.image_edges import STRETCH, Weights

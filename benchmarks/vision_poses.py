@@ -16,8 +16,8 @@ from campaign import options, run_cases
 from common import Table
 from scipy.stats import chi2
 
-from tanteo.lie import SE3
-from tanteo.measurements import OnTable
+from tanteo.geometry import SE3
+from tanteo.posterior import OnTable
 from tanteo.vision import USUAL_EDGE_SD, TableErrors, find_edges, find_regions, map_edges, project, silhouette
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.image_edges import Weights

@@ -28,10 +28,10 @@ from common import Table
 from random_parts import random_part
 from rendered import table_camera
 from tanteo.catalogue import read_parts
-from tanteo.execution import HYPOTHESES, part_seen, seen_start, sense_part
-from tanteo.inference import prepare
-from tanteo.lie import SE3
-from tanteo.simulator import Scene
+from tanteo.geometry import SE3
+from tanteo.hand import Scene
+from tanteo.planning import HYPOTHESES, part_seen, seen_start, sense_part
+from tanteo.posterior import prepare
 from tanteo.vision import Stage, Thing, prepare_vision, render, see_table, silhouette, thing
 from unknown_scenes import off, unknown_scene, unknown_session
 from vision_scenes import random_look

@@ -120,37 +120,41 @@ def lead_home(app: Any, error: Exception | None) -> None:
 
 
 INTERFACE = ROOT / "docs" / "api.rst"
-ROOMS = re.compile(r"^(tanteo[.\w]*)\n-+\n(.*?)(?=^tanteo[.\w]*\n-|\Z)", re.MULTILINE | re.DOTALL)
-"""Sections of the interface: a room and what is shown of it."""
+PACKAGES = re.compile(r"^(tanteo[.\w]*)\n-+\n(.*?)(?=^tanteo[.\w]*\n-|\Z)", re.MULTILINE | re.DOTALL)
+"""Sections of the interface: a package and what is shown of it."""
 
 
-def rooms_apart(app: Any) -> None:
-    """A page for each room of the interface, so that a search leads to it."""
+def write_package_pages(app: Any) -> None:
+    """Write a page for each package of the interface, so that a search leads to it."""
     folder = ROOT / "build" / "api"
     folder.mkdir(parents=True, exist_ok=True)
-    for room, body in ROOMS.findall(INTERFACE.read_text(encoding="utf-8")):
-        page, text = folder / f"{room}.rst", f"{room}\n{'=' * len(room)}\n{body}"
+    packages = {name for name, _ in PACKAGES.findall(INTERFACE.read_text(encoding="utf-8"))}
+    for page in folder.glob("*.rst"):
+        if page.stem not in packages:  # of an older layout
+            page.unlink()
+    for name, body in PACKAGES.findall(INTERFACE.read_text(encoding="utf-8")):
+        page, text = folder / f"{name}.rst", f"{name}\n{'=' * len(name)}\n{body}"
         if not page.is_file() or page.read_text(encoding="utf-8") != text:
             page.write_text(text, encoding="utf-8")
 
 
 def interface_contents(app: Any, name: str, text: list[str]) -> None:
-    """On the site the page of the interface lists its rooms."""
+    """List the packages on the page of the interface."""
     if name == "docs/api":
-        rooms = [room for room, _ in ROOMS.findall(text[0])]
-        pages = "".join(f"   ../build/api/{room}\n" for room in rooms)
-        lines = "".join(f"* :doc:`{room} <../build/api/{room}>`: {first_line(room)}\n" for room in rooms)
-        text[0] = f"{ROOMS.sub('', text[0])}\n{lines}\n.. toctree::\n   :hidden:\n\n{pages}"
+        names = [name for name, _ in PACKAGES.findall(text[0])]
+        pages = "".join(f"   ../build/api/{name}\n" for name in names)
+        lines = "".join(f"* :doc:`{name} <../build/api/{name}>`: {first_line(name)}\n" for name in names)
+        text[0] = f"{PACKAGES.sub('', text[0])}\n{lines}\n.. toctree::\n   :hidden:\n\n{pages}"
 
 
 def first_line(module: str) -> str:
-    """What a module says it is."""
+    """Return the first line of a module's docstring."""
     return (importlib.import_module(module).__doc__ or "").split("\n", 1)[0]
 
 
 def setup(app: Any) -> None:
     """What the site needs beside its extensions."""
-    app.connect("builder-inited", rooms_apart)
+    app.connect("builder-inited", write_package_pages)
     app.connect("source-read", without_folders)
     app.connect("source-read", interface_contents)
     app.connect("html-page-context", finish_page, priority=900)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.constraints import chi2_limit, relate_all
+from tanteo.features import chi2_limit, relate_all
 from tanteo.fitting import fit_labelled
 from tanteo.sensors import measure
 

@@ -9,8 +9,7 @@ frame become one, with a chi-square that says whether they agree.
 
 import numpy as np
 
-from tanteo.frames import UncertainFrame, compose, fuse, relate
-from tanteo.lie import SE3
+from tanteo.geometry import SE3, UncertainFrame, compose, fuse, relate
 
 
 def sd(frame):

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.constraints import chi2_limit, chi2_statistic, parallel_planes, published
-from tanteo.features import PLANE
-from tanteo.lie import SE3
+from tanteo.features import PLANE, chi2_limit, chi2_statistic, parallel_planes
+from tanteo.features.constraints import published
+from tanteo.geometry import SE3
 
 rng = np.random.default_rng(6)
 DRAWS, SD = 20_000, 4e-3  # of each tilt [rad]

@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.calibration import calibrate, calibrated_rig, plane_angle
 from tanteo.io import read_rig
-from tanteo.sensors import measure
+from tanteo.sensors import calibrate, calibrated_rig, measure, plane_angle
 
 HERE = Path(__file__).parent / "readings"
 log, drawn = tanteo.read_readings(HERE / "plane_log.csv"), read_rig(HERE / "tof_rig.toml")

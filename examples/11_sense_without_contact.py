@@ -12,10 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.acquisition import features_of, sense_edge
+from tanteo.hand import Rules, SimulatedHand, clearances, features_of, sense_edge
 from tanteo.io import read_scene, write_readings
-from tanteo.motion import Rules
-from tanteo.simulator import SimulatedHand, clearances
 
 scene = read_scene(Path(__file__).parent / "scenes" / "bracket.toml")
 robot = SimulatedHand(

@@ -12,13 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tanteo.active import Probe, Stop, around, explain
-from tanteo.inference import prepare
+from tanteo.geometry import SE3
 from tanteo.io import read_record, write_record
-from tanteo.lie import SE3
 from tanteo.parts import read_part
+from tanteo.planning import Action, Probe, Sensing, Session, Stop, around, explain
+from tanteo.posterior import prepare
 from tanteo.sensors import NoiseLaw
-from tanteo.session import Action, Sensing, Session
 
 folder = Path(__file__).parent / "parts"
 targets = [prepare(read_part(folder / f"{name}.step")) for name in ("bracket_left", "bracket_right", "wedge")]

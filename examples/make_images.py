@@ -13,8 +13,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from rendered import slab_thing, table_camera
 from tanteo.catalogue import rests
+from tanteo.geometry import SE3, SO3
 from tanteo.io import write_image
-from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import Look, Stage, project, render, thing
 

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3
-from tanteo.parts import read_part
-from tanteo.shapes import Surface
+from tanteo.geometry import SE3, SO3
+from tanteo.parts import Surface, read_part
 
 HERE = Path(__file__).parent
 MARGIN = 3.0

@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
-from tanteo import measurements
-from tanteo.answers import without_spin
+from tanteo import factors
+from tanteo.factors import FreeRays, as_contact_points
 from tanteo.features import SharedError
-from tanteo.inference import PreparedPart
-from tanteo.lie import SE3, SO3
-from tanteo.localization import pose_information
-from tanteo.measurements import FreeRays, as_contact_points
+from tanteo.fitting import pose_information
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import exact_faces
+from tanteo.posterior import PreparedPart, without_spin
 from tanteo.sensors import Readings, measure
 
 REACH = 0.3
@@ -89,7 +88,7 @@ def touches_of(
     points, sd, *, radii=0.0, directions=None, normals=None, normal_sd=np.pi, reach=0.0, shared_jacobian=None
 ):
     """World points as touches with isotropic noise of that standard deviation (a number, or one a point)."""
-    made = measurements.surface_points(
+    made = factors.surface_points(
         np.array(points, dtype=float), sd, radii=radii, directions=directions, normals=normals, normal_sds=normal_sd,
         reach=reach, shared_jacobian=shared_jacobian,
     )  # fmt: skip

@@ -10,11 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from felt_scenes import facing, gripper
-from tanteo.acquisition import RoundGuess
 from tanteo.features import Feature
-from tanteo.hand import Workspace
-from tanteo.lie import SE3, SO3
-from tanteo.simulator import Scene, Solid, box
+from tanteo.geometry import SE3, SO3
+from tanteo.hand import RoundGuess, Scene, Solid, Workspace, box
 
 SEGMENTS = 180
 OFF, TURNED, SHARE = 0.010, np.radians(5.0), 0.3

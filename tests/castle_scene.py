@@ -10,7 +10,7 @@ import numpy as np
 import tanteo
 from altered import altered
 from bare_scenes import touches_of
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 
 FOLDER = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "depth_castle"
 FRAMES = 0, 3, 6, 9

@@ -16,10 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from tanteo import active, constraints, fitting
-from tanteo.constraints import published
+from tanteo import features, fitting, planning
 from tanteo.features import EDGE, PLANE, Feature, feature_kind, reframe
-from tanteo.frames import (
+from tanteo.features.constraints import published
+from tanteo.fitting import RELATIONS, Block, assemble, fuse_features, gauss_newton, linearize
+from tanteo.geometry import (
+    SE3,
     J1_at_zero,
     J2_at_zero,
     J2_at_zero_inverse,
@@ -37,8 +39,6 @@ from tanteo.frames import (
     relate_arrays,
     relate_locations,
 )
-from tanteo.lie import SE3
-from tanteo.localization import RELATIONS, Block, assemble, fuse_features, gauss_newton, linearize
 from tanteo.sensors import range_variance, sensed_point, sensor_error_cov
 
 Inputs = dict[str, Any]
@@ -80,22 +80,22 @@ def error_cov(i: Inputs) -> Outputs:
 
 def coplanarity(i: Inputs) -> Outputs:
     both = given(i, "S", "E", "CSE")
-    found = constraints.coplanarity(*both)
-    (_, theta), cov = constraints.height_and_pitch(found)
+    found = features.coplanarity(*both)
+    (_, theta), cov = features.height_and_pitch(found)
     return {
         "p_z": found.value[0],
         "theta": theta,
         "n_z": found.value[1],
         "cov_pz_theta": cov,
         "cov_pz_nz": found.covariance,
-        "chi2_2dof": constraints.chi2_statistic(found.value, found.covariance),
+        "chi2_2dof": features.chi2_statistic(found.value, found.covariance),
         "printed_cov_pz_theta": published.coplanarity(*both)[1],
     }
 
 
 def edge_intersection(i: Inputs) -> Outputs:
     pz, py = published.abscissa_z(*pair(i)), published.abscissa_y(*pair(i))
-    foot, gap = constraints.intersect(*pair(i)), constraints.gap_edges(*pair(i))
+    foot, gap = features.intersect(*pair(i)), features.gap_edges(*pair(i))
     return {
         "pz": pz.value,
         "var_pz": pz.variance,
@@ -116,7 +116,7 @@ def edge_length(i: Inputs) -> Outputs:
         alone[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
     each = (A, blocks[0], E, blocks[1], B, blocks[2])
     printed, shared = published.edge_length(*each), published.edge_length_shared(*each)
-    closest, full = constraints.edge_length(A, E, B, alone), constraints.edge_length(A, E, B, i["C18"])
+    closest, full = features.edge_length(A, E, B, alone), features.edge_length(A, E, B, i["C18"])
     return {
         "l_pz": printed.value,
         "printed_var": printed.variance,
@@ -128,7 +128,7 @@ def edge_length(i: Inputs) -> Outputs:
 
 
 def point_distance(i: Inputs) -> Outputs:
-    found = constraints.point_distance(i["p1"], i["p2"], i["S"])
+    found = features.point_distance(i["p1"], i["p2"], i["S"])
     return {"l": found.value, "var": found.variance, "bias2": found.bias}
 
 
@@ -149,7 +149,7 @@ def parallel(function: Callable[..., Any], printed: Callable[..., Any]) -> Calla
             "sign": found.sign,
             "v": found.tilt,
             "cov_v_d": found.joint.covariance,
-            "T2_2dof": constraints.chi2_statistic(found.tilt, found.tilt_covariance),
+            "T2_2dof": features.chi2_statistic(found.tilt, found.tilt_covariance),
             "d": found.joint.value[2],
             "var_d": found.joint.covariance[2, 2],
             "d_given_parallel": found.distance,
@@ -160,7 +160,7 @@ def parallel(function: Callable[..., Any], printed: Callable[..., Any]) -> Calla
 
 
 def gate(i: Inputs) -> Outputs:
-    found = constraints.gate(i["c_hat"], i["var"], i["c_model"], i["alpha"])
+    found = features.gate(i["c_hat"], i["var"], i["c_model"], i["alpha"])
     return {"D_M": found.D_M, "D2": found.D2, "accept": found.accept}
 
 
@@ -209,9 +209,7 @@ def pose_estimate(i: Inputs) -> Outputs:
         "Lambda": end.information,
         "chi2": end.chi2,
         "dof": end.equations - np.linalg.matrix_rank(end.information),
-        "log_evidence": constraints.laplace_log_evidence(
-            end.chi2, end.log_det, end.equations, end.information, log_prior
-        ),
+        "log_evidence": features.laplace_log_evidence(end.chi2, end.log_det, end.equations, end.information, log_prior),
     }
 
 
@@ -223,7 +221,7 @@ def fuse(i: Inputs) -> Outputs:
 
 
 def range_prediction(i: Inputs) -> Outputs:
-    found = active.predict_range(
+    found = planning.predict_range(
         loc_to_matrix(i["xWO"]), i["P"], loc_to_matrix(i["xOM"]), i["origin"], i["direction"], i["var_d"]
     )
     return {"mean": found.mean, "var": found.variance, "grad": found.gradient}
@@ -280,29 +278,29 @@ def vertex_from_lines(i: Inputs) -> Outputs:
 
 
 def joint_mahalanobis(i: Inputs) -> Outputs:
-    found = constraints.joint_test(i["f"], i["H"], i["S"])
+    found = features.joint_test(i["f"], i["H"], i["S"])
     return {"D2": found.D2, "dof": found.dof, "xi": found.xi, "pvalue": found.p_value}
 
 
 def jcbb_increment(i: Inputs) -> Outputs:
-    first = constraints.joint_test(i["f1"], i["H1"], i["S1"])
-    both = constraints.joint_update(first, i["f2"], i["H2"], i["S2"])
+    first = features.joint_test(i["f1"], i["H1"], i["S1"])
+    both = features.joint_update(first, i["f2"], i["H2"], i["S2"])
     return {"D2_first": first.D2, "D2_both": both.D2, "xi_both": both.xi, "Lambda_both": both.information}
 
 
 def divergences(i: Inputs) -> Outputs:
     each = (i["m1"], i["S1"], i["m2"], i["S2"])
-    return {"KL": active.kl_divergence(*each), "bhattacharyya": active.bhattacharyya(*each)}
+    return {"KL": planning.kl_divergence(*each), "bhattacharyya": planning.bhattacharyya(*each)}
 
 
 def active_1d(i: Inputs) -> Outputs:
-    found = active.gate_discrimination(i["w"], i["mu"], i["var"], i["alpha"])
+    found = planning.gate_discrimination(i["w"], i["mu"], i["var"], i["alpha"])
     names = ("accept", "expected_remaining", "mutual_information", "mi_lower", "mi_upper", "error_bound")
     return {name: getattr(found, name) for name in names}
 
 
 def accept_prob(i: Inputs) -> Outputs:
-    found = active.accept_probability(i["delta"], i["S"], i["alpha"])
+    found = planning.accept_probability(i["delta"], i["S"], i["alpha"])
     return {"lam": found.noncentrality, "p": found.p}
 
 
@@ -326,11 +324,11 @@ FUNCTIONS: dict[str, Callable[[Inputs], Outputs]] = {
     "edge_intersection": edge_intersection,
     "edge_length": edge_length,
     "point_distance": point_distance,
-    "angle_edges": angle(constraints.angle_edges),
-    "angle_planes": angle(constraints.angle_planes),
-    "parallel_edges": parallel(constraints.parallel_edges, published.parallel_edges),
-    "parallel_planes": parallel(constraints.parallel_planes, published.parallel_planes),
-    "chi2_isf": lambda i: {"x": constraints.chi2_limit(i["alpha"], i["dof"])},
+    "angle_edges": angle(features.angle_edges),
+    "angle_planes": angle(features.angle_planes),
+    "parallel_edges": parallel(features.parallel_edges, published.parallel_edges),
+    "parallel_planes": parallel(features.parallel_planes, published.parallel_planes),
+    "chi2_isf": lambda i: {"x": features.chi2_limit(i["alpha"], i["dof"])},
     "gate": gate,
     "se3_exp": lambda i: {
         "T": SE3.exp(i["xi"]),

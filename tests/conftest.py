@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from browsing import PATIENCE
-from tanteo.inference import prepare
 from tanteo.parts import read_part
+from tanteo.posterior import prepare
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")

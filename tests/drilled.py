@@ -9,7 +9,7 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
 
 from tanteo import Readings, read_part
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 
 SD = 2e-5
 HALF, THICK = (50, 35), 12

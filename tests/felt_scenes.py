@@ -14,13 +14,11 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.acquisition import EdgeGuess, FaceGuess, VertexGuess
-from tanteo.acquisition.ways import facing
 from tanteo.features import feature_covariance
-from tanteo.hand import Hand, Workspace, gripper_body
+from tanteo.geometry import SE3, SO3
+from tanteo.hand import EdgeGuess, FaceGuess, Hand, Scene, Solid, VertexGuess, Workspace, box, clearances, gripper_body
+from tanteo.hand.acquisition.ways import facing
 from tanteo.io import read_rig
-from tanteo.lie import SE3, SO3
-from tanteo.simulator import Scene, Solid, box, clearances
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
 PARTS = ("block", "wedge", "bracket_left", "step_15mm", "t_slot")

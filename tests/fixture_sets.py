@@ -8,10 +8,9 @@ import numpy as np
 from scipy.stats import chi2
 
 import tanteo
-from tanteo.answers import Priors
-from tanteo.inference import Problem, identify_points, posterior_about, prepare
-from tanteo.lie import SE3
-from tanteo.measurements import FreeRays, as_contact_points
+from tanteo.factors import FreeRays, as_contact_points
+from tanteo.geometry import SE3
+from tanteo.posterior import Priors, Problem, identify_points, posterior_about, prepare
 from tanteo.sensors import measure
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "fixture_touches"

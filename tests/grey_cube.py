@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from random_parts import write_off
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import Camera, find_edges, map_edges
 from tanteo.vision.fit import meet

@@ -6,8 +6,8 @@ import struct
 
 import numpy as np
 
+from tanteo.geometry import SE3, SO3
 from tanteo.io import pose_as_brand
-from tanteo.lie import SE3, SO3
 
 P = np.array([[10.0, 20.0, 30.0], [40.5, 20.0, 30.0], [10.0, 50.25, 5.0], [12.5, 60.0, -7.25]])
 """Millimetres."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.sensors import Readings
 
 PLACE = (0.6e-3, 0.002, 0.004)

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from tanteo.active import Probe, Stop, around
-from tanteo.inference import prepare
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.planning import Probe, Sensing, Session, Stop, around
+from tanteo.posterior import prepare
 from tanteo.sensors import NoiseLaw, Readings
-from tanteo.session import Sensing, Session
 
 TRUTH = SE3.from_parts(SO3.exp(np.array([0.1, -0.2, 0.7])), np.array([0.4, -0.13, 0.05]))
 SD = 5e-5

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.features import EDGE, PLANE, VERTEX, Feature
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 
 
 def random_pose(rng, spread=0.3):

@@ -8,17 +8,26 @@ import numpy as np
 import pytest
 
 from tanteo import _core
-from tanteo.active import Probe, SensingState, Stop, around, corner_distances, policy_named
-from tanteo.answers import Priors, corner_moves
 from tanteo.errors import InputError
-from tanteo.inference import Posterior, Problem
-from tanteo.inference.details import details_at
-from tanteo.inference.near_variants import log_density_of_near_variant
-from tanteo.inference.part_search import start_search
-from tanteo.lie import SE3
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
+from tanteo.geometry import SE3
+from tanteo.planning import (
+    Action,
+    Done,
+    Probe,
+    Sensing,
+    SensingState,
+    Session,
+    Stop,
+    around,
+    corner_distances,
+    policy_named,
+)
+from tanteo.posterior import Posterior, Priors, Problem, corner_moves
+from tanteo.posterior.details import details_at
+from tanteo.posterior.near_variants import log_density_of_near_variant
+from tanteo.posterior.part_search import start_search
 from tanteo.sensors import NoiseLaw, Readings
-from tanteo.session import Action, Done, Sensing, Session
 
 LASER = Probe("laser", NoiseLaw.of(3e-4), max_range=0.3, standoff=0.1)
 FLIGHT = Probe("time of flight", NoiseLaw.of(3e-3), max_range=0.6, standoff=0.2)

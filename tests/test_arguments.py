@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 
 import tanteo
-from tanteo.active import Stop, around, at_pose, probe_of
-from tanteo.answers import PosePrior, Priors
 from tanteo.errors import InputError
-from tanteo.inference import prepare
+from tanteo.planning import Sensing, Session, Stop, around, at_pose, probe_of
+from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.sensors import Readings, sensor_preset
-from tanteo.session import Sensing, Session
 from tanteo.vision import prepare_vision
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -9,11 +9,11 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from tanteo import pictures
-from tanteo.viewer import colors
+from tanteo.render import pictures
+from tanteo.render.live import colors
 from tanteo.vision import picture
 
-CSS = resources.files("tanteo.report").joinpath("page.css").read_text(encoding="utf-8")
+CSS = resources.files("tanteo.render.html").joinpath("page.css").read_text(encoding="utf-8")
 LIGHT, DARK = (dict(re.findall(r"--(\w+): (#\w{6})", block)) for block in CSS.split("@media")[:2])
 
 # Machado, Oliveira and Fernandes (2009), severity 1, on linear light

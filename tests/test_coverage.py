@@ -15,10 +15,10 @@ from scipy.stats import binom, chi2
 
 from bare_scenes import REACH, Sensing, box_centred_pose, nees, oriented, scene, touches_of
 from tanteo import Readings, read_part
+from tanteo.factors import FreeRays
 from tanteo.fitting import fit_labelled
-from tanteo.inference import identify_features, identify_points, prepare
-from tanteo.lie import SE3
-from tanteo.measurements import FreeRays
+from tanteo.geometry import SE3
+from tanteo.posterior import identify_features, identify_points, prepare
 from tanteo.sensors import measure
 from tanteo.vision import prepare_vision, see_table
 from vision_scenes import random_shot, told_table

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo import doctor
+from tanteo.cli import installation as doctor
 from tanteo.cli import main
 from tanteo.errors import PartError
 

@@ -13,8 +13,8 @@ import pytest
 from scipy.stats import chi2
 
 import tanteo
+from tanteo.geometry import SE3, SO3
 from tanteo.io import read_rig
-from tanteo.lie import SE3, SO3
 
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 

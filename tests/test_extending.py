@@ -17,26 +17,40 @@ import pytest
 import tanteo
 from bare_scenes import box_centred_pose, inside, nees, surface_points, touches_of
 from tanteo import Action, Session, around, plugins, read_part
-from tanteo.active import POLICIES, UTILITIES, DecisionContext, Probe, begin, policy_named, propose, register_utility
-from tanteo.constraints import CONSTRAINT_KINDS, PAIR_RELATIONS, relate_all
 from tanteo.errors import InputError, PartError, PluginError
-from tanteo.features import KINDS, PLANE, Feature, SharedError, SharedTerm
-from tanteo.fitting import FITS, fit_labelled
+from tanteo.factors import FreeRays
+from tanteo.features import CONSTRAINT_KINDS, KINDS, PAIR_RELATIONS, PLANE, Feature, SharedError, SharedTerm, relate_all
+from tanteo.fitting import FITS, RELATIONS, ModelFeature, Pairing, estimate_pose, fit_labelled
+from tanteo.geometry import SE3
 from tanteo.hand import Workspace
-from tanteo.inference import PROPOSERS, identify_points
-from tanteo.io import read_factor, read_readings
-from tanteo.io.factor_file import FACTORS
-from tanteo.lie import SE3
-from tanteo.localization import RELATIONS, ModelFeature, Pairing, estimate_pose
-from tanteo.logs import FORMATS, register_format
-from tanteo.machines import MACHINES, MachineLimits, RefusedError, SafeMachine, World, opened, parse_machine
-from tanteo.measurements import FreeRays
-from tanteo.parts import CAD_READERS
+from tanteo.io import FORMATS, read_factor, read_readings, register_format
+from tanteo.io.readings.factor_file import FACTORS
+from tanteo.machines import (
+    MACHINES,
+    PROGRAMS,
+    MachineLimits,
+    RefusedError,
+    SafeMachine,
+    World,
+    opened,
+    parse_machine,
+    write_program,
+)
+from tanteo.parts import CAD_READERS, Surface
+from tanteo.planning import (
+    POLICIES,
+    UTILITIES,
+    DecisionContext,
+    Probe,
+    Sensing,
+    begin,
+    policy_named,
+    propose,
+    register_utility,
+)
 from tanteo.plugins import PluginWarning
-from tanteo.programs import PROGRAMS, write_program
+from tanteo.posterior import PROPOSERS, identify_points
 from tanteo.sensors import NoiseLaw, Readings, measure
-from tanteo.session import Sensing
-from tanteo.shapes import Surface
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```python\n# (\w+)\.py\n(.*?)^```$", re.DOTALL | re.MULTILINE)
@@ -478,7 +492,7 @@ def test_a_proposer_of_ones_own_takes_part(install, monkeypatch):
 def test_a_proposer_that_fails_is_named(install, body, got, request):
     module = "failing_" + request.node.callspec.id.encode().hex()[:20]
     text = (
-        "from tanteo.inference import Proposer\nclass Own(Proposer):\n    name = 'own'\n"
+        "from tanteo.posterior import Proposer\nclass Own(Proposer):\n    name = 'own'\n"
         f"    def propose(self, problem, part, state):\n        {body}\nPROPOSER = Own()\n"
     )
     install({module: text}, {"tanteo.proposals": {"own": f"{module}:PROPOSER"}}, "own-kit")
@@ -559,7 +573,7 @@ def test_what_is_no_entry_is_refused(install, text, got, request):
 
 def test_a_name_that_is_built_in_stays_built_in(install, tmp_path):
     text = (
-        "from tanteo.logs import Log, LogFormat\nfrom tanteo.parts import CadReader\n"
+        "from tanteo.io import Log, LogFormat\nfrom tanteo.parts import CadReader\n"
         "READER = CadReader('mine', None)\nFORMAT = LogFormat('asc', 'mine', lambda c: True, lambda c: Log())\n"
     )
     points = {"tanteo.cad_readers": {"off": "clash:READER"}, "tanteo.log_formats": {"asc": "clash:FORMAT"}}
@@ -582,9 +596,7 @@ def test_two_plug_ins_of_one_name_are_named_both(install):
 
 
 def test_a_format_is_named_as_its_entry_point(install):
-    text = (
-        "from tanteo.logs import Log, LogFormat\nFORMAT = LogFormat('other', 'x', lambda c: False, lambda c: Log())\n"
-    )
+    text = "from tanteo.io import Log, LogFormat\nFORMAT = LogFormat('other', 'x', lambda c: False, lambda c: Log())\n"
     install({"othername": text}, {"tanteo.log_formats": {"this": "othername:FORMAT"}}, "name-kit")
     with pytest.raises(PluginError, match="expected an entry of the same name, got 'other'"):
         FORMATS.find("this")
@@ -596,10 +608,10 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.logs import Log, LogFormat
+from tanteo.io import Log, LogFormat
 from tanteo.machines import MachineKind
 from tanteo.parts import CadMesh, CadReader
-from tanteo.programs import ProgramLanguage
+from tanteo.machines import ProgramLanguage
 
 
 def fail(*args, **more):
@@ -710,7 +722,7 @@ def test_without_plug_ins_a_factor_says_what_is_missing(tmp_path):
 def test_nothing_is_imported_before_it_is_used(acme, touched):
     folder, _ = touched
     code = (
-        "import sys, tanteo, tanteo.parts, tanteo.machines, tanteo.programs, tanteo.logs, tanteo.io\n"
+        "import sys, tanteo, tanteo.parts, tanteo.machines, tanteo.machines, tanteo.io, tanteo.io\n"
         "tanteo.machines.MACHINES, tanteo.parts.CAD_READERS.names()\n"
         f"tanteo.read_parts({str(folder / 'wedge.tri')!r}, cache=False, workers=0)\n"
         "print([m for m in ('trifile', 'caliper', 'level', 'pendant', 'millbox') if m in sys.modules])\n"

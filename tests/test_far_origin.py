@@ -10,13 +10,11 @@ import trimesh
 
 from bare_scenes import box_centred_pose, surface_points
 from tanteo import Readings, identify
-from tanteo.active import Probe, around, plan
-from tanteo.answers import Priors
-from tanteo.inference import prepare
-from tanteo.lie import SE3
-from tanteo.parts import Part, read_part
+from tanteo.geometry import SE3
+from tanteo.parts import Part, Surface, read_part
+from tanteo.planning import Probe, around, plan
+from tanteo.posterior import Priors, prepare
 from tanteo.sensors import NoiseLaw
-from tanteo.shapes import Surface
 from tanteo.vision import prepare_vision, see_table
 from vision_scenes import seen_alone
 

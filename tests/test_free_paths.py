@@ -10,9 +10,8 @@ import pytest
 from bare_scenes import box_centred_pose
 from scenes import points_on_plane
 from tanteo import Readings, identify
-from tanteo.lie import SE3
-from tanteo.parts import read_part
-from tanteo.shapes import Surface
+from tanteo.geometry import SE3
+from tanteo.parts import Surface, read_part
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 SD, LENGTH = 1e-4, 0.4

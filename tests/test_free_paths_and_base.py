@@ -14,11 +14,10 @@ from bare_scenes import beams, box_centred_pose, inside, nees, no_paths, off, to
 from scenes import points_on_plane
 from sensing_scenes import log_densities, log_marginals
 from tanteo import Readings, identify
-from tanteo.answers import Priors
-from tanteo.inference import prepare
-from tanteo.lie import SE3
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
+from tanteo.geometry import SE3
 from tanteo.parts import read_part
+from tanteo.posterior import Priors, prepare
 from tanteo.sensors import robot_preset
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"

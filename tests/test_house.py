@@ -1,4 +1,4 @@
-"""The order of the house, as far as the import linter does not see it."""
+"""Rules of the layout that the import linter does not check."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ BENCHMARKS = [p for p in sorted((ROOT / "benchmarks").glob("*.py")) if p.stem !=
 
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
 INSIDE = {"tests": 133, "benchmarks": 13, "examples": 0, "docs": 0}
-"""Imports past a door that are left, folder by folder: the numbers may fall."""
+"""Imports past a public API that are left, folder by folder: the numbers may fall."""
 
 
 PUBLIC = {"tanteo.words.findings"}
 """Modules inside a package that are public: the findings are a vocabulary of some forty names."""
 
 
-def past_doors(folder: Path) -> list[str]:
-    """Imports of a module inside a room from outside it."""
+def private_imports(folder: Path) -> list[str]:
+    """Return the imports of a module inside a package from outside it."""
     found = []
     for path in sorted(folder.rglob("*.py")):
         own = path.relative_to(SRC).parts[0].removesuffix(".py") if path.is_relative_to(SRC) else ""
@@ -37,13 +37,13 @@ def past_doors(folder: Path) -> list[str]:
     return found
 
 
-def test_no_room_reaches_past_the_door_of_another():
-    assert past_doors(SRC) == []
+def test_packages_import_public_names_only():
+    assert private_imports(SRC) == []
 
 
 @pytest.mark.parametrize("folder", INSIDE)
-def test_fewer_and_fewer_imports_reach_inside(folder):
-    assert len(past_doors(ROOT / folder)) <= INSIDE[folder]
+def test_few_private_imports(folder):
+    assert len(private_imports(ROOT / folder)) <= INSIDE[folder]
 
 
 @pytest.mark.parametrize("path", BENCHMARKS, ids=lambda p: p.stem)
@@ -52,14 +52,16 @@ def test_a_benchmark_imports_what_there_is(path):
     missing = []
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "tanteo":
-            room = importlib.import_module(node.module)
+            package = importlib.import_module(node.module)
             missing += [
-                f"{node.module}.{a.name}" for a in node.names if not hasattr(room, a.name) and not is_room(room, a.name)
+                f"{node.module}.{a.name}"
+                for a in node.names
+                if not hasattr(package, a.name) and not is_module(package, a.name)
             ]
     assert missing == []
 
 
-def is_room(package, name: str) -> bool:
+def is_module(package, name: str) -> bool:
     """Whether it is a module in a package."""
     return hasattr(package, "__path__") and importlib.util.find_spec(f"{package.__name__}.{name}") is not None
 

@@ -9,7 +9,7 @@ import pytest
 
 from bare_scenes import box_centred_pose, nees
 from tanteo import Readings, identify
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 
 SD, TIP = 1e-4, np.array([1.5e-3, 1.5e-3, 3e-4])

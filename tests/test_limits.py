@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from tanteo import Readings, identify, read_part
-from tanteo.active import Probe, at_pose
-from tanteo.answers import PosePrior, Priors, Table
 from tanteo.errors import InputError
-from tanteo.limits import LARGEST, LEAST_SD, check_length, check_places, check_spreads
+from tanteo.geometry.limits import LARGEST, LEAST_SD, check_length, check_places, check_spreads
+from tanteo.planning import Probe, Sensing, at_pose
+from tanteo.posterior import PosePrior, Priors, Table
 from tanteo.sensors import NoiseLaw
-from tanteo.session import Sensing
 
 POSE = np.eye(4), 1e-4 * np.eye(6)
 

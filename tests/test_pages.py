@@ -12,14 +12,13 @@ import pytest
 import typer
 
 from sensing_scenes import true_range
-from tanteo.active import Probe, at_pose
 from tanteo.cli.app import app
-from tanteo.inference import prepare
+from tanteo.geometry import SE3
 from tanteo.io import read_scene
-from tanteo.lie import SE3
 from tanteo.parts import read_part
+from tanteo.planning import Probe, Session, at_pose
+from tanteo.posterior import prepare
 from tanteo.sensors import NoiseLaw
-from tanteo.session import Session
 from unknown_scenes import unknown_scene
 
 ROOT = Path(__file__).parents[1]

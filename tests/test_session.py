@@ -21,17 +21,15 @@ from sensing_scenes import (
     valid,
     where_a_ball_stops,
 )
-from tanteo.active import Candidates, Stop, around, at_pose, begin, probe_of, update
-from tanteo.answers import PosePrior, Priors
 from tanteo.errors import InputError
-from tanteo.inference import prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.parts import read_part
+from tanteo.planning import Action, Candidates, Done, Sensing, Session, Stop, around, at_pose, begin, probe_of, update
+from tanteo.planning.session.answer import answered, moved
+from tanteo.posterior import PosePrior, Priors, prepare
 from tanteo.recognition import identify
-from tanteo.report import headline
+from tanteo.render import headline
 from tanteo.sensors import NoiseLaw, Readings, concatenate
-from tanteo.session import Action, Done, Sensing, Session
-from tanteo.session.answer import answered, moved
 from tanteo.words import percent
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
@@ -553,12 +551,12 @@ def test_of_several_prior_poses_the_nearest_counts(targets):
 @pytest.mark.parametrize(
     ("aside", "words"),
     [
-        ("xxxx..........", "Readings a1 to a4 do not fit, all after a4 do: did the part or the sensor move?"),
+        ("xxxx..........", "Readings a1 to a4 do not fit, all after a4 do. Did the part or the sensor move?"),
         (".xx...........", ""),  # one in fifteen by chance
-        (".xx.................", "Readings a2 to a3 do not fit, all after a3 do: did the part or the sensor move?"),
+        (".xx.................", "Readings a2 to a3 do not fit, all after a3 do. Did the part or the sensor move?"),
         (
             "..........x.xx",
-            "3 of the readings a11 to a14 do not fit, all before a11 do: did the part or the sensor move?",
+            "3 of the readings a11 to a14 do not fit, all before a11 do. Did the part or the sensor move?",
         ),
         ("x.............", ""),
         ("x......x....x.", ""),
@@ -641,7 +639,7 @@ def test_poses_that_differ_by_less_than_tolerance_are_one_answer(targets):
     assert answered(two, Stop(0.98), 0, 5, 0.01).status == "ambiguous"
     one = answered(two, Stop(0.98, tolerance=0.02), 0, 5, 0.01)
     assert one.status == "recognized"
-    assert one.message == "wedge; the poses that it may have differ by less than the tolerance of 20 mm."
+    assert one.message == "It is wedge. Its possible poses differ by less than the tolerance of 20 mm."
     three = supposing(state, (0.22, 0.22, 0.22), 0.34)
     for probability in (0.6, None):
         enough = Stop(probability, tolerance=0.02, confidence=0.6)
@@ -666,7 +664,7 @@ def test_poses_that_differ_by_less_than_tolerance_are_one_answer(targets):
     assert pose.message.endswith("It may also be an unknown part (15.0 %) or wedge in another pose (6.0 %).")
     two = supposing(state, (0.6, 0.39), 0.01)
     face = answered(two, Stop(0.98, tolerance=0.02, feature="face 2"), 0, 5, 0.01)
-    assert "the places that face 2 may have differ by less than" in face.message
+    assert "The possible places of face 2 differ by less than" in face.message
 
 
 def test_a_reading_against_all_leaves_the_unknown_object(targets):

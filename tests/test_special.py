@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from scipy import special as scipy_special
 
-from tanteo.special import (
+from tanteo.geometry.special import (
     binomial_cdf,
+    chi2_quantile,
     chi2_survival,
     entropy,
     jacobi_nodes,
     laguerre_nodes,
     legendre_nodes,
+    log_even,
     log_sum,
     softmax,
 )
@@ -22,6 +24,17 @@ def test_chi2_is_scipys(dof):
         np.testing.assert_allclose(chi2_survival(x, dof), scipy_special.chdtrc(dof, x), rtol=1e-11, atol=1e-300)
     assert chi2_survival(np.inf, dof) == 0.0
     assert np.isnan(chi2_survival(np.nan, dof))
+
+
+@pytest.mark.parametrize("dof", [1, 2, 6, 50])
+def test_quantiles_of_chi2_are_scipys(dof):
+    for level in (0.01, 0.5, 0.95, 0.999):
+        np.testing.assert_allclose(chi2_quantile(level, dof), scipy_special.chdtri(dof, 1 - level), rtol=1e-9)
+
+
+def test_log_even_is_the_log_of_the_mean_with_one():
+    np.testing.assert_allclose(log_even(np.log([1.0, 3.0])), np.log([1.0, 2.0]), rtol=1e-12, atol=1e-15)
+    assert log_even(-np.inf) == -np.log(2)
 
 
 def test_binomial_is_scipys():

@@ -7,13 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from felt_scenes import gripper
-from tanteo.active import Start, Stop, around, corner_distances, policy_named
-from tanteo.execution import Furniture, hand_probe, reachable
-from tanteo.hand import ForbiddenBox, Workspace
-from tanteo.lie import SE3, SO3
-from tanteo.motion import Rules
-from tanteo.session import Sensing, Session
-from tanteo.simulator import Cell, Scene, SimulatedHand, Solid, box, clearances
+from tanteo.geometry import SE3, SO3
+from tanteo.hand import Cell, ForbiddenBox, Rules, Scene, SimulatedHand, Solid, Workspace, box, clearances
+from tanteo.planning import (
+    Furniture,
+    Sensing,
+    Session,
+    Start,
+    Stop,
+    around,
+    corner_distances,
+    hand_probe,
+    policy_named,
+    reachable,
+)
 
 STANDOFF, CLEARANCE = 0.04, 0.012
 SDS = np.array([0.015, 0.015, 0.005, np.radians(2), np.radians(2), np.radians(8)])

@@ -6,18 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-import tanteo.demo
-from tanteo.active import Stop, around, policy_named
-from tanteo.hand import Workspace
-from tanteo.inference import prepare
-from tanteo.lie import SE3, SO3
+import tanteo.bench.demo
+from tanteo.geometry import SE3, SO3
+from tanteo.hand import Scene, Solid, Workspace, box
 from tanteo.parts import read_part
-from tanteo.session import Session
-from tanteo.simulator import Scene, Solid, box
-from tanteo.viewer import laser, probe_show, simulated
-from tanteo.viewer.player import HELP, YOUR_TURN
+from tanteo.planning import Session, Stop, around, policy_named
+from tanteo.posterior import prepare
+from tanteo.render import laser, probe_show, simulated
+from tanteo.render.live.player import HELP, YOUR_TURN
 
-PARTS = Path(tanteo.demo.__file__).parent / "parts"
+PARTS = Path(tanteo.bench.demo.__file__).parent / "parts"
 TRUE = SE3.from_parts(SO3.exp(np.array([0.0, 0.0, 0.2])), [-0.02, -0.045, 0.0])
 TABLE = box("table", [-0.3, -0.3, -0.05], [0.3, 0.3, 0.0])
 

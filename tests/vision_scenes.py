@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from rendered import slab_thing, table_camera
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import (
+from tanteo.vision import (  # fmt: skip
     Look,
     Stage,
     TableErrors,
@@ -20,7 +20,7 @@ from tanteo.vision import (
     prepare_vision,
     render,
     thing,
-)  # fmt: skip
+)
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 

@@ -14,8 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import tanteo
-from tanteo.answers import PosePrior, Priors
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.posterior import PosePrior, Priors
 from tanteo.sensors import Readings
 
 # %%
@@ -24,7 +24,7 @@ from tanteo.sensors import Readings
 #
 # A CAD file is all that is known of it. STL carries no unit, so it has to be said.
 
-folder = resources.files("tanteo.demo") / "parts"
+folder = resources.files("tanteo.bench.demo") / "parts"
 with resources.as_file(folder / "clamp.stl") as path:
     clamp = tanteo.read_part(path, unit="mm")
 print(clamp)

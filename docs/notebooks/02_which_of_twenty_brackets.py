@@ -14,12 +14,11 @@ from tempfile import TemporaryDirectory
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tanteo.active import Probe, discriminate
-from tanteo.inference import identify_points, prepare
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
+from tanteo.planning import Probe, Sensing, discriminate
+from tanteo.posterior import identify_points, prepare
 from tanteo.sensors import NoiseLaw, Readings
-from tanteo.session import Sensing
 
 # %%
 # The brackets

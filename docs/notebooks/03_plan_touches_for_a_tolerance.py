@@ -16,12 +16,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from tanteo import read_part
-from tanteo.active import Probe, at_pose, plan
-from tanteo.answers import PosePrior, Priors
-from tanteo.inference import identify_points, prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.planning import Probe, Sensing, at_pose, plan
+from tanteo.posterior import PosePrior, Priors, identify_points, prepare
 from tanteo.sensors import NoiseLaw, Readings
-from tanteo.session import Sensing
 
 # %%
 # The task
@@ -31,7 +29,7 @@ from tanteo.session import Sensing
 # deviation), and that a touch has a spread of 0.05 mm. The probe comes from any side and needs 10 mm of room.
 
 TOLERANCE, SD = 2e-4, 5e-5
-with resources.as_file(resources.files("tanteo.demo") / "parts" / "bracket_left.stl") as path:
+with resources.as_file(resources.files("tanteo.bench.demo") / "parts" / "bracket_left.stl") as path:
     target = prepare(read_part(path, unit="mm"))
 part = target.part
 at_centroid = np.diag([5e-3] * 3 + [np.radians(3.0)] * 3) ** 2
@@ -145,7 +143,7 @@ print(plan(start, above, TOLERANCE, max_measurements=12).message)
 # %%
 # **A part that lies elsewhere.** The plan holds about the expected pose. Here the part is 20 mm away, four times what
 # was said: some touches meet another face or nothing, and the promise is void. Then it is better to sense one, look,
-# and choose the next: a session (``tanteo sense part``, ``tanteo.session``).
+# and choose the next: a session (``tanteo sense part``, ``tanteo.planning``).
 
 lost = carried_out(found.readings, SE3.from_parts(np.eye(3), np.array([0.02, -0.02, 0.0])))
 print("off by {:.2f} mm, said {:.2f} mm (1 sd), where 0.2 mm were promised".format(*lost))

@@ -14,11 +14,10 @@ figure at more draws, is :doc:`/docs/paper`.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tanteo import constraints as cs
-from tanteo.constraints import published
+import tanteo.features as cs
 from tanteo.features import EDGE, PLANE
-from tanteo.frames import matrix_to_loc, relate_arrays
-from tanteo.lie import SE3, SO3
+from tanteo.features.constraints import published
+from tanteo.geometry import SE3, SO3, matrix_to_loc, relate_arrays
 from tanteo.sensors import sensor_error_cov
 
 N = 8000
@@ -248,7 +247,7 @@ for slide in (0, 60, 150):
 #
 # Right for one constraint. A part has many, each may fail once in twenty, and together they fail far more often; and
 # angles and distances alone cannot tell a part from its mirror image. That is why matching ends with one joint test of
-# the pose (``tanteo.constraints.joint_test``).
+# the pose (``tanteo.features.joint_test``).
 #
 # .. math::
 #

@@ -17,11 +17,9 @@ mpl.use("svg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tanteo.hand import Hand, gripper_body
+from tanteo.geometry import SE3, SO3
+from tanteo.hand import Cell, Hand, Loop, Rules, Scene, SimulatedHand, box, clearances, follow, gripper_body, settle
 from tanteo.io import read_rig
-from tanteo.lie import SE3, SO3
-from tanteo.motion import Loop, Rules, follow, settle
-from tanteo.simulator import Cell, Scene, SimulatedHand, box, clearances
 
 HERE = Path(__file__).resolve().parent
 LATENCIES = (0.0, 0.02, 0.05, 0.1)

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 import tanteo
-from tanteo.constraints import relate_all
+from tanteo.features import relate_all
 from tanteo.fitting import fit_labelled
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.sensors import measure
 
 HERE = Path(__file__).resolve().parent

@@ -8,105 +8,19 @@ The whole path in a few names::
     print(answer.message, answer.pose, answer.covariance)
 
 Everything is in metres and radians. A pose ``T_world_part`` maps points of the part to the world; its covariance is
-6 x 6 over ``x y z rx ry rz`` in the part frame. Names are imported on first use. Rooms for those who build on the
-mathematics: ``lie``, ``frames``, ``features``, ``constraints``, ``localization``.
+6 x 6 over ``x y z rx ry rz`` in the part frame. Names are imported on first use. Packages for those who build on the
+mathematics: ``geometry``, ``features``, ``fitting``, ``posterior``.
 """
 
-from __future__ import annotations
-
-from importlib import import_module as _import_module
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from tanteo import constraints, features, frames, lie, localization
-    from tanteo.active import Probe, Stop, around, discriminate, plan, probe_of
-    from tanteo.answers import Answer, Furniture, Hypothesis, PosePrior, Priors
-    from tanteo.calibration import calibrate
-    from tanteo.catalogue import open_catalogue, part_from_mesh, read_parts
-    from tanteo.errors import InputError, TanteoError
-    from tanteo.frames import UncertainFrame
-    from tanteo.io import read_camera, read_image, read_prior, read_readings, read_rig
-    from tanteo.measurements import PythonFactor
-    from tanteo.parts import Part, read_part
-    from tanteo.recognition import identify, locate
-    from tanteo.sensors import Readings, robot_preset, sensor_preset
-    from tanteo.session import Action, Done, Sensing, Session
-    from tanteo.vision import Camera, see
+from lazy_loader import attach_stub
 
 __version__ = "0.1.0"
 
-_ROOMS = ("constraints", "features", "frames", "lie", "localization")
-_HOMES = {
-    "active": ("Probe", "Stop", "around", "discriminate", "plan", "probe_of"),
-    "answers": ("Furniture", "Hypothesis", "PosePrior", "Priors", "Answer"),
-    "calibration": ("calibrate",),
-    "catalogue": ("open_catalogue", "part_from_mesh", "read_parts"),
-    "errors": ("InputError", "TanteoError"),
-    "frames": ("UncertainFrame",),
-    "io": ("read_camera", "read_image", "read_prior", "read_readings", "read_rig"),
-    "measurements": ("PythonFactor",),
-    "parts": ("Part", "read_part"),
-    "recognition": ("identify", "locate"),
-    "sensors": ("Readings", "robot_preset", "sensor_preset"),
-    "session": ("Action", "Done", "Sensing", "Session"),
-    "vision": ("Camera", "see"),
-}
-_HOME = {name: room for room, names in _HOMES.items() for name in names}
-
-__all__ = [
-    "Action",
-    "Answer",
-    "Camera",
-    "Done",
-    "Furniture",
-    "Hypothesis",
-    "InputError",
-    "Part",
-    "PosePrior",
-    "Priors",
-    "Probe",
-    "PythonFactor",
-    "Readings",
-    "Sensing",
-    "Session",
-    "Stop",
-    "TanteoError",
-    "UncertainFrame",
-    "__version__",
-    "around",
-    "calibrate",
-    "constraints",
-    "discriminate",
-    "features",
-    "frames",
-    "identify",
-    "lie",
-    "localization",
-    "locate",
-    "open_catalogue",
-    "part_from_mesh",
-    "plan",
-    "probe_of",
-    "read_camera",
-    "read_image",
-    "read_part",
-    "read_parts",
-    "read_prior",
-    "read_readings",
-    "read_rig",
-    "robot_preset",
-    "see",
-    "sensor_preset",
-]
+_attribute, __dir__, __all__ = attach_stub(__name__, __file__)
+__all__ += ["__version__"]
 
 
 def __getattr__(name: str) -> object:
-    if name in _ROOMS:
-        return _import_module(f"tanteo.{name}")
-    if name not in _HOME:
+    if name not in __all__:
         raise AttributeError(f"module 'tanteo' has no attribute {name!r}; it has {', '.join(__all__)}")
-    return getattr(_import_module(f"tanteo.{_HOME[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return list(__all__)
+    return _attribute(name)

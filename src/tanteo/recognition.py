@@ -10,16 +10,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from tanteo.answers import STATED, Answer, Priors, check_question, sized, with_elapsed
 from tanteo.defaults import SIGNIFICANCE, TOP
 from tanteo.errors import InputError
-from tanteo.inference import Candidates, about_conventions, about_frames, about_readings, identify_points, scale_of
-from tanteo.limits import check_length
-from tanteo.measurements import PoseFactor, as_contact_points, as_free_rays
+from tanteo.factors import PoseFactor, as_contact_points, as_free_rays
+from tanteo.geometry.limits import check_length
+from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, as_part, part_named
+from tanteo.posterior import (
+    STATED,
+    Answer,
+    Candidates,
+    Priors,
+    about_conventions,
+    about_frames,
+    about_readings,
+    check_question,
+    identify_points,
+    scale_of,
+    sized,
+    with_elapsed,
+)
 from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, measure, thinned, unstated_sd
-from tanteo.typing import FloatArray
-from tanteo.words.findings import (
+from tanteo.words.findings import (  # fmt: skip
     CheckPrior,
     EstimatedNoise,
     NoNoiseStated,
@@ -27,7 +39,7 @@ from tanteo.words.findings import (
     Scatter,
     ThinnedReadings,
     WholeMismatch,
-)  # fmt: skip
+)
 
 if TYPE_CHECKING:
     from tanteo.vision import View

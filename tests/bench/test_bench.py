@@ -28,7 +28,7 @@ from tanteo.bench import (
     write_set,
 )
 from tanteo.errors import InputError
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 
 SD = 1e-3
 

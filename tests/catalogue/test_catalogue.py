@@ -25,8 +25,8 @@ from tanteo.catalogue import (
     stable_poses,
 )
 from tanteo.errors import InputError, PartError, UnitError
-from tanteo.inference import prepare
 from tanteo.parts import read_part
+from tanteo.posterior import prepare
 
 TETRAHEDRON = "OFF\n4 4 0\n0 0 0\n{0} 0 0\n0 {0} 0\n0 0 {0}\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
 

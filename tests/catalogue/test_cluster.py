@@ -10,9 +10,8 @@ import time
 
 import pytest
 
-from tanteo.catalogue import build_catalogue, open_catalogue, spreading
+from tanteo.catalogue import at_work, build_catalogue, check_scheduler, open_catalogue, spread, spreading
 from tanteo.cli import main
-from tanteo.cluster import at_work, check_scheduler, spread
 from tanteo.errors import InputError
 
 pytest.importorskip("distributed")
@@ -158,7 +157,7 @@ def test_what_the_work_raises_is_raised_here(lent):
 
 
 def test_a_cluster_without_workers_is_told(cluster, monkeypatch):
-    monkeypatch.setattr("tanteo.cluster.work.NOBODY", 1.0)
+    monkeypatch.setattr("tanteo.catalogue.cluster.work.NOBODY", 1.0)
     with pytest.raises(InputError, match=r"expected a worker at tcp.*Start one"):
         spread(cluster.address, abs, {0: -1}, print)
 
@@ -174,7 +173,7 @@ def test_a_scheduler_that_ends_is_told(cluster, lent, monkeypatch):
 
 
 def test_no_scheduler_is_told(monkeypatch, capsys, parts, tmp_path):
-    monkeypatch.setattr("tanteo.cluster.work.CONNECT", 0.5)
+    monkeypatch.setattr("tanteo.catalogue.cluster.work.CONNECT", 0.5)
     with pytest.raises(SystemExit) as ended:
         main(["catalogue", "build", str(parts), "--units", "mm", "--out", str(tmp_path / "c"), "--scheduler",
               "tcp://127.0.0.1:9"])  # fmt: skip
@@ -205,7 +204,7 @@ def test_a_file_that_is_another_one_there_is_not_taken(parts):
 def test_processes_end_when_who_began_them_was_killed():
     import psutil
 
-    code = "import time, tanteo.cluster as c, tanteo.cluster.own as o; o.LEFT = 1.0\n"
+    code = "import time, tanteo.catalogue as c, tanteo.catalogue.cluster.own as o; o.LEFT = 1.0\n"
     code += "c.spread('local:1', time.sleep, {0: 600}, print)"
     with subprocess.Popen([sys.executable, "-c", code]) as begun:
         try:
@@ -225,7 +224,7 @@ def test_processes_end_when_who_began_them_was_killed():
 def test_processes_wait_for_one_that_is_connected():
     from distributed import Client
 
-    from tanteo.cluster import own_processes
+    from tanteo.catalogue import own_processes
 
     with own_processes(1) as client:
         assert client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.idle_timeout) is None
@@ -238,6 +237,6 @@ def test_processes_that_cannot_begin_are_told(monkeypatch):
     def none(**_):
         raise RuntimeError("Scheduler failed to start within 30s")
 
-    monkeypatch.setattr("tanteo.cluster.own.SubprocessCluster", none)
+    monkeypatch.setattr("tanteo.catalogue.cluster.own.SubprocessCluster", none)
     with pytest.raises(InputError, match="2 processes of this computer, got: Scheduler failed"):
         spread("local:2", abs, {0: -1}, print)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from tanteo.geometry import SE3
 from tanteo.io import write_readings
-from tanteo.lie import SE3
 from tanteo.sensors import Readings
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

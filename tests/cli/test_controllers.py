@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tanteo.geometry import SE3, SO3
 from tanteo.io import pose_from_brand
-from tanteo.lie import SE3, SO3
-from tanteo.shapes import Surface, signed_distance
+from tanteo.parts import Surface, signed_distance
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 READINGS = EXAMPLES / "readings" / "bracket_left.csv"

@@ -10,7 +10,7 @@ import pytest
 
 
 def test_without_a_camera_a_feeder_says_where(run, tmp_path, monkeypatch):
-    from tanteo.demo import stage, story
+    from tanteo.bench.demo import stage, story
 
     monkeypatch.setattr(stage, "find_spec", lambda name: None)
     easy = replace(stage.STOP, tolerance=3e-3)  # a few readings
@@ -58,7 +58,7 @@ def test_the_two_candidates_differ_for_camera_at_edges_alone():
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     import cv2
 
-    from tanteo.demo import set_stage
+    from tanteo.bench import set_stage
 
     stage = set_stage()
     shown = cv2.imdecode(np.frombuffer(stage.seen.likenesses, dtype=np.uint8), cv2.IMREAD_COLOR)

@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 
 from bare_scenes import box_centred_pose, surface_points
-from tanteo.answers import Answer
 from tanteo.errors import InputError
-from tanteo.inference import about_conventions
+from tanteo.geometry import SE3
 from tanteo.io import read_readings
-from tanteo.lie import SE3
-from tanteo.parts import read_part
+from tanteo.parts import Surface, read_part
+from tanteo.posterior import Answer, about_conventions
 from tanteo.sensors import Readings
-from tanteo.shapes import Surface
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PART = EXAMPLES / "parts" / "step_15mm.step"

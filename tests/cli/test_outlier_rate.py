@@ -8,7 +8,7 @@ import pytest
 
 import tanteo
 from bare_scenes import surface_points
-from tanteo.shapes import Surface
+from tanteo.parts import Surface
 
 BRACKET = Path(__file__).parents[2] / "examples" / "parts" / "bracket_left.step"
 

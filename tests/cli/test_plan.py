@@ -76,7 +76,7 @@ def test_a_start_too_close_for_a_prior_pose_is_said_and_no_plan(run):
 def test_a_sensor_that_needs_less_room_is_told_how_much(run):
     got = run("plan", "--part", BRACKET, "--sensor", "inductive_analog_m18", "--tolerance", "1mm")
     assert got.code == 3
-    assert "--clearance 3.2mm" in " ".join(got.out.split())  # with which it works: tests/active/test_plans.py
+    assert "--clearance 3.2mm" in " ".join(got.out.split())  # with which it works: tests/planning/test_plans.py
 
 
 def test_two_parts_are_told_apart(run, tmp_path):

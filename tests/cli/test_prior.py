@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 
 FILE = "[pose_prior]\nposition_mm = [300, 100, 20]\nturn_deg = [0, 0, 30]\nsd_mm = 3\nturn_sd_deg = 3\n"
 NEAR = "300,100,20mm 0,0,30deg +- 3mm 3deg"
@@ -64,8 +64,8 @@ def test_a_prior_that_is_wrong_is_named_as_a_reason(locate):
     result = locate("--box", "900,900,0,990,990,50mm")
     assert result.code == 3
     assert result.out.startswith("unknown")
-    assert "it is not where it was said to be" in result.out
-    assert "beforehand" not in locate("--pose-prior", NEAR).out
+    assert "it is not at the prior pose" in result.out
+    assert "not at the prior pose" not in locate("--pose-prior", NEAR).out
 
 
 def test_options_and_file_together(locate, tmp_path):

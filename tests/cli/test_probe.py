@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import tanteo
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.machines import GrblFake, LinuxCncFake, World
-from tanteo.shapes import Surface
+from tanteo.parts import Surface
 
 BLOCK = Path(__file__).parents[2] / "examples" / "parts" / "block.step"
 PRIOR = "100,100,0mm 0,0,0deg +- 2mm 1deg"
@@ -83,8 +83,10 @@ def test_a_session_is_followed_on_a_page(run, monkeypatch):
     """The page is drawn after every reading, and ends with Ctrl-C; standard output stays the machine's."""
     pytest.importorskip("viser", reason="the extra tanteo[viewer] is not installed")
     said = []
-    say = import_module("tanteo.viewer.page").LivePage.say
-    monkeypatch.setattr("tanteo.viewer.page.LivePage.say", lambda page, *words: said.append(words) or say(page, *words))
+    say = import_module("tanteo.render.live.page").LivePage.say
+    monkeypatch.setattr(
+        "tanteo.render.live.page.LivePage.say", lambda page, *words: said.append(words) or say(page, *words)
+    )
     monkeypatch.setattr("tanteo.cli.looking.until_interrupted", lambda: None)
     result = probe(run, "fake:direct", "--live", "--no-open", "--pose-prior", PRIOR, "--as", "matrix")
     assert result.code == 0

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tanteo.cli import main
-from tanteo.lie import SE3, SO3
-from tanteo.parts import read_part
-from tanteo.shapes import Surface
+from tanteo.geometry import SE3, SO3
+from tanteo.parts import Surface, read_part
 
 pytest.importorskip("rosbags", reason="the extra tanteo[bags] is not installed")
 pytest.importorskip("OCP", reason="reading STEP needs tanteo[step]")

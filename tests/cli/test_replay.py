@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from sensing_scenes import LASER, true_range
-from tanteo.active import Stop, at_pose
-from tanteo.inference import prepare
 from tanteo.io import recognition_document, write_record
 from tanteo.parts import read_part
-from tanteo.session import Action, Sensing, Session
+from tanteo.planning import Action, Sensing, Session, Stop, at_pose
+from tanteo.posterior import prepare
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ def test_the_report_is_written_and_says_how_to_run_it_again(run, asked, tmp_path
     page = file.read_text(encoding="utf-8")
     assert page.startswith("<!doctype html>")
     assert f"tanteo locate &#x27;{asked[1]}&#x27; --part" in page
-    assert "It is block" in page
+    assert "<h1>block, located to " in page
 
 
 def test_beside_json_only_the_document_is_on_standard_output(run, asked, tmp_path):
@@ -58,7 +58,7 @@ def test_a_file_that_cannot_be_written_is_said(run, asked, tmp_path, monkeypatch
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("tanteo.report.write_report", full)
+    monkeypatch.setattr("tanteo.render.write_report", full)
     result = run(*asked, "--report", tmp_path / "report.html")
     assert result.code == 1
     assert "No space left on device" in result.err

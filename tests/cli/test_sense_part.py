@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from tanteo.geometry import SE3, SO3
 from tanteo.io import read_readings, read_record
-from tanteo.lie import SE3, SO3
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCENE = EXAMPLES / "scenes" / "part_unknown.toml"
@@ -151,7 +151,7 @@ def test_an_interruption_leaves_the_record_of_what_was_told(sense, run, tmp_path
             raise KeyboardInterrupt
         return []
 
-    monkeypatch.setattr("tanteo.text.visit_lines", interrupt)
+    monkeypatch.setattr("tanteo.render.visit_lines", interrupt)
     record = tmp_path / "session.json"
     code, out, err = sense("--record", str(record))
     assert (code, out) == (130, "")
@@ -173,7 +173,7 @@ def test_the_record_is_there_before_the_end(sense, tmp_path, monkeypatch, suffix
             counts.append(len(kept))
         return []
 
-    monkeypatch.setattr("tanteo.text.visit_lines", look)
+    monkeypatch.setattr("tanteo.render.visit_lines", look)
     sense("--max-measurements", "1", "--record", str(record))
     assert counts
     assert counts[0] > 0

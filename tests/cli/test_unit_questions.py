@@ -17,19 +17,19 @@ def test_inches_that_are_millimetres_are_an_error_that_asks(run, parts, tmp_path
     path = touches(tmp_path, "in")
     result = run("locate", path, "--part", parts / "wedge.stl", "--units", "mm", "--sd", "0.1mm")
     assert result.code == 1
-    assert "did you mean --units in or columns in mm (x_mm)?" in result.err
+    assert "Did you mean --units in or columns in mm (x_mm)?" in result.err
 
 
 def test_a_part_read_in_inches_is_asked_about_when_nothing_fits(run, parts, tmp_path):
     path = touches(tmp_path, "mm")
     wrong = run("locate", path, "--part", parts / "wedge.stl", "--units", "in", "--sd", "0.1mm")
     assert wrong.code == 3
-    assert "did you mean --units mm" in wrong.err
+    assert "Did you mean --units mm" in wrong.err
     right = run("locate", path, "--part", parts / "wedge.stl", "--units", "mm", "--sd", "0.1mm")
-    assert "did you mean" not in right.err
+    assert "Did you mean" not in right.err
 
 
 def test_it_warns_once(run, parts, tmp_path):
     path = touches(tmp_path, "um")
     result = run("locate", path, "--part", parts / "wedge.stl", "--units", "mm", "--sd", "0.1um")
-    assert result.err.count("did you mean") == 1
+    assert result.err.count("Did you mean") == 1

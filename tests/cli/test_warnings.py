@@ -126,7 +126,7 @@ def test_a_file_that_says_inches_and_holds_millimetres(run, tmp_path):
     points = box.sample(20, seed=1)
     (tmp_path / "r.csv").write_text("x_mm,y_mm,z_mm\n" + "\n".join(",".join(f"{x:.3f}" for x in p) for p in points))
     _, _, err = run("locate", tmp_path / "r.csv", "--sd", "0.1mm", "--part", path)
-    assert "did you mean --units mm" in err
+    assert "Did you mean --units mm" in err
     code, out, err = run("locate", tmp_path / "r.csv", "--sd", "0.1mm", "--part", path, "--units", "mm")
     assert code in (0, 3)
     assert "box at x" in out

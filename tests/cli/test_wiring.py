@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from tanteo.answers import Answer, Hypothesis
+from tanteo.posterior import Answer, Hypothesis
 from tanteo.words.findings import NoPart
 
 READINGS = (
@@ -143,4 +143,4 @@ def test_readings_much_smaller_than_the_parts_are_a_warning(run, tmp_path, readi
     readings.write_text(READINGS.replace("x_mm,y_mm,z_mm,", "x_um,y_um,z_um,", 1))
     result = run("identify", readings, "--parts", parts, "--units", "mm", "--sd", "1um")
     assert result.code == 0
-    assert result.err.startswith("warning: all readings lie within 0.0")
+    assert result.err.startswith("warning: All readings lie within 0.0")

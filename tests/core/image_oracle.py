@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.lie import SE3
-from tanteo.localization import motion_scale
+from tanteo.fitting import motion_scale
+from tanteo.geometry import SE3
 from tanteo.vision.camera import Camera, project, project_linearized
 from tanteo.vision.edges import CHANNELS, cell_of, channel_of
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tanteo import _core
-from tanteo.inference.outliers import outlier_rates
+from tanteo.posterior.outliers import outlier_rates
 
 RADIUS = 0.1
 """Of the workspace [m]."""

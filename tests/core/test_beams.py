@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tanteo import _core
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 
 
 @pytest.fixture(params=["bracket_left", "flange"])

@@ -7,7 +7,7 @@ import pytest
 
 from core.bodies import flat_bodies, round_bodies
 from tanteo import _core
-from tanteo.shapes import Surface
+from tanteo.parts import Surface
 
 BODIES = {**flat_bodies(), **round_bodies()}
 

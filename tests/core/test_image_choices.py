@@ -9,7 +9,7 @@ import pytest
 
 from core.image_oracle import Sliding, scene
 from tanteo import _core
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.vision.edges import CHANNELS
 
 YAWS, APART = 12, 6.0

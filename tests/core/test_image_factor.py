@@ -9,12 +9,11 @@ import pytest
 
 from silhouettes import spilled
 from tanteo import _core
-from tanteo.answers import Priors
 from tanteo.catalogue import known_stable_poses
-from tanteo.inference import Problem, prepare
-from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays, OnTable
+from tanteo.factors import ContactPoints, FreeRays
+from tanteo.geometry import SE3
 from tanteo.parts import read_part
+from tanteo.posterior import OnTable, Priors, Problem, prepare
 from tanteo.vision import find_regions
 from tanteo.vision.candidates import own_edges
 from tanteo.vision.fit import meet

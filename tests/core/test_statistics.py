@@ -12,10 +12,9 @@ from scipy.stats import chi2, kstest
 from core.questions import random_pose
 from random_parts import random_part
 from tanteo import _core
-from tanteo.answers import Priors
-from tanteo.inference import Problem, infer, prepare
-from tanteo.lie import SE3
-from tanteo.measurements import FreeRays, surface_points
+from tanteo.factors import FreeRays, surface_points
+from tanteo.geometry import SE3
+from tanteo.posterior import Priors, Problem, infer, prepare
 
 SD = 3e-4
 """Of the noise in every direction [m]."""

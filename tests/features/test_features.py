@@ -26,7 +26,7 @@ from tanteo.features import (
     shared_root,
     stacked_covariance,
 )
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 
 
 def spd(rng, n, scale=1e-3):

@@ -19,7 +19,7 @@ from tanteo.features import (
     outline,
     outlines_off,
 )
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 
 T = SE3.exp(np.array([0.1, -0.2, 0.05, 0.4, 0.3, -0.6]))
 SUPPORT = SE3.apply(T, np.array([[0.02, 0.01, 0.004], [-0.01, 0.02, 0.03], [0.005, -0.02, 0.012]]))

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
-from tanteo.constraints import joint_test
-from tanteo.features import SharedError
+from tanteo.features import SharedError, joint_test
 from tanteo.fitting import fit_edge, fit_labelled, fit_plane
 from tanteo.fitting.agreement import bending, jointly
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.sensors import Readings, measure
 
 SD, SCALE = 1e-4, 0.01

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import special
 
-from tanteo import fitting as ft
+import tanteo.fitting as ft
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import EDGE, PLANE, VERTEX, Feature, SharedError, SharedTerm
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 
 N = 4000
 

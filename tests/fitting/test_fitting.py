@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy import special
 
-from tanteo import fitting as ft
-from tanteo.constraints import relate, relate_all
+import tanteo.fitting as ft
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import EDGE, PLANE, VERTEX, SharedError
-from tanteo.lie import SE3, SO3
+from tanteo.features import EDGE, PLANE, VERTEX, SharedError, relate, relate_all
+from tanteo.geometry import SE3, SO3
 
 N = 4000
 

@@ -8,8 +8,8 @@ import pytest
 from tanteo.errors import InputError
 from tanteo.features import feature_covariance
 from tanteo.fitting import fit_labelled
+from tanteo.geometry import SE3, SO3
 from tanteo.io import read_rig
-from tanteo.lie import SE3, SO3
 from tanteo.sensors import Readings, measure
 
 SD = 1e-4

@@ -7,11 +7,11 @@ import pytest
 from scipy import special
 from scipy.optimize import least_squares
 
+import tanteo.fitting as ft
 from round_scenes import RADIUS, error_of, nees, random_frame, round_points, size_of
-from tanteo import fitting as ft
 from tanteo.errors import DegenerateError, InputError, SideError
 from tanteo.features import CIRCLE, CONE, CYLINDER, KINDS, PLANE, SPHERE, Feature, SharedError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 
 N, SD = 600, 1e-5
 ROUND = ("circle", "cylinder", "cone", "sphere")

@@ -7,7 +7,7 @@ import pytest
 
 from round_scenes import RADIUS, round_points
 from tanteo.fitting import fit_labelled
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.sensors import Readings, measure
 
 SD = 1e-5

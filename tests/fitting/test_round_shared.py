@@ -10,7 +10,7 @@ import tanteo.fitting as ft
 from round_scenes import RADIUS, error_of, nees, random_frame, round_points, size_of, whole_covariance
 from tanteo.errors import InputError, SideError
 from tanteo.features import CYLINDER, KINDS, PLANE, SPHERE, Feature, SharedError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 
 SD, SHARED_SD, N, TRIALS = 2e-6, 1e-5, 16, 120
 

@@ -13,7 +13,7 @@ import numpy as np
 import tanteo
 import tanteo.io
 from log_cases import CASES
-from tanteo import inference
+from tanteo import posterior
 from tanteo.catalogue import build_catalogue, cache, open_catalogue, read_parts
 from tanteo.cli import main
 from tanteo.errors import InputError, PartError
@@ -41,7 +41,7 @@ def read_entry(path):
     source = path.with_name("source.stl")
     shutil.copy(path.parent / "seeds" / "box.stl", source)
     part = read_parts([source], unit="mm", workers=0)["source"]
-    inference.prepare(part)
+    posterior.prepare(part)
     assert abs(part.volume - 6e-6) < 1e-12, part.volume
 
 
@@ -57,7 +57,7 @@ def read_catalogue(path):
         volumes = [round(part.volume, 12) for part in catalogue]
         catalogue.check()
         assert volumes == [6e-6], volumes
-        inference.prepare(catalogue[0])
+        posterior.prepare(catalogue[0])
     finally:
         shutil.rmtree(folder)
 
@@ -187,7 +187,7 @@ def _record(folder):
 
 def _entries(folder):
     part = read_parts([folder / "box.stl"], unit="mm", workers=0)["box"]
-    assert inference.prepare(part).shape is not None  # which is remembered beside it
+    assert posterior.prepare(part).shape is not None  # which is remembered beside it
     for entry in sorted((cache.cache_folder() / "parts").rglob("*.*")):
         path = folder / entry.name
         shutil.copy(entry, path)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
+from tanteo.geometry import SE3, SO3
 from tanteo.hand import Body, Hand, about, advance, gap, gripper_body, shift, turn
 from tanteo.io import read_rig
-from tanteo.lie import SE3, SO3
 from tanteo.sensors import Rig
 
 

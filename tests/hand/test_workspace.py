@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
+from tanteo.geometry import SE3, SO3
 from tanteo.hand import ForbiddenBox, Workspace, gripper_body
 from tanteo.io import read_rig
-from tanteo.lie import SE3, SO3
 
 POSED = SE3.from_parts(SO3.exp(np.array([0.3, -0.5, 0.8])), np.array([0.2, -0.1, 0.4]))
 BOX = ForbiddenBox("clamp", np.array([-0.1, -0.05, 0.0]), np.array([0.2, 0.05, 0.3]), POSED)

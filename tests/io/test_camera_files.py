@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
+from tanteo.geometry import SE3, SO3
 from tanteo.io import read_camera, read_image, read_marks, write_image
-from tanteo.io.camera_layouts import WRITE_IT
-from tanteo.lie import SE3, SO3
+from tanteo.io.poses.camera_layouts import WRITE_IT
 from tanteo.vision import USUAL_EDGE_SD
 
 OPENCV_YAML = """%YAML:1.0

@@ -9,8 +9,8 @@ from msgspec import Meta
 from typing_extensions import TypeAliasType
 
 from tanteo.errors import InputError, UnitError
-from tanteo.io.document import load_toml, table, value
-from tanteo.io.schema import Direction, Length, Numbers, Place, Point, Table, as_plain, toml_lines
+from tanteo.io.documents.document import load_toml, table, value
+from tanteo.io.documents.schema import Direction, Length, Numbers, Place, Point, Table, as_plain, toml_lines
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 Array = TypeAliasType("Array", np.ndarray[tuple[int, ...], np.dtype[Scalar]], type_params=(Scalar,))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tanteo.errors import InputError, TanteoError
 from tanteo.io import parse_length, read_readings, read_rig
-from tanteo.io.columns import ANGLES, LENGTHS, PLAIN, TEXTS
+from tanteo.io.readings.columns import ANGLES, LENGTHS, PLAIN, TEXTS
 
 RELAXED = settings(
     max_examples=100, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
+from tanteo.geometry import SE3, SO3
 from tanteo.io import BRANDS, pose_as_brand, read_readings
-from tanteo.io.headers import canonical
-from tanteo.lie import SE3, SO3
+from tanteo.io.readings.headers import canonical
 
 T = SE3.from_parts(
     SO3.exp(np.array([[0.3, -0.2, 1.0], [0.1, 0.4, -0.7], [2.0, 0.3, 0.2]])),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
+from tanteo.geometry import SE3, SO3
 from tanteo.io import parse_pose, parse_pose_prior, pose_as_brand
-from tanteo.lie import SE3, SO3
 
 T = SE3.from_parts(SO3.exp(np.array([0.2, -0.1, 1.2])), np.array([0.21, -0.4, 0.05]))
 

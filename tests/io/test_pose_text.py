@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.frames import UncertainFrame, from_ros_covariance
+from tanteo.geometry import SE3, SO3, UncertainFrame, from_ros_covariance
 from tanteo.io import BRANDS, POSE_NAMES, pose_from_brand, read_prior, write_pose
-from tanteo.lie import SE3, SO3
 
 NUMBER = re.compile(r"-?\d+\.\d+(?:[eE][-+]?\d+)?")
 

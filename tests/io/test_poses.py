@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
+from tanteo.geometry import SE3, SO3
 from tanteo.io import BRANDS, pose_as_brand, pose_from_brand
-from tanteo.lie import SE3, SO3
 
 R, P, Y = np.deg2rad([10.0, 20.0, 30.0])
 GOLDEN_ROTATION = SO3.axis_rotation(2, Y) @ SO3.axis_rotation(1, P) @ SO3.axis_rotation(0, R)

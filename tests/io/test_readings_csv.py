@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, ReadingsError, UnitError
-from tanteo.io import pose_as_brand, read_readings, readings_csv, write_readings
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.io import pose_as_brand, read_readings, write_readings
+from tanteo.io.readings import readings_csv
 from tanteo.sensors import Readings
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError, UnitError
+from tanteo.geometry import SE3
 from tanteo.io import read_rig, rig_text, write_rig
-from tanteo.lie import SE3
 from tanteo.sensors import Rig, RigSensor, sensor_preset
 
 RIG = """

@@ -15,15 +15,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sensing_scenes import LASER, drawn_truth, new_session, rough, true_range
-from tanteo.active import POLICIES, Stop, at_pose, probe_of
 from tanteo.errors import InputError
+from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Workspace
-from tanteo.inference import prepare
 from tanteo.io import load_record, part_file, parts_of, read_record, read_rig, resumed, session_document, write_record
-from tanteo.lie import SE3
 from tanteo.parts import read_part
+from tanteo.planning import POLICIES, Action, Sensing, Session, Stop, at_pose, probe_of
+from tanteo.posterior import prepare
 from tanteo.sensors import Readings, sensor_preset
-from tanteo.session import Action, Sensing, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 RELAXED = settings(

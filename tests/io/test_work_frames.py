@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.frames import UncertainFrame
+from tanteo.geometry import SE3, SO3, UncertainFrame
 from tanteo.io import parse_work_frame, pose_from_brand, write_work_frame
-from tanteo.lie import SE3, SO3
 
 C = np.diag([1e-8] * 3 + [1e-7] * 3)
 CORNERS = np.stack(np.meshgrid([0, 0.1], [0, 0.2], [0, 0.05]), axis=-1).reshape(8, 3)

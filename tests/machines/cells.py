@@ -9,11 +9,10 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from tanteo.active import Stop, at_pose, probe_of
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.machines import Faults, GrblFake, GrblMachine, Machine, SerialLink, World, opened, parse_machine
-from tanteo.session import Sensing, Session
-from tanteo.shapes import Surface
+from tanteo.parts import Surface
+from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
 
 DOWN = np.array([0.0, 0.0, -1.0])
 NO_FAULTS = Faults()

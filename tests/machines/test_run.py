@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from machines.cells import ABOVE, DOWN, PLACE, SD, SPREAD, driver, drivers, session, world_of
-from tanteo.active import Stop, at_pose, probe_of
 from tanteo.errors import InputError
+from tanteo.geometry import SE3
 from tanteo.io import read_record
-from tanteo.lie import SE3
 from tanteo.machines import (
     DirectMachine,
     Faults,
@@ -24,7 +23,7 @@ from tanteo.machines import (
     parse_machine,
     probe_part,
 )
-from tanteo.session import Sensing, Session
+from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
 
 LIMITS = MachineLimits(travel=0.2, reach=0.1, stale=1.0, grace=2.0)
 

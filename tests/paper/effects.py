@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo import constraints as cs
+import tanteo.features as cs
 from tanteo import fitting
-from tanteo.constraints import published
 from tanteo.features import EDGE, PLANE
-from tanteo.frames import matrix_to_loc
-from tanteo.lie import SE3, SO3
+from tanteo.features.constraints import published
+from tanteo.geometry import SE3, SO3, matrix_to_loc
 
 N = 40_000
 EDGE_SD = np.array([0.3 / 5**0.5, 0.3 / 5**0.5, 0.3 / 1000**0.5, 0.3 / 1000**0.5])

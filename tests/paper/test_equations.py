@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from scipy import special
 
-from tanteo import constraints as cs
-from tanteo.constraints import published
+import tanteo.features as cs
 from tanteo.errors import DegenerateError
 from tanteo.features import EDGE, PLANE
-from tanteo.frames import (
+from tanteo.features.constraints import published
+from tanteo.geometry import (
+    SE3,
+    SO3,
     J1_at_zero,
     J2_at_zero,
     differential_jacobian,
@@ -22,7 +24,6 @@ from tanteo.frames import (
     matrix_to_loc,
     relate_arrays,
 )
-from tanteo.lie import SE3, SO3
 from tanteo.sensors import sensor_error_cov
 
 H = 1e-6

@@ -174,7 +174,7 @@ def test_a_solid_that_touches_itself_along_an_edge_is_closed(tmp_path):
 
 
 def test_a_face_that_one_setting_leaves_out_is_meshed_at_another(tmp_path, monkeypatch):
-    from tanteo.parts import brep_mesh
+    from tanteo.parts.readers import brep_mesh
 
     settings = []
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tanteo.parts import mirror_part, read_part
-from tanteo.parts.topology import edge_counts
+from tanteo.parts.readers.topology import edge_counts
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 SOLIDS = ["box", "hexagon", "tetrahedron", "wedge", "rounded", "frustum", "ball", "notched"]

@@ -9,7 +9,7 @@ pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 import trimesh
 
 from drilled import HOLES, as_part, drilled, pin, tip
-from tanteo import io, read_part, text
+from tanteo import io, read_part, render
 from tanteo.parts import hole_patterns, round_features
 
 BLIND = (-10, 0, 3)
@@ -118,7 +118,7 @@ def test_a_part_without_round_faces_has_none(tmp_path):
 
 
 def test_they_are_shown_in_words_and_json(plate):
-    shown = "\n".join(text.part_lines(plate))
+    shown = "\n".join(render.part_lines(plate))
     assert "through" in shown
     assert "blind" in shown
     assert "irregular" in shown

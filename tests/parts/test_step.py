@@ -11,8 +11,8 @@ import pytest
 
 from tanteo.errors import MissingExtraError, PartError
 from tanteo.parts import mirror_part, read_part
-from tanteo.parts.surfaces import surface_offsets
-from tanteo.parts.topology import edge_counts
+from tanteo.parts.faces.surfaces import surface_offsets
+from tanteo.parts.readers.topology import edge_counts
 
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
@@ -234,7 +234,7 @@ def test_a_file_that_contradicts_itself_is_refused(tmp_path):
 
 
 def test_without_the_kernel_the_pip_command_is_named(monkeypatch):
-    for module in ("tanteo.parts.step", "tanteo.parts.exchange"):
+    for module in ("tanteo.parts.readers.step", "tanteo.parts.readers.exchange"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "OCP.STEPControl", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'tanteo\[step\]'"):

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo.parts import mirror_part, read_part
-from tanteo.shapes import Surface
+from tanteo.parts import Surface, mirror_part, read_part
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tanteo
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.parts import mesh_edges, read_part
 
 BOX = 80 * 60 * 50 * 1e-9

@@ -5,7 +5,7 @@ import pytest
 
 from bare_scenes import nees, no_paths, off
 from castle_scene import FOLDER, FRAMES, castle, dense_fit, first_pose, pixels_of
-from tanteo.inference import identify_points, prepare
+from tanteo.posterior import identify_points, prepare
 
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
 

@@ -9,8 +9,8 @@ import pytest
 
 import tanteo
 from bare_scenes import nees, no_paths, off, touches_of
-from tanteo.inference import identify_points, prepare
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.posterior import identify_points, prepare
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data"
 FOLDER = DATA / "cmm_block"

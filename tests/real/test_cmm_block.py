@@ -14,9 +14,9 @@ import pytest
 
 from tanteo.catalogue import read_parts
 from tanteo.features import PLANE, VERTEX, Feature
-from tanteo.inference import prepare
-from tanteo.lie import SE3, SO3
-from tanteo.localization import ModelFeature, Pairing, estimate_pose
+from tanteo.fitting import ModelFeature, Pairing, estimate_pose
+from tanteo.geometry import SE3, SO3
+from tanteo.posterior import prepare
 from tanteo.recognition import identify
 from tanteo.sensors import Readings
 

@@ -5,9 +5,8 @@ import pytest
 from scipy.stats import chi2
 
 from fixture_sets import FOLDER, SETS, disagreement, fixture, locate_sets, mode_at, touches_of
-from tanteo.answers import Priors, corner_sd
-from tanteo.inference import identify_points
-from tanteo.measurements import FreeRays
+from tanteo.factors import FreeRays
+from tanteo.posterior import Priors, corner_sd, identify_points
 
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"no data at {FOLDER}")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import grey_cube
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, see_anywhere
 from tanteo.vision.fit import refine
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tanteo.calibration import calibrate
 from tanteo.io import read_readings
+from tanteo.sensors import calibrate
 from tof_planes import FOLDER, run
 
 pytest.importorskip("rosbags", reason="the extra tanteo[bags] is not installed")

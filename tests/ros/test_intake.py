@@ -9,7 +9,7 @@ import pytest
 
 from tanteo import io
 from tanteo.errors import ReadingsError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.ros import Intake, Patience
 
 T_HAND_SENSOR = SE3.from_parts(SO3.axis_rotation(1, np.pi / 2), np.array([0.01, 0.02, 0.03]))

@@ -10,11 +10,10 @@ import pytest
 from scipy.stats import chi2
 
 from random_parts import slanted_mesh, write_off
-from tanteo.lie import SE3, SO3
-from tanteo.parts import read_part
+from tanteo.geometry import SE3, SO3
+from tanteo.parts import Surface, read_part
 from tanteo.ros import STEP, estimate_latency
 from tanteo.sensors import Readings, measure
-from tanteo.shapes import Surface
 
 SD, DELAY, TRIALS = 2e-4, 0.012, 40
 T_WORLD_PART = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.42, -0.13, 0.035]))

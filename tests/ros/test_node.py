@@ -13,11 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo.frames import from_ros_covariance
+from tanteo.geometry import SE3, SO3, from_ros_covariance
 from tanteo.io import pose_from_brand
-from tanteo.lie import SE3, SO3
-from tanteo.parts import read_part
-from tanteo.shapes import Surface
+from tanteo.parts import Surface, read_part
 
 HERE = Path(__file__).parent
 PARTS = HERE.parents[1] / "examples" / "parts"

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from tanteo.errors import InputError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.sensors import (
     Readings,
     Rig,

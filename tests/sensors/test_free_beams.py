@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.lie import SE3
-from tanteo.measurements import as_contact_points, as_free_rays
+from tanteo.factors import as_contact_points, as_free_rays
+from tanteo.geometry import SE3
 from tanteo.sensors import Readings, Rig, RigSensor, measure
 
 N, STEP = 6, 1e-5

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import InputError, ReadingsError
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.sensors import Readings, Rig, RigSensor, measure, robot_preset, sensor_preset
 
 N = 6

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import InputError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.sensors import range_variance, sensed_point, sensor_error_cov, sensor_preset
 from tanteo.sensors.noise import beam_cov, body_jacobian
 

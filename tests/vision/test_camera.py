@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tanteo.errors import InputError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.vision.camera import Camera, on_plane, project, project_linearized, rays, without_distortion
 
 K = np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]])

@@ -16,8 +16,8 @@ from drilled import as_part, drilled
 from rendered import table_camera
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import CIRCLE, Feature
-from tanteo.lie import SE3, SO3
-from tanteo.localization import ModelFeature, Pairing
+from tanteo.fitting import ModelFeature, Pairing
+from tanteo.geometry import SE3, SO3
 from tanteo.vision import (
     Camera,
     Stage,

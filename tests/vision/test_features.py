@@ -10,8 +10,8 @@ from scipy.stats import chi2
 
 from tanteo.errors import InputError
 from tanteo.features import EDGE, VERTEX
-from tanteo.lie import SE3, SO3
-from tanteo.localization import ModelFeature, Pairing, estimate_pose, relation_between
+from tanteo.fitting import ModelFeature, Pairing, estimate_pose, relation_between
+from tanteo.geometry import SE3, SO3
 from tanteo.vision import Camera, Corners, Segments, image_corner, image_edge, project
 
 CAMERA = Camera(np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]]), (640, 480), edge_sd=0.0)

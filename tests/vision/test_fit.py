@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.image_oracle import normal_equations
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.vision.edges import CORRELATION
 from tanteo.vision.fit import BIAS, meet, refine
 from vision_scenes import bracket, seen_alone

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from tanteo.lie import SE3
-from tanteo.measurements import OnTable
+from tanteo.geometry import SE3
+from tanteo.posterior import OnTable
 from tanteo.vision import TableErrors, find_regions, map_edges
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.candidates import _poses_beside

@@ -11,7 +11,7 @@ import pytest
 from random_parts import random_part, write_off
 from silhouettes import spilled
 from tanteo.catalogue import known_stable_poses, read_parts, stable_poses
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import Camera, prepare_vision
 from tanteo.vision.models import lay

@@ -9,7 +9,7 @@ from random_parts import random_part
 from rendered import table_camera
 from tanteo.catalogue import build_catalogue, open_catalogue
 from tanteo.errors import InputError
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.vision import (
     Narrowed,
     Stage,
@@ -87,7 +87,7 @@ def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
 def test_what_was_not_looked_for_is_said(catalogue, shots, many, monkeypatch):
     """Where all that look alike do not find room, they are as probable as those that did."""
     monkeypatch.setattr(outlines, "MOST", 1)
-    monkeypatch.setattr("tanteo.answers.seen_outline._TOGETHER", 1e4)  # any outline is any part's
+    monkeypatch.setattr("tanteo.posterior.answers.seen_outline._TOGETHER", 1e4)  # any outline is any part's
     _, shot, _ = next(whole(shots))
     (seen, *_) = see_table(shot.image, shot.camera, catalogue).objects
     assert seen.answer.status == "ambiguous"

@@ -8,11 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from tanteo.geometry import SE3, SO3
-from tanteo.posterior import OnTable, Priors, sized
 
 from tanteo import part_from_mesh
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
+from tanteo.posterior import OnTable, Priors, sized
 from tanteo.vision import TableErrors, View, map_edges, prepare_vision, project, see_table, view_factors
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.fit import meet

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from silhouettes import bare_share, spilled
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
 from tanteo.vision import find_regions, project
 from tanteo.vision.candidates import _distinct
 from tanteo.vision.propose import SPILL, SPILLED, STEP, YAWS, propose, slides, small_distances

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.vision import find_edges, find_regions
 from tanteo.vision.answers import heights
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from rendered import table_camera
-from tanteo.answers import Priors
 from tanteo.errors import InputError, MissingExtraError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
+from tanteo.posterior import Priors
 from tanteo.vision import (
     Camera,
     draw_sight,

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
 from tanteo.vision import Camera, project
 from tanteo.vision.table import TableErrors, fit_camera, lying_information, seen_table
 

@@ -9,11 +9,11 @@ import pytest
 
 from rendered import table_camera
 from tanteo import identify
-from tanteo.answers import Priors, sized
 from tanteo.errors import InputError
+from tanteo.geometry import SE3, SO3
 from tanteo.io import read_readings
-from tanteo.lie import SE3, SO3
 from tanteo.parts import read_part
+from tanteo.posterior import Priors, sized
 from tanteo.vision import View, prepare_vision, view_factors
 from tanteo.vision.models import spread
 from tanteo.vision.rendering import Stage, render, thing

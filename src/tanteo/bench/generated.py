@@ -10,9 +10,9 @@ import numpy as np
 
 from tanteo.bench.sets import BenchScene, BenchSet, Candidate
 from tanteo.errors import InputError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Vectors
 from tanteo.parts import Part, read_part
-from tanteo.typing import Vectors
 
 TOLERANCE = 0.05
 """Farthest that a corner of a right answer may be off, of the middle diagonal of the parts: the strictest threshold of
@@ -107,7 +107,7 @@ def tolerance_of(parts: Sequence[Part]) -> float:
 def demo_parts() -> list[Part]:
     """The twelve parts of the demo."""
     out = []
-    for file in sorted(files("tanteo.demo").joinpath("parts").iterdir(), key=lambda one: one.name):
+    for file in sorted(files("tanteo.bench.demo").joinpath("parts").iterdir(), key=lambda one: one.name):
         with as_file(file) as path:
             out.append(read_part(path, unit="mm"))
     return out

@@ -14,8 +14,8 @@ import numpy as np
 from tanteo.bench.generated import surface_points
 from tanteo.bench.sets import BenchScene, Candidate, Placement
 from tanteo.errors import MissingExtraError
-from tanteo.lie import SE3, SO3
-from tanteo.typing import FloatArray, Transforms
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import FloatArray, Transforms
 
 CLOUD = 5_000
 """Surface points that stand for a part in programs for point clouds; four times as many found no more poses."""

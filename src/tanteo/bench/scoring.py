@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.answers import without_spin
 from tanteo.bench.running import Outcome
 from tanteo.bench.sets import BenchScene, BenchSet, Placement
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.posterior import without_spin
 
 SURE = 0.9
 """Probability of one answer from which it is given as the answer."""

@@ -12,10 +12,10 @@ from tanteo.bench.generated import tolerance_of
 from tanteo.bench.sets import BenchScene, BenchSet
 from tanteo.catalogue import read_parts
 from tanteo.errors import InputError
+from tanteo.geometry.typing import Transforms
 from tanteo.io import pose_as_brand, pose_from_brand, read_readings, write_readings
+from tanteo.parts.whole import read_whole
 from tanteo.sensors import Readings
-from tanteo.typing import Transforms
-from tanteo.whole import read_whole
 
 _POSE = ("x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw")
 _MM = 1e-3

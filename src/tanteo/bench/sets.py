@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames import frozen_array
+from tanteo.geometry import frozen_array
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part
-from tanteo.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,9 +10,9 @@ from typing import Any
 
 from tanteo.bench.scoring import Score
 from tanteo.errors import InputError
-from tanteo.pictures import COLORS, make_figure, save_figure
+from tanteo.parts.whole import read_whole
+from tanteo.render.pictures import COLORS, make_figure, save_figure
 from tanteo.replaced import replaced
-from tanteo.whole import read_whole
 
 _KIND, _TIMES = "tanteo bench 1", ("median_ms", "slow_ms")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from tanteo.catalogue.cache import cache_key
+from tanteo.catalogue.cluster.work import check_scheduler
 from tanteo.catalogue.opened import Catalogue, open_catalogue
 from tanteo.catalogue.plan import NO_KEY, Plan, by_source, named
 from tanteo.catalogue.pool import Request, read_in_processes
@@ -23,7 +24,6 @@ from tanteo.catalogue.segment import MOST, SegmentWriter
 from tanteo.catalogue.spreading import read_on_cluster
 from tanteo.catalogue.store import LOCK, MANIFEST, is_catalogue, sweep, write_manifest, writer
 from tanteo.catalogue.worker import attempt, read_record
-from tanteo.cluster import check_scheduler
 from tanteo.errors import InputError, PartError
 
 Paths: TypeAlias = Iterable[str | os.PathLike[str]] | str | os.PathLike[str]
@@ -75,7 +75,7 @@ def build_catalogue(
         UnitError: the unit is unknown or missing, see :func:`tanteo.read_parts`.
 
     Example:
-        >>> from tanteo.catalogue import build_catalogue
+        >>> from tanteo.catalogue.building import build_catalogue
         >>> built = build_catalogue("parts/", "catalogue")
         >>> built.parts, built.read, build_catalogue("parts/", "catalogue").read
         (12, 12, 0)
@@ -106,7 +106,7 @@ def add_to_catalogue(
         InputError: there is no catalogue, or see :func:`build_catalogue`.
 
     Example:
-        >>> from tanteo.catalogue import add_to_catalogue, build_catalogue
+        >>> from tanteo.catalogue.building import add_to_catalogue, build_catalogue
         >>> built = build_catalogue("parts/block.step", "catalogue")
         >>> add_to_catalogue("parts/wedge.step", "catalogue").parts
         2

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tanteo.typing import FloatArray, Indices
+from tanteo.geometry.typing import FloatArray, Indices
 
 LIKE = 0.06
 """Largest difference of box, centroid and size, relative to the diagonal, between similar parts."""

@@ -14,8 +14,8 @@ import numpy as np
 from tanteo.catalogue.segment import Segment
 from tanteo.catalogue.store import check_formats, damaged, read_manifest
 from tanteo.errors import InputError
+from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts import Part, StoredParts
-from tanteo.typing import FloatArray, IntArray
 
 _TRIES = 5
 """Number of attempts to read a manifest whose segments a writer replaces at the same time."""
@@ -32,7 +32,7 @@ class Catalogue(StoredParts):
         paths: files and folders from which it was built.
 
     Example:
-        >>> from tanteo.catalogue import build_catalogue
+        >>> from tanteo.catalogue.building import build_catalogue
         >>> built = build_catalogue(["parts/"], "catalogue")
         >>> catalogue = tanteo.open_catalogue("catalogue")
         >>> len(catalogue), catalogue["block"].name
@@ -159,7 +159,7 @@ def open_catalogue(path: str | os.PathLike[str]) -> Catalogue:
         InputError: there is no catalogue, or it is damaged or of another version of tanteo.
 
     Example:
-        >>> from tanteo.catalogue import build_catalogue
+        >>> from tanteo.catalogue.building import build_catalogue
         >>> built = build_catalogue(["parts/block.step", "parts/wedge.step"], "two")
         >>> [part.name for part in tanteo.open_catalogue("two")]
         ['block', 'wedge']

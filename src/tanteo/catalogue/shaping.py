@@ -6,8 +6,8 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import landmark_rows
+from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts import Part, exact_faces
-from tanteo.typing import FloatArray, IntArray, Vectors
 
 SHAPE = "shape6"
 """Kind and version of the compiled bytes; increase the number whenever the content of a shape changes."""

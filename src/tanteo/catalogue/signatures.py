@@ -16,9 +16,8 @@ from tanteo.catalogue.cache import load_derived, store_derived
 from tanteo.catalogue.index import kinds
 from tanteo.catalogue.stability import hull_points, stable_pose_rows
 from tanteo.factors import landmark_rows
-from tanteo.parts import Face, Part
-from tanteo.shapes import ClosestPoints, Surface, as_signed
-from tanteo.typing import FloatArray, Vectors
+from tanteo.geometry.typing import FloatArray, Vectors
+from tanteo.parts import ClosestPoints, Face, Part, Surface, as_signed
 
 FACES = 64
 """Largest number of planar faces in a signature; the remaining surface counts as unseen fraction."""

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TypeAlias
 
 from tanteo.catalogue.cache import cache_key
+from tanteo.catalogue.cluster.work import spread
 from tanteo.catalogue.pool import Request, read_in_processes
 from tanteo.catalogue.record import Record
 from tanteo.catalogue.worker import memory_for
-from tanteo.cluster import spread
 
 Requests: TypeAlias = dict[int, Request]
 
@@ -28,7 +28,7 @@ def read_on_cluster(
     Args:
         requests: requests by number.
         settle: function called in this thread with the number and the part's record, or the error message.
-        scheduler: address of the scheduler, see :func:`tanteo.cluster.spread`.
+        scheduler: address of the scheduler, see :func:`tanteo.catalogue.spread`.
     """
     batches = dict(enumerate(_batches(requests)))
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.catalogue import cache
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Part
-from tanteo.typing import FloatArray, Transforms, Vectors
 
 ANY = 0.3
 """Fraction of parts that were placed by hand, for which all stable poses are equally probable."""

@@ -27,8 +27,8 @@ import numpy as np
 from tanteo.catalogue.archive import FORMAT_VERSION
 from tanteo.catalogue.shaping import SHAPE
 from tanteo.errors import InputError
+from tanteo.parts.whole import RECORD, read_whole
 from tanteo.replaced import replaced
-from tanteo.whole import RECORD, read_whole
 
 MANIFEST, LOCK = "catalogue.json", "catalogue.lock"
 

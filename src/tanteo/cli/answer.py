@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from tanteo import answers, inference, io, text
+from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
 from tanteo.cli.answer_options import Options
@@ -79,7 +79,7 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
     leave(decided=result.status == "recognized")
 
 
-def _check_published(known: answers.PosePrior | None, options: Options) -> None:
+def _check_published(known: posterior.PosePrior | None, options: Options) -> None:
     """Refuse what the paper has no place for."""
     if known is not None:
         raise MisuseError(
@@ -92,7 +92,7 @@ def _check_published(known: answers.PosePrior | None, options: Options) -> None:
             )
 
 
-def _say_latency(path: str, answer: answers.Answer, given: Given, options: Options, file: FileOptions) -> None:
+def _say_latency(path: str, answer: posterior.Answer, given: Given, options: Options, file: FileOptions) -> None:
     """Of a recording: how much older the readings are than their stamps, by the motion of the sensor."""
     if answer.best is None:
         return
@@ -126,8 +126,8 @@ def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options, f
 
 
 def print_answer(
-    answer: answers.Answer,
-    known: answers.PosePrior | None = None,
+    answer: posterior.Answer,
+    known: posterior.PosePrior | None = None,
     *,
     as_json: bool = False,
     verbose: bool = False,
@@ -148,10 +148,10 @@ def print_answer(
         put(io.document_json({**io.recognition_document(answer), **(more or {})}, warned()))
         say_status(answer)
     else:
-        emit(text.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if aside else None)
+        emit(render.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if aside else None)
 
 
-def say_status(answer: answers.Answer) -> None:
+def say_status(answer: posterior.Answer) -> None:
     """Beside a document: what a person should know of an answer that is not decided."""
     if answer.status != "recognized":
         say(f"{answer.status}: {answer.message}", sys.stderr)
@@ -164,7 +164,7 @@ class Given(NamedTuple):
     measured: PointMeasurements
     parts: Sequence[Part]
     rig: Rig | None
-    scale: inference.Scale
+    scale: posterior.Scale
     doubted: bool
 
 
@@ -195,8 +195,8 @@ def read_given(path: str, part_paths: Sequence[str], options: Options, file: Fil
         complain("warning", f"--units {units} holds for the readings and for the parts: neither have their own.")
     parts = files.read_all_parts(part_paths, units, quiet=options.json)
     column = _HEADER.search(_beginning(path))
-    scale = inference.scale_of(measured.points, parts, column[1] if column else "", options.units or _own_unit(parts))
-    doubt = inference.about_size(measured.points, scale) or inference.about_spread(measured.covs, scale)
+    scale = posterior.scale_of(measured.points, parts, column[1] if column else "", options.units or _own_unit(parts))
+    doubt = posterior.about_size(measured.points, scale) or posterior.about_spread(measured.covs, scale)
     if doubt is not None:
         complain("warning", doubt.message)
     return Given(readings, measured, parts, rig, scale, doubt is not None)
@@ -210,12 +210,12 @@ def _beginning(path: str) -> str:
         return text_file.read(20_000)
 
 
-def _questioned(answer: answers.Answer, given: Given, ask: inference.Ask, *, placed: bool) -> answers.Answer:
+def _questioned(answer: posterior.Answer, given: Given, ask: posterior.Ask, *, placed: bool) -> posterior.Answer:
     """The answer with what was probably meant otherwise as its last finding, of which a person is warned."""
     if given.doubted:
         return answer
-    frames = inference.about_frames(answer, given.scale, given.measured)
-    question = inference.about_conventions(answer, given.readings, given.parts, ask, placed=placed)
+    frames = posterior.about_frames(answer, given.scale, given.measured)
+    question = posterior.about_conventions(answer, given.readings, given.parts, ask, placed=placed)
     if question is None or (frames is not None and frames.kind == question.kind == "units"):
         question = frames  # of units it knows which were stated, and where
     if question is None:
@@ -225,9 +225,11 @@ def _questioned(answer: answers.Answer, given: Given, ask: inference.Ask, *, pla
     return replace(answer, findings=(*others, question))
 
 
-def _report(path: str, answer: answers.Answer, given: Given, options: Options, known: answers.PosePrior | None) -> None:
-    from tanteo.report import gather, report_page
-    from tanteo.session import Sensing
+def _report(
+    path: str, answer: posterior.Answer, given: Given, options: Options, known: posterior.PosePrior | None
+) -> None:
+    from tanteo.planning import Sensing
+    from tanteo.render import gather, report_page
 
     sensing = Sensing(
         options.sensor, options.robot, options.sd, options.tip_sd, given.rig, options.tolerance, options.bias_sd

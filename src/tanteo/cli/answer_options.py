@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tanteo import answers, io
+from tanteo import io, posterior
 from tanteo.cli import arguments as args
 from tanteo.cli import controller
 from tanteo.cli.misuse import MisuseError
 from tanteo.defaults import SIGNIFICANCE, TOP
 
 if TYPE_CHECKING:
-    from tanteo.measurements import PoseFactor
+    from tanteo.factors import PoseFactor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +67,8 @@ class Options:
         return tuple(found)
 
     def priors(
-        self, known: answers.PosePrior | None, outline: answers.SeenOutline | None = None
-    ) -> answers.Priors | None:
+        self, known: posterior.PosePrior | None, outline: posterior.SeenOutline | None = None
+    ) -> posterior.Priors | None:
         """What the options and an image tell beforehand; None if nothing does."""
         furniture = tuple(io.read_furniture(text, self.units, "--furniture") for text in self.furniture or ())
         said: dict[str, Any] = {
@@ -76,13 +76,13 @@ class Options:
             "noise_factor": self.noise_factor, "furniture": furniture or None, "whole": self._whole(outline),
         }  # fmt: skip
         said = {name: value for name, value in said.items() if value is not None}
-        return answers.Priors(**said) if said else None
+        return posterior.Priors(**said) if said else None
 
-    def _whole(self, outline: answers.SeenOutline | None) -> answers.WholeObject | None:
+    def _whole(self, outline: posterior.SeenOutline | None) -> posterior.WholeObject | None:
         """What was measured of the whole object."""
         if self.mass is None and self.size is None and outline is None:
             if self.density is not None:
                 raise MisuseError("--density: expected --mass beside it, got none. A density alone says nothing.")
             return None
         sides, sd = self.size or (None, 0.0)
-        return answers.WholeObject(self.mass, self.density, sides, sd, outline)
+        return posterior.WholeObject(self.mass, self.density, sides, sd, outline)

@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 import typer
 from typer.core import TyperCommand
 
-from tanteo.cli import (
+from tanteo.cli import (  # fmt: skip
     answer,
     bench,
     catalogue,
@@ -32,7 +32,7 @@ from tanteo.cli import (
     sense_part,
     sensor,
     view,
-)  # fmt: skip
+)
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, listening
 from tanteo.cli.typed import Words

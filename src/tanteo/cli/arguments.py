@@ -16,9 +16,9 @@ from tanteo.cli.typed import Words
 from tanteo.defaults import SIGNIFICANCE, TOP
 
 if TYPE_CHECKING:
-    from tanteo.answers import Table
-    from tanteo.frames import UncertainFrame
-    from tanteo.typing import FloatArray
+    from tanteo.geometry import UncertainFrame
+    from tanteo.geometry.typing import FloatArray
+    from tanteo.posterior import Table
 else:  # the parser resolves annotations, and has to load nothing for that
     FloatArray = Table = UncertainFrame = Any
 

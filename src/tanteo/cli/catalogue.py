@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tanteo import text
+from tanteo import render
 from tanteo.cli import arguments as args
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, progress, put_json, say
@@ -89,7 +89,7 @@ def show(catalogue: _Folder, names: _Names = False, json: args.Json = False) -> 
             }
         )  # fmt: skip
     else:
-        emit(text.catalogue_lines(found, names=names, layout=layout()))
+        emit(render.catalogue_lines(found, names=names, layout=layout()))
 
 
 def check(catalogue: _Folder) -> None:

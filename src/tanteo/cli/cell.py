@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tanteo import inference, io, text
+from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli.answer import read_given
 from tanteo.cli.answer_options import Options
@@ -24,9 +24,8 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     """
     import numpy as np
 
-    from tanteo.active import at_pose, begin, check_cell, update
+    from tanteo.planning import Sensing, at_pose, begin, check_cell, update
     from tanteo.recognition import identify
-    from tanteo.session import Sensing
 
     given = read_given(readings, [part], options, file)
     how: dict[str, Any] = {
@@ -34,7 +33,7 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
         "bias_sd": options.bias_sd, "rig": given.rig, "tolerance": options.tolerance,
     }  # fmt: skip
     sensing = Sensing(**how)
-    target = inference.prepare(given.parts[0])
+    target = posterior.prepare(given.parts[0])
     if options.pose_prior is not None:
         start = at_pose(target, options.pose_prior.T, options.pose_prior.C)
     else:
@@ -49,7 +48,7 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
     if options.json:
         put(io.document_json(_document(check), warned()))
     else:
-        emit(text.cell_lines(check, layout=layout()))
+        emit(render.cell_lines(check, layout=layout()))
     leave(decided=not any(error.contradicted for error in check.errors))
 
 

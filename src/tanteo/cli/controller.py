@@ -18,9 +18,9 @@ from tanteo.cli.printing import complain
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.answers import Answer, Hypothesis
     from tanteo.io import WorkFrame
     from tanteo.parts import Part
+    from tanteo.posterior import Answer, Hypothesis
 else:  # the parser resolves annotations, and has to load nothing for that
     WorkFrame = Any
 
@@ -132,8 +132,8 @@ class Words:
         )
 
     def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.WrittenFrame:
-        from tanteo.answers import box_corners
         from tanteo.parts import part_named
+        from tanteo.posterior import box_corners
 
         assert self.wcs is not None
         best = answer.hypotheses[0]
@@ -159,6 +159,6 @@ def _doubts(answer: Answer) -> list[str]:
 
 
 def _uncertain(best: Hypothesis) -> Any:
-    from tanteo.frames import UncertainFrame
+    from tanteo.geometry import UncertainFrame
 
     return UncertainFrame(best.T_world_part, best.covariance)

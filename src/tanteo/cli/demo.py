@@ -17,9 +17,8 @@ from tanteo.cli.printing import say
 from tanteo.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from tanteo.demo import Seen
-    from tanteo.report import Section
-    from tanteo.viewer import Show
+    from tanteo.bench import Seen
+    from tanteo.render import Section, Show
 
 REPORT = "tanteo_demo.html"
 NEXT = (
@@ -42,7 +41,7 @@ def demo(
 
     One part of twelve on a table, an image, a laser, and an answer with its spread.
     """
-    from tanteo.demo import tell
+    from tanteo.bench import tell
 
     if live and report != REPORT:
         raise MisuseError("--report: expected without --live, which writes none, got both. Leave one out.")
@@ -71,7 +70,7 @@ def program_here() -> str:
 
 def _seen(seen: Seen) -> list[Section]:
     """The camera's image, and what it would be of either part, as sections of the report."""
-    from tanteo.report import photo_section
+    from tanteo.render import photo_section
 
     names = [h.part for h in seen.likely[:2]]
     found = (
@@ -91,10 +90,10 @@ def _seen(seen: Seen) -> list[Section]:
 
 def _play(seed: int, *, show: bool) -> None:
     """The same scene on a live page, until it is interrupted."""
+    from tanteo.bench import set_stage
     from tanteo.cli.view import ready
-    from tanteo.demo import set_stage
-    from tanteo.simulator import box
-    from tanteo.viewer import NEEDS_VISER, play, probe_show
+    from tanteo.hand import box
+    from tanteo.render import NEEDS_VISER, play, probe_show
 
     if find_spec("viser") is None:
         raise MissingExtraError(NEEDS_VISER)

@@ -6,7 +6,6 @@ from dataclasses import asdict
 
 import typer
 
-from tanteo import text
 from tanteo.cli import arguments as args
 from tanteo.cli.printing import emit, layout, put_json
 
@@ -17,12 +16,13 @@ def doctor(json: args.Json = False) -> None:
     Lists versions and extras, and runs a self-test.
     """
     from tanteo import __version__
-    from tanteo.doctor import examine
+    from tanteo.cli.examinations import examination_lines
+    from tanteo.cli.installation import examine
 
     found = examine()
     if json:
         put_json({"schema": "tanteo.doctor/1", "version": __version__, "ok": found.ok, **asdict(found)})
     else:
-        emit(text.examination_lines(found, __version__, layout=layout()))
+        emit(examination_lines(found, __version__, layout=layout()))
     if not found.ok:
         raise typer.Exit(1)

@@ -17,11 +17,11 @@ from tanteo.cli.printing import complain, progress, say
 from tanteo.errors import InputError, PartError, UnitError
 
 if TYPE_CHECKING:
+    from tanteo.geometry.typing import Vectors
     from tanteo.parts import Part
-    from tanteo.report import Run, Section
+    from tanteo.planning import Session
+    from tanteo.render import Run, Section
     from tanteo.sensors import Rig
-    from tanteo.session import Session
-    from tanteo.typing import Vectors
 
 TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
 """The words of the command that runs, as they were typed: a report says how to run it again."""
@@ -155,7 +155,7 @@ def check_report(path: str | None) -> None:
 def this_run(*facts: tuple[str, str]) -> Run:
     """The command that runs now, as a report says it, with names and values that stand beside the picture."""
     from tanteo import __version__
-    from tanteo.report import Run
+    from tanteo.render import Run
 
     return Run(shlex.join(TYPED.get()), f"tanteo {__version__}", facts)
 
@@ -166,7 +166,7 @@ def write_page(path: str, page: str, *, as_json: bool) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    from tanteo.report import write_report
+    from tanteo.render import write_report
 
     with writing("--report", path):
         write_report(path, page)
@@ -182,6 +182,6 @@ def report_session(
     look: Vectors | None = None,
 ) -> None:
     """Report a session: its answer, and how it came to that; further sections stand first, seen from a direction."""
-    from tanteo.report import session_page
+    from tanteo.render import session_page
 
     write_page(path, session_page(session, this_run(*facts), more, look), as_json=as_json)

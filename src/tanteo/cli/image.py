@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tanteo import io, scenes
+from tanteo import io
 from tanteo.cli.misuse import MisuseError
 from tanteo.cli.printing import complain, say
 
 if TYPE_CHECKING:
-    from tanteo.answers import SeenOutline, Table
-    from tanteo.typing import Vectors
+    from tanteo.geometry.typing import Vectors
+    from tanteo.posterior import SeenOutline, Table
     from tanteo.vision import View
 
 
@@ -66,7 +66,7 @@ def _read_view(image: str, camera: str | None, marks: str | None) -> View:
     for note in taken.notes:
         complain("warning", f"{camera}: {note}")
     if marks is not None:
-        taken, _ = scenes.place_camera(taken, marks)
+        taken, _ = io.place_camera(taken, marks)
     if taken.T_world_camera is None:
         raise MisuseError(
             f"--camera: expected where the camera stands in the world of the readings, got {camera} without it. Say "

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from tanteo.cli.printing import say
 
 if TYPE_CHECKING:
-    from tanteo.session import Session
+    from tanteo.planning import Session
 
 
 @contextmanager
@@ -30,7 +30,7 @@ def page_of(session: Session, *, live: bool, show: bool) -> Iterator[Callable[[s
     if not live:
         yield lambda note: None
         return
-    from tanteo.viewer import follow
+    from tanteo.render import follow
 
     def ready(url: str) -> None:
         say(f"Live page: {url}", sys.stderr)

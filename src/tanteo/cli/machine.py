@@ -19,10 +19,10 @@ from tanteo.cli.probing import parse_speed
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.active import Probe
+    from tanteo.geometry.typing import FloatArray
     from tanteo.hand import ForbiddenBox
     from tanteo.machines import Address, MachineLimits
-    from tanteo.typing import FloatArray
+    from tanteo.planning import Probe
 else:  # the parser resolves annotations, and has to load nothing for that
     Address = FloatArray = ForbiddenBox = Any
 
@@ -139,7 +139,7 @@ class MachineOptions:
 
     def probe(self, spread: str | float, robot: str | None, *, turns: bool) -> Probe:
         """What senses, as choosing needs it."""
-        from tanteo.active import probe_of
+        from tanteo.planning import probe_of
 
         held: dict[str, Any] = {"stylus_behind": True} if turns else {"stylus": _UP}
         where: dict[str, Any] = {

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tanteo import io, text
+from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.printing import emit, layout, put
@@ -27,4 +27,4 @@ def show(
     if json:
         put(io.part_json(part))
     else:
-        emit(text.part_lines(part, verbose=verbose, layout=layout()))
+        emit(render.part_lines(part, verbose=verbose, layout=layout()))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tanteo import inference, io, text
+from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import misuse, require_errors
@@ -19,9 +19,9 @@ from tanteo.errors import InputError
 from tanteo.replaced import replaced
 
 if TYPE_CHECKING:
-    from tanteo.active import Plan, Probe
+    from tanteo.geometry.typing import Vectors
     from tanteo.parts import Part
-    from tanteo.typing import Vectors
+    from tanteo.planning import Plan, Probe
 else:  # the parser resolves annotations, and has to load nothing for that
     Vectors = Any
 
@@ -50,7 +50,7 @@ def _place(name: str, typed: str) -> float:
 
 
 def _feature(name: str) -> str:
-    from tanteo.active import check_feature
+    from tanteo.planning import check_feature
 
     check_feature(name)
     return name
@@ -127,7 +127,7 @@ class Options:
 
     def probe(self, program: ProgramOptions) -> Probe:
         """What senses."""
-        from tanteo.active import probe_of
+        from tanteo.planning import probe_of
         from tanteo.sensors import sensor_preset
 
         beam = self.sensor is not None and not sensor_preset(self.sensor).is_contact
@@ -182,10 +182,10 @@ def plan(options: Options, program: ProgramOptions) -> None:
 
 def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -> None:
     """Plan, print, write."""
-    from tanteo.active import at_origin, at_pose, plan
-    from tanteo.report import plan_page
+    from tanteo.planning import at_origin, at_pose, plan
+    from tanteo.render import plan_page
 
-    target = inference.prepare(part)
+    target = posterior.prepare(part)
     start = at_origin(target)
     if options.pose_prior is not None:
         start = at_pose(target, options.pose_prior.T, options.pose_prior.C)
@@ -211,24 +211,24 @@ def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -
 def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:
     import numpy as np
 
-    from tanteo.active import ORIGIN_SDS
+    from tanteo.planning import ORIGIN_SDS
 
     known = typed.read_known(None, None, options.pose_prior, None)
     spread = f"{1e3 * ORIGIN_SDS[0]:g} mm and {np.degrees(ORIGIN_SDS[1]):g} deg"
     usual = f"with its frame at the world's, to {spread} (say --pose-prior for another pose)"
     anywhere = "any side, from below too (say --approach 0,0,-1,60deg if the part lies on a table)"
-    before = usual if known is None else text.prior_words(known)
-    return text.plan_lines(found, probe, before, anywhere=anywhere, layout=layout())
+    before = usual if known is None else render.prior_words(known)
+    return render.plan_lines(found, probe, before, anywhere=anywhere, layout=layout())
 
 
 def _discriminate(parts: list[Part], probe: Probe, options: Options) -> None:
     """The one reading, printed and written."""
-    from tanteo.active import discriminate
-    from tanteo.report import distinction_page
+    from tanteo.planning import discriminate
+    from tanteo.render import distinction_page
 
-    first, second = (inference.prepare(part) for part in parts)
+    first, second = (posterior.prepare(part) for part in parts)
     found = discriminate(first, second, probe, seed=options.seed)
-    put(io.distinction_json(found)) if options.json else emit(text.distinction_lines(found, layout=layout()))
+    put(io.distinction_json(found)) if options.json else emit(render.distinction_lines(found, layout=layout()))
     if options.report is not None:
         files.write_page(options.report, distinction_page(found, parts, probe, files.this_run()), as_json=options.json)
     leave(decided=found.tells)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tanteo import inference, io, text
+from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
 from tanteo.cli.looking import page_of, stay
@@ -18,10 +18,9 @@ from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 
 if TYPE_CHECKING:
-    from tanteo.active import Start
     from tanteo.machines import Probed, SafeMachine, Turn
     from tanteo.parts import Part
-    from tanteo.session import Session
+    from tanteo.planning import Session, Start
 
 _TAKES_FRAMES = {"grbl": "grbl:G54", "linuxcnc": "G54"}
 """Machines that set a frame, and how their frames are typed."""
@@ -132,10 +131,10 @@ def _check_frame(words: controller.Words, options: Options, machine: MachineOpti
 
 def _start(part: Part, options: Options) -> Start:
     """Where the part may be."""
-    from tanteo.active import at_origin, at_pose
-    from tanteo.answers import Priors
+    from tanteo.planning import at_origin, at_pose
+    from tanteo.posterior import Priors
 
-    target, priors = inference.prepare(part), Priors(noise_factor=options.noise_factor)
+    target, priors = posterior.prepare(part), Priors(noise_factor=options.noise_factor)
     if options.pose_prior is not None:
         return at_pose(target, options.pose_prior.T, options.pose_prior.C, priors)
     say(
@@ -147,9 +146,8 @@ def _start(part: Part, options: Options) -> Start:
 
 def _session(start: Start, options: Options, machine: MachineOptions) -> Session:
     """A new one, or that of the record."""
-    from tanteo.active import Stop
     from tanteo.machines import turns_of
-    from tanteo.session import Sensing, Session
+    from tanteo.planning import Sensing, Session, Stop
 
     if options.resume and options.record is not None:
         return io.read_record(options.record, [target.part for target in start.targets])
@@ -181,7 +179,7 @@ def _fake(start: Start, session: Session, options: Options, machine: MachineOpti
     import numpy as np
 
     from tanteo.machines import Ways, World
-    from tanteo.shapes import Surface
+    from tanteo.parts import Surface
 
     T, part = start.drawn(0, 64)[options.seed % 64], start.targets[0].part
     x, y, z = 1e3 * T[:3, 3]
@@ -199,7 +197,7 @@ def _run(session: Session, safe: SafeMachine, options: Options, draw: Callable[[
     def watch(turn: Turn) -> None:
         leader = session.state.target(0).part.name if len(session.state.weights) else ""
         distance = None if turn.sensed is None else turn.sensed.distance
-        say(text.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
+        say(render.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
         draw(turn.note)
 
     done = probe_part(session, safe, options.record, watch)
@@ -227,7 +225,7 @@ def _print(
         more = words.document(answer, [part]) if words else {}
         put(io.document_json({**io.recognition_document(answer), "sensing": sensing, **more}, warned()))
         return ""
-    lines = text.probed_lines(
+    lines = render.probed_lines(
         answer, done.end, safe.facts.name, session.count, verbose=options.verbose, layout=layout()
     )
     emit(lines, sys.stderr if words else None)

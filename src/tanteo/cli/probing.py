@@ -15,9 +15,9 @@ from tanteo.cli.printing import complain
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.active import Plan, Probe
+    from tanteo.geometry.typing import Covariances
     from tanteo.parts import Part
-    from tanteo.typing import Covariances
+    from tanteo.planning import Plan, Probe
 
 _FEED = 0.1 / 60
 """Of guarded motions, where nobody says [m/s]."""
@@ -27,7 +27,7 @@ _DOWN = (0.0, 0.0, -1.0)
 
 
 def _program(name: str) -> str:
-    from tanteo.programs import program_language
+    from tanteo.machines import program_language
 
     program_language(name)
     return name
@@ -115,7 +115,7 @@ class ProgramOptions:
         said: dict[str, Any] = {"contact": True, "radius": self.tip_radius}
         if self.program is None:
             return said
-        from tanteo.programs import program_language
+        from tanteo.machines import program_language
 
         above = {} if approached else {"approach": _DOWN, "cone": math.pi / 2}
         down = program_language(self.program).points_down
@@ -129,7 +129,7 @@ class ProgramOptions:
         if not found.readings:
             complain("warning", "--program: the plan has no touches, so no program is written.")
             return ""
-        from tanteo.programs import job_of, write_program
+        from tanteo.machines import job_of, write_program
 
         with misuse():
             more = self.overtravel, self.retract_height

@@ -14,9 +14,9 @@ from tanteo.cli.typed import Words, at_least
 from tanteo.errors import InputError, ReadingsError, UnitError
 
 if TYPE_CHECKING:
+    from tanteo.geometry.typing import Transforms
     from tanteo.io import Direction
     from tanteo.sensors import Readings, Rig
-    from tanteo.typing import Transforms
 else:  # the parser resolves annotations, and has to load nothing for that
     Direction = Transforms = Any
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tanteo import answers, io, text
+from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.answer import print_answer, say_status
@@ -18,7 +18,7 @@ from tanteo.cli.printing import emit, layout, leave, progress, put, warned
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.session import Session
+    from tanteo.planning import Session
 
 _SHOWN = 5
 """Differences that are listed."""
@@ -68,9 +68,9 @@ def resume(path: str, folders: Sequence[str], *, quiet: bool) -> tuple[io.Sessio
         return record, io.resumed(record, parts, tick), loaded
 
 
-def _print_explained(session: Session, answer: answers.Answer, *, as_json: bool, verbose: bool) -> None:
+def _print_explained(session: Session, answer: posterior.Answer, *, as_json: bool, verbose: bool) -> None:
     """The answer, what each reading told, and what the pose rests on."""
-    from tanteo.active import explain
+    from tanteo.planning import explain
 
     explanation = explain(session.state, session.steps)
     if as_json:
@@ -79,10 +79,10 @@ def _print_explained(session: Session, answer: answers.Answer, *, as_json: bool,
         say_status(answer)
     else:
         print_answer(answer, verbose=verbose)
-        emit(["", *text.explanation_lines(explanation, layout=layout())])
+        emit(["", *render.explanation_lines(explanation, layout=layout())])
 
 
-def _compared(record: io.SessionRecord, answer: answers.Answer) -> str:
+def _compared(record: io.SessionRecord, answer: posterior.Answer) -> str:
     """How exactly this is the recorded answer, in words; another one raises InputError."""
     from tanteo import __version__
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tanteo import answers, io, text
+from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, misuse, require_errors
@@ -18,9 +18,9 @@ from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
 from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
 
 if TYPE_CHECKING:
-    from tanteo.active import Probe
     from tanteo.io import Direction
     from tanteo.parts import Part
+    from tanteo.planning import Probe
     from tanteo.ros import Intake, Knowledge, RosNode
 else:  # the parser resolves annotations, and has to load nothing for that
     Direction = Any
@@ -160,10 +160,9 @@ def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
     """A session where a pose is known beforehand, else all readings together."""
     import numpy as np
 
-    from tanteo.active import Start, Stop
-    from tanteo.inference import prepare_all
+    from tanteo.planning import Sensing, Session, Start, Stop
+    from tanteo.posterior import prepare_all
     from tanteo.ros import Anywhere, Prior
-    from tanteo.session import Sensing, Session
 
     rig = None if options.rig is None else files.read_asked_rig(options.rig)
     sensing = Sensing(
@@ -172,7 +171,7 @@ def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
     )  # fmt: skip
     said: dict[str, Any] = {"outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
     with misuse():
-        priors = answers.Priors(**{name: value for name, value in said.items() if value is not None})
+        priors = posterior.Priors(**{name: value for name, value in said.items() if value is not None})
     stop = Stop(tolerance=options.tolerance, max_measurements=options.max_measurements)
     probe = _probe(options, topics)
     if options.pose_prior is None:
@@ -185,7 +184,7 @@ def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
 
 def _probe(options: Options, topics: TopicOptions) -> Probe:
     """What senses, as choosing needs it."""
-    from tanteo.active import probe_of
+    from tanteo.planning import probe_of
 
     where: dict[str, Any] = {} if options.standoff is None else {"standoff": options.standoff}
     if topics.radius is not None:
@@ -206,13 +205,13 @@ def _ended_by_signals(server: RosNode) -> Iterator[None]:
             signal.signal(number, handler or signal.SIG_DFL)
 
 
-def _heard(options: Options, answer: answers.Answer) -> None:
+def _heard(options: Options, answer: posterior.Answer) -> None:
     """One line an answer, for a person who watches."""
     if options.verbose:
-        say(text.answer_lines(answer, layout=layout())[0], sys.stderr)
+        say(render.answer_lines(answer, layout=layout())[0], sys.stderr)
 
 
-def _print(answer: answers.Answer | None, options: Options) -> None:
+def _print(answer: posterior.Answer | None, options: Options) -> None:
     if answer is None:
         complain("warning", "no reading came that could be used: look at the topics and their types (ros2 topic list).")
         leave(decided=False)
@@ -220,5 +219,5 @@ def _print(answer: answers.Answer | None, options: Options) -> None:
     if options.json:
         put(io.document_json(io.recognition_document(answer), warned()))
     else:
-        emit(text.answer_lines(answer, verbose=options.verbose, layout=layout()))
+        emit(render.answer_lines(answer, verbose=options.verbose, layout=layout()))
     leave(decided=answer.status == "recognized")

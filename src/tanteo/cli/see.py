@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tanteo import io, scenes, text
+from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
@@ -56,7 +56,7 @@ def see(
     for note in taken.notes:
         complain("warning", f"{camera}: {note}")
     if marks is not None:
-        taken, fit = scenes.place_camera(taken, marks)
+        taken, fit = io.place_camera(taken, marks)
     if fit is not None and not json:
         emit([_fit_words(fit)], sys.stderr)
     if not json:
@@ -76,7 +76,7 @@ def see(
     if json:
         put(io.sight_json(sight, warned()))
     else:
-        emit(text.sight_lines(sight, verbose=verbose, layout=layout()))
+        emit(render.sight_lines(sight, verbose=verbose, layout=layout()))
     leave(decided=bool(sight.objects) and all(seen.answer.status == "recognized" for seen in sight.objects))
 
 

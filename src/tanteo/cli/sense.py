@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
-from tanteo import io, scenes, text
+from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, require_image
@@ -15,7 +15,7 @@ from tanteo.cli.sense_part import image_files, viewed
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.acquisition import Predicted
+    from tanteo.hand import Predicted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +94,7 @@ def _sense(kind: str, options: Options) -> None:
     files.check_target("--record", options.record)
     sources = [("--scene", options.scene), *image_files(options.image, options.camera, options.marks)]
     files.check_different(("--record", options.record), inputs=sources, parts=options.parts or [])
-    scene = scenes.change_scene(
+    scene = io.change_scene(
         io.read_scene(options.scene),
         seed=options.seed,
         standoff=options.standoff,
@@ -104,8 +104,8 @@ def _sense(kind: str, options: Options) -> None:
     expected = None if options.image is None else _expected(kind, scene, options)
     if expected is not None:
         scene = replace(scene, guesses={**scene.guesses, kind: expected.guess})
-    got, robot = scenes.acquire(kind, scene)
-    clearance = scenes.least_clearance(scene, robot)
+    got, robot = io.acquire(kind, scene)
+    clearance = io.least_clearance(scene, robot)
     if options.record is not None:
         if got.readings is None:
             emit(["warning: nothing was read on purpose, so there is no record."], sys.stderr)
@@ -115,7 +115,7 @@ def _sense(kind: str, options: Options) -> None:
     if options.json:
         put(io.sensed_json(got, seed=scene.seed, clearance=clearance, expected=expected))
     else:
-        lines = text.sensed_lines(
+        lines = render.sensed_lines(
             got, standoff=scene.standoff, clearance=clearance, seed=scene.seed, record=options.record,
             expected=expected, verbose=options.verbose, layout=layout(),
         )  # fmt: skip
@@ -133,7 +133,7 @@ def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
     view = viewed(scene, options.image, options.camera, options.marks)
     parts = files.read_all_parts(options.parts or [], options.units, quiet=True)
     seen = view.look(parts)
-    say(text.sighting_words(seen), sys.stderr)
+    say(render.sighting_words(seen), sys.stderr)
     if seen is None or not seen.answer.hypotheses:
         raise InputError("--image: expected a part on the table, got none that is known. Add its CAD file to --parts.")
     best, unknown = seen.answer.hypotheses[0], seen.answer.unknown_probability
@@ -143,7 +143,7 @@ def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
             "Add the CAD file of what lies there."
         )
     part = next(part for part in parts if part.name == best.part)
-    expected = scenes.expected_feature(kind, scene, part, best, options.face)
+    expected = io.expected_feature(kind, scene, part, best, options.face)
     words = f"The hand goes to {expected.name} of {part.name}, P = {best.probability:.2f}"
-    say(f"{words}, {text.known_words(expected)}.", sys.stderr)
+    say(f"{words}, {render.known_words(expected)}.", sys.stderr)
     return expected

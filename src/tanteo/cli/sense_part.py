@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tanteo import answers, io, scenes, text
+from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.misuse import misuse
@@ -19,8 +19,7 @@ from tanteo.cli.session_record import kept, write_session
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.active import Start
-    from tanteo.execution import Visit
+    from tanteo.planning import Start, Visit
 
 
 def image_files(image: str | None, camera: str | None, marks: str | None) -> list[tuple[str, str | None]]:
@@ -28,9 +27,9 @@ def image_files(image: str | None, camera: str | None, marks: str | None) -> lis
     return [("--image", None if image == "render" else image), ("--camera", camera), ("--marks", marks)]
 
 
-def viewed(scene: io.SceneFile, image: str, camera: str | None, marks: str | None) -> scenes.SceneView:
+def viewed(scene: io.SceneFile, image: str, camera: str | None, marks: str | None) -> io.SceneView:
     """What the image shows of the scene, with a warning for what was taken as something of its camera file."""
-    view = scenes.view_of(scene, image, camera, marks)
+    view = io.view_of(scene, image, camera, marks)
     for note in view.camera.notes:
         complain("warning", f"{camera or scene.source}: {note}")
     return view
@@ -53,36 +52,34 @@ def sense_part(
 
     By range sensors on a hand, from a rough idea of its place.
     """
-    from tanteo.execution import sense_part
+    from tanteo.planning import sense_part
 
     files.check_report(report)
     files.check_target("--record", record)
     sources = [("--scene", scene), *image_files(options.image, options.camera, options.marks)]
     files.check_different(("--record", record), ("--report", report), inputs=sources, parts=parts)
-    place = scenes.change_scene(io.read_scene(scene), seed=options.seed, standoff=options.standoff)
+    place = io.change_scene(io.read_scene(scene), seed=options.seed, standoff=options.standoff)
     start = start_of(place, parts, options, as_json=json)
     with misuse(always=False):
-        session, robot, rules = scenes.session_of(place, start, options.stop(), options.policy)
+        session, robot, rules = io.session_of(place, start, options.stop(), options.policy)
     with kept(session, record) as keep, _shown(verbose=verbose) as show:
 
         def watch(visit: Visit) -> None:
             keep()
             show(visit)
 
-        done = sense_part(
-            session, robot, rules, furniture=scenes.furniture_of(place), errors=place.cell.robot, watch=watch
-        )
-    clearance = scenes.least_clearance(place, robot)
+        done = sense_part(session, robot, rules, furniture=io.furniture_of(place), errors=place.cell.robot, watch=watch)
+    clearance = io.least_clearance(place, robot)
     answer = session.answer()
     if json:
         put(io.executed_json(answer, done, readings=session.count, clearance=clearance, warnings=warned()))
         if not done.end.reached:
             say(done.end.why, sys.stderr)
     else:
-        emit(text.executed_lines(answer, done, session.count, clearance, verbose=verbose, layout=layout()))
+        emit(render.executed_lines(answer, done, session.count, clearance, verbose=verbose, layout=layout()))
     write_session(session, record)
     if report is not None:
-        files.report_session(report, session, *text.executed_facts(done, session.count, clearance), as_json=json)
+        files.report_session(report, session, *render.executed_facts(done, session.count, clearance), as_json=json)
     leave(decided=answer.status == "recognized" and done.end.reached)
 
 
@@ -100,11 +97,11 @@ def start_of(
     known = options.known()
     view = None if options.image is None else viewed(scene, options.image, options.camera, options.marks)
     parts = files.read_all_parts(part_paths, options.units, quiet=as_json)
-    start, seen = scenes.start_of(
+    start, seen = io.start_of(
         scene, parts, known, view, outlier_rate=options.outlier_rate, unknown=options.unknown_prior
     )
     if view is not None:
-        say(text.sighting_words(seen), sys.stderr)
+        say(render.sighting_words(seen), sys.stderr)
     if start is not None:
         return start
     if view is None:
@@ -112,7 +109,7 @@ def start_of(
             f"{scene.source}: expected a table [prior] with the prior pose, got none. Add it, give --pose-prior, "
             "or show an --image."
         )
-    answer = answers.Answer("unknown", (NoPartOnTable(),), (), 1.0)
+    answer = posterior.Answer("unknown", (NoPartOnTable(),), (), 1.0)
     if as_json:
         put(io.recognition_json(answer))
     say(f"unknown: {answer.message}", sys.stderr if as_json else sys.stdout)
@@ -123,7 +120,7 @@ def start_of(
 def _shown(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
     """A line for every question on standard error; on a terminal also that the hand is under way."""
     if not sys.stderr.isatty():
-        yield lambda visit: emit(text.visit_lines(visit, verbose=verbose), sys.stderr)
+        yield lambda visit: emit(render.visit_lines(visit, verbose=verbose), sys.stderr)
         return
     from rich.console import Console
 
@@ -131,7 +128,7 @@ def _shown(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
     with console.status("sensing") as status:
 
         def watch(visit: Visit) -> None:
-            for line in text.visit_lines(visit, verbose=verbose):
+            for line in render.visit_lines(visit, verbose=verbose):
                 console.print(line, markup=False, soft_wrap=True)
             status.update(f"sensing: {visit.seconds:.0f} s simulated")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tanteo import io, text
+from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, misuse
@@ -17,8 +17,7 @@ from tanteo.cli.printing import complain, emit, layout, leave, put_json, say
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.calibration import Calibration
-    from tanteo.sensors import Rig, RobotPreset, SensorPreset
+    from tanteo.sensors import Calibration, Rig, RobotPreset, SensorPreset
 
 
 def _preset_names(incomplete: str) -> list[str]:
@@ -44,7 +43,7 @@ def list_presets(json: args.Json = False) -> None:
         }
         put_json(document)
     else:
-        emit(text.preset_lines(sensor_presets(), robot_presets(), io.shipped_rigs(), layout=layout()))
+        emit(render.preset_lines(sensor_presets(), robot_presets(), io.shipped_rigs(), layout=layout()))
 
 
 def show_preset(
@@ -67,7 +66,7 @@ def show_preset(
     if picture is not None:
         if isinstance(preset, RobotPreset):
             raise MisuseError(f"--picture: expected a range sensor, got the robot '{name}'. Leave it out.")
-        from tanteo.pictures import noise_picture
+        from tanteo.render.pictures import noise_picture
 
         with files.writing("--picture", picture), misuse():
             noise_picture(preset, picture)
@@ -76,9 +75,9 @@ def show_preset(
         return
     show = layout()
     emit(
-        text.robot_lines(preset, layout=show)
+        render.robot_lines(preset, layout=show)
         if isinstance(preset, RobotPreset)
-        else text.sensor_lines(preset, layout=show)
+        else render.sensor_lines(preset, layout=show)
     )
     if picture is not None:
         say(f"picture drawn: {picture}")
@@ -107,7 +106,7 @@ def show_rig(
     if json:
         put_json(io.rig_document(rig))
     else:
-        emit(text.rig_lines(rig, file, layout=layout()))
+        emit(render.rig_lines(rig, file, layout=layout()))
 
 
 def fit(
@@ -137,8 +136,7 @@ def fit(
 
     Estimates beams, noise and bias. The surfaces may be anywhere; the poses of the hand are known.
     """
-    from tanteo.calibration import calibrate
-    from tanteo.sensors import robot_preset, sensor_preset
+    from tanteo.sensors import calibrate, robot_preset, sensor_preset
 
     files.check_target("--write", write)
     files.check_target("--picture", picture)
@@ -157,7 +155,7 @@ def fit(
     if write is not None and calibrated:
         _write(found, nominal, unlike, log, write)
     if picture is not None:
-        from tanteo.pictures import coverage_picture
+        from tanteo.render.pictures import coverage_picture
 
         with files.writing("--picture", picture), misuse():
             coverage_picture(found, picture)
@@ -166,7 +164,7 @@ def fit(
         if not calibrated:
             say(f"{found.status}: {found.message}", sys.stderr)
     else:
-        emit(text.calibration_lines(found, verbose=verbose, layout=layout()))
+        emit(render.calibration_lines(found, verbose=verbose, layout=layout()))
         _say_written(write if calibrated else None, picture)
     if write is not None and not calibrated:
         complain("warning", f"{write} was not written: this log does not make a rig.")
@@ -181,7 +179,7 @@ def _say_written(rig: str | None, picture: str | None) -> None:
 
 
 def _write(found: Calibration, rig: Rig | None, sensor: SensorPreset | None, log: str, path: str) -> None:
-    from tanteo.calibration import calibrated_rig
+    from tanteo.sensors import calibrated_rig
 
     comment = (
         f"Calibrated by `tanteo sensor fit` from {Path(log).name}: {int(found.good.sum())} places.\n"

@@ -12,8 +12,8 @@ from tanteo.cli.misuse import MisuseError, require_image
 from tanteo.cli.typed import Words
 
 if TYPE_CHECKING:
-    from tanteo.active import Stop
-    from tanteo.answers import PosePrior
+    from tanteo.planning import Stop
+    from tanteo.posterior import PosePrior
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ class SessionOptions:
 
     def stop(self) -> Stop:
         """When to end."""
-        from tanteo.active import Stop
+        from tanteo.planning import Stop
 
         return Stop(
             probability=self.probability, tolerance=self.tolerance, confidence=self.confidence,

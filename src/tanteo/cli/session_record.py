@@ -15,7 +15,7 @@ from tanteo.cli.printing import complain, say
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.session import Session
+    from tanteo.planning import Session
 
 _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 """The system's order to end, and a terminal that has gone."""

@@ -10,17 +10,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from tanteo import answers, io
+from tanteo import io, posterior
 from tanteo.cli.misuse import MisuseError, misuse
 from tanteo.cli.printing import complain
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
-    from tanteo.answers import PosePrior, Table
-    from tanteo.frames import UncertainFrame
+    from tanteo.geometry import UncertainFrame
+    from tanteo.geometry.typing import FloatArray
     from tanteo.hand import ForbiddenBox
     from tanteo.io import Brand
-    from tanteo.typing import FloatArray
+    from tanteo.posterior import PosePrior, Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ def robot(name: str) -> str:
 
 def policy(name: str) -> str:
     """The name of a policy that there is."""
-    from tanteo.active import policy_named
+    from tanteo.planning import policy_named
 
     try:
         policy_named(name)
@@ -82,7 +82,7 @@ def length(name: str, example: str, text: str) -> float:
 
 def spread(name: str, positive: bool, text: str) -> float:
     """A standard deviation that readings or parts can have [m]."""
-    from tanteo.limits import LARGEST, LEAST_SD
+    from tanteo.geometry.limits import LARGEST, LEAST_SD
 
     value = io.parse_length(text, name)
     if not math.isfinite(value) or value < 0 or (positive and value == 0):
@@ -96,7 +96,7 @@ def spread(name: str, positive: bool, text: str) -> float:
 
 def tip(text: str) -> tuple[float, ...]:
     """Standard deviations of a tip along x, y, z of the hand [m]."""
-    from tanteo.limits import LARGEST
+    from tanteo.geometry.limits import LARGEST
 
     values = io.parse_lengths(text, "--tip-sd")
     if len(values) != 3 or min(values) < 0 or max(values) == 0:
@@ -192,7 +192,7 @@ def robot_names(incomplete: str) -> list[str]:
 
 def policy_names(incomplete: str) -> list[str]:
     """Policies that begin so."""
-    from tanteo.active import POLICIES
+    from tanteo.planning import POLICIES
 
     return [name for name in POLICIES if name.startswith(incomplete)]
 
@@ -213,7 +213,7 @@ def read_known(
         given |= {"T_world_part": pose_prior.T, "covariance": pose_prior.C}
     given = {name: value for name, value in given.items() if value is not None}
     with misuse():
-        said = answers.PosePrior(**given)
+        said = posterior.PosePrior(**given)
     if file is None:
         return said
     read = io.read_prior(file)

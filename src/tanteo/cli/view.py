@@ -24,7 +24,7 @@ from tanteo.cli.session_options import SessionOptions
 from tanteo.errors import InputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from tanteo.viewer import Show
+    from tanteo.render import Show
 
 _PORTS = 65535
 _TOLERANCE = 2e-3
@@ -90,7 +90,7 @@ def view(
 
     Go on step by step, and sense there yourself.
     """
-    from tanteo.viewer import NEEDS_VISER, replay
+    from tanteo.render import NEEDS_VISER, replay
 
     if find_spec("viser") is None:
         raise MissingExtraError(NEEDS_VISER)
@@ -111,14 +111,14 @@ def _example(
     if scene is not None:
         yield scene, parts, options
         return
-    with resources.as_file(resources.files("tanteo.demo")) as folder:
+    with resources.as_file(resources.files("tanteo.bench.demo")) as folder:
         chosen = replace(options, tolerance=options.tolerance or _TOLERANCE, units="mm")
         yield folder / "scene.toml", [str(folder / "parts")], chosen
 
 
 def _play(path: str | Path, folders: Sequence[str], options: Options, port: int, *, bare: bool, show: bool) -> None:
     """Play the session of a scene on a page."""
-    from tanteo.viewer import play, scene_show
+    from tanteo.render import play, scene_show
 
     scene = io.read_scene(path)
     start = start_of(scene, folders, options)

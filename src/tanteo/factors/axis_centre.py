@@ -11,8 +11,8 @@ from tanteo.factors.factor import FeaturePart, Landmark, register_factor
 from tanteo.factors.line_points import line_points
 from tanteo.factors.round_centre import MADE, RoundCentre, centre_of, size_of
 from tanteo.features import CIRCLE, CYLINDER, Feature
+from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, round_features
-from tanteo.typing import FloatArray
 
 _LONGER, _BEYOND, _ON = 1.01, 0.1, 0.5
 """Centres may lie beyond a hole where the part is longer than the hole by the first factor, with the second as their

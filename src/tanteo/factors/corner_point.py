@@ -8,7 +8,7 @@ from typing import ClassVar
 from tanteo.factors.factor import FeaturePart, register_factor
 from tanteo.factors.on_surface import OnSurface
 from tanteo.features import VERTEX, Feature
-from tanteo.typing import FloatArray
+from tanteo.geometry.typing import FloatArray
 
 
 @register_factor("vertex")

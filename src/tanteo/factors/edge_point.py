@@ -9,7 +9,7 @@ from tanteo.factors.factor import FeaturePart, register_factor
 from tanteo.factors.line_points import line_points
 from tanteo.factors.on_surface import OnSurface
 from tanteo.features import EDGE, Feature
-from tanteo.typing import FloatArray
+from tanteo.geometry.typing import FloatArray
 
 
 @register_factor("edge")

@@ -17,8 +17,8 @@ import numpy as np
 from tanteo import _core
 from tanteo.errors import InputError
 from tanteo.features import Feature
+from tanteo.geometry.typing import Covariances, FloatArray, Indices, Vectors
 from tanteo.parts import Part
-from tanteo.typing import Covariances, FloatArray, Indices, Vectors
 
 _Class = TypeVar("_Class", bound="type[Factor]")
 
@@ -154,7 +154,7 @@ class Factor(ABC):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredRow:
-    """One row of point measurements, as :func:`tanteo.sensors.measure` makes them; what was not sensed is None.
+    """One row of point measurements, as :func:`tanteo.sensors.measuring` makes them; what was not sensed is None.
 
     Attributes:
         label: name of the feature that it was taken on, ``''`` for none.

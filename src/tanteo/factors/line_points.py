@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.features import Feature
-from tanteo.lie import SE3
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 def line_points(feature: Feature, T: Transforms, jacobian: FloatArray) -> tuple[Vectors, Covariances, FloatArray]:

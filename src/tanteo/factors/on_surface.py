@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.factors.factor import NO_DIRECTION, Factor, MeasuredRow
-from tanteo.typing import Vectors
+from tanteo.geometry.typing import Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

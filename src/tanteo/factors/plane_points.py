@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.typing import Covariances, FloatArray, IntArray
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray
 
 _SLIGHT, _CLOSE = 1e-6, 0.05
 """Points with less than the first share of the largest weight are dropped; the second is the largest relative misfit of

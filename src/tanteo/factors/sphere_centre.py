@@ -8,8 +8,8 @@ from typing import ClassVar
 from tanteo.factors.factor import FeaturePart, Landmark, register_factor
 from tanteo.factors.round_centre import MADE, RoundCentre, centre_of, point_landmarks
 from tanteo.features import SPHERE, Feature
+from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part
-from tanteo.typing import FloatArray
 
 
 @register_factor("sphere_centre")

@@ -12,8 +12,8 @@ from tanteo.factors.factor import FeaturePart, SensedDirection, register_factor
 from tanteo.factors.on_surface import OnSurface
 from tanteo.factors.plane_points import equivalent_points, typical_residuals
 from tanteo.features import PLANE, Feature
-from tanteo.lie import SE3
-from tanteo.typing import FloatArray
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray
 
 
 @register_factor("point", "plane")

@@ -10,8 +10,8 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features.kinds import FeatureKind
-from tanteo.frames import check_covariance, frozen_array
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry import check_covariance, frozen_array
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)

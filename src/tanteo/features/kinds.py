@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.typing import FloatArray, Transforms
+from tanteo.geometry.typing import FloatArray, Transforms
 
 Shape: TypeAlias = Literal["plane", "line", "point", "axis", "centre"]
 """Role of a feature in constraints: a plane, line or point; a round feature has an axis, a centre, or both."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from tanteo.features.feature import Feature, feature_covariance
 from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, EDGE, PLANE, SPHERE, VERTEX
-from tanteo.lie import SE3
-from tanteo.typing import FloatArray, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, Vectors
 
 _AROUND = 72
 """Number of segments of a circle."""

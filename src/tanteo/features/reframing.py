@@ -9,8 +9,8 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.features.feature import Feature, SharedTerm
 from tanteo.features.kinds import EDGE, FeatureKind
-from tanteo.lie import SE3
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 def reframe_shared_jacobian(kind: FeatureKind, S: Transforms) -> FloatArray:

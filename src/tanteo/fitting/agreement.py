@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.constraints import chi2_p_value, whitened_test
-from tanteo.features import Feature
+from tanteo.features import Feature, chi2_p_value, whitened_test
 from tanteo.fitting.estimate import FitReport, SharedReadings, p_of_worst
 from tanteo.fitting.round_estimate import round_distances
-from tanteo.lie import SE3, SO3
-from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
 _OWN = 1e-3
 """Share of a curvature that no plane explains, from which on the points tell it: less is only their noise."""

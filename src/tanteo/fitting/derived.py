@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tanteo.constraints import relate_all
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import EDGE, PLANE, Feature
+from tanteo.features import EDGE, PLANE, Feature, relate_all
 from tanteo.fitting.estimate import Estimate, SharedReadings, shared_terms
 from tanteo.fitting.vertex import inherit
-from tanteo.lie import SE3, SO3
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 def intersect_planes(T1: Transforms, T2: Transforms, near: Vectors) -> tuple[Transforms, FloatArray, FloatArray]:

@@ -19,8 +19,8 @@ from tanteo.fitting.estimate import (
     shared_terms,
 )
 from tanteo.fitting.flatness import refuse_narrow
-from tanteo.lie import SE3, SO3, maximize
-from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.geometry import SE3, SO3, maximize
+from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
 _SHORT = (
     "edge: expected points spread over {least} standard deviations, got {spread}; its direction is free. Add a point "

@@ -9,8 +9,8 @@ import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
 from tanteo.features import SharedError, SharedTerm
-from tanteo.special import chi2_survival
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry.special import chi2_survival
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 SharedReadings = Sequence[tuple[SharedError, FloatArray]]
 """Shared errors with their Jacobians ``(n, 3, d)``: true point = measured point + ``J c``, in the world."""

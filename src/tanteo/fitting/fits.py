@@ -17,8 +17,8 @@ from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, make_re
 from tanteo.fitting.plane import fit_plane, plane_ml
 from tanteo.fitting.round_fit import fit_round
 from tanteo.fitting.vertex import fit_vertex
-from tanteo.lie import SE3
-from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.errors import DegenerateError
-from tanteo.typing import FloatArray, Vectors
+from tanteo.geometry.typing import FloatArray, Vectors
 
 _FLAT = 1e-6
 """Points spread less than this share of their largest spread do not spread at all."""

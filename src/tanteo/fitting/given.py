@@ -10,9 +10,8 @@ import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.features import Feature, FeatureKind, Round, SharedTerm
-from tanteo.frames import check_covariance
-from tanteo.lie import SE3, SO3
-from tanteo.typing import FloatArray, Vectors
+from tanteo.geometry import SE3, SO3, check_covariance
+from tanteo.geometry.typing import FloatArray, Vectors
 
 _UNKNOWN_AXIS = float(np.pi)
 """Standard deviation of an axis that was not given [rad]: it says nothing."""

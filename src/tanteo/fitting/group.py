@@ -7,14 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.constraints import chi2_p_value
 from tanteo.errors import DegenerateError, SideError
-from tanteo.features import PLANE, Feature, FeatureKind, Sides
+from tanteo.features import PLANE, Feature, FeatureKind, Sides, chi2_p_value
 from tanteo.fitting.agreement import Bending, bending, residuals_of
 from tanteo.fitting.estimate import FitReport
 from tanteo.fitting.fits import FITS, LabelledPoints
 from tanteo.fitting.sides import known_side, most_opposed
-from tanteo.limits import SUSPECT
+from tanteo.geometry.limits import SUSPECT
 from tanteo.sensors import PointMeasurements, reading_kind
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from tanteo.errors import DegenerateError, InputError, SideError
 from tanteo.features import PLANE, Feature, SharedTerm, Sides
 from tanteo.fitting.group import fit_group
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import IntArray
 from tanteo.sensors import PointMeasurements, reading_kind
-from tanteo.typing import IntArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,8 +16,8 @@ from tanteo.fitting.round_estimate import KnownFrame, RoundEstimate, check_posit
 from tanteo.fitting.round_fit import feature_of, tip_error
 from tanteo.fitting.round_refusal import refuse
 from tanteo.fitting.sides import check_spread, outward_vectors, require_side, side_of
-from tanteo.lie import SE3, SO3
-from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
 _EXACT = np.diag([1e-9, 1e-7, 1e-7]) ** 2
 """No plane is known better than this [m, rad]."""

@@ -24,8 +24,8 @@ from tanteo.fitting.estimate import (
     shared_terms,
 )
 from tanteo.fitting.flatness import refuse_narrow
-from tanteo.lie import SE3, SO3, maximize
-from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.geometry import SE3, SO3, maximize
+from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
 _NARROW = (
     "plane: expected points spread over {least} standard deviations in two directions, got {spread} across {along}; "

@@ -12,13 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from tanteo import _core
-from tanteo.constraints import chi2_limit
 from tanteo.errors import InputError
-from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind, shared_root
+from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind, chi2_limit, shared_root
 from tanteo.fitting.estimate import Estimate, SharedReadings, check_points, rigid_error
 from tanteo.fitting.flatness import refuse_flat
-from tanteo.limits import SUSPECT
-from tanteo.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry.limits import SUSPECT
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 
 _KINDS = (CIRCLE, CYLINDER, CONE, SPHERE)
 SURFACES = {kind.name: number for number, kind in enumerate(_KINDS)}

@@ -10,19 +10,12 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import CIRCLE, CONE, Feature, FeatureKind, Round, SharedError, SharedTerm
-from tanteo.fitting.estimate import (
-    Estimate,
-    FitReport,
-    SharedReadings,
-    check_points,
-    make_report,
-    shared_terms,
-)
+from tanteo.fitting.estimate import Estimate, FitReport, SharedReadings, check_points, make_report, shared_terms
 from tanteo.fitting.round_estimate import SURFACES, RoundEstimate, round_distances, round_ml, unknowns
 from tanteo.fitting.round_refusal import refuse
 from tanteo.fitting.sides import check_spread, outward_vectors, require_side, side_of
-from tanteo.lie import SE3
-from tanteo.typing import Covariances, FloatArray, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
 
 def fit_round(

@@ -9,8 +9,8 @@ import numpy as np
 from tanteo.errors import DegenerateError
 from tanteo.features import CIRCLE, CONE, CYLINDER, SPHERE, FeatureKind
 from tanteo.fitting.round_estimate import RoundEstimate
-from tanteo.lie import SE3
-from tanteo.typing import BoolArray, FloatArray, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, Vectors
 
 MOST_SHARE = 0.1
 """Largest standard deviation of a size, or of the centre across the axis, as a share of the radius."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from tanteo.errors import InputError, SideError
+from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.sensors import PointMeasurements
-from tanteo.typing import FloatArray, Vectors
 
 _ALONG = 0.05
 """A direction with a smaller cosine to the normal lies in the surface: it says nothing about its sides."""

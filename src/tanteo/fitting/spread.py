@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 def plane_displacement_covariance(T: Transforms, P: Covariances, points: Vectors) -> Covariances:

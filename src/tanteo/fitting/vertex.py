@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.constraints import relate_all
 from tanteo.errors import DegenerateError, InputError
-from tanteo.features import VERTEX, Feature, SharedTerm, collect_shared
+from tanteo.features import VERTEX, Feature, SharedTerm, collect_shared, relate_all
 from tanteo.fitting.estimate import (
     Estimate,
     FitReport,
@@ -20,8 +19,8 @@ from tanteo.fitting.estimate import (
     rigid_motion,
     shared_terms,
 )
-from tanteo.lie import SE3
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 _PASSES = 200
 _SETTLED = 1e-13

@@ -8,9 +8,9 @@ from typing import Protocol
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames import frozen_array
+from tanteo.geometry import frozen_array
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms, Vectors
 from tanteo.sensors import Rig
-from tanteo.typing import BoolArray, FloatArray, IntArray, Tangents, Transforms, Vectors
 
 FRONTAL_COSINE = 0.9
 """Smallest cosine between a beam and the hand's +z for a frontal sensor (26 degrees)."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tanteo.typing import FloatArray, Tangents, Transforms, Vectors
+from tanteo.geometry.typing import FloatArray, Tangents, Transforms, Vectors
 
 
 def shift(velocity: Vectors) -> Tangents:

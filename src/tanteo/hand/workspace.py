@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames import frozen_array
+from tanteo.geometry import SE3, frozen_array
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.hand.robot import Body
-from tanteo.lie import SE3
-from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 _STILL = 1e-12
 """Smallest component of a path along a box axis [m]; smaller ones are replaced by it to avoid a division by zero."""

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active import Start
 from tanteo.errors import InputError
-from tanteo.execution import prior_poses
-from tanteo.inference import Alternatives, PreparedPart
-from tanteo.measurements import OnTable, PoseFactor
-from tanteo.typing import FloatArray, IntArray, Transforms
+from tanteo.factors import PoseFactor
+from tanteo.geometry.typing import FloatArray, IntArray, Transforms
+from tanteo.planning import Start, prior_poses
+from tanteo.posterior import Alternatives, OnTable, PreparedPart
 from tanteo.vision import Camera, EdgePoints, ImageEdges, Weights, chance_map, map_edges
 
 
@@ -73,7 +72,7 @@ class ImageTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RestTable:
-    """The table on which the part lies, see :class:`tanteo.measurements.OnTable`."""
+    """The table on which the part lies, see :class:`tanteo.posterior.OnTable`."""
 
     T_world_table: Transforms
     height_sd: float

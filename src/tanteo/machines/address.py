@@ -10,6 +10,7 @@ from typing import Protocol
 
 from tanteo import machines
 from tanteo.errors import InputError, PluginError, did_you_mean
+from tanteo.geometry.typing import Vectors
 from tanteo.machines.direct import DirectMachine
 from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
@@ -17,7 +18,6 @@ from tanteo.machines.link import Link, SerialLink, TcpLink
 from tanteo.machines.protocol import LinkLostError, Machine
 from tanteo.machines.world import World
 from tanteo.plugins import Registry, guarded
-from tanteo.typing import Vectors
 
 _WITHOUT_KIND = ("replay", "direct")
 """Kinds of addresses that are no controller: a log, and the simulated tip itself."""
@@ -85,7 +85,7 @@ def parse_machine(text: str) -> Address:
         InputError: no such kind of machine, or no address of it.
 
     Example:
-        >>> from tanteo.machines import parse_machine
+        >>> from tanteo.machines.address import parse_machine
         >>> parse_machine("grbl://127.0.0.1:23").ports
         (23,)
     """

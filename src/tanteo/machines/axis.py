@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines.world import World
-from tanteo.typing import Vectors
 
 _TICK = 0.002
 """Of a motion that takes time [s]."""

@@ -6,10 +6,10 @@ import time
 
 import numpy as np
 
+from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines.axis import Ended, Tip
 from tanteo.machines.protocol import ContactError, Facts, MachineState, MachineStatus, Sensed, StoppedError
 from tanteo.machines.world import World
-from tanteo.typing import Transforms, Vectors
 
 
 class DirectMachine:

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines.axis import Ended, Tip
 from tanteo.machines.faults import Faults
 from tanteo.machines.world import World
-from tanteo.typing import Vectors
 
 Outcome = Literal["there", "met", "tripped", "pushed", "unsaid"]
 """At its goal; at a contact; not begun, in contact; pushed without a contact; nothing is to be said of it."""

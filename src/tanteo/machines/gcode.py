@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tanteo.lie import SO3
-from tanteo.typing import Vectors
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import Vectors
 
 _WORD = re.compile(r"([A-Z])\s*([-+]?\d*\.?\d+)")
 _MOTIONS = ("0", "1", "38.2", "38.3")

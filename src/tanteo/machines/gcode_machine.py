@@ -11,13 +11,13 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines import offsets
 from tanteo.machines.gcode import feed_word, place_words
 from tanteo.machines.latch import Latch
 from tanteo.machines.link import Link
 from tanteo.machines.offsets import WorkFrame
 from tanteo.machines.protocol import Facts, MachineError, MachineStatus, Sensed, place_of
-from tanteo.typing import Transforms, Vectors
 
 UNITS = {"MM": 1e-3, "INCH": 25.4e-3, "CM": 1e-2}
 """Of what controllers say of places [m]."""

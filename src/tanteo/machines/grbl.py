@@ -16,6 +16,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines import offsets
 from tanteo.machines.gcode_machine import UNITS, GcodeMachine
 from tanteo.machines.grbl_words import ALARMS, STATES, Report, offsets_of, probed, report_of
@@ -23,7 +24,6 @@ from tanteo.machines.link import Link
 from tanteo.machines.offsets import WorkFrame
 from tanteo.machines.protocol import Facts, LinkLostError, MachineStatus, StoppedError
 from tanteo.machines.row_reader import RowReader
-from tanteo.typing import Vectors
 
 _HOLD, _RESET, _ASK = b"!", b"\x18", b"?"
 _PERIOD = 0.2

@@ -15,12 +15,12 @@ from contextlib import suppress
 
 import numpy as np
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.gcode import Modal
 from tanteo.machines.server import Server
 from tanteo.machines.world import World
-from tanteo.typing import Vectors
 
 _RAPID = 0.1
 """Speed of ``G0`` [m/s]."""

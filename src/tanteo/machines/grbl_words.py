@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines.protocol import MachineState
-from tanteo.typing import Vectors
 
 STATES: dict[str, MachineState] = {"Idle": "idle", "Run": "moving", "Jog": "moving", "Hold": "held", "Home": "moving"}
 ALARMS = {

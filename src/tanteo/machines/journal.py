@@ -13,8 +13,8 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.machines.protocol import Sensed
+from tanteo.planning import Action, Session
 from tanteo.sensors import Readings
-from tanteo.session import Action, Session
 
 SUFFIX = ".journal"
 """Behind the name of the record."""

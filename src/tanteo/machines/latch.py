@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines.link import Link
 from tanteo.machines.protocol import ContactError, LateError, LinkLostError, MachineState, StoppedError, in_mm
-from tanteo.typing import Vectors
 
 
 class Latch:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError
+from tanteo.geometry.typing import Vectors
 from tanteo.hand import Workspace
-from tanteo.typing import Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,14 +12,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from tanteo.lie import SO3
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.machines import offsets
 from tanteo.machines.gcode_machine import UNITS, GcodeMachine
 from tanteo.machines.link import Link
 from tanteo.machines.linuxcncrsh import RshClient
 from tanteo.machines.offsets import WorkFrame
 from tanteo.machines.protocol import LinkLostError, MachineState, MachineStatus, StoppedError
-from tanteo.typing import FloatArray, Vectors
 
 CONNECT, ENABLE = "EMC", "EMCTOO"
 """The passwords that linuxcncrsh has if it is not told others."""

@@ -13,13 +13,13 @@ from contextlib import suppress
 
 import numpy as np
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.gcode import Modal
 from tanteo.machines.linuxcnc import CONNECT, ENABLE
 from tanteo.machines.server import Server
 from tanteo.machines.world import World
-from tanteo.typing import Vectors
 
 
 class LinuxCncFake(Fake):

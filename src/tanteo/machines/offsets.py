@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines.protocol import MachineError
-from tanteo.typing import Vectors
 
 _SLOTS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 _NEAR = 2e-3

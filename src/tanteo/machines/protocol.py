@@ -11,7 +11,7 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 
 from tanteo.errors import TanteoError
-from tanteo.typing import Transforms, Vectors
+from tanteo.geometry.typing import Transforms, Vectors
 
 MachineState = Literal["idle", "moving", "held", "stopped", "lost"]
 """At rest and ready; under way; paused; an alarm, an emergency stop or an abort; no connection."""

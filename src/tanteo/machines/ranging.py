@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines.protocol import Facts, Machine, MachineStatus, RefusedError, Sensed, place_of
-from tanteo.typing import Transforms, Vectors
 
 _ALONG = 1e-3
 """Angle to where the sensor looks at which a range may be asked for [rad]."""
@@ -27,8 +27,10 @@ class RangingMachine:
 
     Example:
         >>> import numpy as np
-        >>> from tanteo.machines import DirectMachine, RangingMachine, World
-        >>> from tanteo.shapes import Surface
+        >>> from tanteo.machines.direct import DirectMachine
+        >>> from tanteo.machines.ranging import RangingMachine
+        >>> from tanteo.machines.world import World
+        >>> from tanteo.parts import Surface
         >>> there = Surface(np.eye(3), np.array([[0, 1, 2]]))
         >>> driver = DirectMachine(World(there, np.eye(4)), np.array([0.0, 0.0, 0.2]))
         >>> RangingMachine(driver, lambda: 0.05).sense(np.array([0.0, 0.0, -1.0]), 0.3, 0.01, 1.0).distance

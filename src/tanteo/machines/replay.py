@@ -9,9 +9,9 @@ import numpy as np
 
 from tanteo import io
 from tanteo.errors import InputError
+from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines.protocol import Facts, MachineStatus, RefusedError, Sensed, StoppedError
 from tanteo.sensors import Readings, concatenate
-from tanteo.typing import Transforms, Vectors
 
 _AHEAD, _BEFORE = 0.5, 0.02
 """Cosine to the direction that is asked, of a touch that may answer; how long it was, if the log has it not [m]."""

@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tanteo import io
-from tanteo.active import largest_corner_sd
 from tanteo.machines.journal import Journal, reading_of, take_up_rows
 from tanteo.machines.protocol import ContactError, RefusedError, Sensed, StoppedError
 from tanteo.machines.safe import SafeMachine
 from tanteo.machines.ways import Ways
-from tanteo.session import Action, Done, Session, Step
+from tanteo.planning import Action, Done, Session, Step, largest_corner_sd
 
 _REFUSED = 25
 """Questions in a row that the machine cannot answer before the run ends."""

@@ -13,7 +13,8 @@ from typing import TypeVar
 import numpy as np
 
 from tanteo.errors import TanteoError
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines.limits import MachineLimits
 from tanteo.machines.protocol import (
     ContactError,
@@ -29,7 +30,6 @@ from tanteo.machines.protocol import (
     in_words,
     place_of,
 )
-from tanteo.typing import Transforms, Vectors
 
 _T = TypeVar("_T")
 _TICK = 0.02

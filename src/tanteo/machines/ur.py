@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.lie import SO3
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines import ur_script
 from tanteo.machines.latch import Latch
 from tanteo.machines.link import Link
@@ -30,7 +31,6 @@ from tanteo.machines.protocol import (
 from tanteo.machines.rtde import RtdeClient
 from tanteo.machines.ur_dashboard import ready_version
 from tanteo.machines.ur_script import MET, NUMBER, PLACE, PUSHED, RESULT, STOP, TRIPPED
-from tanteo.typing import Transforms, Vectors
 
 PORTS = 29999, 30002, 30004
 """Of the dashboard, of programs, of RTDE."""

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from tanteo.geometry.typing import Vectors
 from tanteo.machines import rtde
 from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.server import Server
 from tanteo.machines.ur_script import ARRIVED, MET, NUMBER, PLACE, PUSHED, RESULT, TRIPPED
 from tanteo.machines.world import World
-from tanteo.typing import Vectors
 
 _MOVEL = re.compile(r"movel\(p\[([^\]]+)\], a=([\d.]+), v=([\d.]+)\)")
 _NUMBER = re.compile(rf"write_output_integer_register\({NUMBER}, (\d+)\)")

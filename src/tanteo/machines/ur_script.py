@@ -1,6 +1,6 @@
 """Programs of URScript that the driver of Universal Robots sends, one a motion.
 
-A program watches a digital input while a thread moves, as the probing programs of :mod:`tanteo.programs` do, and writes
+A program watches a digital input while a thread moves, as the probing programs of :mod:`tanteo.machines.programs` do, and writes
 what came of it to output registers that RTDE carries back. Read for it: Universal Robots' Script Manual (``movel``,
 threads, ``write_output_integer_register``).
 """
@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tanteo.lie import SO3
-from tanteo.typing import Transforms
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import Transforms
 
 NUMBER, RESULT, PLACE = 24, 25, 24
 """Output registers: a program's number and result (whole numbers), the TCP's pose from here on (six numbers)."""

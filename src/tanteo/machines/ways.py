@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.active import Probe, Start
-from tanteo.answers import box_corners, point_moves
-from tanteo.lie import SE3
-from tanteo.programs import Job, Touch, first_way, leaves, tool_axes, transfer
-from tanteo.session import Action
-from tanteo.typing import Transforms
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Transforms
+from tanteo.machines.programs.job import Job, Touch, first_way, leaves, tool_axes, transfer
+from tanteo.planning import Action, Probe, Start
+from tanteo.posterior import box_corners, point_moves
 
 _SDS = 3.0
 """Standard deviations of the part's place that ways keep off it."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.lie import SE3
-from tanteo.shapes import Surface, ball_contact, signed_distance
-from tanteo.typing import Transforms, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Transforms, Vectors
+from tanteo.parts import Surface, ball_contact, signed_distance
 
 _TRIPPED = 2e-6
 """Nearer than this the ball is in contact [m]."""

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.constraints import gate, published
-from tanteo.features import EDGE, Feature, feature_covariance
+from tanteo.features import EDGE, Feature, feature_covariance, gate
+from tanteo.features.constraints import published
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.parts import Part
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
 
 _PARALLEL = 1e-6
 """Model features whose directions differ by less than this are parallel [rad]."""

@@ -11,7 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import (
+from tanteo.defaults import SIGNIFICANCE, TOP
+from tanteo.errors import InputError
+from tanteo.features import Feature, Sides, collect_shared, shared_root
+from tanteo.fitting import Block, ModelFeature, Pairing, estimate_pose, first_pose, gauss_newton, relation_between
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, IntArray, Transforms
+from tanteo.paper.assignments import Candidates, assignments, candidates_of
+from tanteo.parts import Part
+from tanteo.posterior import (
     Answer,
     Clock,
     Hypothesis,
@@ -22,14 +30,6 @@ from tanteo.answers import (
     verdict,
     without_spin,
 )
-from tanteo.defaults import SIGNIFICANCE, TOP
-from tanteo.errors import InputError
-from tanteo.features import Feature, Sides, collect_shared, shared_root
-from tanteo.lie import SE3
-from tanteo.localization import Block, ModelFeature, Pairing, estimate_pose, first_pose, gauss_newton, relation_between
-from tanteo.paper.assignments import Candidates, assignments, candidates_of
-from tanteo.parts import Part
-from tanteo.typing import FloatArray, IntArray, Transforms
 
 _KINDS = "plane", "edge", "vertex"
 

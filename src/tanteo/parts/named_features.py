@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts.part import Part
-from tanteo.typing import FloatArray, IntArray, Vectors
 
 _NAME = re.compile(r"(\w+) (\d+)")
 

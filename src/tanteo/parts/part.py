@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tanteo.parts.elements import Face, ModelEdges, ModelPlanes, ModelVertices, SymmetryGroup, freeze_as
-from tanteo.typing import FloatArray, IntArray
+from tanteo.geometry.typing import FloatArray, IntArray
+from tanteo.parts.faces.elements import Face, ModelEdges, ModelPlanes, ModelVertices, SymmetryGroup, freeze_as
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3
-from tanteo.parts.elements import SymmetryGroup
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import FloatArray, IntArray
+from tanteo.parts.faces.elements import SymmetryGroup
 from tanteo.parts.part import Part
-from tanteo.parts.topology import components
-from tanteo.shapes import Surface
-from tanteo.typing import FloatArray, IntArray
+from tanteo.parts.readers.topology import components
+from tanteo.parts.shapes.surface import Surface
 
 TOLERANCE = 2e-4
 """Largest distance of a mapped point from the surface, relative to the diagonal of the part's box."""

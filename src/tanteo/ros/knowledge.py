@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from tanteo.active import Probe, Stop, from_hypotheses
-from tanteo.answers import Answer, Priors
 from tanteo.parts import Part
+from tanteo.planning import Action, Done, Probe, Sensing, Session, Stop, from_hypotheses
+from tanteo.posterior import Answer, Priors
 from tanteo.recognition import identify
 from tanteo.sensors import Readings, concatenate
-from tanteo.session import Action, Done, Sensing, Session
 
 _NOTHING_YET = Done(False, "No reading has come yet, and nobody says where the part is (--pose-prior).")
 

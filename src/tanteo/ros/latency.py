@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import Hypothesis
-from tanteo.lie import SE3, maximize
-from tanteo.parts import Part
+from tanteo.geometry import SE3, maximize
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.parts import Part, Surface
+from tanteo.posterior import Hypothesis
 from tanteo.sensors import PointMeasurements, Readings
-from tanteo.shapes import Surface
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
 
 STEP = 2e-3
 """Time shift of the readings for the velocity by central differences [s]."""

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from tanteo import io
-from tanteo.answers import Answer
 from tanteo.errors import InputError, MissingExtraError, TanteoError
 from tanteo.parts import Part
+from tanteo.planning import Done
+from tanteo.posterior import Answer
 from tanteo.ros.intake import Intake
 from tanteo.ros.knowledge import Knowledge
 from tanteo.ros.network import Settings
 from tanteo.ros.said import next_document, next_pose, state_message
 from tanteo.ros.types import filled, type_named
 from tanteo.sensors import Readings
-from tanteo.session import Done
 
 _LOOK, _TELL, _SAY = 0.5, 0.05, 1.0
 """Intervals of topic discovery, of processing of readings, and of diagnostics [s]."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from tanteo import io
-from tanteo.answers import Answer
-from tanteo.lie import SE3, SO3
-from tanteo.session import Action, Done
+from tanteo.geometry import SE3, SO3
+from tanteo.planning import Action, Done
+from tanteo.posterior import Answer
 
 SCHEMA = "tanteo.next/1"
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tanteo.geometry.typing import IntArray
 from tanteo.sensors.measurements import PointMeasurements
 from tanteo.sensors.readings import Readings
-from tanteo.typing import IntArray
 from tanteo.words.findings import Repeated, Stuck
 
 _SAME = 1e-9

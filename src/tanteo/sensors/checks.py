@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.errors import ReadingsError
-from tanteo.limits import LARGEST, LARGEST_TILT_SD, LEAST_SD, LEAST_TILT_SD
-from tanteo.sensors.reading_kinds import SIZES, reading_kind, reading_kinds
-from tanteo.typing import BoolArray
+from tanteo.geometry.limits import LARGEST, LARGEST_TILT_SD, LEAST_SD, LEAST_TILT_SD
+from tanteo.geometry.typing import BoolArray
+from tanteo.sensors.kinds import SIZES, reading_kind, reading_kinds
 
 if TYPE_CHECKING:
     from tanteo.sensors.readings import Readings

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError, ReadingsError, did_you_mean
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.presets import NoiseLaw, SensorPreset, sensor_presets
 from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig, RigSensor
-from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
 
 _UNITS, _BEYOND = {"mm": 1e-3, "m": 1e3}, 3.0
 """Factors for ranges given in a wrong unit, and the factor beyond the limits from which a wrong unit is suspected."""

@@ -23,10 +23,10 @@ from enum import IntEnum
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, IntArray, Tangents, Transforms, Vectors
 from tanteo.sensors.figures import ErrorModel
 from tanteo.sensors.presets import RobotPreset, SensorPreset
-from tanteo.typing import FloatArray, IntArray, Tangents, Transforms, Vectors
 
 
 class Status(IntEnum):

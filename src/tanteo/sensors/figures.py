@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames import frozen_array
+from tanteo.geometry import frozen_array
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.sensors.devices import Device
 from tanteo.sensors.presets import NoiseLaw, SensorPreset
 from tanteo.sensors.rig import Rig
-from tanteo.typing import Covariances, FloatArray, IntArray, Transforms
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,9 +8,9 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError, shared_root, stacked_covariance
-from tanteo.frames import check_covariances, freeze, frozen_array
+from tanteo.geometry import check_covariances, freeze, frozen_array
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
 from tanteo.sensors.noise import beam_cov
-from tanteo.typing import Covariances, FloatArray, IntArray, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.lie import SE3, SO3
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 def range_variance(

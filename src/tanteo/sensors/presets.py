@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
-from tanteo.typing import FloatArray
+from tanteo.geometry.typing import FloatArray
 
 _LARGEST_EXPONENT = 20.0
 """Largest exponent of the exponential law, which prevents overflow far beyond any device's range."""

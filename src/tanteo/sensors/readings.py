@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import ReadingsError, check_kind
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.sensors.checks import check_readings
-from tanteo.typing import BoolArray, FloatArray, Transforms, Vectors
 
 
 def frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:

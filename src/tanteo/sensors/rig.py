@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo.errors import InputError, did_you_mean
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.sensors.presets import SensorPreset
-from tanteo.typing import Covariances, FloatArray, Transforms
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,13 +13,13 @@ import numpy.typing as npt
 
 from tanteo.errors import InputError
 from tanteo.features import SharedError
-from tanteo.lie import SO3
-from tanteo.limits import LARGEST
+from tanteo.geometry import SO3
+from tanteo.geometry.limits import LARGEST
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
 from tanteo.sensors.devices import Device, Placed
 from tanteo.sensors.noise import body_jacobian
 from tanteo.sensors.presets import RobotPreset
 from tanteo.sensors.readings import Readings
-from tanteo.typing import BoolArray, FloatArray, IntArray, Vectors
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,23 +7,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.answers import Answer, Hypothesis, Misfit, Status, hypothesis_at, verdict
-from tanteo.inference import Mode, goodness_of_fit, mode_covariances
-from tanteo.lie import SE3
-from tanteo.shapes import Surface
-from tanteo.typing import FloatArray, Transforms, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, Transforms, Vectors
+from tanteo.parts import Surface
+from tanteo.posterior import (
+    Answer,
+    Hypothesis,
+    Misfit,
+    Mode,
+    Status,
+    goodness_of_fit,
+    hypothesis_at,
+    mode_covariances,
+    verdict,
+)
 from tanteo.vision.image_edges import ImageEdges, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.words import Finding, touch_words
-from tanteo.words.findings import (
+from tanteo.words.findings import (  # fmt: skip
     DecidingTouch,
     EdgesFitBadly,
     NotSearched,
     OutlineCut,
     SimilarOutlines,
     UnknownInImage,
-)  # fmt: skip
+)
 
 _MAY_MISS = 0.05
 """Probability of parts that were not looked for from which it is said."""

@@ -14,8 +14,8 @@ from types import ModuleType
 import numpy as np
 
 from tanteo.errors import InputError, MissingExtraError
-from tanteo.frames import check_covariance, frozen_array
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry import check_covariance, frozen_array
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 PIXELS = 64_000_000
 """An image may have so many: half a gigabyte while it is looked at."""

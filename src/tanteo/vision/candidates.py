@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.lie import SE3
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import opencv
 from tanteo.vision.edges import EdgeMap
 from tanteo.vision.fit import REACHES, beside, pixel_length, refine

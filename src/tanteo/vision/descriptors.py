@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames import freeze
-from tanteo.typing import Covariances, FloatArray
+from tanteo.geometry import freeze
+from tanteo.geometry.typing import Covariances, FloatArray
 
 DESCRIPTOR_NAMES = ("area", "perimeter", "x", "y", "long_axis", "short_axis", *(f"hu{k}" for k in range(1, 8)))
 """The order of a vector of descriptors. The axes are standard deviations of the area along its principal directions."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import InputError
-from tanteo.frames import freeze
-from tanteo.typing import BoolArray, FloatArray, IntArray
+from tanteo.geometry import freeze
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.camera import opencv
 
 SMOOTHING = 1.2

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.frames import freeze
-from tanteo.typing import Covariances, FloatArray
+from tanteo.geometry import freeze
+from tanteo.geometry.typing import Covariances, FloatArray
 from tanteo.vision.camera import opencv
 from tanteo.vision.edges import FLOOR
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tanteo.errors import DegenerateError
-from tanteo.typing import BoolArray, FloatArray, IntArray
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.camera import Camera, without_distortion
 from tanteo.vision.edges import BY_DRIFT, CORRELATION, EdgePoints
 from tanteo.vision.ellipse_fit import FEWEST, Ellipse, fit_ellipse, offsets_from

@@ -15,8 +15,8 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.features import CIRCLE, EDGE, PLANE, Feature, Round, Sides
-from tanteo.lie import SE3, SO3
-from tanteo.typing import Covariances, FloatArray, Transforms
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.vision.camera import Camera
 from tanteo.vision.circles import circle_poses
 from tanteo.vision.ellipse_fit import Ellipse

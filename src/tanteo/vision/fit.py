@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.lie import SE3
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
 from tanteo.vision.edges import CORRELATION, EdgeMap
 from tanteo.vision.wireframe import Seen, Wireframe, see_edges

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
-from tanteo.lie import SE3
-from tanteo.measurements import PoseFactor
+from tanteo.factors import PoseFactor
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.typing import BoolArray, FloatArray, Transforms
 from tanteo.vision.camera import Camera, opencv
 from tanteo.vision.edges import BY_DRIFT, CHANNELS, CORRELATION, FLOOR, EdgeMap, EdgePoints
 from tanteo.vision.models import VisionModel, prepare_vision

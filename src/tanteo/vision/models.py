@@ -8,9 +8,9 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.catalogue import StablePose, known_stable_poses
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.parts import Part
-from tanteo.typing import Transforms, Vectors
 from tanteo.vision.regions import area_from_above
 from tanteo.vision.wireframe import Wireframe, wireframe
 

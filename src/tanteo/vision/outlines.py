@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.answers import OTHERWISE, SeenOutline
 from tanteo.errors import InputError
-from tanteo.lie import SE3
-from tanteo.special import log_sum
-from tanteo.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.geometry import SE3
+from tanteo.geometry.special import log_sum
+from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.posterior import OTHERWISE, SeenOutline
 from tanteo.vision.camera import Camera, on_plane, opencv, project
 from tanteo.vision.edges import EdgePoints, find_edges
 from tanteo.vision.image_edges import standing
@@ -158,7 +158,8 @@ def outline_of_readings(
     Example:
         >>> from dataclasses import replace
         >>> from tanteo.io import read_marks
-        >>> from tanteo.vision import fit_camera, outline_of_readings
+        >>> from tanteo.vision.table import fit_camera
+        >>> from tanteo.vision.outlines import outline_of_readings
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> place = fit_camera(camera, *read_marks("images/marks.csv"))
         >>> camera = replace(camera, T_world_camera=place.T_world_camera)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.lie import SE3, SO3, maximize
+from tanteo.geometry import SE3, SO3, maximize
+from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Part, near_groups
-from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
 from tanteo.vision.segments import Corners, Segments
 

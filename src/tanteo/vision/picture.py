@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tanteo.lie import SE3
-from tanteo.typing import FloatArray, Transforms
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.vision.camera import Camera, opencv, project
 from tanteo.vision.edges import check_image, map_edges
 from tanteo.vision.fit import meet

@@ -12,13 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.answers import Priors, sized
-from tanteo.inference import Mode, PartSearch, Posterior, Problem, prepare, search_about, weigh
-from tanteo.lie import SE3
-from tanteo.measurements import ContactPoints, FreeRays, OnTable
+from tanteo.factors import ContactPoints, FreeRays
+from tanteo.geometry import SE3
+from tanteo.geometry.special import log_sum
+from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.special import log_sum
-from tanteo.typing import FloatArray, Transforms
+from tanteo.posterior import Mode, OnTable, PartSearch, Posterior, Priors, Problem, prepare, search_about, sized, weigh
 from tanteo.vision.image_edges import SAME_SHIFT, SAME_TURN, ImageEdges, Sums, standing
 from tanteo.vision.models import VisionModel
 

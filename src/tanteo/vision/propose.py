@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.lie import SE3, SO3
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import Camera, meet_plane, rays
 from tanteo.vision.edges import EdgeMap
 from tanteo.vision.models import VisionModel

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo import _core
-from tanteo.frames import freeze
-from tanteo.lie import SE3
-from tanteo.shapes import Surface
-from tanteo.typing import BoolArray, FloatArray, Transforms
+from tanteo.geometry import SE3, freeze
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
+from tanteo.parts import Surface
 from tanteo.vision.camera import Camera, opencv, project
 from tanteo.vision.edges import CORRELATION, EdgePoints, check_image, image_noise
 

@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tanteo.lie import SE3
-from tanteo.parts import Part
-from tanteo.shapes import Surface
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.parts import Part, Surface
 from tanteo.vision.camera import Camera, opencv, project, rays
 
 FINE = 4

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError
-from tanteo.lie import SE3, SO3
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Part, Rim, round_features
-from tanteo.typing import FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
 from tanteo.vision.circles import circle_frames, project_circle
 from tanteo.vision.ellipse_fit import Ellipse

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tanteo.frames import freeze
-from tanteo.typing import BoolArray, Covariances, FloatArray, IntArray
+from tanteo.geometry import freeze
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray
 from tanteo.vision.camera import Camera, opencv, without_distortion
 from tanteo.vision.edges import CORRELATION, EdgeMap, cell_of, channel_of
 from tanteo.vision.fit import BIAS

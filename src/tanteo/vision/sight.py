@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from tanteo.answers import Answer
 from tanteo.defaults import TOP
 from tanteo.errors import InputError
-from tanteo.lie import SE3
-from tanteo.measurements import OnTable, PoseFactor
+from tanteo.factors import PoseFactor
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part, StoredParts, as_parts
-from tanteo.typing import BoolArray, FloatArray, Transforms
+from tanteo.posterior import Answer, OnTable
 from tanteo.vision.answers import ImageMode, Question, ask, hypothesis, judged, too_many
 from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.candidates import candidates_in, own_edges

@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from tanteo.answers import Answer, box_corners
 from tanteo.defaults import TOP
 from tanteo.errors import InputError
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.typing import FloatArray, Transforms
+from tanteo.posterior import Answer, box_corners
 from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.camera import Camera, project
 from tanteo.vision.candidates import FAINT

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.errors import DegenerateError, InputError
-from tanteo.lie import SE3, SO3
-from tanteo.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera, opencv, project, project_linearized, rays
 
 _CONTRADICT = 0.01

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tanteo.answers import Priors
-from tanteo.lie import SE3
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Part
-from tanteo.typing import FloatArray, Transforms, Vectors
+from tanteo.posterior import Priors
 from tanteo.vision.camera import Camera
 from tanteo.vision.candidates import candidates_in
 from tanteo.vision.edges import find_edges, map_edges

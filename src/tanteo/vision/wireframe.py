@@ -10,10 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tanteo import _core
-from tanteo.localization import motion_scale
-from tanteo.parts import Part, Rim, mesh_edges, round_features
-from tanteo.shapes import Surface
-from tanteo.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+from tanteo.fitting import motion_scale
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+from tanteo.parts import Part, Rim, Surface, mesh_edges, round_features
 
 SHARP = np.radians(12.0)
 """Two faces that meet at more than this make an edge that may be seen [rad]."""

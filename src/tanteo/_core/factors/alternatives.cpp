@@ -1,4 +1,4 @@
-#include "alternatives.hpp"
+#include "factors/alternatives.hpp"
 
 #include <cmath>
 

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "../pose_term.hpp"
+#include "solve/pose_term.hpp"
 
 namespace tanteo {
 

@@ -1,7 +1,7 @@
 // The centre of a circle: normal about the axis of a hole or boss, even along it at any height, with the circle's axis (of
 // either sign) and radius where they were sensed.
 // round_centre.hpp has the formula.
-#include "round_centre.hpp"
+#include "factors/round_centre.hpp"
 
 namespace tanteo {
 

@@ -1,7 +1,7 @@
 // The apex of a cone, or a point of its axis at a known offset from it: normal about it, with the axis into the cone and the
 // half angle where they were sensed.
 // round_centre.hpp has the formula.
-#include "round_centre.hpp"
+#include "factors/round_centre.hpp"
 
 namespace tanteo {
 

@@ -1,7 +1,7 @@
 // A point that was sensed on a corner of the part: normal about it, every corner as probable as any other.
 // p(x | pose) = sum_i N(x; c_i, C) / n.
-#include "gaussian.hpp"
-#include "on_surface.hpp"
+#include "factors/gaussian.hpp"
+#include "factors/on_surface.hpp"
 
 namespace tanteo {
 

@@ -2,8 +2,8 @@
 // it is long. p(x | pose) = sum_i (L_i / L) f_i(x), with f_i of gaussian.hpp.
 #include <algorithm>
 
-#include "gaussian.hpp"
-#include "on_surface.hpp"
+#include "factors/gaussian.hpp"
+#include "factors/on_surface.hpp"
 
 namespace tanteo {
 

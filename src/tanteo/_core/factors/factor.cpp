@@ -1,4 +1,4 @@
-#include "factor.hpp"
+#include "factors/factor.hpp"
 
 #include <cmath>
 

@@ -9,9 +9,9 @@
 #include <memory>
 #include <vector>
 
-#include "../normal.hpp"
-#include "../shape.hpp"
-#include "../vec.hpp"
+#include "normal.hpp"
+#include "shape/shape.hpp"
+#include "vec.hpp"
 
 namespace tanteo {
 

@@ -2,7 +2,7 @@
 #pragma once
 #include <cstring>
 
-#include "factor.hpp"
+#include "factors/factor.hpp"
 
 namespace tanteo {
 

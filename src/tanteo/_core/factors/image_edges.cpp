@@ -1,9 +1,9 @@
-#include "image_edges.hpp"
+#include "factors/image_edges.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "../normal.hpp"
+#include "normal.hpp"
 
 namespace tanteo {
 

@@ -43,8 +43,8 @@
 #include <array>
 #include <vector>
 
-#include "../image_frame.hpp"
-#include "../pose_term.hpp"
+#include "image/image_frame.hpp"
+#include "solve/pose_term.hpp"
 
 namespace tanteo {
 

@@ -1,4 +1,4 @@
-#include "normal_poses.hpp"
+#include "factors/normal_poses.hpp"
 
 #include <algorithm>
 #include <cmath>

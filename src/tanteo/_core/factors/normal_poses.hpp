@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "../pose_term.hpp"
-#include "../problem.hpp"
+#include "solve/pose_term.hpp"
+#include "solve/problem.hpp"
 
 namespace tanteo {
 

@@ -1,4 +1,4 @@
-#include "on_surface.hpp"
+#include "factors/on_surface.hpp"
 
 #include <algorithm>
 #include <cmath>

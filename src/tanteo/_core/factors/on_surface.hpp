@@ -1,7 +1,7 @@
 // What points have in common that were sensed on the surface of the part: on its faces, edges or corners.
 #pragma once
-#include "factor.hpp"
-#include "registry.hpp"
+#include "factors/factor.hpp"
+#include "factors/registry.hpp"
 
 namespace tanteo {
 

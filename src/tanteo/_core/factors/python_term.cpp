@@ -8,9 +8,9 @@
 #include <memory>
 #include <optional>
 
-#include "../door.hpp"
-#include "../pose_term.hpp"
-#include "../symmetric.hpp"
+#include "bindings/door.hpp"
+#include "solve/pose_term.hpp"
+#include "solve/symmetric.hpp"
 
 namespace tanteo {
 

@@ -1,4 +1,4 @@
-#include "registry.hpp"
+#include "factors/registry.hpp"
 
 #include <cmath>
 #include <sstream>

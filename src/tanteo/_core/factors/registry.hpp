@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "../pose_term.hpp"
-#include "factor.hpp"
+#include "solve/pose_term.hpp"
+#include "factors/factor.hpp"
 
 namespace tanteo {
 

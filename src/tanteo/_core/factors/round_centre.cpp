@@ -1,9 +1,9 @@
-#include "round_centre.hpp"
+#include "factors/round_centre.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "gaussian.hpp"
+#include "factors/gaussian.hpp"
 
 namespace tanteo {
 

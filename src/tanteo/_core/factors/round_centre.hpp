@@ -1,8 +1,8 @@
 // Sensed centres of round features: of circles on the axis of a hole or boss, of spheres, apexes of cones. With the axis
 // and the size where they are known. The part has them as landmarks (Shape::axes).
 #pragma once
-#include "factor.hpp"
-#include "registry.hpp"
+#include "factors/factor.hpp"
+#include "factors/registry.hpp"
 
 namespace tanteo {
 

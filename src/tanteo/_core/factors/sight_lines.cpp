@@ -1,8 +1,8 @@
 // Lines of sight from one station (a camera, a theodolite), each through one of the known points of the part.
 #include <cmath>
 
-#include "../normal.hpp"
-#include "registry.hpp"
+#include "normal.hpp"
+#include "factors/registry.hpp"
 
 namespace tanteo {
 

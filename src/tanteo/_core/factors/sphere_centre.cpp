@@ -1,6 +1,6 @@
 // The centre of a sphere: normal about the centre of a ball or socket, with its radius where it was sensed.
 // round_centre.hpp has the formula.
-#include "round_centre.hpp"
+#include "factors/round_centre.hpp"
 
 namespace tanteo {
 

@@ -1,9 +1,9 @@
-#include "stable_poses.hpp"
+#include "factors/stable_poses.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "../normal.hpp"
+#include "normal.hpp"
 
 namespace tanteo {
 

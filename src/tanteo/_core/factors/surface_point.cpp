@@ -1,10 +1,10 @@
-#include "surface_point.hpp"
+#include "factors/surface_point.hpp"
 
 #include <algorithm>
 #include <cstring>
 
-#include "registry.hpp"
-#include "truncated_normal.hpp"
+#include "factors/registry.hpp"
+#include "factors/truncated_normal.hpp"
 
 namespace tanteo {
 

@@ -1,6 +1,6 @@
 // A sensed point of the surface, or the centre of a ball that touches it, with what else the device knew.
 #pragma once
-#include "on_surface.hpp"
+#include "factors/on_surface.hpp"
 
 namespace tanteo {
 

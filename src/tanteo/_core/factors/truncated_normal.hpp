@@ -1,7 +1,7 @@
 // The mass of a normal density in a plane that falls inside an outline, and how that changes with its mean.
 #pragma once
-#include "../normal.hpp"
-#include "../shape.hpp"
+#include "normal.hpp"
+#include "shape/shape.hpp"
 
 namespace tanteo {
 

@@ -1,10 +1,6 @@
 """What an answer found, as typed values in SI units; :mod:`tanteo.words.sentences` puts them into words."""
 
-from tanteo.words.findings.base import (
-    Finding,
-    Role,
-    Share,
-)
+from tanteo.words.findings.base import Finding, Role, Share
 from tanteo.words.findings.causes import (
     CheckPrior,
     CloseTogether,
@@ -49,18 +45,8 @@ from tanteo.words.findings.input_checks import (
     UnitsConvention,
     UnitsQuestion,
 )
-from tanteo.words.findings.pairings import (
-    PairingsAgree,
-    PairingsContradict,
-    PairingsFree,
-)
-from tanteo.words.findings.sessions import (
-    EmptySpace,
-    MovedMeanwhile,
-    NoPartLeft,
-    NothingMet,
-    WiderPrior,
-)
+from tanteo.words.findings.pairings import PairingsAgree, PairingsContradict, PairingsFree
+from tanteo.words.findings.sessions import EmptySpace, MovedMeanwhile, NoPartLeft, NothingMet, WiderPrior
 from tanteo.words.findings.too_little import (
     AllOnFurniture,
     LabelNotes,

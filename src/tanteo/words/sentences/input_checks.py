@@ -63,7 +63,7 @@ def size_advice(units: f.UnitsQuestion | None) -> str:
 @words_of.register
 def _(one: f.TooNarrow) -> Words:
     return (
-        f"all readings lie within {1e3 * one.within:.3g} mm, and the smallest part measures "
+        f"All readings lie within {1e3 * one.within:.3g} mm, and the smallest part measures "
         f"{1e3 * one.smallest:.4g} mm."
     ), size_advice(one.units)
 
@@ -72,7 +72,7 @@ def _(one: f.TooNarrow) -> Words:
 def _(one: f.SpreadQuestion) -> Words:
     size = "finer than any sensor" if math.isnan(one.widest) else f"{one.sd / one.widest:.0%} of the largest part"
     return (
-        f"one standard deviation of the readings is {1e3 * one.sd:.3g} mm, which is {size}."
+        f"One standard deviation of the readings is {1e3 * one.sd:.3g} mm, which is {size}."
     ), "Is its unit right (column sd_mm, sd_m, sd_um; --sd)?"
 
 

@@ -1,0 +1,129 @@
+#include "image/image_edge.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "normal.hpp"
+
+namespace tanteo {
+
+namespace {
+
+struct Bent {  // what a lens makes of a ray with z = 1, with the terms that its derivative needs
+    double x, y, r2, radial, u, v;
+};
+
+Bent bent(const Lens& lens, double x, double y) {
+    const double *k = lens.k, r2 = x * x + y * y;
+    const double up = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4])), down = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+    const double radial = up / down;
+    return {x, y, r2, radial, x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x),
+            y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y};
+}
+
+struct Seen {  // a point of the camera's frame as a pixel, and its derivative by the point
+    double x, y;
+    Vec3 dx, dy;
+};
+
+Seen seen(const Lens& lens, const Vec3& p) {
+    const double per = 1 / p.z, *k = lens.k, p1 = k[2], p2 = k[3];
+    const auto [x, y, r2, radial, u, v] = bent(lens, p.x / p.z, p.y / p.z);
+    const double down = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])), d_down = k[5] + r2 * (2 * k[6] + 3 * r2 * k[7]);
+    const double d_up = k[0] + r2 * (2 * k[1] + 3 * r2 * k[4]), slope = (d_up - radial * d_down) / down;
+    const double across = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y;
+    const double ux = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x;
+    const double vy = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x;
+    const double a = lens.fx * per, b = lens.fy * per;
+    return {lens.fx * u + lens.cx, lens.fy * v + lens.cy, a * Vec3{ux, across, -ux * x - across * y},
+            b * Vec3{across, vy, -across * x - vy * y}};
+}
+
+int64_t nearest_whole(double above) { return static_cast<int64_t>(above + 0.5); }  // of what is above -0.5
+
+}  // namespace
+
+Pixel project(const Lens& lens, const Vec3& p) {
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    if (!(p.z > 0)) return {none, none};
+    const Bent b = bent(lens, p.x / p.z, p.y / p.z);
+    return {lens.fx * b.u + lens.cx, lens.fy * b.v + lens.cy};
+}
+
+Channels::Channels(int64_t count) {
+    for (int64_t k = 0; k < count; ++k) {
+        const double angle = (k + 0.5) * PI / count;
+        borders.push_back({std::cos(angle), std::sin(angle)});
+    }
+}
+
+int64_t Channels::of(double nx, double ny) const {
+    const double sign = ny < 0 || (ny == 0 && nx < 0) ? -1 : 1;
+    size_t passed = 0;
+    for (const Pixel& border : borders) passed += sign * (border.x * ny - border.y * nx) > 0;
+    return static_cast<int64_t>(passed == borders.size() ? 0 : passed);
+}
+
+EdgeMet meet_edge(const Lens& lens, const EdgePoints& points, const EdgeSample& sample, const Pose& pose, bool shown,
+                  double diagonal, double reach) {
+    EdgeMet met;
+    const Vec3 p = pose.R * sample.at + pose.t;
+    if (!(p.z > 0)) {
+        met.x = met.y = std::numeric_limits<double>::quiet_NaN();
+        return met;
+    }
+    const Seen at = seen(lens, p);
+    const Vec3 jx = transposed_times(pose.R, at.dx), jy = transposed_times(pose.R, at.dy);  // by the point of the part
+    const double tx = dot(jx, sample.along), ty = dot(jy, sample.along), scale = std::sqrt(tx * tx + ty * ty);
+    const double safe = scale > 0 ? scale : 1;
+    met.x = at.x;
+    met.y = at.y;
+    met.nx = -ty / safe;
+    met.ny = tx / safe;
+    const Vec3 by = met.nx * jx + met.ny * jy, turn = cross(sample.at, by);
+    store(by, met.slope);
+    store(turn, met.slope + 3);
+    met.inside = shown && scale * diagonal > 1 && at.x > -0.5 && at.y > -0.5 && at.x < points.columns - 0.5 &&
+                 at.y < points.rows - 0.5;
+    if (!met.inside) return met;
+    met.span = scale * sample.length;
+    const int64_t channel = points.channels.of(met.nx, met.ny);
+    const int32_t which =
+        points.nearest[(channel * points.rows + nearest_whole(at.y)) * points.columns + nearest_whole(at.x)];
+    if (which < 0 || which >= points.count) return met;
+    const double gx = points.pixels[2 * which] - at.x, gy = points.pixels[2 * which + 1] - at.y;
+    const double off = gx * met.nx + gy * met.ny, aside = std::fabs(gx * met.ny - gy * met.nx);
+    if (!(std::fabs(off) < reach) || !(aside < std::max(2.0, 0.5 * reach))) return met;
+    met.offset = off;
+    met.sd = points.sds[which];
+    met.point = which;
+    return met;
+}
+
+std::vector<char> foremost(const std::vector<EdgePlace>& met, double alike) {
+    std::vector<char> out(met.size(), 1);
+    for (size_t i = 0; i < met.size(); ++i)
+        for (size_t j = 0; j < met.size() && out[i]; ++j) {
+            const EdgePlace &a = met[i], &b = met[j];
+            if (a.group == b.group || !(a.off > b.off)) continue;
+            const double x = a.x - b.x, y = a.y - b.y, width = std::max(a.width, b.width);
+            out[i] = !(x * x + y * y < width * width && std::fabs(a.nx * b.nx + a.ny * b.ny) > alike);
+        }
+    return out;
+}
+
+std::vector<char> crowded(const std::vector<EdgePlace>& all, double gap, double alike) {
+    const auto near = [&](const EdgePlace& a, const EdgePlace& b) {
+        if (a.group == b.group && std::fabs(a.nx * b.nx + a.ny * b.ny) >= alike) return false;
+        const double x = a.x - b.x, y = a.y - b.y, across = x * b.nx + y * b.ny;
+        const double beyond = std::sqrt(std::max(x * x + y * y - across * across, 0.0)) - 0.5 * b.width;
+        return across * across + (beyond > 0 ? beyond * beyond : 0.0) < gap * gap;
+    };
+    std::vector<char> out(all.size());
+    for (size_t i = 0; i < all.size(); ++i)
+        for (size_t j = 0; j < all.size() && !out[i]; ++j) out[i] = near(all[i], all[j]);
+    return out;
+}
+
+}  // namespace tanteo

@@ -1,0 +1,131 @@
+// What centres need of a part, whatever its pose: axes of their kind, side and size, as far apart as they are.
+#include "proposals/axes.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tanteo {
+
+namespace {
+
+constexpr double TURNED = 0.004;    // and so much more [rad]: axes are not made, nor meshed, as they are drawn
+constexpr double PARALLEL = 1e-3;   // sine below which two axes are
+constexpr double LOOSE = 1.5;       // nats of a centre on an axis that is not among those of a part, beside their share
+constexpr double LEFT_OUT = 1e-3;   // least share that counts
+constexpr double NEVER = 1e300;
+
+// Least distance of the lines of two axes; of a point from a line or another.
+double between(const ModelAxis& a, const ModelAxis& b) {
+    const Vec3 off = b.middle - a.middle;
+    if (a.point && b.point) return norm(off);
+    const Vec3 across = cross(a.along, b.along);
+    const double sine = norm(across);
+    if (a.point || (sine <= PARALLEL && !b.point)) return norm(off - dot(off, b.along) * b.along);
+    if (b.point) return norm(off - dot(off, a.along) * a.along);
+    return std::fabs(dot(off, across)) / sine;
+}
+
+// Largest distance of places of two axes.
+double ends_apart(const ModelAxis& a, const ModelAxis& b) {
+    double far = 0;
+    for (const double s : {a.low, a.high})
+        for (const double t : {b.low, b.high})
+            far = std::max(far, squared(a.middle + s * a.along - b.middle - t * b.along));
+    return std::sqrt(far);
+}
+
+}  // namespace
+
+ModelAxes::ModelAxes(const float* rows, size_t count) {
+    double share[KINDS] = {}, density = 0;
+    for (size_t k = 0; k < count; ++k) {
+        const float* x = rows + COLUMNS * k;
+        if (!std::all_of(x, x + COLUMNS, [](float value) { return std::fabs(value) < 1e6f; })) continue;  // counts as unseen
+        const Vec3 a{x[0], x[1], x[2]}, b{x[3], x[4], x[5]};
+        const double weight = x[8], half = 0.5 * norm(b - a);
+        const int number = static_cast<int>(x[10]), kind = std::clamp(static_cast<int>(x[11]), 0, KINDS - 1);
+        const bool line = x[12] > 0;
+        share[kind] += weight;
+        if (line && !all.empty() && all.back().kind == kind && all.back().number == number) {
+            ModelAxis& own = all.back();  // the same hole: how far beyond its wall centres may be
+            const double s = dot(a - own.middle, own.along), t = dot(b - own.middle, own.along);
+            own.low = std::min({s, t, -own.wall});
+            own.high = std::max({s, t, own.wall});
+            own.price = std::log1p(density / std::max(weight / (own.high - own.low), 1e-12));
+            continue;
+        }
+        ModelAxis axis;
+        axis.point = !line;
+        axis.along = unit(b - a);
+        axis.middle = axis.point ? a : 0.5 * (a + b);
+        axis.wall = axis.high = axis.point ? 0 : half;
+        axis.low = -axis.wall;
+        axis.least = x[6];
+        axis.most = x[7];
+        axis.side = x[9] < 0 ? -1 : 1;
+        axis.kind = kind;
+        axis.number = number;
+        density = 0.5 * weight / std::max(half, 1e-12);
+        all.push_back(axis);
+    }
+    for (int kind = 0; kind < KINDS; ++kind) unseen[kind] = share[kind] > 0 ? std::max(1 - share[kind], 0.0) : 0;
+}
+
+AxisFits::AxisFits(const ModelAxes& axes, const std::vector<SensedCentre>& centres) : axes(axes), centres(centres) {
+    const size_t N = axes.all.size();
+    sizes.assign(centres.size() * N, NEVER);
+    for (size_t i = 0; i < centres.size(); ++i) {
+        const SensedCentre& own = centres[i];
+        const double unseen = axes.unseen[own.kind];
+        most_of.push_back(unseen > LEFT_OUT ? std::min(own.most, LOOSE - std::log(unseen)) : own.most);
+        for (size_t a = 0; a < N; ++a) {
+            const ModelAxis& axis = axes.all[a];
+            if (axis.kind != own.kind || own.side * axis.side < 0) continue;
+            const double off = own.size > 0 ? (own.size - std::clamp(own.size, axis.least, axis.most)) / own.size_sd : 0;
+            sizes[i * N + a] = 0.5 * off * off;
+        }
+    }
+}
+
+double AxisFits::least_apart(int a, int b) const { return between(axes.all[a], axes.all[b]); }
+
+bool AxisFits::agree(int i, int a, int j, int b) const {
+    const SensedCentre &p = centres[i], &q = centres[j];
+    const double apart = norm(p.at - q.at), within = SDS * std::hypot(p.sd, q.sd);
+    const ModelAxis &first = axes.all[a], &second = axes.all[b];
+    if (a == b) return apart < first.high - first.low + within;
+    if (between(first, second) > apart + within || ends_apart(first, second) < apart - within) return false;
+    if (!p.oriented() || !q.oriented()) return true;
+    const double felt = std::acos(std::clamp(std::fabs(dot(p.axis, q.axis)), 0.0, 1.0));
+    const double meant = std::acos(std::clamp(std::fabs(dot(first.along, second.along)), 0.0, 1.0));
+    return std::fabs(felt - meant) < SDS * std::hypot(p.tilt, q.tilt) + TURNED;
+}
+
+double AxisFits::lacking() const {
+    const int n = static_cast<int>(centres.size()), N = static_cast<int>(axes.all.size());
+    std::vector<double> more(n);  // what each costs beyond the least, if it is of no axis
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        double least = most(i);
+        for (int a = 0; a < N; ++a) least = std::min(least, size(i, a));
+        more[i] = most(i) - least;
+        sum += least;
+    }
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < i; ++j) {
+            if (!(more[i] > 0 && more[j] > 0) || axes.unseen[centres[i].kind] > LEFT_OUT) continue;
+            bool fits = false;
+            for (int a = 0; a < N && !fits; ++a)
+                for (int b = 0; b < N && !fits && may_be(i, a); ++b) fits = may_be(j, b) && agree(i, a, j, b);
+            if (fits) continue;
+            sum += std::min(more[i], more[j]);
+            more[i] = more[j] = 0;
+        }
+    return sum;
+}
+
+double lacking(const ModelAxes& axes, const std::vector<SensedCentre>& centres) {
+    return AxisFits(axes, centres).lacking();
+}
+
+}  // namespace tanteo

@@ -1,0 +1,47 @@
+// Pose proposals: pairs of surface samples that are as far apart as two points, spun about their line, scored on the grid.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "solve/problem.hpp"
+#include "shape/shape.hpp"
+
+namespace tanteo {
+
+struct Random {  // splitmix64: the same numbers everywhere
+    uint64_t state;
+    uint64_t next() {
+        uint64_t z = (state += 0x9e3779b97f4a7c15ull);
+        z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ull;
+        z = (z ^ (z >> 27)) * 0x94d049bb133111ebull;
+        return z ^ (z >> 31);
+    }
+    double uniform() { return static_cast<double>(next() >> 11) * 0x1.0p-53; }
+};
+
+struct Effort {
+    int per_pair = 250;       // pairs of samples for each pair of points
+    int spins = 24;           // about their line, where no normal says how
+    double tolerance = 4e-3;  // of their distance [m]
+    double blur = 4e-3;       // distance from the surface that costs one [m]
+    double tilt = 0.25;       // of a sensed normal that costs one [rad]
+    int keep = 40;
+};
+
+struct Proposal {
+    Pose pose;
+    double cost;
+};
+
+// Cost of a pose: capped squares of distances on the grid and of tilts; stops where it passes the limit.
+double score(const Shape& shape, const Problem& problem, const std::vector<int>& rows, const Pose& pose, double blur,
+             double tilt, double limit);
+
+// pairs: indices of points, two each. Best first, none near a better one.
+std::vector<Proposal> propose(const Shape& shape, const Problem& problem, const std::vector<int>& rows,
+                              const std::vector<int>& pairs, const Effort& effort, Random& random);
+
+// The best of some, none near a better one.
+std::vector<Proposal> thinned(const Shape& shape, std::vector<Proposal> all, int keep, double near, double near_turn);
+
+}  // namespace tanteo

@@ -1,0 +1,351 @@
+// All factors together: the combinators outliers, furniture and label groups, then gradient and information over pose,
+// shared errors and noise scale. Rays and priors are in prior.cpp; docs/engine.md has the formulas.
+#include "solve/likelihood.hpp"
+
+#include <cmath>
+
+namespace tanteo {
+
+constexpr double LEAST_CURVED = 0.25;  // share of the expected curvature by the noise scale that steps assume at least
+
+double Likelihood::at(const State& state, bool with_slope) {
+    const int n = static_cast<int>(problem.factors.size()), K = problem.size();
+    components.all.clear();
+    evaluated.resize(n);
+    for (int j = 0; j < n; ++j)
+        if (left_out(j))
+            evaluated[j] = {};
+        else
+            evaluate(state, j, with_slope);
+    if (with_slope) {
+        gradient.assign(K, 0.0);
+        information.assign(static_cast<size_t>(K) * K, 0.0);
+    }
+    double log = log_points = combine();
+    if (with_slope) {
+        add_factors(state);
+        if (problem.scale_sd > 0 && blur == 0) of_points = information;
+    }
+    log += add_rays(state);
+    log += add_priors(state, with_slope);
+    if (!with_terms) return log;
+    const Slope slope{shape.centre, K, gradient.data(), information.data()};
+    for (const auto& term : problem.terms) log += term->add(state, with_slope ? &slope : nullptr);
+    return log;
+}
+
+// The components of factor j at a state. Shared errors z move its place by G z; the noise scale s multiplies its
+// covariance: C = s^2 C_device + (tolerance^2 + blur^2) I.
+void Likelihood::evaluate(const State& state, int j, bool with_slope) {
+    const Factor& factor = *problem.factors[j];
+    const Mat3& R = state.pose.R;
+    Evaluated& own = evaluated[j];
+    Vec3 world = factor.at, direction = factor.direction;
+    const int D = problem.shared;
+    if (D) {
+        const double* G = problem.place_jacobian(j);
+        for (int i = 0; i < 3; ++i)
+            for (int d = 0; d < D; ++d) world[i] += G[i * D + d] * state.z[d];
+        if (const double* H = factor.oriented ? problem.turn_jacobian(j) : nullptr) {
+            for (int i = 0; i < 3; ++i)
+                for (int d = 0; d < D; ++d) direction[i] += H[i * D + d] * state.z[d];
+            direction = unit(direction);
+        }
+    }
+    own.p = into_part(state.pose, world);
+    own.m = factor.oriented ? transposed_times(R, direction) : Vec3{};
+    const double scale = problem.scale_sd > 0 ? std::exp(2 * problem.scale_sd * state.z[D]) : 1.0;
+    Mat3 C = factor.cov;
+    for (double& c : C.m) c *= scale;
+    for (int i = 0; i < 3; ++i) C(i, i) += factor.extra + blur * blur;
+    if (!factor.isotropic) C = turned_into(R, C);
+    own.first = static_cast<int>(components.size());
+    factor.evaluate({shape, R, own.p, own.m, C, blur, blur_turn, NEGLIGIBLE * problem.mean_rate, with_slope}, components);
+    own.count = static_cast<int>(components.size()) - own.first;
+    own.density = 0;
+    for (int k = own.first; k < own.first + own.count; ++k) own.density += components.all[k].weight;
+    if (!(own.density > 0)) {
+        components.all.resize(own.first);
+        own.count = 0;
+        own.density = 0;
+    }
+}
+
+// All factors together: sum over the quadrature nodes q of the outlier rate of w_q prod_j [(1 - q) density_j + q], with
+// label groups beside it; afterwards each component has its responsibility. A label counts where nothing is blurred: a
+// face that is only near must not be shut out while a maximum is on its way.
+double Likelihood::combine() {
+    const bool labelled = blur == 0;
+    const size_t groups = labelled ? problem.groups.size() : 0;
+    const int n = static_cast<int>(problem.factors.size()), nodes = static_cast<int>(problem.rates.size());
+    double base = 0;
+    for (const auto& factor : problem.factors) base += factor->log_outlier;
+    node_log.assign(nodes, 0.0);
+    labels.resize(groups);
+    for (size_t g = 0; g < groups; ++g) find_elements(g);
+    for (int k = 0; k < nodes; ++k) {
+        const double rate = problem.rates[k];
+        double product = 1, log = 0;
+        for (int j = 0; j < n; ++j) {
+            if (left_out(j) || (labelled && problem.group[j] >= 0)) continue;
+            product *= (1 - rate) * evaluated[j].density + rate + problem.furniture[j];
+            if (product < 1e-200 || product > 1e200) {
+                log += std::log(product);
+                product = 1;
+            }
+        }
+        node_log[k] = log + std::log(product) + std::log(problem.rate_weights[k]);
+    }
+    double top = -1e300, sum = 0;
+    for (const double log : node_log) top = std::max(top, log);
+    for (double& log : node_log) sum += log = std::exp(log - top);
+    responsibility.assign(components.size(), 0.0);
+    for (int j = 0; j < n; ++j) {
+        Evaluated& own = evaluated[j];
+        own.inlier = 0;
+        if ((labelled && problem.group[j] >= 0) || !own.count) continue;
+        for (int k = 0; k < nodes; ++k) {
+            const double on = (1 - problem.rates[k]) * own.density;
+            own.inlier += node_log[k] / sum * on / (on + problem.rates[k] + problem.furniture[j]);
+        }
+        for (int k = own.first; k < own.first + own.count; ++k)
+            responsibility[k] = own.inlier * components.all[k].weight / own.density;
+    }
+    for (size_t g = 0; g < groups; ++g) {
+        base += log_group(g);
+        weigh_elements(g);
+        weigh_components(g);
+    }
+    return base + top + std::log(sum);
+}
+
+// The elements that a label may name, how probable each is beforehand, and how dense each factor is on each of them. A
+// factor may contradict its label as often as it is an outlier.
+void Likelihood::find_elements(size_t g) {
+    const std::vector<int>& rows = problem.groups[g];
+    LabelGroup& group = labels[g];
+    group.elements.clear();
+    group.log_prior.clear();
+    group.factor.clear();
+    bool by_area = false;
+    for (const int j : rows) {
+        const Factor& factor = *problem.factors[j];
+        const Evaluated& own = evaluated[j];
+        by_area = by_area || (factor.codimension() == 1 && !factor.aimed());
+        for (int k = own.first; k < own.first + own.count; ++k) {
+            const int element = components.all[k].element;
+            if (factor.may_name(shape, element) &&
+                std::find(group.elements.begin(), group.elements.end(), element) == group.elements.end())
+                group.elements.push_back(element);
+        }
+    }
+    const size_t E = group.elements.size();
+    for (const int element : group.elements) {
+        const double share = shape.measure_of(element);
+        group.log_prior.push_back(element >= 0 && !by_area ? 0.0 : std::log(share));
+        group.factor.push_back(1 / share);  // a density over all of them is that much larger over this one
+    }
+    group.on_element.assign(rows.size() * E, 0.0);
+    for (size_t r = 0; r < rows.size(); ++r) {
+        const bool aimed = problem.factors[rows[r]]->aimed();
+        const Evaluated& own = evaluated[rows[r]];
+        for (int k = own.first; k < own.first + own.count; ++k) {
+            const Component& c = components.all[k];
+            const size_t e = std::find(group.elements.begin(), group.elements.end(), c.element) - group.elements.begin();
+            if (e < E) group.on_element[r * E + e] += c.weight * (aimed ? 1.0 : group.factor[e]);
+        }
+    }
+}
+
+// Log density of the factors of a group: the sum over elements of the product, that the label means nothing, and that
+// the labelled surface is not of the part. Such labels, and outliers among labelled points, are as rare as stated: a
+// sensor may make many outliers, but nobody gives many labels that contradict each other.
+double Likelihood::log_group(size_t g, bool anywhere) {
+    const std::vector<int>& rows = problem.groups[g];
+    LabelGroup& group = labels[g];
+    const size_t E = group.elements.size();
+    const double rare = problem.mean_rate;
+    group.logs.assign(E + 2, 0.0);
+    double top = -1e300, sum = 0;
+    for (size_t e = 0; e <= E; ++e) {
+        double log = e < E ? group.log_prior[e] : 0;
+        for (size_t r = 0; r < rows.size(); ++r) log += std::log(labelled_density(group, r, e, rows[r]));
+        group.logs[e] = log + std::log1p(-rare);
+        top = std::max(top, group.logs[e]);
+    }
+    group.logs[E + 1] = anywhere ? std::log(rare) + problem.log_elsewhere[g] : -1e300;
+    top = std::max(top, group.logs[E + 1]);
+    for (double& log : group.logs) sum += log = std::exp(log - top);
+    for (double& log : group.logs) log /= sum;  // now the probability of each element
+    return top + std::log(sum);
+}
+
+// Density of a labelled factor over that of an outlier if the label names element e; beyond the last: if it means nothing.
+double Likelihood::labelled_density(const LabelGroup& group, size_t r, size_t e, int row) const {
+    const double rare = problem.mean_rate, density = evaluated[row].density;
+    const double on = e < group.elements.size() ? (1 - rare) * group.on_element[r * group.elements.size() + e] : 0.0;
+    return (1 - rare) * (on + rare * density) + rare + problem.furniture[row];
+}
+
+// How much each factor counts by element, then whatever the element; after log_group.
+void Likelihood::weigh_elements(size_t g) {
+    const std::vector<int>& rows = problem.groups[g];
+    LabelGroup& group = labels[g];
+    const size_t E = group.elements.size();
+    const double rare = problem.mean_rate;
+    group.weights.assign(rows.size() * (E + 1), 0.0);
+    for (size_t r = 0; r < rows.size(); ++r)
+        for (size_t e = 0; e <= E; ++e) {
+            const double share = group.logs[e] * (1 - rare) / labelled_density(group, r, e, rows[r]);
+            if (e < E) group.weights[r * E + e] += share * (1 - rare);
+            group.weights[rows.size() * E + r] += share * rare;
+        }
+}
+
+void Likelihood::weigh_components(size_t g) {
+    const std::vector<int>& rows = problem.groups[g];
+    const LabelGroup& group = labels[g];
+    const size_t E = group.elements.size();
+    for (size_t r = 0; r < rows.size(); ++r) {
+        const bool aimed = problem.factors[rows[r]]->aimed();
+        Evaluated& own = evaluated[rows[r]];
+        for (int k = own.first; k < own.first + own.count; ++k) {
+            const Component& c = components.all[k];
+            const size_t e = std::find(group.elements.begin(), group.elements.end(), c.element) - group.elements.begin();
+            const double labelled = e < E ? group.weights[r * E + e] * (aimed ? 1.0 : group.factor[e]) : 0.0;
+            responsibility[k] = c.weight * (labelled + group.weights[rows.size() * E + r]);
+            own.inlier += responsibility[k];
+        }
+    }
+}
+
+namespace {
+
+// How the log density of a factor follows the log of the noise scale. With r^2 the squared residual over the part of the
+// variance that is scaled, and c the codimension, d log N / d log s = r^2 - c.
+struct ScaleSlope {
+    double gradient = 0, observed = 0, expected = 0, scaled = 0;
+
+    void add(const Component& c, int codimension, double weight, double unscaled) {
+        const double r = c.distance * c.per_sd, scaled_share = 1 - unscaled * c.per_sd * c.per_sd;
+        const double across = c.element >= 0 ? 1 : codimension;
+        scaled += weight * scaled_share;
+        gradient += weight * scaled_share * (r * r - across + c.spread);
+        observed += 2 * weight * scaled_share * scaled_share * r * r;
+        expected += 2 * weight * scaled_share * scaled_share * across;
+    }
+};
+
+// All components of a factor. The facets of one face pull a point to their middles, but do not hold it there: their
+// information is that of the mixture, less than the mean of theirs by how much their gradients differ.
+LocalSlope slope_of(const Components& components, const double* weights, std::vector<int>& order, const Factor& factor,
+                    double unscaled, ScaleSlope& scale) {
+    LocalSlope sum;
+    const Component* all = components.all.data();
+    std::sort(order.begin(), order.end(), [&](int a, int b) { return all[a].element < all[b].element; });
+    for (size_t first = 0, next; first < order.size(); first = next) {
+        LocalSlope own;
+        Mat3 pulls;
+        double weight = 0;
+        for (next = first; next < order.size() && all[order[next]].element == all[order[first]].element; ++next) {
+            const int k = order[next];
+            const Vec3 before = own.p;
+            add_component(own, all[k], weights[k]);
+            scale.add(all[k], factor.codimension(), weights[k], unscaled);
+            const Vec3 pull = own.p - before;
+            add_outer(pulls, 1 / weights[k], pull, pull);
+            weight += weights[k];
+        }
+        if (!all[order[first]].tilted) {
+            if (next - first > 1) {
+                for (int i = 0; i < 9; ++i) own.pp.m[i] -= pulls.m[i];
+                add_outer(own.pp, 1 / weight, own.p, own.p);
+            }
+            own.pp = not_negative(own.pp);
+        }
+        sum.add(own);
+    }
+    return sum;
+}
+
+// The chain rule from a factor's place p and direction m in the part to the states (v, w, z):
+//   dp = -v + y x w + R' G dz, with y = p - centre,    dm = m x w + R' H dz.
+void add_states(const LocalSlope& s, const Vec3& y, const Vec3& m, const Mat3& R, const Problem& problem, int j,
+                double* gradient, double* information) {
+    const int D = problem.shared, K = problem.size(), P = 6 + D;
+    const bool oriented = problem.factors[j]->oriented;
+    const int rows = oriented ? 6 : 3;
+    double J[6][MOST_STATES], BJ[6][MOST_STATES];
+    const double Y[9] = {0, -y.z, y.y, y.z, 0, -y.x, -y.y, y.x, 0};
+    const double M[9] = {0, -m.z, m.y, m.z, 0, -m.x, -m.y, m.x, 0};
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k) {
+            J[i][k] = i == k ? -1 : 0;
+            J[i][3 + k] = Y[3 * i + k];
+            J[3 + i][k] = 0;
+            J[3 + i][3 + k] = M[3 * i + k];
+        }
+    const double *G = D ? problem.place_jacobian(j) : nullptr, *H = D && oriented ? problem.turn_jacobian(j) : nullptr;
+    for (int d = 0; d < D; ++d) {
+        const Vec3 g = transposed_times(R, {G[d], G[D + d], G[2 * D + d]});
+        Vec3 h;
+        if (H) {
+            h = transposed_times(R, {H[d], H[D + d], H[2 * D + d]});
+            h = h - dot(h, m) * m;  // a direction stays a unit vector
+        }
+        for (int i = 0; i < 3; ++i) {
+            J[i][6 + d] = g[i];
+            J[3 + i][6 + d] = h[i];
+        }
+    }
+    for (int k = 0; k < P; ++k) {
+        gradient[k] += s.p.x * J[0][k] + s.p.y * J[1][k] + s.p.z * J[2][k];
+        for (int i = 0; i < 3; ++i) BJ[i][k] = s.pp(i, 0) * J[0][k] + s.pp(i, 1) * J[1][k] + s.pp(i, 2) * J[2][k];
+        if (!oriented) continue;
+        gradient[k] += s.m.x * J[3][k] + s.m.y * J[4][k] + s.m.z * J[5][k];
+        for (int i = 0; i < 3; ++i) {
+            BJ[i][k] += s.pm(i, 0) * J[3][k] + s.pm(i, 1) * J[4][k] + s.pm(i, 2) * J[5][k];
+            BJ[3 + i][k] = s.pm(0, i) * J[0][k] + s.pm(1, i) * J[1][k] + s.pm(2, i) * J[2][k] + s.mm(i, 0) * J[3][k] +
+                           s.mm(i, 1) * J[4][k] + s.mm(i, 2) * J[5][k];
+        }
+    }
+    for (int a = 0; a < P; ++a)
+        for (int b = 0; b <= a; ++b) {
+            double sum = 0;
+            for (int i = 0; i < rows; ++i) sum += J[i][a] * BJ[i][b];
+            information[a * K + b] += sum;
+        }
+}
+
+}  // namespace
+
+// Gradient and information of all factors: of each component by place and direction, then by the states.
+void Likelihood::add_factors(const State& state) {
+    double scaled = 0, weight = 0, observed = 0, expected = 0;
+    for (size_t j = 0; j < problem.factors.size(); ++j) {
+        const Evaluated& own = evaluated[j];
+        if (!own.count) continue;
+        const Factor& factor = *problem.factors[j];
+        order.clear();
+        for (int k = own.first; k < own.first + own.count; ++k)
+            if (responsibility[k] >= 1e-12) order.push_back(k);
+        ScaleSlope scale;
+        const LocalSlope sum =
+            slope_of(components, responsibility.data(), order, factor, factor.extra + blur * blur, scale);
+        add_states(sum, own.p - shape.centre, own.m, state.pose.R, problem, static_cast<int>(j), gradient.data(),
+                   information.data());
+        if (problem.scale_sd > 0 && blur == 0) {  // blurred noise is no device's
+            scaled += scale.scaled;
+            weight += own.inlier;
+            gradient.back() += problem.scale_sd * scale.gradient;
+            observed += scale.observed;
+            expected += scale.expected;
+        }
+    }
+    // the curvature by the log of the scale, which is next to none where the scale is far too large
+    if (problem.scale_sd > 0 && blur == 0)
+        information.back() += problem.scale_sd * problem.scale_sd * std::max(observed, LEAST_CURVED * expected);
+    scaled_share = weight > 0 ? scaled / weight : 0;
+}
+
+}  // namespace tanteo

@@ -1,0 +1,71 @@
+// The log density of everything that was sensed, given a pose of the part, the shared errors and the noise scale.
+#pragma once
+#include <algorithm>
+#include <vector>
+
+#include "solve/problem.hpp"
+#include "shape/shape.hpp"
+
+namespace tanteo {
+
+constexpr int MOST_STATES = 64;
+
+// A factor at a pose: its components, and the probability that it is no outlier.
+struct Evaluated {
+    Vec3 p, m;       // place and direction in the part
+    int first = 0, count = 0;
+    double density = 0;  // of the part, over that of an outlier
+    double inlier = 0;
+};
+
+// The factors of one label at a pose: the elements that the label may name.
+struct LabelGroup {
+    std::vector<int> elements;
+    std::vector<double> log_prior, factor, on_element, logs, weights;
+};
+
+class Likelihood {
+  public:
+    Likelihood(const Shape& shape, const Problem& problem) : shape(shape), problem(problem) {}
+
+    // log density, prior included; with_slope: also gradient and Gauss-Newton information, of size() states,
+    // about the centre of the shape
+    double at(const State& state, bool with_slope);
+
+    bool with_terms = true;          // whether further terms are added (PoseTerm)
+    std::vector<char> coarse;        // whether a factor counts where noise is blurred; empty: all do
+    double blur = 0, blur_turn = 0;  // added to the noise of places [m] and directions [rad]: coarse to fine
+    std::vector<double> gradient, information;
+    double log_points = 0;  // of the factors alone
+    std::vector<double> of_points;  // information of the factors alone, where the noise scale is a state
+    double scaled_share = 0;        // share of their variance that the noise scale multiplies
+    std::vector<Evaluated> evaluated;
+    Components components;
+
+    // log density of a label group if its element is of the part, over that of as many outliers; after at()
+    double log_on_part(size_t g) { return log_group(g, false); }
+
+  private:
+    const Shape& shape;
+    const Problem& problem;
+    std::vector<double> node_log, responsibility;
+    std::vector<int> order;  // of the components of a factor
+    std::vector<LabelGroup> labels;
+
+    bool left_out(int j) const { return blur > 0 && !coarse.empty() && !coarse[j]; }
+    void evaluate(const State& state, int j, bool with_slope);
+    double combine();
+    void find_elements(size_t g);
+    double log_group(size_t g, bool anywhere = true);
+    double labelled_density(const LabelGroup& group, size_t r, size_t e, int row) const;
+    void weigh_elements(size_t g);
+    void weigh_components(size_t g);
+    void add_factors(const State& state);
+    double add_rays(const State& state);
+    double add_priors(const State& state, bool with_slope);
+    double add_pose_prior(const Pose& pose, bool with_slope);
+    double add_table(const Pose& pose, bool with_slope);
+    void add_residuals(double share, const double* r, const double* rows, int count);
+};
+
+}  // namespace tanteo

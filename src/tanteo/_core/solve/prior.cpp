@@ -1,0 +1,107 @@
+// What does not depend on where single points were met: free-space rays, shared errors, the pose, a table.
+#include "factors/normal_poses.hpp"
+#include "solve/likelihood.hpp"
+
+namespace tanteo {
+
+namespace {
+
+// The noise scale is known to a factor f: its log l has the density exp(-(l / 2 log f)^4), flat within f either way and
+// next to nothing beyond f^4; z = l / log f. What is farther off is no noise, and has another cause.
+constexpr double SCALE_NORM = 0.36908399149;  // log of its integral over z, over that of exp(-z^2 / 2)
+constexpr double LEAST_TOLD = 0.74;     // one over its variance
+
+}  // namespace
+
+// Paths on which nothing was met; no gradient: a pose is in their way or it is not.
+double Likelihood::add_rays(const State& state) {
+    double log = 0;
+    const int D = problem.shared;
+    for (size_t k = 0; k < problem.rays.size(); ++k) {
+        const FreeRay& ray = problem.rays[k];
+        Vec3 origin = ray.origin, direction = ray.direction;
+        for (int d = 0; d < D; ++d)
+            for (int i = 0; i < 3; ++i) {
+                origin[i] += problem.ray_shifts[(k * 3 + i) * D + d] * state.z[d];
+                direction[i] += problem.ray_turns[(k * 3 + i) * D + d] * state.z[d];
+            }
+        const Vec3 start = into_part(state.pose, origin), along = transposed_times(state.pose.R, unit(direction));
+        const double end = ray.length - 0.01 * shape.diagonal;
+        const auto passes = [&](const Vec3& d) {
+            int triangle = -1;
+            if (shape.cast(start, d, end, &triangle) >= end) return true;
+            return std::fabs(dot(shape.normals[triangle], d)) < ray.least_cosine - 1e-12;
+        };
+        double passed = passes(along) ? 1 : 0;
+        if (passed == 0 && ray.slope > 0) {  // a cone: rays of equal moments with the disc, the middle one counts half
+            const Vec3 u = any_across(along), v = cross(along, u);
+            for (const Vec3& aside : {u, v, -u, -v})
+                if (passes(unit(along + 2 * ray.slope * aside))) passed += 0.125;
+        }
+        log += std::log(problem.mean_rate + (1 - 2 * problem.mean_rate) * passed);
+    }
+    return log;
+}
+
+// Shared errors and noise scale are unit normal; the pose has a mixture of normal densities; the part stands on a table.
+double Likelihood::add_priors(const State& state, bool with_slope) {
+    const int K = problem.size();
+    double log = 0;
+    for (int k = 6; k < 6 + problem.shared; ++k) {
+        log -= 0.5 * state.z[k - 6] * state.z[k - 6];
+        if (!with_slope) continue;
+        gradient[k] -= state.z[k - 6];
+        information[k * K + k] += 1;
+    }
+    if (problem.scale_sd > 0) {
+        const double z = state.z[problem.shared];
+        log -= z * z * z * z / 16 + SCALE_NORM;
+        if (with_slope) {
+            gradient.back() -= z * z * z / 4;
+            information.back() += std::max(0.75 * z * z, LEAST_TOLD);
+        }
+    }
+    if (!problem.priors.empty()) log += add_pose_prior(state.pose, with_slope);
+    if (problem.has_table) log += add_table(state.pose, with_slope);
+    return log;
+}
+
+// Residuals r that count by a share, and how they follow small motions of the part: rows by v and w at the centre.
+void Likelihood::add_residuals(double share, const double* r, const double* rows, int count) {
+    const int K = problem.size();
+    for (int i = 0; i < count; ++i)
+        for (int a = 0; a < 6; ++a) {
+            gradient[a] -= share * r[i] * rows[6 * i + a];
+            for (int b = 0; b <= a; ++b) information[a * K + b] += share * rows[6 * i + a] * rows[6 * i + b];
+        }
+}
+
+// The pose has a mixture of normal densities.
+double Likelihood::add_pose_prior(const Pose& pose, bool with_slope) {
+    const Slope slope{shape.centre, problem.size(), gradient.data(), information.data()};
+    return add_normal_poses(problem.priors, pose, with_slope ? &slope : nullptr);
+}
+
+// Height of the lowest point over the table, in standard deviations.
+double Likelihood::add_table(const Pose& pose, bool with_slope) {
+    const Vec3 n = transposed_times(pose.R, problem.table.normal);
+    double least = 1e300;
+    Vec3 lowest;
+    for (const Vec3& v : shape.hull) {
+        const double height = dot(n, v);
+        if (height < least) {
+            least = height;
+            lowest = v;
+        }
+    }
+    const double r = (least + dot(pose.t - problem.table.point, problem.table.normal)) / problem.table.sd;
+    if (with_slope) {
+        double row[6];
+        store((1 / problem.table.sd) * n, row);
+        store((1 / problem.table.sd) * cross(lowest - shape.centre, n), row + 3);
+        add_residuals(1, &r, row, 1);
+    }
+    return -0.5 * r * r;
+}
+
+}  // namespace tanteo

@@ -1,0 +1,56 @@
+// What was sensed and what is known beforehand: packed once, read many times.
+#pragma once
+#include <memory>
+#include <vector>
+
+#include "factors/factor.hpp"
+#include "solve/pose_term.hpp"
+
+namespace tanteo {
+
+// A straight path on which nothing was met.
+struct FreeRay {
+    Vec3 origin, direction;
+    double length = 0, slope = 0, least_cosine = 0;
+};
+
+// One normal density of poses, in the tangent at its mean: log(T0^-1 T) has the information root' root.
+struct PosePrior {
+    Pose mean;
+    double root[36];  // row-major: residuals are root * xi
+    double log_weight = 0;
+};
+
+struct Table {
+    Vec3 point, normal;
+    double sd = 0;
+};
+
+// The factors, and what the combinators around them need: labels, outliers, furniture, shared errors, noise scale.
+struct Problem {
+    std::vector<std::shared_ptr<const Factor>> factors;
+    std::vector<double> furniture;        // density on known furniture over that of an outlier, times the odds of it
+    std::vector<int> group;               // label group of each factor, -1 for none
+    std::vector<std::vector<int>> groups;  // rows of factors, one label group each
+    std::vector<double> log_elsewhere;    // log density of a group that is off the part, over that of as many outliers
+    std::vector<double> shared_jacobian;  // (n, 3, D): true place = place + jacobian z
+    std::vector<double> direction_jacobian;  // (n, 3, D): true direction = direction + jacobian z; empty: none moves
+    std::vector<FreeRay> rays;
+    std::vector<double> ray_shifts, ray_turns;  // (m, 3, D)
+    int shared = 0;                             // D
+    double scale_sd = 0;                        // of the log of the noise scale; 0: the noise is as stated
+    std::vector<double> rates, rate_weights;    // quadrature of the outlier rate
+    double mean_rate = 0.02;
+    std::vector<PosePrior> priors;
+    bool has_table = false;
+    Table table;
+    std::vector<std::shared_ptr<const PoseTerm>> terms;  // of images and others: added to the log density as they are
+
+    int size() const { return 6 + shared + (scale_sd > 0); }
+    const double* place_jacobian(int j) const { return &shared_jacobian[static_cast<size_t>(j) * 3 * shared]; }
+    const double* turn_jacobian(int j) const {
+        return direction_jacobian.empty() ? nullptr : &direction_jacobian[static_cast<size_t>(j) * 3 * shared];
+    }
+};
+
+}  // namespace tanteo

@@ -1,0 +1,253 @@
+"""All measurements of one question: factors with their names, labels and shared errors; world frame, metres."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.factors.factor import Factor, MeasuredRow, SensedDirection, compile_factors, factor_class
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Indices, IntArray, Vectors
+from tanteo.sensors import PointMeasurements
+
+_BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
+"""Readings are of one beam if they are no farther beside each other [m], and by the cosine of their directions."""
+
+_BLUNT = 0.3
+"""Least standard deviation of a beam across it, as a share of that along it (decision 54)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ContactPoints:
+    """``n`` measurements, each a factor; the arrays below follow from the factors.
+
+    Attributes:
+        ids: names of the readings.
+        factors: the measurements.
+        shared_jacobian: true place = place + jacobian z, with whitened shared errors z ``(n, 3, D)`` [m].
+        tolerance: standard deviation of the made surface that the covariances contain [m]; one draw per face.
+        places: number of the place of each, the same for readings of one beam ``(n,)``; None where each has its own.
+        labels: names of what they were sensed on, ``''`` for none: measurements of one label share one element.
+        kinds: kinds of reading, for the factor classes.
+        points: sensed places in the world, centres of the ball where ``radii`` is positive ``(n, 3)`` [m].
+        covs: independent covariances, part tolerance included ``(n, 3, 3)`` [m^2].
+        sd: largest standard deviation of each ``(n,)`` [m].
+        radii: radius of the tip's ball ``(n,)`` [m].
+        directions: direction of approach, zero where unknown ``(n, 3)``; ``directed`` tells which are known.
+        sides: rough outward direction, zero where unknown ``(n, 3)``.
+        normals: sensed normals and axes, zero where not sensed ``(n, 3)``; ``oriented`` tells which were.
+        normal_sds: standard deviation of each of their tilts, pi where not sensed ``(n,)`` [rad].
+        reach: length of the free-space ray before each ``(n,)`` [m]; 0 if unknown.
+        variance: of every place in every direction, where it is one for all [m^2]; NaN otherwise.
+    """
+
+    ids: tuple[str, ...]
+    factors: tuple[Factor, ...]
+    shared_jacobian: FloatArray
+    tolerance: float = 0.0
+    places: IntArray | None = None
+    labels: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
+    points: Vectors = field(init=False, repr=False)
+    covs: Covariances = field(init=False, repr=False)
+    sd: FloatArray = field(init=False, repr=False)
+    radii: FloatArray = field(init=False, repr=False)
+    directions: Vectors = field(init=False, repr=False)
+    sides: Vectors = field(init=False, repr=False)
+    normals: Vectors = field(init=False, repr=False)
+    normal_sds: FloatArray = field(init=False, repr=False)
+    reach: FloatArray = field(init=False, repr=False)
+    directed: BoolArray = field(init=False, repr=False)
+    oriented: BoolArray = field(init=False, repr=False)
+    variance: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        n, all_of = len(self.ids), self.factors
+        if not self.labels:
+            object.__setattr__(self, "labels", ("",) * n)
+        if not self.kinds:
+            object.__setattr__(self, "kinds", ("point",) * n)
+        zero = np.zeros(3)
+        arrays: dict[str, Any] = {
+            "points": np.array([f.at for f in all_of], dtype=np.float64).reshape(n, 3),
+            "covs": np.array([f.cov for f in all_of], dtype=np.float64).reshape(n, 3, 3),
+            "radii": np.array([f.ball_radius for f in all_of], dtype=np.float64),
+            "directions": _stacked([f.approach for f in all_of], zero),
+            "sides": _stacked([f.outward for f in all_of], zero),
+            "normals": _stacked([None if f.normal is None else f.normal.direction for f in all_of], zero),
+            "normal_sds": np.array([np.pi if f.normal is None else f.normal.sd for f in all_of], dtype=np.float64),
+            "reach": np.array([f.free_path for f in all_of], dtype=np.float64),
+            "directed": np.array([f.approach is not None for f in all_of], dtype=np.bool_),
+            "oriented": np.array([f.normal is not None for f in all_of], dtype=np.bool_),
+        }
+        arrays["sd"] = np.sqrt(np.linalg.eigvalsh(np.asarray(arrays["covs"], dtype=np.float64))[:, -1])
+        for name, array in arrays.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        v = float(self.covs[0, 0, 0]) if n else np.nan
+        same = bool(np.all(np.abs(self.covs - v * np.eye(3)) <= 1e-9 * v)) if n else False
+        object.__setattr__(self, "variance", v if same else float("nan"))
+
+    @classmethod
+    def none(cls) -> ContactPoints:
+        """Return a set of no points."""
+        return cls((), (), np.zeros((0, 3, 0)))
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @property
+    def centres(self) -> BoolArray:
+        """Which are centres of round features, beside the surface and not on it ``(n,)``."""
+        return np.array([not factor.on_surface for factor in self.factors], dtype=np.bool_)
+
+    @property
+    def landmarks(self) -> Vectors:
+        """Places of the part that the measurements tell: the apex for a point of a cone's axis ``(n, 3)`` [m]."""
+        return np.array([factor.landmark for factor in self.factors], dtype=np.float64).reshape(len(self), 3)
+
+    @property
+    def held(self) -> int:
+        """Number of directions in which all of them hold the part, one at least for each point of the surface."""
+        return len(self) + sum(f.codimension - 1 for f in self.factors if not f.on_surface)
+
+    @property
+    def inward(self) -> Vectors:
+        """Into the material, as far as directions or sides are known ``(n, 3)``; zero where neither is."""
+        return np.where(self.directed[:, None], self.directions, -self.sides)
+
+    def take(self, rows: Sequence[int] | IntArray) -> ContactPoints:
+        """Return some of the measurements."""
+        places = None if self.places is None else self.places[rows]
+        ids, labels, kinds = (tuple(values[i] for i in rows) for values in (self.ids, self.labels, self.kinds))
+        factors = tuple(self.factors[i] for i in rows)
+        return ContactPoints(ids, factors, self.shared_jacobian[rows], self.tolerance, places, labels, kinds)
+
+    def with_places(self) -> ContactPoints:
+        """Return the same measurements, those that were made along one beam being of one place."""
+        places, d = np.arange(len(self)), self.directions
+        later, earlier = np.nonzero(np.tril(d @ d.T > _ALONG, -1))
+        away, d = self.points[earlier] - self.points[later], d[later]
+        beside = np.linalg.norm(away - np.sum(away * d, axis=1, keepdims=True) * d, axis=1)
+        later, earlier = later[beside < _BESIDE], earlier[beside < _BESIDE]
+        for row, k in zip(*np.unique(later, return_index=True), strict=True):
+            places[row] = places[earlier[k]]
+        return ContactPoints(
+            self.ids, self.factors, self.shared_jacobian, self.tolerance, places, self.labels, self.kinds
+        )
+
+    def compiled(self, log_outlier: FloatArray) -> list[tuple[_core.FactorList, Indices]]:
+        """Return the factors for the core, with the log density of each as an outlier ``(n,)``."""
+        return compile_factors(self.factors, self.tolerance, log_outlier)
+
+
+def _stacked(vectors: Sequence[Vectors | None], none: Vectors) -> Vectors:
+    return np.array([none if v is None else v for v in vectors], dtype=np.float64).reshape(-1, 3)
+
+
+def surface_points(
+    points: Vectors,
+    sds: FloatArray | float,
+    *,
+    covs: Covariances | None = None,
+    radii: FloatArray | float = 0.0,
+    directions: Vectors | None = None,
+    normals: Vectors | None = None,
+    normal_sds: FloatArray | float = np.pi,
+    reach: FloatArray | float = 0.0,
+    outward: Vectors | None = None,
+    shared_jacobian: FloatArray | None = None,
+    tolerance: float = 0.0,
+    labels: Sequence[str] = (),
+    kind: str = "point",
+) -> ContactPoints:
+    """Return points of the surface from arrays.
+
+    Args:
+        points: places in the world, centres of the ball where ``radii`` is positive ``(n, 3)`` [m].
+        sds: standard deviation in every direction ``(n,)`` [m], or one for all; the tolerance included.
+        covs: covariances instead of ``sds`` ``(n, 3, 3)`` [m^2].
+        radii: radius of the tip's ball ``(n,)`` [m], or one for all.
+        directions: directions of approach ``(n, 3)``.
+        normals: sensed outward normals ``(n, 3)``.
+        normal_sds: standard deviation of each of their tilts ``(n,)`` [rad], or one for all.
+        reach: length of the free-space ray before each ``(n,)`` [m], or one for all.
+        outward: rough outward directions, where only the side of the material is known ``(n, 3)``.
+        shared_jacobian: how places follow whitened shared errors ``(n, 3, D)`` [m].
+        tolerance: standard deviation of the made surface that the covariances contain [m].
+        labels: name of what each was sensed on, ``''`` for none ``(n,)``.
+        kind: kind of reading of all of them.
+
+    Example:
+        >>> from tanteo.factors.points import surface_points
+        >>> len(surface_points(np.zeros((4, 3)), 1e-4))
+        4
+    """
+    n = len(points)
+    if covs is None:
+        covs = np.broadcast_to(sds, (n,))[:, None, None] ** 2 * np.eye(3)
+    cls: Any = factor_class(kind)
+    radii, normal_sds, reach = (np.broadcast_to(a, (n,)) for a in (radii, normal_sds, reach))
+    factors = tuple(
+        cls(
+            at=points[k], cov=covs[k], ball_radius=float(radii[k]),
+            approach=None if directions is None else directions[k],
+            normal=None if normals is None else SensedDirection(normals[k], float(normal_sds[k])),
+            outward=None if outward is None else outward[k], free_path=float(reach[k]),
+        )
+        for k in range(n)
+    )  # fmt: skip
+    jacobian = np.zeros((n, 3, 0)) if shared_jacobian is None else shared_jacobian
+    ids, kinds = tuple(map(str, range(1, n + 1))), (kind,) * n
+    return ContactPoints(ids, factors, jacobian, tolerance, labels=tuple(labels), kinds=kinds)
+
+
+def as_contact_points(
+    measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None
+) -> ContactPoints:
+    """Return measurements as factors; beams are a little blunt (decision 54).
+
+    Args:
+        measured: points in the world.
+        tolerance: standard deviation of the made surface against its CAD [m].
+        reach: known length of the free-space ray before each point ``(n,)`` [m]: the range of a beam.
+
+    Raises:
+        InputError: a ball's contact with an edge or corner, which may be anywhere on it.
+    """
+    points, independent, radii = measured.centres()
+    on_surface = np.array([factor_class(kind).on_surface for kind in measured.kinds], dtype=np.bool_)
+    # how a device came to a centre tells nothing of it
+    directions = np.where(on_surface[:, None], np.nan_to_num(measured.directions), 0.0)
+    covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
+    reach = np.zeros(len(measured)) if reach is None else np.where(on_surface, np.nan_to_num(reach), 0.0)
+    normal_sds = np.nan_to_num(measured.normal_sds, nan=np.pi)
+    factors = list[Factor]()
+    for k, kind in enumerate(measured.kinds):
+        sensed = not np.isnan(measured.normals[k, 0])
+        row = MeasuredRow(
+            measured.features[k], kind, points[k], covs[k], float(radii[k]),
+            directions[k] if directions[k].any() else None,
+            SensedDirection(measured.normals[k], float(normal_sds[k])) if sensed else None,
+            float(reach[k]), measured.sizes[k], measured.material_sides[k],
+        )  # fmt: skip
+        factors.append(factor_class(kind).from_row(row))
+    return ContactPoints(
+        measured.ids, tuple(factors), measured.whitened()[0], tolerance, labels=measured.features, kinds=measured.kinds
+    )
+
+
+def _blunt(covs: Covariances, directions: Vectors) -> Covariances:
+    """Return covariances of which no beam is better known across than a share of its spread along.
+
+    Where a thin beam slides off an edge the posterior has a cliff, at which maximizations stop and off which samples
+    fall. Readings without direction are left as they are.
+    """
+    along = np.einsum("ni,nij,nj->n", directions, covs, directions)
+    across = 0.5 * (np.trace(covs, axis1=1, axis2=2) - along)
+    missing = np.maximum(_BLUNT**2 * along - across, 0.0)
+    beside = np.eye(3) - directions[:, :, None] * directions[:, None]
+    return np.asarray(covs + missing[:, None, None] * beside)

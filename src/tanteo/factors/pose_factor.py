@@ -1,0 +1,43 @@
+"""A measurement of the pose that is no list of points: an image, a stable pose, a likelihood of a user."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.geometry.typing import Transforms
+from tanteo.parts import Part
+
+
+class PoseFactor(ABC):
+    """A factor of the posterior over the part, its pose and shared errors, evaluated by the compiled core."""
+
+    @property
+    def states(self) -> int:
+        """Number of shared errors that the factor adds, each with a unit normal prior."""
+        return 0
+
+    @property
+    def log_unknown(self) -> float:
+        """Log density of the measurement if the object is unknown, relative to the same baseline as the density."""
+        return 0.0
+
+    @property
+    def is_pose_prior(self) -> bool:
+        """Whether the factor is itself the prior density of the pose, over shifts [m] and turns [rad]."""
+        return False
+
+    def poses(self, part: Part) -> Transforms:
+        """Return poses of a part from which the search starts ``(K, 4, 4)``; none of most factors."""
+        return np.zeros((0, 4, 4))
+
+    @abstractmethod
+    def term(self, part: Part, first: int) -> _core.PoseTerm:
+        """Compile the factor for one part.
+
+        Args:
+            part: candidate part.
+            first: index of the factor's first shared error among all of them.
+        """

@@ -1,0 +1,101 @@
+"""Free-space rays: straight paths on which nothing was met, world frame, metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tanteo.geometry.typing import FloatArray, IntArray, Vectors
+from tanteo.sensors import PointMeasurements
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeRays:
+    """``m`` straight paths on which nothing was met, in the world [m].
+
+    Attributes:
+        origins: where they start ``(m, 3)``.
+        directions: unit ``(m, 3)``.
+        lengths: how far they were free ``(m,)``.
+        margin: how much of the end is not certain ``(m,)``.
+        slopes: how far beside them they may have been, one standard deviation in either direction across, over the way
+            along them ``(m,)``; zero if not given. A cone's echo comes from any of its rays.
+        incidences: up to which a surface would have been met ``(m,)`` [rad]; a right angle if not given. A path on
+            which one lies more obliquely says nothing.
+        shared_jacobian: how origins move with the whitened shared errors of the readings, true = origin + jacobian z,
+            ``(m, 3, D)``; not at all if not given.
+        turns: the same of directions ``(m, 3, D)``.
+        moved: whether any path moves; follows from ``shared_jacobian`` and ``turns``.
+    """
+
+    origins: Vectors
+    directions: Vectors
+    lengths: FloatArray
+    margin: FloatArray
+    slopes: FloatArray = field(default_factory=lambda: np.zeros(0))
+    incidences: FloatArray = field(default_factory=lambda: np.zeros(0))
+    shared_jacobian: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    turns: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    moved: bool = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.slopes) != len(self.lengths):
+            object.__setattr__(self, "slopes", np.zeros(len(self.lengths)))
+        if len(self.incidences) != len(self.lengths):
+            object.__setattr__(self, "incidences", np.full(len(self.lengths), np.pi / 2))
+        for name in ("shared_jacobian", "turns"):
+            if len(getattr(self, name)) != len(self.lengths):
+                object.__setattr__(self, name, np.zeros((len(self.lengths), 3, 0)))
+        object.__setattr__(self, "moved", bool(self.shared_jacobian.any() or self.turns.any()))
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    def up_to(self, incidence: float) -> FreeRays:
+        """The same of a sensor that answers to no greater incidence [rad]."""
+        return replace(self, incidences=np.minimum(self.incidences, incidence))
+
+    def take(self, rows: IntArray) -> FreeRays:
+        """Some of the paths."""
+        names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "shared_jacobian", "turns"
+        return FreeRays(*(getattr(self, name)[rows] for name in names))
+
+    def unmoved(self) -> FreeRays:
+        """The same as if they were exactly where they are said to be."""
+        none = np.zeros((len(self), 3, 0))
+        return replace(self, shared_jacobian=none, turns=none)
+
+    def at(self, z: FloatArray) -> tuple[Vectors, Vectors]:
+        """Origins and directions where the whitened shared errors are these ``(S, D)``.
+
+        Returns:
+            Both ``(S, m, 3)`` [m], or ``(m, 3)`` if nothing moves them.
+        """
+        if not self.moved:
+            return self.origins, self.directions
+        shifts, turns = (z @ J.reshape(-1, z.shape[1]).T for J in (self.shared_jacobian, self.turns))
+        along = self.directions + turns.reshape(len(z), len(self), 3)
+        along /= np.linalg.norm(along, axis=2, keepdims=True)
+        return self.origins + shifts.reshape(len(z), len(self), 3), along
+
+    def join(self, other: FreeRays) -> FreeRays:
+        """Both; of the same shared errors."""
+        if not len(self) or not len(other):
+            return self if len(self) else other
+        names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "shared_jacobian", "turns"
+        return FreeRays(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
+
+    @classmethod
+    def none(cls) -> FreeRays:
+        """No such path."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+
+
+def as_free_rays(measured: PointMeasurements, margin: float) -> FreeRays:
+    """The free-space rays of some measurements."""
+    beams, (_, shared_jacobian, turns) = measured.free, measured.whitened()
+    slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
+    margins = np.full(len(beams), margin)
+    lines = beams.origins, beams.directions, beams.lengths
+    return FreeRays(*lines, margins, slopes, beams.max_incidences, shared_jacobian, turns)

@@ -1,0 +1,1 @@
+"""Pairings of sensed with model features -> the part's pose, its covariance, and what stays unobserved."""

@@ -1,0 +1,104 @@
+"""What lengths and their spreads can be: within these bounds no square overflows and nothing is known to rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.defaults import SIGNIFICANCE
+from tanteo.errors import InputError
+from tanteo.geometry.typing import Covariances, FloatArray
+
+LEAST_SD, LARGEST = 1e-9, 1e6
+"""Nothing is known better than this, and nothing is farther away or larger [m]."""
+
+LEAST_TILT_SD, LARGEST_TILT_SD = 1e-6, np.pi / 3
+"""No sensed normal is known better than this, and one that is known worse says nothing [rad]."""
+
+NOTABLE = 0.05
+"""Probability below which chance does not explain a finding, so that it is mentioned, and probability from which an
+alternative is: the convention of Fisher (1925), not a tuned number. Regions are told at one less it, 95 %."""
+
+SUSPECT = 1e-3
+"""Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
+
+
+def check_number(name: str, value: object, unit: str = "") -> None:
+    """Refuse what is not one real number, a text with a unit above all.
+
+    Raises:
+        InputError: with what it is.
+    """
+    if _kind(value) in ("f", "i", "u"):
+        return
+    metres = " 0.3 mm is 0.3e-3." if unit == "m" else ""
+    raise InputError(f"{name}: expected one number{f' [{unit}]' if unit else ''}, got {value!r}.{metres}")
+
+
+def check_significance(value: object) -> None:
+    """Refuse a significance level that is not a number between 0 and 1.
+
+    Raises:
+        InputError: the value is none.
+    """
+    check_number("significance", value)
+    if not 0 < value < 1:  # type: ignore[operator]
+        raise InputError(
+            f"significance: expected a probability between 0 and 1, got {value}. Give for example {SIGNIFICANCE:g}."
+        )
+
+
+def _kind(value: object) -> str:
+    """NumPy's letter for what one number is; of anything else another."""
+    if isinstance(value, (list, tuple)) or np.ndim(value) > 0:  # type: ignore[arg-type]
+        return "O"
+    return np.asarray(value).dtype.kind
+
+
+def check_count(name: str, value: object, least: int) -> None:
+    """Refuse what is not a whole number from ``least`` on.
+
+    Raises:
+        InputError: with what it is.
+    """
+    if _kind(value) not in ("i", "u"):
+        raise InputError(f"{name}: expected a whole number, got {value!r}.")
+    if value < least:  # type: ignore[operator]
+        raise InputError(f"{name}: expected {least} or more, got {value}.")
+
+
+def check_length(name: str, value: float, least: float = 0.0) -> None:
+    """Refuse what is no length from ``least`` to :data:`LARGEST`.
+
+    Raises:
+        InputError: with the value.
+    """
+    check_number(name, value, "m")
+    if not least <= value <= LARGEST:
+        zero = " Leave it out for 0." if least == 0 else " Check its unit."
+        raise InputError(f"{name}: expected a length from {least:g} to {LARGEST:g} m, got {value:g} m.{zero}")
+
+
+def check_places(name: str, points: FloatArray) -> None:
+    """Refuse coordinates [m] that are not numbers up to :data:`LARGEST`.
+
+    Raises:
+        InputError: with the worst of them.
+    """
+    worst = float(np.abs(points).max(initial=0.0))
+    if not worst <= LARGEST:
+        raise InputError(f"{name}: expected coordinates up to {LARGEST:g} m, got {worst:g} m. Check their unit.")
+
+
+def check_spreads(name: str, C: Covariances) -> None:
+    """Refuse standard deviations of a pose ``(*batch, 6, 6)`` that are less than nothing known, or more than anything.
+
+    Raises:
+        InputError: with the standard deviation.
+    """
+    sd = np.sqrt(np.diagonal(C, axis1=-2, axis2=-1))
+    wrong = sd[~((sd >= LEAST_SD * (1 - 1e-9)) & (sd <= LARGEST * (1 + 1e-9)))]  # squared and rooted
+    if len(wrong):
+        raise InputError(
+            f"{name}: expected standard deviations from {LEAST_SD:g} to {LARGEST:g} (m or rad), got {wrong[0]:g}. "
+            "Check their units."
+        )

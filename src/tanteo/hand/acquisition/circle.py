@@ -1,0 +1,160 @@
+"""Acquisition of the rim of a bore or boss: face, crossings of the rim along several radii, fit of a circle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.errors import DegenerateError
+from tanteo.features import Feature, feature_covariance
+from tanteo.geometry.limits import SUSPECT
+from tanteo.hand.acquisition.crossings import look_over, pose_over
+from tanteo.hand.acquisition.guesses import RoundGuess
+from tanteo.hand.acquisition.plane import acquire_plane
+from tanteo.hand.acquisition.record import circle_in_face, face_label, labelled_readings
+from tanteo.hand.acquisition.rim import LEAST_PLACES, Place, controlled, cross_rim, disc_through, narrowest, turned
+from tanteo.hand.acquisition.rim_seen import LEAST_GAIN, Disc, in_face, seen_disc
+from tanteo.hand.acquisition.run import Acquired, Attempt, SensingRun, finish
+from tanteo.hand.motion.steering import Rules
+from tanteo.hand.robot import Robot
+from tanteo.sensors import RobotPreset
+
+ANGLES = tuple(k * 160.0 for k in range(9)) + tuple(k * 160.0 + 20.0 for k in range(9))
+"""Directions of the crossings, in order [deg]: ninths of a turn. With sevenths a hexagon could pass for a displaced
+circle (its sixth harmonic aliases to the first), and with eighths a square could."""
+
+ENOUGH = 9
+"""Sufficient number of positions on the rim, if they verify each other."""
+
+_FIRST, _AGAIN = 0.006, 0.003
+"""Largest deviation of the rim from its scanned position, and from the circle through the positions so far [m]."""
+
+_OTHER = 5.0
+"""Deviation from the guess, in standard deviations, beyond which a rim is a different one."""
+
+_LOOKS = 2
+"""Number of additional scans from above if the rim is not clear."""
+
+
+def sense_circle(
+    robot: Robot,
+    guess: RoundGuess,
+    *,
+    standoff: float,
+    rules: Rules,
+    label: str = "circle",
+    errors: RobotPreset | str | None = None,
+) -> Acquired:
+    """Acquire the rim of a bore or a boss as a circle; its face is acquired with it (:attr:`Acquired.others`).
+
+    Args:
+        robot: robot with the hand in front of the face, within the range of its beams.
+        guess: approximate position, axis and radius of the bore or boss.
+        standoff: distance of the hand's front from the face [m], at least 1.25 times the clearance of the rules.
+        rules: limits of the motions.
+        label: label of the readings and the feature; the face's is ``<label> face``.
+        errors: error model of the reported poses, for the covariance.
+
+    Returns:
+        ``acquired``; ``nothing`` if the beams show no such rim; ``unclear`` if the positions on the rim are too few, or
+        not on one circle; otherwise the status of the motion that failed.
+
+    Raises:
+        InputError: The stand-off is too small for the clearance of the rules.
+    """
+    run = SensingRun(robot, standoff, rules, errors)
+    status, message, feature, _ = acquire_circle(run, guess, label)
+    return finish("circle", run, status, message, feature)
+
+
+def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Attempt, Feature | None]:
+    """Acquire the rim within a running acquisition; return also its face."""
+    status, message, face = acquire_plane(run, guess.face(), face_label(label))
+    if face is None:
+        return status, f"the face of the rim: {message}", None, None
+    run.others.append(face)
+    disc = _shown(run, face, guess)
+    what = "boss" if guess.convex else "bore"
+    if disc.gain < LEAST_GAIN:
+        least = "" if guess.convex else f"; at this stand-off none narrower than {1e3 * narrowest(run):.2g} mm is seen"
+        return "nothing", f"the beams show no {what} in the face near where it should be{least}", None, face
+    if not guess.convex and 2 * disc.radius < narrowest(run):
+        why = f"the bore is narrower than the {1e3 * narrowest(run):.2g} mm that a beam needs at this stand-off"
+        return "unclear", f"{why}. Lower the stand-off", None, face
+    places, last = _crossed(run, face, disc, guess)
+    places, why = controlled(places, face, disc)
+    if why:
+        return "unclear", f"{why}{last}", None, face
+    return *_fitted(run, places, face, guess, label), face
+
+
+def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
+    """Return the rim as the beams show it, after additional scans if it is unclear."""
+    disc = seen_disc(run, face, guess)
+    for _ in range(_LOOKS):
+        if disc.gain >= 2 * LEAST_GAIN and disc.inside > 20:
+            break
+        centre, axes = in_face(face, guess)
+        T = run.robot.sensed.T_world_hand
+        along = turned(face, T[:3, :3] @ run.hand.pair, 0.0)
+        looked = look_over(
+            run, face, np.stack([pose_over(run, face, centre + s * axes[:, 0], along) for s in (0, 0.02, -0.02)])
+        )
+        disc = seen_disc(run, face, guess)
+        if not looked.reached:
+            break
+    return disc
+
+
+def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> tuple[list[Place], str]:
+    """Cross the rim until there are enough positions; return them and the reason of the last failure."""
+    first = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair
+    places, slack, why = list[Place](), _FIRST, ""
+    for angle in ANGLES:
+        if len(places) >= ENOUGH and not controlled(places, face, disc)[1]:
+            break
+        out = turned(face, first, np.radians(angle))
+        found, motion = cross_rim(run, face, disc, out, convex=guess.convex, slack=slack)
+        if motion.status == "timeout":
+            return places, f": {motion.message}"
+        places += found
+        why = why if motion.reached else f": {motion.message}"
+        better = disc_through(places, face, disc) if len(places) >= 3 else None
+        if better is not None:
+            disc, slack = better, _AGAIN if len(places) >= LEAST_PLACES else _FIRST
+    return places, why
+
+
+def _fitted(run: SensingRun, places: list[Place], face: Feature, guess: RoundGuess, label: str) -> Attempt:
+    """Fit the circle and add its readings to the record of the run."""
+    events = [e for place in places for e in place.events]
+    readings = labelled_readings(run.hand, events, label, "circle")
+    try:
+        feature, report = circle_in_face(readings, face, label, run.hand.rig, run.errors)
+    except DegenerateError as error:
+        return "unclear", f"what was crossed is not one circle: {error}", None
+    if report.p_value < SUSPECT:
+        why = f"the crossings scatter beyond their noise (p {report.p_value:.1g})"
+        return "unclear", f"what was crossed is not one circle: {why}", None
+    assert feature.size is not None
+    if off := _another(feature, guess):
+        return "unclear", off, None
+    run.readings.append(readings)
+    feature = replace(feature, size=replace(feature.size, convex=guess.convex))
+    return "acquired", f"{len(events)} crossings at {len(places)} places of the rim", feature
+
+
+def _another(rim: Feature, guess: RoundGuess) -> str:
+    """Return a message if the rim deviates too much from the guess, else an empty string."""
+    gap = rim.T_world_feature[:3, 3] - guess.point
+    away = float(np.linalg.norm(gap - (gap @ guess.axis) * guess.axis))
+    radius, own = float(rim.radius or 0.0), float(np.linalg.eigvalsh(feature_covariance(rim)[:3, :3])[-1])
+    near = away <= _OTHER * np.hypot(guess.sd, np.sqrt(own))
+    if near and abs(np.log(radius / guess.radius)) <= _OTHER * guess.radius_share:
+        return ""
+    found = f"the rim that was sensed has a radius of {1e3 * radius:.3g} mm and is {1e3 * away:.2g} mm off"
+    expected = (
+        f"{1e3 * guess.radius:.3g} mm to {100 * guess.radius_share:.2g} %, and its place to {1e3 * guess.sd:.2g} mm"
+    )
+    return f"{found} where it should be; the radius is expected to be {expected}"

@@ -1,0 +1,229 @@
+"""An edge: its face first, then crossings of it, there and back, at several places; fit.
+
+Where the surface only bends, the face beyond is sensed too, and the edge is where the two planes meet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.errors import DegenerateError
+from tanteo.features import Feature, relate_all
+from tanteo.fitting import edge_from_planes
+from tanteo.geometry.typing import FloatArray
+from tanteo.hand.acquisition.crossings import Search, cross_at, look_over, pose_over, rise
+from tanteo.hand.acquisition.edge_events import Line, against, agreeing, count_places, line_through, on_line, place_of
+from tanteo.hand.acquisition.edge_search import FoundEdge, cross_beside, find_edge
+from tanteo.hand.acquisition.guesses import EdgeGuess, FaceGuess
+from tanteo.hand.acquisition.plane import HOVER, acquire_plane
+from tanteo.hand.acquisition.record import fitted_feature, labelled_readings
+from tanteo.hand.acquisition.run import Acquired, Attempt, SensingRun, failed, finish
+from tanteo.hand.acquisition.ways import facing, fits, nearly_known
+from tanteo.hand.motion.crossing import EdgeEvent
+from tanteo.hand.motion.steering import Motion, Rules
+from tanteo.hand.motion.track import Crease, crease_angle
+from tanteo.hand.motion.travelling import go_to, path
+from tanteo.hand.robot import Robot
+from tanteo.sensors import RobotPreset
+
+_OTHER_FACE = 0.02
+"""The other face is looked for so far beyond the bend [m]."""
+
+_BESIDE = 0.006
+"""The planes meet no farther from where the surface was seen to bend [m]; a bend is seen less sharply than a drop."""
+
+
+def acquire_crease(
+    run: SensingRun, face: Feature, outwards: FloatArray, creases: Sequence[Crease], label: str
+) -> Attempt:
+    """The edge of a face at which the surface bends away, as the line in which two sensed planes meet.
+
+    Of an edge that is rounded it is where its faces would meet.
+    """
+    normal = face.T_world_feature[:3, 2]
+    place = np.median([place_of(run.hand, c) for c in creases], axis=0)
+    angle = float(np.median([c.angle for c in creases]))
+    ahead, beyond = _turned(outwards, normal, angle)
+    above = _between(run, face, place, _turned(outwards, normal, 0.5 * angle)[1], np.cross(normal, outwards))
+    if not above.reached:
+        return failed(above)
+    status, message, other = acquire_plane(
+        run, FaceGuess(place + _OTHER_FACE * ahead, beyond), f"{label} other face", beside=face
+    )
+    if other is None:
+        return status, f"the surface bends away {crease_angle(creases)}, and of the face beyond it: {message}", None
+    run.others.append(other)
+    try:
+        edge = edge_from_planes(face, other, place, label)
+    except DegenerateError as error:
+        return "unclear", f"the surface bends away {crease_angle(creases)}, but {error}", None
+    away = place - edge.T_world_feature[:3, 3]
+    direction = edge.T_world_feature[:3, 0]
+    off = float(np.linalg.norm(away - (away @ direction) * direction))
+    if off > _BESIDE:
+        return "unclear", f"the planes of both faces meet {1e3 * off:.2g} mm beside where the surface bends", None
+    return "acquired", "the surface bends: the edge is where the planes of both faces meet", edge
+
+
+def _turned(outwards: FloatArray, normal: FloatArray, angle: float) -> tuple[FloatArray, FloatArray]:
+    """The way out of a face and its normal, turned by a bend [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * outwards - s * normal, c * normal + s * outwards
+
+
+def _between(run: SensingRun, face: Feature, place: FloatArray, normal: FloatArray, along: FloatArray) -> Motion:
+    """The hand over the bend, turned half towards the other face, as far as there is room; it has to be seen."""
+    back = rise(run, face)
+    if not back.reached:
+        return back
+    hand, T = run.hand, run.robot.sensed.T_world_hand
+    target = facing(hand, place, normal, along, run.standoff + HOVER, T)
+    if not fits(run, run.seen(), path(T, target, hand.front, 12)):
+        return back
+    return run.does(go_to(run.robot, target, run.rules))
+
+
+INSET = 0.02
+"""The face of an edge is looked for this far inside of where the edge should be [m]."""
+
+OFFSETS = (0.0, 0.012, -0.012, 0.024, -0.024, 0.006, -0.006)
+"""Where along the edge it is crossed, from where it was met first [m]."""
+
+ENOUGH, MET = 3, 5
+"""So many crossings are enough if they met the edge at so many places that control each other, two a crossing where
+both sensors meet it: of fewer places one that is on another edge, just past the corner, may pass."""
+
+_MOST_ASKEW = math.radians(15.0)
+"""Crossings at a greater angle to the edge's normal only serve to find its direction."""
+
+_IN_FACE = 30.0
+"""Squared distance of an edge from its face, by height and rise in their covariance, beyond which it is not in it; less
+than one edge of a million is beyond by chance."""
+
+_BEYOND = 0.01
+"""A crossing goes this far over the edge, at least [m]."""
+
+
+def sense_edge(
+    robot: Robot,
+    guess: EdgeGuess,
+    *,
+    standoff: float,
+    rules: Rules,
+    label: str = "edge",
+    errors: RobotPreset | str | None = None,
+) -> Acquired:
+    """Acquire a straight edge; the face is acquired with it (:attr:`Acquired.others`).
+
+    Where the face drops off, the edge is made of crossings. Where it only bends, by 12 degrees or more, the face beyond
+    is acquired as well, and the edge is where both planes meet.
+
+    Args:
+        robot: robot with the hand in front of the face, within the range of its beams.
+        guess: approximate position of the edge and of its face.
+        standoff: distance of the hand's front from the face [m], at least 1.25 times the clearance of the rules.
+        rules: limits of the motions.
+        label: label of the readings and the feature; the face's is ``<label> face``, and ``<label> other face``.
+        errors: error model of the reported poses, for the covariance.
+
+    Raises:
+        InputError: The stand-off is too small for the clearance of the rules.
+    """
+    run = SensingRun(robot, standoff, rules, errors)
+    status, message, face = acquire_plane(run, guess.face(INSET), f"{label} face")
+    if face is None:
+        return finish("edge", run, status, f"the face of the edge: {message}", None)
+    run.others.append(face)
+    status, message, feature = acquire_edge(run, face, guess, label)
+    return finish("edge", run, status, message, feature)
+
+
+def acquire_edge(run: SensingRun, face: Feature, guess: EdgeGuess, label: str) -> Attempt:
+    """Acquire the edge within a running acquisition, with the hand over the face."""
+    normal = face.T_world_feature[:3, 2]
+    along = guess.direction - (guess.direction @ normal) * normal
+    if np.linalg.norm(along) < 0.2:
+        return "unclear", "the edge should run across the face that was found, not along it", None
+    found = find_edge(run, face, along / np.linalg.norm(along), guess.point)
+    if isinstance(found, Motion):
+        return failed(found)
+    if not found.events:
+        return acquire_crease(run, face, found.outwards, found.creases, label)
+    attempt: Attempt = ("unclear", "the sensors met the edge at one place only", None)
+    # the two sensors may have met two edges: then each of them looks for its own beside the place
+    for sensors in (run.hand.frontal, *((i,) for i in run.hand.frontal)):
+        mine = [e for e in found.events if e.sensor in sensors]
+        if len(sensors) == 1 and mine:
+            mine += cross_beside(run, face, found, sensors[0])
+        line = line_through(run.hand, mine)
+        if line is not None:
+            attempt = _cross_again(run, face, line, found, mine, label)
+            if attempt[0] != "unclear":
+                return attempt
+    return attempt
+
+
+def _cross_again(
+    run: SensingRun, face: Feature, line: Line, found: FoundEdge, events: list[EdgeEvent], label: str
+) -> Attempt:
+    """Crossings square to the line that is known by now, at several places along it; fit."""
+    point, along, outwards = _squared(face, line, found.outwards)
+    kept = list(events) if outwards @ found.outwards > math.cos(_MOST_ASKEW) else []
+    inset = run.standoff * 0.3 + 0.006
+    search = Search(inset + _BEYOND, inset + 0.012, _BEYOND)
+    middle = point + ((found.front - point) @ along) * along - inset * outwards
+    places = [middle + offset * along for offset in OFFSETS]
+    needed = np.stack([pose_over(run, face, place, along) for place in places[:ENOUGH]])
+    if not nearly_known(run, needed):
+        look_over(run, face, needed)
+    why, met = "", len(events)
+    for number, place in enumerate(places):
+        known = number >= ENOUGH and count_places(run.hand, kept, along) >= MET
+        if known and not agreeing(run.hand, kept, along, outwards, met)[1]:
+            break
+        crossing = cross_at(run, face, place, along, outwards, search)
+        kept += on_line(run.hand, crossing.events, line)
+        met += len(crossing.events)
+        why = "" if crossing.motion.reached else f": {crossing.motion.message}"
+    kept, doubts = agreeing(run.hand, kept, along, outwards, met)
+    if doubts:
+        return "unclear", f"{doubts}{why}", None
+    readings = labelled_readings(run.hand, kept, label, "edge")
+    feature, why = fitted_feature(readings, label, run.hand.rig, run.errors)
+    if feature is not None and (off := _off_face(face, feature)):
+        return "unclear", off, None
+    if feature is None or why:
+        return "unclear", f"what was crossed is not one edge: {why}", None
+    spots = np.array([place_of(run.hand, e) for e in kept])
+    if other := against(run, face, feature, spots, outwards):
+        return "unclear", other, None
+    run.readings.append(readings)
+    return "acquired", f"{len(kept)} crossings", feature
+
+
+def _off_face(face: Feature, edge: Feature) -> str:
+    """What is to be said of an edge that is not in its face; empty if it is.
+
+    Over a narrow bevel the ranges grow too little to be off the face, so that its far end is what is crossed.
+    """
+    found = relate_all([face, edge]).column("edge_plane_coplanarity")
+    off = found.value[0]
+    if float(off @ np.linalg.solve(found.covariance[0], off)) < _IN_FACE:
+        return ""
+    side = "below" if off[0] < 0 else "above"
+    return (
+        f"what was crossed is {1e3 * abs(off[0]):.2g} mm {side} the face: the border seems to be bevelled or rounded. "
+        "Acquire both faces beside it; their planes meet in the edge"
+    )
+
+
+def _squared(face: Feature, line: Line, outwards: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A line laid into the face, and the way out of the face across it."""
+    normal, (point, along) = face.T_world_feature[:3, 2], line
+    along = along - (along @ normal) * normal
+    along = along / np.linalg.norm(along)
+    out = np.cross(along, normal)
+    return (point, along, out) if out @ outwards > 0 else (point, -along, -out)

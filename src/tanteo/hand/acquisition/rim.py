@@ -1,0 +1,210 @@
+"""Crossings of the rim of a bore or a boss along its radii, and the circle in the face on which they are.
+
+A cone that crosses a rim of radius ``R`` sees the rim curve away on both sides: the middle of the crossing is nearer to
+the axis than the rim by the mean of ``v^2 / 2 R`` over the spot, ``rho^2 / 8 R``. Events are moved out by it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.features import Feature
+from tanteo.geometry.typing import FloatArray
+from tanteo.hand.acquisition.crossings import Search, cross_at
+from tanteo.hand.acquisition.edge_events import place_of
+from tanteo.hand.acquisition.rim_seen import Disc
+from tanteo.hand.acquisition.run import SensingRun
+from tanteo.hand.acquisition.ways import moved
+from tanteo.hand.motion.crossing import EdgeEvent
+from tanteo.hand.motion.steering import Motion
+from tanteo.hand.robot import Hand
+from tanteo.sensors import error_model
+
+_BEYOND = 2.5e-3
+"""A crossing goes on so far beyond twice the spot [m]: what is narrower is not met."""
+
+_ON_BOSS = 0.006
+"""Each frontal sensor stands so far inside of the rim of a boss, at least [m]."""
+
+_SAME = 0.25, 0.006
+"""Places are of the rim that is looked for within this share of its radius, or this much [m]."""
+
+_GATE = 3.3
+"""A place that is farther from the circle of all, in standard deviations of its residual, is on something else."""
+
+_CONTROLLED = 0.9
+"""Largest leverage of one place on the circle: beyond, the others hardly show that it is on something else."""
+
+LEAST_PLACES = 4
+"""Of three places any circle fits."""
+
+_MOST_OPEN = math.radians(135.0)
+"""Largest part of a rim without a place on it: the end of a slot is open for 150 degrees at least [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where one sensor crossed the rim, there and back.
+
+    Attributes:
+        events: Both.
+        point: Their mean ``(3,)`` [m].
+        variance: Of the point along the crossing [m^2].
+    """
+
+    events: tuple[EdgeEvent, ...]
+    point: FloatArray
+    variance: float
+
+
+def least_radius(hand: Hand, standoff: float, *, convex: bool) -> float:
+    """Radius below which a hand acquires no rim [m]: its beams have to pass a bore, and both to stand on a boss."""
+    return 0.5 * hand.baseline + _ON_BOSS if convex else _spot(hand, standoff) + 0.5 * _BEYOND
+
+
+def narrowest(run: SensingRun) -> float:
+    """Diameter below which a bore is not met by the frontal beams at the stand-off [m]."""
+    return 2 * least_radius(run.hand, run.standoff, convex=False)
+
+
+def _spot(hand: Hand, standoff: float) -> float:
+    """Radius of a frontal beam on the face at the stand-off [m]."""
+    half_angles = error_model(hand.rig).beam_half_angle[list(hand.frontal)]
+    return float(standoff * np.tan(half_angles).max())
+
+
+def cross_rim(
+    run: SensingRun, face: Feature, disc: Disc, out: FloatArray, *, convex: bool, slack: float
+) -> tuple[list[Place], Motion]:
+    """Cross the rim along one radius, from the face: into a bore, or out over a boss.
+
+    Args:
+        run: The run; the face is sensed.
+        face: In which the rim lies.
+        disc: Where it should be.
+        out: Direction of the radius ``(3,)``, unit.
+        convex: A boss.
+        slack: How far from there it may be [m].
+
+    Returns:
+        The places of all sensors that crossed it, and how it ended.
+    """
+    way = out if convex else -out
+    inset, beyond = run.standoff * 0.3 + 0.006 + slack, narrowest(run)
+    foot = disc.centre + disc.radius * out - inset * way
+    search = Search(inset + slack, inset + 2 * slack + beyond, beyond)
+    last = Motion("cross rim", "nothing", "nothing was crossed", ())
+    # the other sensor rather over the bore or inside the boss, where there is less around; else outside
+    for side in (-1.0, 1.0)[: 1 if convex else 2]:
+        middle = foot + 0.5 * side * run.hand.baseline * out
+        crossing = cross_at(run, face, middle, out, way, search)
+        places = [p for p in _places(run, crossing.events, disc, face) if _is_of(p, disc, slack)]
+        last = crossing.motion
+        if places or last.status not in ("limit", "lost"):
+            return places, last
+    return [], last
+
+
+def _places(run: SensingRun, events: Sequence[EdgeEvent], disc: Disc, face: Feature) -> list[Place]:
+    """Of each sensor that crossed, with its events moved out to the rim."""
+    normal, slopes = face.T_world_feature[:3, 2], np.tan(error_model(run.hand.rig).beam_half_angle)
+    unit, places = error_model(run.hand.rig).cov_unit, list[Place]()
+    for sensor in dict.fromkeys(e.sensor for e in events):
+        own = list[EdgeEvent]()
+        for event in (e for e in events if e.sensor == sensor):
+            away = place_of(run.hand, event) - disc.centre
+            away -= (away @ normal) * normal
+            distance = float(np.linalg.norm(away))
+            shift = (event.distance * slopes[sensor]) ** 2 / (8 * disc.radius)
+            own.append(replace(event, T_world_hand=moved(event.T_world_hand, shift / max(distance, 1e-9) * away)))
+        C, d = unit[sensor], own[0].distance
+        variance = own[0].across_sd ** 2 / len(own) + max(C[0, 0], C[1, 1]) + d**2 * max(C[3, 3], C[4, 4])
+        places.append(Place(tuple(own), np.mean([place_of(run.hand, e) for e in own], axis=0), float(variance)))
+    return places
+
+
+def _is_of(place: Place, disc: Disc, slack: float) -> bool:
+    off = abs(float(np.linalg.norm(place.point - disc.centre)) - disc.radius)
+    return off < max(slack + _SAME[0] * disc.radius, _SAME[1])
+
+
+def disc_through(places: Sequence[Place], face: Feature, start: Disc) -> Disc | None:
+    """The circle in the face through three places or more, from a circle near it; None if they do not determine it."""
+    if len(places) < 3:
+        return None
+    from scipy.optimize import least_squares  # slow to import
+
+    centre, axes = start.centre, face.T_world_feature[:3, :2]
+    points = (np.array([p.point for p in places]) - centre) @ axes
+    weights = 1 / np.sqrt([p.variance for p in places])
+    found = least_squares(
+        lambda x: -_rows(points, x[:2], x[2])[1] * weights,
+        [0.0, 0.0, start.radius],
+        lambda x: _rows(points, x[:2], x[2])[0] * weights[:, None],
+        method="lm",
+    )
+    values = np.linalg.svd(found.jac, compute_uv=False)
+    if values[-1] < 0.05 * values[0]:
+        return None
+    x, r = found.x[:2], float(found.x[2])
+    near = np.linalg.norm(x) < 2 * start.radius + 0.01 and 0.3 * start.radius < r < 3 * start.radius
+    return replace(start, centre=centre + axes @ x, radius=r) if near else None
+
+
+def _rows(points: FloatArray, x: FloatArray, r: float) -> tuple[FloatArray, FloatArray]:
+    away = points - x
+    distance = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+    return np.column_stack([away / distance[:, None], np.ones(len(points))]), distance - r
+
+
+def controlled(places: Sequence[Place], face: Feature, disc: Disc) -> tuple[list[Place], str]:
+    """Places without one that is on something else, if the others control each other; and what speaks against them.
+
+    As of an edge: the place with the largest residual beyond the gate is known to be the wrong one if enough others are
+    left (data snooping; Baarda 1968).
+    """
+    kept = list(places)
+    why, worst = _doubt(kept, face, disc)
+    if worst is not None and len(kept) > LEAST_PLACES:
+        rest = kept[:worst] + kept[worst + 1 :]
+        if not _doubt(rest, face, disc)[0]:
+            return rest, ""
+    return kept, why
+
+
+def _doubt(places: list[Place], face: Feature, disc: Disc) -> tuple[str, int | None]:
+    """What speaks against one circle, and the place that does."""
+    met = f"the rim was met at {len(places)} places"
+    if len(places) < LEAST_PLACES:
+        return f"{met}, and of fewer than {LEAST_PLACES} none controls the others", None
+    circle = disc_through(places, face, disc)
+    if circle is None:
+        return f"{met}, which cover too little of it to determine a circle", None
+    axes, weights = face.T_world_feature[:3, :2], 1 / np.sqrt([p.variance for p in places])
+    points = (np.array([p.point for p in places]) - circle.centre) @ axes
+    turns = np.sort(np.arctan2(points[:, 1], points[:, 0]))
+    open_for = float(np.diff(turns, append=turns[0] + 2 * math.pi).max())
+    if open_for > _MOST_OPEN:
+        return f"{met}, and nowhere on {math.degrees(open_for):.0f} degrees of it: it may be open there", None
+    A, residual = _rows(points, np.zeros(2), circle.radius)
+    Q = np.linalg.qr(A * weights[:, None])[0]
+    leverages = np.sum(Q**2, axis=1)
+    if leverages.max() > _CONTROLLED:
+        return f"{met}, and one of them stands alone", None
+    standard = np.abs(residual * weights) / np.sqrt(1 - leverages)
+    worst = int(np.argmax(standard))
+    if standard[worst] <= _GATE:
+        return "", None
+    return f"one place is {standard[worst]:.1f} standard deviations beside the circle of the others", worst
+
+
+def turned(face: Feature, first: FloatArray, angle: float) -> FloatArray:
+    """A direction in the face, turned about its normal by an angle [rad] ``(3,)``."""
+    normal = face.T_world_feature[:3, 2]
+    first = first - (first @ normal) * normal
+    first = first / np.linalg.norm(first)
+    return np.asarray(math.cos(angle) * first + math.sin(angle) * np.cross(normal, first))

@@ -1,0 +1,5 @@
+"""Simulate the true cell: a scene of solids and a robot hand that moves and senses in it with seeded errors.
+
+The package contains no estimation, matching or planning. It outputs what a real robot would report
+(:class:`~tanteo.hand.HandReading`); :func:`clearances` gives the true clearance to evaluations and tests.
+"""

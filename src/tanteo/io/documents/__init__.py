@@ -1,0 +1,1 @@
+"""Documents of tanteo: results, records, rigs, scenes and their schemas."""

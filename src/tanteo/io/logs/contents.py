@@ -1,0 +1,147 @@
+"""Hold the bytes of a file, and decode its text in whatever encoding it was written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NoReturn
+
+import numpy as np
+
+from tanteo.errors import ReadingsError
+from tanteo.geometry.typing import FloatArray
+
+HEAD = 16_384
+"""Number of leading bytes that format recognition uses."""
+
+_DIGITS = 18
+"""Largest number of digits in a whole number."""
+
+_MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
+
+
+def encoding_of(data: bytes, *, whole: bool = True) -> str | None:
+    """Return the encoding of a text: by its byte-order mark, else UTF-8, UTF-16 or Windows-1252; None if binary.
+
+    Args:
+        data: bytes of the text.
+        whole: whether these are all bytes; otherwise the last character may be incomplete.
+    """
+    for mark, name in _MARKS:
+        if data.startswith(mark):
+            return name
+    if b"\0" in data:
+        for name, zeros in (("utf-16-le", data[1::2]), ("utf-16-be", data[0::2])):
+            if zeros and zeros.count(0) > 0.9 * len(zeros):
+                return name
+        return None
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if whole or error.start < len(data) - 4:
+            return "cp1252"
+    return "utf-8"
+
+
+@dataclass(frozen=True)
+class Contents:
+    """Content of a file.
+
+    Attributes:
+        data: bytes of the file.
+        name: name of the file for messages.
+    """
+
+    data: bytes = field(repr=False)
+    name: str = "log"
+
+    @cached_property
+    def encoding(self) -> str | None:
+        """Encoding of the text; None for a binary file."""
+        return encoding_of(self.data)
+
+    @cached_property
+    def head(self) -> str:
+        """Start of the file as text; empty for a binary file."""
+        start = self.data[:HEAD]
+        encoding = encoding_of(start, whole=len(start) == len(self.data))
+        return "" if encoding is None else start.decode(encoding, errors="replace").lstrip("\ufeff")
+
+    @cached_property
+    def text(self) -> str:
+        """Complete text.
+
+        Raises:
+            ReadingsError: the file is binary.
+        """
+        if self.encoding is None:
+            self.fail("text", "a binary file", "Export it as text, or name its format with --format.")
+        return self.data.decode(self.encoding, errors="replace").lstrip("\ufeff")
+
+    @cached_property
+    def lines(self) -> list[str]:
+        """Lines without surrounding blanks; index 0 is line 1."""
+        return [line.strip() for line in self.text.splitlines()]
+
+    def fail(self, expected: str, got: str, advice: str, line: int | None = None) -> NoReturn:
+        """Refuse the file.
+
+        Args:
+            expected: accepted content, in words.
+            got: found content, in words.
+            advice: correction to suggest, as a sentence.
+            line: line number; None for the file as a whole.
+
+        Raises:
+            ReadingsError: always.
+        """
+        place = self.name if line is None else f"{self.name}, line {line}"
+        raise ReadingsError(f"{place}: expected {expected}, got {got}. {advice}")
+
+    def numbers(self, rows: list[list[str]], lines: list[int], what: str) -> FloatArray:
+        """Return rows of words as finite numbers ``(n, k)``.
+
+        Args:
+            rows: words of each row; all rows must have the same number.
+            lines: line number of each row.
+            what: description of a row, for messages.
+
+        Raises:
+            ReadingsError: there are no rows, a row has another number of words, or a word is not a finite number; the
+                message names the line.
+        """
+        if not rows:
+            self.fail(f"at least one of {what}", "none", "Is this the whole file?")
+        for row, line in zip(rows, lines, strict=True):
+            if len(row) != len(rows[0]):
+                self.fail(f"{len(rows[0])} numbers of {what}", str(len(row)), "Correct the line.", line)
+        values = np.full((len(rows), len(rows[0])), np.nan)
+        for k, row in enumerate(rows):
+            values[k] = [_number(word) for word in row]
+        bad = np.argwhere(~np.isfinite(values))
+        if len(bad):
+            k, i = bad[0]
+            self.fail(f"finite numbers of {what}", f"'{rows[k][i][:30]}'", "Correct the line.", lines[k])
+        return values
+
+
+def is_whole(word: str) -> bool:
+    """Return whether a word is a whole number of at most 18 ASCII digits.
+
+    Args:
+        word: word to test.
+    """
+    return word.isascii() and word.isdigit() and len(word) <= _DIGITS
+
+
+def _number(word: str) -> float:
+    """Return the number of a word.
+
+    NaN if it is not plain, as ``1_000`` or digits of other scripts, which Python accepts.
+    """
+    if not word.isascii() or "_" in word:
+        return float("nan")
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")

@@ -1,0 +1,146 @@
+"""Read DMIS output of coordinate measuring machines (ISO 22093).
+
+Actual points ``FA(name)=FEAT/POINT,CART,x,y,z,i,j,k``.
+
+Actual circles and cylinders, ``FA(name)=FEAT/CIRCLE,INNER,CART,x,y,z,i,j,k,diameter`` (``CYLNDR``; ``OUTER`` for
+bosses), are read as centres of holes and bosses; this is the form of the QIF community's converters. Spheres are
+``FA(name)=FEAT/SPHERE,OUTER,CART,x,y,z,diameter``. Cones are ignored: no file was found that shows the sense of their
+axis, and whether the angle is the half angle. A file without actual features contributes the points of ``PTDATA``, or
+else of ``PTMEAS`` and ``F(name)=FEAT/POINT``, which are nominal in a program; a note states which were used. ``$``
+continues a line, ``$$`` starts a comment.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.log import Log, counted, unique
+
+_UNITS = {"MM": "mm", "CM": "cm", "M": "m", "INCH": "in", "FEET": "ft"}
+_ROUND = {"CIRCLE": "circle", "CYLNDR": "cylinder", "SPHERE": "sphere"}
+_SIDES = {"INNER": "hole", "OUTER": "boss"}
+_CELLS = 9
+"""Number of cells of a round feature; a point has six or three."""
+_FEATURE = re.compile(r"^(FA?)\(([^()]{1,80})\)\s*=\s*FEAT\s*/\s*(\w+)\s*,(.{0,500})", re.IGNORECASE)
+_POINT = re.compile(r"^(PTMEAS|PTDATA)\s*/\s*CART\s*,(.{0,500})", re.IGNORECASE)
+_HINT = re.compile(
+    r"^[ \t]*(?:DMISMN\s*/|DMISMD\s*/|FILNAM\s*/|FA?\([^()\n]{1,80}\)\s*=\s*FEAT\s*/|PTMEAS\s*/|PTDATA\s*/)",
+    re.MULTILINE | re.IGNORECASE,
+)
+_CALLED = {
+    "FA": "",
+    "PTDATA": "Points of PTDATA are taken: the file has no actual points (FA).",
+    "PTMEAS": "Points of PTMEAS are taken as measured: there are no actual ones (FA). In a program they are nominal.",
+    "F": "Nominal points F(...) are taken as measured: the file has no actual ones, FA(...).",
+}
+
+
+def recognise(contents: Contents) -> bool:
+    """Return whether the file contains a statement that only DMIS has.
+
+    Args:
+        contents: file to test.
+    """
+    return _HINT.search(contents.head) is not None
+
+
+def read(contents: Contents) -> Log:
+    """Return the actual points and round features, or else the points of the best available statement.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: the file has no measured points, or is malformed.
+    """
+    rows: dict[str, list[tuple[int, str, list[str]]]] = {name: [] for name in _CALLED}
+    unit = None
+    others = 0
+    for k, line in _statements(contents):
+        if line.upper().startswith("UNITS/"):
+            unit = _UNITS.get(line[6:].split(",")[0].strip().upper())
+        elif match := _FEATURE.match(line):
+            kind = match[1].upper()
+            name = match[2]
+            shape = match[3].upper()
+            rest = _cells(match[4])
+            if shape == "POINT" and rest[:1] == ["CART"]:
+                rows[kind].append((k, name, rest[1:7]))
+            elif kind == "FA" and (cells := _round(shape, rest)):
+                rows[kind].append((k, name, cells))
+            else:
+                others += kind == "FA" and shape != "POINT"
+        elif match := _POINT.match(line):
+            rows[match[1].upper()].append((k, str(k), _cells(match[2])[:6]))
+    taken = next((name for name in _CALLED if rows[name]), None)
+    if taken is None:
+        left = f"{counted(others, 'feature')} of other kinds" if others else "none"
+        contents.fail("measured points (FA(...)=FEAT/POINT, PTDATA or PTMEAS)", left, "Output the points as well.")
+    notes = [_CALLED[taken]] if _CALLED[taken] else []
+    if others:
+        notes.append(f"{counted(others, 'feature')} of other kinds than POINT, CIRCLE, CYLNDR and SPHERE left out.")
+    return _log(contents, rows[taken], unit, notes)
+
+
+def _round(shape: str, rest: list[str]) -> list[str]:
+    """Return position, axis, diameter, side and kind of a round feature as words; empty for other features."""
+    if shape not in _ROUND or rest[0] not in _SIDES or rest[1:2] != ["CART"]:
+        return []
+    axis = ["0"] * 3 if shape == "SPHERE" else rest[5:8]
+    diameter = rest[5:6] if shape == "SPHERE" else rest[8:9]
+    return [*rest[2:5], *axis, *diameter, _SIDES[rest[0]], _ROUND[shape]] if diameter else []
+
+
+def _log(contents: Contents, rows: list[tuple[int, str, list[str]]], unit: str | None, notes: list[str]) -> Log:
+    lines = [k for k, _, _ in rows]
+    points = contents.numbers([(cells + [""] * 3)[:3] for _, _, cells in rows], lines, "a point")
+    scale = {"cm": 10.0, "ft": 12.0}.get(unit or "", 1.0)
+    points = points * scale
+    unit = {"cm": "mm", "ft": "in"}.get(unit or "", unit)
+    round_ones = np.array([len(cells) == _CELLS for _, _, cells in rows])
+    diameters = [cells[6] if is_round else "1" for (_, _, cells), is_round in zip(rows, round_ones, strict=True)]
+    sizes = contents.numbers([[cell] for cell in diameters], lines, "a diameter")[:, 0] * scale
+    if not np.all(sizes > 0):
+        contents.fail("a positive diameter", f"{sizes.min():g}", "Correct it.", lines[int(np.argmin(sizes))])
+    vectors = None
+    if all(len(cells) in (6, _CELLS) for _, _, cells in rows):
+        vectors = contents.numbers([cells[3:6] for _, _, cells in rows], lines, "a normal")
+        vectors[np.linalg.norm(vectors, axis=1) < 0.5] = np.nan
+        vectors = None if np.isnan(vectors).all() else vectors
+    names = unique([name for _, name, _ in rows])
+    if not round_ones.any():
+        return Log(points=points, unit=unit, outward=vectors, ids=names, notes=tuple(notes))
+    sides, kinds = (
+        tuple(cells[column] if len(cells) == _CELLS else other for _, _, cells in rows)
+        for column, other in ((7, ""), (8, "point"))
+    )
+    return Log(
+        points=points, unit=unit, outward=vectors, kinds=kinds, sizes=np.where(round_ones, sizes / 2, np.nan),
+        sides=sides, ids=names, notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _statements(contents: Contents) -> list[tuple[int, str]]:
+    """Return the statements with the lines where they start."""
+    out: list[tuple[int, str]] = []
+    begun = ""
+    first = 0
+    for k, line in enumerate(contents.lines, start=1):
+        if line.startswith("$$"):
+            continue
+        line = line.split("$$")[0].rstrip()
+        first = first if begun else k
+        if line.endswith("$"):
+            begun += line[:-1]
+            continue
+        if begun or line:
+            out.append((first, begun + line))
+        begun = ""
+    return out + ([(first, begun)] if begun else [])
+
+
+def _cells(text: str) -> list[str]:
+    return [cell.strip() for cell in text.split(",")]

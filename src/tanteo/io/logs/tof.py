@@ -1,0 +1,213 @@
+"""Read frames of multi-zone ranging sensors in the output formats of their drivers' example programs.
+
+ST's VL53L5CX, VL53L7CX and VL53L8CX print lines ``Zone : 0, Status : 5, Distance : 312 mm`` (ULD examples), cells
+``| 312 : 5 |`` (X-NUCLEO and STM32duino examples, last column first), or grids of distances with or without
+``(status)`` (SparkFun examples, last column first). Status 5 and 9 are valid, 255 means no target, all others are
+unreliable (UM2884).
+
+ams OSRAM's TMF8828 prints lines ``#Obj,address,number,..`` (Arduino driver) with four captures to a frame and
+alternating distances and confidences, or two grids (Adafruit's example). A zero distance means no target; a confidence
+below 20 is unreliable. The assignment of results to zones is that of github.com/shabaz123/TMF8828, whose viewer was
+compared with the manufacturer's.
+
+A reading is named by row and column of its zone, counted from 1 with zone 0 first: ``tof.1.1``.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.io.logs.contents import Contents, is_whole
+from tanteo.io.logs.log import Log, counted
+
+VALID, NO_TARGET = (5, 9), 255
+LEAST_CONFIDENCE = 20
+FARTHEST = 6_000
+"""Largest plausible distance [mm]; no such device has a larger range."""
+
+_ZONE = re.compile(
+    r"Zone\s*:\s*(\d{1,6})\s*,\s*Status\s*:\s*(\d{1,6})\s*,\s*Distance\s*:\s*(-?\d{1,6})\s*mm", re.IGNORECASE
+)
+_CELL = re.compile(r"\|\s*(-?\d{1,6}|X)\s*:\s*(\d{1,6}|X)(?=\s*(?:\||$))")
+_COLOUR = re.compile(r"\x1b\[[\d;]*[A-Za-z]")
+_GRID = re.compile(r"\d{1,5}(?:\s*\(\s*\d{1,3}\s*\))?(?:[\s,]+\d{1,5}(?:\s*\(\s*\d{1,3}\s*\))?)*,?")
+_WORD = re.compile(r"(\d+)(?:\s*\(\s*(\d+)\s*\))?")
+_OBJECT = re.compile(r"^#Obj,\d+,(\d+),", re.MULTILINE)
+_RESULTS = np.array([6, 15, 7, 16, 4, 13, 5, 14, 2, 11, 3, 12, 0, 9, 1, 10])
+_CORNERS = {0: 8, 1: 10, 2: 0, 3: 2}
+"""First zone of each of the four captures."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Result of one zone.
+
+    Its number in the frame, distance [mm], whether it hit nothing, whether it is reliable, frame side.
+    """
+
+    zone: int
+    distance: float
+    free: bool
+    reliable: bool
+    side: int
+
+
+def _of_status(zone: int, distance: str, status: str, side: int) -> _Seen:
+    free = status == "X" or int(status) == NO_TARGET
+    reliable = free or (int(status) in VALID and int(distance) > 0)
+    return _Seen(zone, float("nan") if free else float(distance), free, reliable, side)
+
+
+def _of_confidence(zone: int, distance: int, confidence: int) -> _Seen:
+    free = distance == 0
+    return _Seen(zone, float("nan") if free else float(distance), free, free or confidence >= LEAST_CONFIDENCE, 8)
+
+
+def recognise(contents: Contents) -> bool:
+    """Return whether the file contains a line, cell or grid of one of the example programs.
+
+    Args:
+        contents: file to test.
+    """
+    head = _COLOUR.sub("", contents.head)
+    if _ZONE.search(head) or _OBJECT.search(head) or "Distance (mm):" in head:
+        return True
+    if "|" in head and len(_CELL.findall(head)) >= 4 and "Status" in head:
+        return True
+    blocks = _blocks(head.splitlines())
+    whole = [block for block in blocks if len(block) == len(block[0]) and len(block) in (4, 8)]
+    return bool(whole) and whole[0] is blocks[0] and (len(whole[0]) == 8 or len(whole) > 1)
+
+
+def read(contents: Contents) -> Log:
+    """Return all zones of all frames.
+
+    Args:
+        contents: file to read.
+
+    Raises:
+        ReadingsError: there is no complete frame or no reliable zone, or the frames differ in size.
+    """
+    text = _COLOUR.sub("", contents.text)
+    notes: list[str] = []
+    if _OBJECT.search(text):
+        seen = _objects(contents, text)
+    elif "Distance (mm):" in text:
+        seen = _two_grids(contents, text)
+    elif _ZONE.search(text):
+        side = 8 if max(int(zone) for zone, _, _ in _ZONE.findall(text)) > 15 else 4
+        seen = [_of_status(int(z), d, s, side) for z, s, d in _ZONE.findall(text)]
+    elif _CELL.search(text):
+        seen = _cells(text)
+    else:
+        seen, stated = _grids(text)
+        if not stated:
+            notes.append("The frames have no status codes: all distances above zero are taken as valid.")
+    return _log(contents, seen, notes)
+
+
+def _log(contents: Contents, seen: list[_Seen], notes: list[str]) -> Log:
+    if not seen:
+        contents.fail("a whole frame of 8 x 8 or 4 x 4 zones", "none", "Log one frame to its end.")
+    if len({one.side for one in seen}) > 1:
+        contents.fail("frames of one size", "8 x 8 and 4 x 4", "Split the log.")
+    side = seen[0].side
+    strange = next((s for s in seen if s.zone >= side * side or s.distance > FARTHEST), None)
+    if strange is not None:
+        contents.fail(f"zones below {side * side} and distances up to {FARTHEST} mm",
+                      f"zone {strange.zone} at {strange.distance:g} mm", "Is it a log of distances?")  # fmt: skip
+    kept = [one for one in seen if one.reliable]
+    free = sum(one.free for one in kept)
+    if free < len(seen):
+        notes.append(
+            f"{counted(len(seen), 'zone')}: {len(kept) - free} with a target, {free} without, "
+            f"{len(seen) - len(kept)} unreliable and left out."
+        )
+    if not kept:
+        contents.fail("at least one reliable zone", f"{len(seen)} unreliable ones", "Look at the status codes.")
+    zones = np.array([one.zone for one in kept])
+    return Log(
+        unit="mm", zones=(side, side), cells=np.stack([zones // side + 1, zones % side + 1], axis=-1),
+        ranges=np.array([one.distance for one in kept]), free=np.array([one.free for one in kept]), notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _cells(text: str) -> list[_Seen]:
+    """Return zones from rows of cells, last column first; the first line of a row has distance and status."""
+    rows: list[list[tuple[str, str]]] = []
+    fresh = True
+    for line in text.splitlines():
+        cells = _CELL.findall(line)
+        if cells and fresh:
+            rows.append(cells)
+        fresh = not cells and (fresh or "---" in line)
+    rows = [row for row in rows if len(row) in (4, 8)]
+    return [
+        _of_status((k % len(row)) * len(row) + len(row) - 1 - i, distance, status, len(row))
+        for k, row in enumerate(rows)
+        for i, (distance, status) in enumerate(row)
+    ]
+
+
+def _blocks(lines: list[str]) -> list[list[list[tuple[str, str]]]]:
+    """Return runs of lines that contain only whole numbers, with or without statuses, of equal count per line."""
+    blocks: list[list[list[tuple[str, str]]]] = []
+    width = 0
+    for line in lines:
+        bare = line.strip()
+        words = _WORD.findall(bare) if _GRID.fullmatch(bare) else []
+        if words and len(words) == width and len(blocks[-1]) < width:
+            blocks[-1].append(words)
+        elif words:
+            blocks.append([words])
+        width = len(words)
+    return blocks
+
+
+def _grids(text: str) -> tuple[list[_Seen], bool]:
+    """Return zones from grids, last column first, and whether the grids state a status."""
+    whole = [b for b in _blocks(text.splitlines()) if len(b) == len(b[0]) and len(b) in (4, 8)]
+    stated = any(status for block in whole for row in block for _, status in row)
+    seen = [
+        _of_status(k * len(row) + len(row) - 1 - i, distance, status or str(VALID[0]), len(row))
+        for block in whole
+        for k, row in enumerate(block)
+        for i, (distance, status) in enumerate(row)
+    ]
+    return seen, stated
+
+
+def _two_grids(contents: Contents, text: str) -> list[_Seen]:
+    """Return zones from alternating grids of distances and confidences."""
+    blocks = [b for b in _blocks(text.splitlines()) if len(b) == len(b[0]) == 8]
+    if not blocks or len(blocks) % 2:
+        contents.fail(
+            "a grid of confidences behind each of distances", f"{len(blocks)} grids of 8 x 8", "Log it whole."
+        )
+    return [
+        _of_confidence(8 * k + i, int(distance), int(confidence))
+        for first, second in zip(blocks[::2], blocks[1::2], strict=True)
+        for k in range(8)
+        for i, ((distance, _), (confidence, _)) in enumerate(zip(first[k], second[k], strict=True))
+    ]
+
+
+def _objects(contents: Contents, text: str) -> list[_Seen]:
+    """Return the nearest object in each zone of the four captures of a frame."""
+    seen = []
+    for k, line in enumerate(text.splitlines(), start=1):
+        if not line.startswith("#Obj"):
+            continue
+        words = line.strip().split(",")
+        if len(words) != 78 or not all(is_whole(word) for word in words[1:]):
+            contents.fail("#Obj with 77 whole numbers", f"{len(words) - 1}", "Remove the line; was it cut off?", k)
+        capture = int(words[2]) % 4
+        pairs = np.array([int(word) for word in words[6:]]).reshape(-1, 2)[_RESULTS]
+        seen += [
+            _of_confidence(_CORNERS[capture] + 16 * (j // 4) + (0, 1, 4, 5)[j % 4], int(distance), int(confidence))
+            for j, (distance, confidence) in enumerate(pairs)
+        ]
+    return seen

@@ -1,0 +1,1 @@
+"""Cameras, images, poses and priors as text and files."""

@@ -1,0 +1,224 @@
+"""Write a part's frame as a work coordinate system of a machine or a user frame of a robot.
+
+Sources: LinuxCNC ``G10 L2 P R`` (G-code reference, "Set Coordinate System"; the tests run the lines with ``rs274``);
+Haas' page on programmable offsets (``G10 L2 P1 G90``, no rotation); FANUC ``PR[n,k]=`` and ``UFRAME[n]=`` (public TP
+programs); KUKA ``BASE_DATA`` and ``$BASE``; ABB ``wobjdata``; URScript pose variables. A work offset of a 3-axis
+machine rotates about z only. A warning states the largest position error that the omitted tilt causes on the part.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from tanteo.errors import InputError, did_you_mean
+from tanteo.geometry import SE3, SO3, UncertainFrame
+from tanteo.geometry.typing import Transforms, Vectors
+from tanteo.io.poses.pose_text import brand_fields
+from tanteo.io.readings.brands import BRANDS
+
+OFFSETS: Mapping[str, int] = MappingProxyType(
+    {f"G{n}": n - 53 for n in range(54, 60)} | {f"G59.{n}": 6 + n for n in range(1, 4)}
+)
+"""Work coordinate systems of LinuxCNC, with their ``P`` number in ``G10 L2``."""
+
+_TILT = np.radians(45.0)
+"""Tilt of the part's z axis from the machine's above which a rotation about z is meaningless [rad]."""
+
+_SPEAKS = 1e-6
+"""Position error at a corner above which a warning is given [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkFrame:
+    """Frame of a controller that is to be set.
+
+    Attributes:
+        controller: ``linuxcnc``, ``grbl``, or another key of :data:`CONTROLLERS`.
+        slot: number or name of the frame.
+        within: work coordinate system of the readings; empty for machine coordinates.
+    """
+
+    controller: str
+    slot: str
+    within: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenFrame:
+    """Program lines that set a frame.
+
+    Attributes:
+        text: lines, each ending in a line break.
+        warnings: errors of the frame's approximation, and conditions for its use.
+    """
+
+    text: str
+    warnings: tuple[str, ...]
+
+
+def parse_work_frame(text: str) -> WorkFrame:
+    """Return the frame of a text such as ``G54``, ``G55@G54``, ``grbl:G54``, ``fanuc:3``, ``abb:w`` or ``ur:p``.
+
+    Args:
+        text: controller and frame; a frame alone is one of LinuxCNC, and ``@`` names that of the readings.
+
+    Raises:
+        InputError: the controller is unknown, or it does not have the frame.
+    """
+    head, _, slot = text.partition(":")
+    frame, _, within = head.upper().partition("@")
+    if frame in OFFSETS and not slot and (not within or within in OFFSETS):
+        if frame == within:
+            raise InputError(f"expected another frame than that of the readings, got '{text}'. Set G55, or another.")
+        return WorkFrame("linuxcnc", frame, within)
+    name = head.lower()
+    if name not in CONTROLLERS:
+        known = (*OFFSETS, *CONTROLLERS)
+        raise InputError(
+            f"expected G54 to G59.3 or one of {', '.join(CONTROLLERS)} (as fanuc:1), got '{text}'."
+            f"{did_you_mean(head, known)}"
+        )
+    pattern, example, usual, _ = CONTROLLERS[name]
+    slot = slot or usual
+    slot = slot.upper() if name in ("grbl", "haas", "linuxcnc") else slot
+    if not re.fullmatch(pattern, slot):
+        raise InputError(f"expected {name}:{example}, got '{text}'. Correct the frame's number or name.")
+    return WorkFrame(name, slot)
+
+
+def write_work_frame(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+    """Return the lines that set a frame of a controller to a pose.
+
+    Args:
+        where: frame to set.
+        frame: pose of the part in the machine's or the robot's world, with covariance.
+        corners: corners of the part's box, part frame ``(n, 3)`` [m].
+        note: comment line that names the part and the uncertainty.
+
+    Raises:
+        InputError: the frame rotates about z only, and the part's z axis is tilted by more than 45 degrees.
+    """
+    write = CONTROLLERS[where.controller][3]
+    return write(where, frame, corners, note)
+
+
+def yaw_only(T: Transforms) -> Transforms:
+    """Return the nearest pose that rotates about z only: same origin, smallest squared error of the rotation matrix.
+
+    Args:
+        T: pose ``(4, 4)``.
+    """
+    R = T[:3, :3]
+    angle = np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])
+    return SE3.from_parts(SO3.axis_rotation(2, angle), T[:3, 3])
+
+
+def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str, *, turns: bool) -> WrittenFrame:
+    T = frame.T
+    slot = where.slot
+    tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
+    if tilt > _TILT:
+        raise InputError(
+            f"--wcs: expected a part whose z axis points up, as that of a work offset does, got one tilted by "
+            f"{np.degrees(tilt):.1f} deg. Turn the part's frame in CAD, or write its pose (--as matrix)."
+        )
+    held = yaw_only(T) if turns else SE3.from_parts(np.eye(3), T[:3, 3])
+    off = np.linalg.norm(SE3.apply(T, corners) - SE3.apply(held, corners), axis=-1)
+    of = f"those of {where.within}" if where.within else "machine coordinates (G53), with no work offset in them"
+    warnings = [f"positions of the readings are taken as {of}."]
+    if off.max() > _SPEAKS:
+        what = f"a tilt of {np.degrees(tilt):.3g} deg" if turns else "any rotation of the part"
+        warnings.insert(
+            0, f"{slot} cannot hold {what}: the part's far corner is {1e3 * off.max():.3g} mm from where it will be."
+        )
+    x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(held, frame.C))
+    words = f"X{x} Y{y} Z{z}" + (f" R{a}" if turns else "")
+    before: list[str] = []
+    if where.within:
+        before, words = _after(OFFSETS[where.within], x, y, z, a)
+    lines = [
+        f"({_gcode_comment(note)})",
+        f"(readings in {where.within or 'machine coordinates'}, millimetres)",
+        "G21 G90",
+    ]
+    lines += [f"(warning: {_gcode_comment(text)})" for text in warnings[:-1]]
+    return WrittenFrame("\n".join([*lines, *before, f"G10 L2 P{OFFSETS[slot]} {words}", ""]), tuple(warnings))
+
+
+def _after(number: int, x: str, y: str, z: str, a: str) -> tuple[list[str], str]:
+    """Return the lines before, and the words of, a frame that is relative to a work coordinate system.
+
+    LinuxCNC stores offset and rotation in parameters from 5221 on, 20 per system, in machine units.
+    """
+    first = 5201 + 20 * number
+    turn, (ox, oy, oz) = f"#{first + 9}", (f"#<_unit> * #{first + k}" for k in range(3))
+    x_ = "#<_part_x>"
+    y_ = "#<_part_y>"
+    along = f"X[{ox} + {x_} * COS[{turn}] - {y_} * SIN[{turn}]] Y[{oy} + {x_} * SIN[{turn}] + {y_} * COS[{turn}]]"
+    before = ["#<_unit> = [25.4 - 24.4 * [#<_metric_machine> EQ 1]]", f"{x_} = {x}", f"{y_} = {y}"]
+    return before, f"{along} Z[{oz} + [{z}]] R[{turn} + [{a}]]"
+
+
+def _linuxcnc(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+    return _offset(where, frame, corners, note, turns=True)
+
+
+def _no_turn(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str) -> WrittenFrame:
+    return _offset(where, frame, corners, note, turns=False)
+
+
+def _gcode_comment(text: str) -> str:
+    """Return a text without characters that end or start a G-code comment."""
+    return re.sub(r"[^\x20-\x7e]", "?", text.replace("(", "[").replace(")", "]"))
+
+
+def _fanuc(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+    """Return a TP program; ``LPOS`` makes the position register Cartesian before its elements are written."""
+    register = 100
+    values = brand_fields("fanuc", frame)
+    steps = [f"!{words[:30]}" for words in re.split("[:,] ", note)] + ["UFRAME_NUM=0", f"PR[{register}]=LPOS"]
+    steps += [f"PR[{register},{k}]={value}" for k, value in enumerate(values, 1)]
+    steps += [f"UFRAME[{where.slot}]=PR[{register}]", f"UFRAME_NUM={where.slot}"]
+    body = [f"{n:4d}:  {step} ;" for n, step in enumerate(steps, 1)]
+    text = ["/PROG  TANTEO_UF", "/ATTR", 'COMMENT\t\t= "TANTEO";', "/MN", *body, "/POS", "/END", ""]
+    return WrittenFrame("\n".join(text), (f"position register {register} is overwritten.",))
+
+
+def _kuka(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+    value = BRANDS["kuka"].syntax.format(*brand_fields("kuka", frame)).replace("{X", "{FRAME: X")
+    return WrittenFrame(f"; {note}\nBASE_DATA[{where.slot}] = {value}\n$BASE = BASE_DATA[{where.slot}]\n", ())
+
+
+def _abb(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+    value = BRANDS["abb"].syntax.format(*brand_fields("abb", frame))
+    data = f'[FALSE, TRUE, "", {value}, [[0, 0, 0], [1, 0, 0, 0]]]'
+    return WrittenFrame(f"! {note}\nPERS wobjdata {where.slot} := {data};\n", ())
+
+
+def _ur(where: WorkFrame, frame: UncertainFrame, _: Vectors, note: str) -> WrittenFrame:
+    value = BRANDS["ur"].syntax.format(*brand_fields("ur", frame))
+    use = f"# a point p of the part: movel(pose_trans({where.slot}, p))"
+    return WrittenFrame(f"# {note}\n{use}\nglobal {where.slot} = {value}\n", ())
+
+
+_Writer = Callable[[WorkFrame, UncertainFrame, Vectors, str], WrittenFrame]
+_NAME = r"[A-Za-z][A-Za-z0-9_]{0,30}"
+_G = r"G5[4-9]"
+
+CONTROLLERS: Mapping[str, tuple[str, str, str, _Writer]] = MappingProxyType(
+    {
+        "linuxcnc": (_G + r"|G59\.[1-3]", "G54", "G54", _linuxcnc),
+        "grbl": (_G, "G54", "G54", _no_turn),
+        "haas": (_G, "G54", "G54", _no_turn),
+        "fanuc": ("[1-9]", "1", "1", _fanuc),
+        "kuka": (r"[1-9]|[12]\d|3[0-2]", "1", "1", _kuka),
+        "abb": (_NAME, "wobj_part", "wobj_part", _abb),
+        "ur": (_NAME, "part_frame", "part_frame", _ur),
+    }
+)
+"""Controllers by name: pattern of the frame's name, example, default, and function that writes it."""

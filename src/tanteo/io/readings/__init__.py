@@ -1,0 +1,1 @@
+"""Readers of measured readings: tables, logs, bags and marks."""

@@ -1,0 +1,155 @@
+"""Read and write tables of readings with a header, one reading per row (``docs/formats.md``)."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from tanteo.errors import ReadingsError
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import FloatArray
+from tanteo.io.logs.table_text import HEAD_BYTES, Lines, TableText, sniff
+from tanteo.io.readings import units
+from tanteo.io.readings.cells import Sheet
+from tanteo.io.readings.columns import DIRECTION, HAND, NORMAL, POINT, read_header
+from tanteo.io.readings.headers import units_row
+from tanteo.io.readings.stated import Stated
+from tanteo.io.readings.table import Table
+from tanteo.replaced import replaced
+from tanteo.sensors import Readings, reading_kind
+
+CHUNK = 50_000
+"""Number of rows converted at a time, which limits the text in memory."""
+
+_UNITS = (*units.LENGTH_UNITS, *units.ANGLE_UNITS)
+
+
+def read_table(path: Path, start: bytes, stated: Stated, progress: Callable[[int], None] | None) -> Readings:
+    """Read a table with a header.
+
+    Args:
+        path: file to read.
+        start: first bytes of the file.
+        stated: options for what the file does not contain.
+        progress: function called repeatedly with the number of rows read so far; None for none.
+
+    Raises:
+        ReadingsError: the file is not such a table, or an entry is invalid; the message names file, line, column and
+            value.
+        UnitError: a unit is missing, unknown or contradictory.
+    """
+    how = sniff(start[:HEAD_BYTES], whole=len(start) <= HEAD_BYTES)
+    if how is None:
+        raise ReadingsError(
+            f"{path}: expected a text file (UTF-8, commas) or a format of docs/formats.md, got a binary one. Export it "
+            "as CSV."
+        )
+    with how.open(path) as text:
+        return _read_rows(path, text, how, stated, progress)
+
+
+def _read_rows(
+    path: Path, text: TextIO, how: TableText, stated: Stated, progress: Callable[[int], None] | None
+) -> Readings:
+    lines = Lines(text)
+    rows = csv.reader(lines, strict=True, delimiter=how.delimiter, skipinitialspace=how.delimiter == " ")
+    try:
+        header = next(rows, None)
+        if header is None:
+            raise ReadingsError(f"{path}: expected a header line, got an empty file. Name the columns in it.")
+        while how.delimiter != "," and len(header) > 1 and not header[-1].strip():
+            header.pop()
+        place = f"{path}, line {lines.number}"
+        second = next(rows, None)
+        below = units_row(second, _UNITS) if second and len(second) >= len(header) else None
+        columns = read_header(header, place, units=stated.units, brand=stated.brand, below=(below or ())[: len(header)])
+        table = Table(Sheet(path, columns, how, above=1 if below is None else 2))
+        rest = rows if below is not None or second is None else chain([second], rows)
+        while chunk := list(islice(rest, CHUNK)):
+            table.add(chunk)
+            if progress is not None:
+                progress(table.count)
+    except csv.Error as error:
+        raise _no_table(path, lines.number, how, error) from None
+    if not table.count:
+        raise ReadingsError(f"{path}: expected at least one reading below the header, got none. Add rows.")
+    return table.readings(stated)
+
+
+def _no_table(path: Path, number: int, how: TableText, error: csv.Error) -> ReadingsError:
+    """Return the error for a malformed CSV line; for an open quotation mark it names the line where it starts."""
+    if "unexpected end" not in str(error):
+        return ReadingsError(f"{path}, line {number}: expected comma-separated cells, got: {error}. Correct the line.")
+    first = number
+    with how.open(path) as text:
+        lines = Lines(text)
+        rows = csv.reader(lines, strict=True, delimiter=how.delimiter)
+        try:
+            for _ in rows:
+                first = lines.number + 1
+        except csv.Error:
+            pass
+    return ReadingsError(
+        f"{path}, line {first}: expected comma-separated cells, got a quotation mark that is never closed, from this "
+        "line on. Close it or leave it out."
+    )
+
+
+def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", angle_unit: str = "deg") -> None:
+    """Write a readings file without its empty columns.
+
+    Args:
+        readings: readings to write.
+        path: file to write; replaced if it exists.
+        unit: unit of all lengths: mm, m, um or in.
+        angle_unit: unit of all angles: deg or rad.
+
+    Raises:
+        UnitError: a unit is unknown.
+        OSError: the file cannot be written.
+    """
+    metres = units.length_unit(unit, "unit")
+    radians = units.angle_unit(angle_unit, "angle_unit")
+    columns: dict[str, list[Any]] = {"id": list(readings.ids)}
+    for group, vectors in (
+        (POINT, readings.points / metres),
+        (DIRECTION, readings.directions),
+        (NORMAL, readings.normals),
+    ):
+        suffix = f"_{unit}" if group is POINT else ""
+        columns |= {name + suffix: _cells(vectors[:, i]) for i, name in enumerate(group)}
+    columns[f"normal_sd_{angle_unit}"] = _cells(readings.normal_sds / radians)
+    radii = np.where(readings.radii > 0, readings.radii, np.nan)
+    lengths = {"radius": radii, "sd": readings.sds, "across_sd": readings.across_sds}
+    lengths |= {"range": readings.ranges, "max": readings.max_ranges, "hole_radius": readings.hole_radii}
+    columns |= {f"{name}_{unit}": _cells(values / metres) for name, values in lengths.items()}
+    columns[f"half_angle_{angle_unit}"] = _cells(readings.half_angles / radians)
+    hands = np.concatenate([readings.Ts_world_hand[:, :3, 3] / metres, _quaternions(readings)], axis=1)
+    columns |= {name + (f"_{unit}" if i < 3 else ""): _cells(hands[:, i]) for i, name in enumerate(HAND)}
+    columns |= {"feature": list(readings.features), "sensor": list(readings.sensors)}
+    columns["kind"] = [kind if reading_kind(kind).is_stated else "" for kind in readings.kinds]
+    columns["side"] = list(readings.material_sides)
+    columns["status"] = ["none" if free else "" for free in readings.is_free]
+    columns = {name: cells for name, cells in columns.items() if any(cell != "" for cell in cells)}
+    # without quotes an identifier that starts with # would be read as a comment
+    marked = any(name.startswith("#") for name in readings.ids)
+    with replaced(path) as file, file.open("w", encoding="utf-8", newline="") as text:
+        writer = csv.writer(text, quoting=csv.QUOTE_ALL if marked else csv.QUOTE_MINIMAL, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+
+
+def _cells(values: FloatArray) -> list[Any]:
+    return [value if value == value else "" for value in values.tolist()]
+
+
+def _quaternions(readings: Readings) -> FloatArray:
+    q = np.full((len(readings), 4), np.nan)
+    given = readings.has_hand
+    q[given] = SO3.as_quaternion(readings.Ts_world_hand[given, :3, :3])
+    return q

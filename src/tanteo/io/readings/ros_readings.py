@@ -1,0 +1,273 @@
+"""Convert ROS messages to readings in the world frame at their stamps.
+
+The beam of ``sensor_msgs/Range`` runs along +x of its frame. Minus infinity means too near, plus infinity means that
+nothing was hit (REP 117). Transforms are not extrapolated: a reading without all transforms at its stamp is discarded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.errors import ReadingsError
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
+from tanteo.io.documents.ros_messages import (
+    POSE,
+    RANGE,
+    RosMessages,
+    RosOptions,
+    Row,
+    is_usable,
+    pose_in,
+    topics_of,
+    unique,
+)
+from tanteo.io.logs.formats import RECORDING
+from tanteo.io.logs.log import Log, LogFormat
+from tanteo.io.poses.transforms import FrameTree, Track
+from tanteo.io.readings.log_readings import readings_of
+from tanteo.io.readings.stated import Stated
+from tanteo.sensors import Readings
+
+BAG = RECORDING
+"""Name of the format of ROS recordings."""
+_FORM = LogFormat(BAG, "a recording of ROS", lambda contents: False, lambda contents: Log())
+
+
+def readings_of_messages(messages: RosMessages, source: str, stated: Stated, options: RosOptions) -> Readings:
+    """Return the readings of messages in the world frame at their stamps, with notes on assumptions and omissions.
+
+    Args:
+        messages: collected messages.
+        source: file name for messages.
+        stated: options for what the messages do not contain.
+        options: topics, world frame and latency.
+
+    Raises:
+        ReadingsError: no topic has readings, or the transforms do not connect the frames.
+    """
+    return readings_at(messages, source, stated, options, (0.0,))[0]
+
+
+def readings_at(
+    messages: RosMessages, source: str, stated: Stated, options: RosOptions, shifts: Sequence[float]
+) -> tuple[Readings, ...]:
+    """Return the same readings once for each additional latency; see :func:`readings_of_messages`.
+
+    Args:
+        messages: collected messages.
+        source: file name for messages.
+        stated: options for what the messages do not contain.
+        options: topics, world frame and latency.
+        shifts: latencies added to that of the options [s].
+
+    Raises:
+        ReadingsError: no topic has readings, or the transforms do not connect the frames.
+    """
+    topics, notes = topics_of(messages, options, source)
+    beams = messages.kinds[topics[0]] == RANGE
+    rows = _drawn(_usable(messages, topics, source, notes), stated, notes)
+    tree = messages.tree()
+    later = [replace(options, latency=options.latency + shift) for shift in shifts]
+    places = [placing(messages, tree, rows, beams, source, one) for one in later]
+    notes += [*_said(messages, options), *places[0].notes]
+    kept = _kept(np.logical_and.reduce([place.known for place in places]), places[0], source, notes)
+    rows = [rows[k] for k in kept]
+    ids = tuple(str(k + 1) for k in kept)
+    if not beams:
+        return tuple(_points(rows, ids, place.Ts[kept], source, stated, notes) for place in places)
+    made = _beams if places[0].hand is None else _on_hand
+    return tuple(made(rows, ids, place.Ts[kept], source, notes) for place in places)
+
+
+def _drawn(rows: list[Row], stated: Stated, notes: list[str]) -> list[Row]:
+    """Return at most ``max_points`` evenly spaced rows, because neighbours in a dense recording are redundant."""
+    most = stated.max_points
+    if most is None or len(rows) <= most:
+        return rows
+    notes.append(f"{most} of {len(rows)} readings are used, evenly chosen. --max-points sets their number.")
+    return [rows[k] for k in np.linspace(0, len(rows) - 1, most).round().astype(int)]
+
+
+def _said(messages: RosMessages, options: RosOptions) -> list[str]:
+    out = list[str]()
+    if messages.lags:
+        typical = 1e3 * np.median(messages.lags)
+        most = 1e3 * max(messages.lags)
+        out.append(f"Messages were recorded {typical:.1f} ms after their stamp (median; at most {most:.1f}).")
+    if messages.broken:
+        out.append(f"{messages.broken} messages were left out because their numbers form no valid pose or point.")
+    parents = dict[str, str]()
+    for child, parent in messages.samples:
+        if parents.setdefault(child, parent) != parent:
+            out.append(f"The frame '{child}' is in '{parents[child]}' and in '{parent}': the last one counts.")
+            parents[child] = parent
+    if options.latency:
+        out.append(f"Readings are taken as {1e3 * options.latency:g} ms older than their stamps.")
+    return out
+
+
+def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: list[str]) -> list[Row]:
+    """Return the usable rows without duplicates, with notes on the discarded ones."""
+    all_rows = [row for topic in topics for row in messages.rows[topic]]
+    rows = list(unique(all_rows))
+    if len(rows) < len(all_rows):
+        notes.append(f"{len(all_rows) - len(rows)} of {len(all_rows)} readings came twice, and count once.")
+    twice = messages.ambiguous(np.array([row.stamp for row in rows]))
+    if twice.any():
+        back = max(high - low for low, high in messages.overlaps)
+        notes.append(
+            f"{int(twice.sum())} of {len(rows)} readings were left out: a clock was set back by {back:.1f} s, so that "
+            "their stamps came twice."
+        )
+        rows = [row for row, is_twice in zip(rows, twice, strict=True) if not is_twice]
+    said = [row for row in rows if is_usable(messages.kinds[topics[0]], row)]
+    if len(said) < len(rows):
+        notes.append(f"{len(rows) - len(said)} of {len(rows)} ranges are too near or none, and were left out.")
+        rows = said
+    if not rows:
+        why = " ".join(note for note in notes if "left out" in note)
+        raise ReadingsError(f"{source}: expected readings that can be used, got none. {why} Look at the sensor.")
+    return rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placing:
+    """Poses from which rows were sensed.
+
+    Attributes:
+        Ts: poses of the readings' frames, or of the hand, in the world ``(n, 4, 4)`` [m].
+        known: mask of the rows whose pose is known ``(n,)``.
+        hand: topic of the hand's poses; None where transforms give the poses.
+        way: source of the poses, in words.
+        world: name of the frame that the poses refer to.
+        notes: notes on assumptions.
+    """
+
+    Ts: Transforms
+    known: BoolArray
+    hand: str | None
+    way: str
+    world: str
+    notes: tuple[str, ...] = ()
+
+
+def placing(
+    messages: RosMessages, tree: FrameTree, rows: Sequence[Row], beams: bool, source: str, options: RosOptions
+) -> Placing:
+    """Return the poses of the rows' frames at their stamps, from transforms or from the only topic of hand poses.
+
+    Args:
+        messages: collected messages.
+        tree: transform tree of the messages.
+        rows: readings to place.
+        beams: whether the readings are ranges, for which hand poses can be used.
+        source: file name for messages.
+        options: world frame and latency.
+
+    Raises:
+        ReadingsError: the transforms do not connect the frames, or neither transforms nor hand poses exist.
+    """
+    times = np.array([row.stamp for row in rows]) - options.latency
+    frames = sorted({row.frame for row in rows})
+    loose = ", ".join(frame for frame in frames if frame not in tree.parents)
+    if beams and loose and options.world is None:
+        topic = _hand_topic(messages, loose, source)
+        poses = messages.rows[topic]
+        Ts, known = Track.of([(row.stamp, pose_in(row)) for row in poses]).at(times)
+        note = f"Hand poses are taken of {topic}; the sensors {loose} have to be in --rig."
+        return Placing(Ts, known, topic, topic, poses[-1].frame, (note,))
+    world, notes = _world(tree, frames, source, options)
+    Ts = np.zeros((len(rows), 4, 4))
+    known = np.zeros(len(rows), dtype=bool)
+    for frame in frames:
+        mine = np.array([row.frame == frame for row in rows])
+        Ts[mine], known[mine] = tree.pose(world, frame, times[mine])
+    return Placing(Ts, known, None, f"/tf from '{world}' to {', '.join(frames)}", world, notes)
+
+
+def _hand_topic(messages: RosMessages, loose: str, source: str) -> str:
+    poses = [t for t, kind in messages.kinds.items() if kind == POSE and messages.rows.get(t)]
+    if len(poses) == 1:
+        return poses[0]
+    got = f"got {', '.join(poses)}" if poses else "got neither"
+    raise ReadingsError(
+        f"{source}: expected transforms (/tf) of {loose}, or one topic of PoseStamped with hand poses, {got}. "
+        "Record one of them."
+    )
+
+
+def _world(tree: FrameTree, frames: Sequence[str], source: str, options: RosOptions) -> tuple[str, tuple[str, ...]]:
+    """Return the world frame, and a note if it was chosen automatically."""
+    if options.world is not None:
+        for frame in frames:
+            if options.world not in tree.chain(frame):
+                over = " in ".join(tree.chain(frame))
+                raise ReadingsError(
+                    f"{source}, --world: expected a frame over '{frame}' ({over}), got '{options.world}'."
+                )
+        return options.world, ()
+    roots = {tree.chain(frame)[-1] for frame in frames}
+    if len(roots) > 1:
+        raise ReadingsError(
+            f"{source}: expected one frame over all readings, got {', '.join(sorted(roots))}. Use --world."
+        )
+    root = roots.pop()
+    return root, (f"The world is the frame '{root}'. --world chooses another.",)
+
+
+def _kept(known: BoolArray, place: Placing, source: str, notes: list[str]) -> list[int]:
+    """Return the indices of the rows whose pose is known."""
+    if not known.any():
+        raise ReadingsError(
+            f"{source}: expected poses at the readings' stamps, got none of {place.way}. Record them from before the "
+            "first reading to after the last (/tf_static, too), by one clock."
+        )
+    lost = int((~known).sum())
+    if lost:
+        what = "transform" if place.hand is None else "hand pose"
+        notes.append(f"{lost} of {len(known)} readings were left out: no {what} is known at their stamps.")
+    kept: list[int] = np.flatnonzero(known).tolist()
+    return kept
+
+
+def _values(rows: Sequence[Row]) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray | None]:
+    """Return ranges [m], largest ranges [m], mask of beams that hit nothing, and standard deviations [m] if stated."""
+    ranges, _, most, variances = np.array([row.values for row in rows], dtype=np.float64).T
+    # 0 means that the publisher left the field empty
+    stated = variances > 0
+    limited = most > 0
+    sds = np.where(stated, np.sqrt(np.where(stated, variances, 1.0)), np.nan) if stated.any() else None
+    return ranges, most, (limited & (ranges > most)) | np.isinf(ranges), sds
+
+
+def _beams(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
+    ranges, most, free, sds = _values(rows)
+    axes = Ts[:, :3, 0]
+    origins = Ts[:, :3, 3]
+    points = origins + np.where(free, 0.0, ranges)[:, None] * axes
+    return Readings.from_columns(
+        points, ids=ids, directions=axes, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,
+        max_ranges=np.where(free, most, np.nan), source=source, notes=notes,
+    )  # fmt: skip
+
+
+def _on_hand(rows: Sequence[Row], ids: Sequence[str], Ts: Transforms, source: str, notes: Sequence[str]) -> Readings:
+    """Return ranges of sensors on the hand, whose poses on the hand a rig file gives."""
+    ranges, most, free, sds = _values(rows)
+    return Readings.from_columns(
+        n=len(rows), ids=ids, ranges=np.where(free, np.nan, ranges), is_free=free, sds=sds,
+        max_ranges=np.where(free, most, np.nan), Ts_world_hand=Ts, sensors=[row.frame for row in rows],
+        source=source, notes=notes,
+    )  # fmt: skip
+
+
+def _points(
+    rows: Sequence[Row], ids: tuple[str, ...], Ts: Transforms, source: str, stated: Stated, notes: Sequence[str]
+) -> Readings:
+    local = np.array([row.values for row in rows])
+    points = np.einsum("nij,nj->ni", Ts[:, :3, :3], local) + Ts[:, :3, 3]
+    log = Log(points=points, unit="m", ids=ids, notes=tuple(notes))
+    return readings_of(log, stated, _FORM, source)

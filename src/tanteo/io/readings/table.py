@@ -1,0 +1,204 @@
+"""Convert the rows of a readings file in chunks; error messages name file, line, column and value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+
+import numpy as np
+
+from tanteo.errors import ReadingsError
+from tanteo.geometry.typing import BoolArray, FloatArray
+from tanteo.io.readings.assembling import assemble
+from tanteo.io.readings.cells import Numbers, Sheet
+from tanteo.io.readings.columns import DIRECTION, NORMAL, OUTWARD, POINT, Column
+from tanteo.io.readings.hand_columns import hand_poses, skewed_row, stated_brand
+from tanteo.io.readings.stated import Stated
+from tanteo.sensors import Readings, reading_kinds
+
+_OF_HOLES = "centres of holes and bosses are of kind circle, with side hole or boss"
+_MEANT = {
+    **dict.fromkeys(("hole", "bore", "boss", "arc", "slot"), _OF_HOLES),
+    **dict.fromkeys(("ball", "socket", "dome"), "balls and hollows are of kind sphere, with side boss or hole"),
+    **dict.fromkeys(("countersink", "taper", "chamfer"), "countersinks are of kind cone, with side hole"),
+}
+"""Advice for words that are written in place of a reading kind."""
+_STATUSES, _SIDES = ("ok", "none"), ("hole", "boss")
+
+
+class Table:
+    """Collector of converted rows of a readings file."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        """Create a table without rows.
+
+        Args:
+            sheet: file and its columns.
+        """
+        self.sheet, self.count = sheet, 0
+        self._numbers: dict[str, list[FloatArray]] = {
+            c.base: [] for c in sheet.columns if not c.is_text and not c.left_out
+        }
+        self._texts: dict[str, list[str]] = {c.base: [] for c in sheet.columns if c.is_text}
+        self._pool: dict[str, str] = {}
+        self._ids: set[str] = set()
+
+    def add(self, rows: list[list[str]]) -> None:
+        """Convert and check one chunk of rows.
+
+        Args:
+            rows: cells by row.
+
+        Raises:
+            ReadingsError: a row or a cell is invalid.
+            UnitError: an angle is probably in another unit than its column states.
+        """
+        columns = self.sheet.columns
+        width = len(self.sheet.columns)
+        if self.sheet.text.delimiter != ",":
+            rows = [row[:width] if len(row) > width and not any(row[width:]) else row for row in rows]
+        if set(map(len, rows)) != {width}:
+            k = next(i for i, row in enumerate(rows) if len(row) != width)
+            raise ReadingsError(
+                f"{self.sheet.place(self.count + k)}: expected {width} cells as in the header, got {len(rows[k])} "
+                f"('{','.join(rows[k])[:60]}'). Mind decimal commas and missing cells."
+            )
+        chunk: dict[str, FloatArray] = {}
+        for column, cells in zip(columns, zip(*rows, strict=True), strict=True):
+            if column.left_out:
+                continue
+            if column.is_text:
+                self._texts[column.base] += self._names(column, cells)
+            else:
+                chunk[column.base] = self._floats(column, cells)
+                self._numbers[column.base].append(chunk[column.base])
+        Numbers(self.sheet, self.count, self._texts.get("id"), chunk).check()
+        self.count += len(rows)
+
+    def _names(self, column: Column, cells: Sequence[str]) -> list[str]:
+        pool = self._pool
+        names = [cell.strip() for cell in cells]
+        if column.base == "id":
+            self._check_ids(names)
+            return names
+        valid = {"kind": reading_kinds(), "status": _STATUSES, "side": _SIDES}.get(column.base)
+        if valid is not None and (strange := set(names) - {*valid, ""}):
+            k = next(i for i, name in enumerate(names) if name in strange)
+            meant = _MEANT.get(names[k].lower(), "") if column.base == "kind" else ""
+            meant = "in small letters" if names[k].lower() in valid else meant
+            self.sheet.refuse(
+                self.count + k, column.base, names[k], f"one of {', '.join(valid)}{f' ({meant})' if meant else ''}"
+            )
+        return [pool.setdefault(name, name) for name in names]
+
+    def _check_ids(self, names: list[str]) -> None:
+        if "" in names:
+            self.sheet.refuse(self.count + names.index(""), "id", "", "a name in every row, or no column id")
+        before = len(self._ids)
+        self._ids.update(names)
+        if len(self._ids) < before + len(names):
+            seen = set(self._texts["id"])
+            for k, name in enumerate(names):
+                if name in seen:
+                    self.sheet.refuse(self.count + k, "id", name, "every reading to have its own")
+                seen.add(name)
+
+    def _floats(self, column: Column, cells: Sequence[str]) -> FloatArray:
+        """Return the numbers of a column in SI units, with NaN for empty cells."""
+        if self.sheet.text.decimal_comma:
+            cells = [cell.replace(",", ".") for cell in cells]
+        values = np.empty(0)
+        joined = "".join(cells)
+        # float() also accepts 1_000 and digits of other scripts
+        if joined.isascii() and "_" not in joined:
+            with suppress(ValueError):
+                values = np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
+        if not len(values) or not np.isfinite(values).all():
+            values = self._floats_with_gaps(column, cells)
+        return values * column.factor
+
+    def _floats_with_gaps(self, column: Column, cells: Sequence[str]) -> FloatArray:
+        values = np.full(len(cells), np.nan)
+        for k, cell in enumerate(cells):
+            if not (bare := cell.strip()):
+                continue
+            try:
+                number = float(bare) if bare.isascii() and "_" not in bare else math.nan
+            except ValueError:
+                number = math.nan
+            if not math.isfinite(number):
+                self.sheet.refuse(self.count + k, column.base, bare, "a finite number")
+            values[k] = number
+        return values
+
+    def _check_free(self, ranges: FloatArray | None) -> None:
+        """Refuse rows that state both that nothing was hit and what was hit."""
+        if "status" not in self._texts:
+            return
+        status = np.array(self._texts["status"], dtype=object)
+        kinds = np.array(self._texts.get("kind", [""] * len(status)), dtype=object)
+        free = status == "none"
+        self._contradicts((status == "ok") & (kinds == "free"), "status none of a beam of kind free, got 'ok'")
+        self._contradicts(free & ~np.isin(kinds, ["", "free", "point"]), "kind free of a beam with status none")
+        if ranges is not None:
+            self._contradicts(free & ~np.isnan(ranges), "no range of a beam with status none, got one")
+
+    def _contradicts(self, wrong: BoolArray, expected: str) -> None:
+        if wrong.any():
+            advice = "Status none means that the beam hit nothing. Correct the status or the other columns."
+            raise ReadingsError(f"{self.sheet.place(int(np.argmax(wrong)))}: expected {expected}. {advice}")
+
+    def readings(self, stated: Stated) -> Readings:
+        """Return the whole table as readings, after all rows were added.
+
+        Args:
+            stated: options for what the file does not contain.
+
+        Raises:
+            ReadingsError: the rows contradict each other or the stated options.
+        """
+        numbers = {base: np.concatenate(chunks) for base, chunks in self._numbers.items()}
+
+        def vectors(group: tuple[str, ...]) -> FloatArray | None:
+            return np.stack([numbers[name] for name in group], axis=-1) if group[0] in numbers else None
+
+        status = self._texts.get("status")
+        self._check_free(numbers.get("range"))
+        columns = {
+            "points": vectors(POINT), "ids": self._texts.get("id"), "directions": vectors(DIRECTION),
+            "normals": vectors(NORMAL), "normal_sds": numbers.get("normal_sd"), "sds": numbers.get("sd"),
+            "across_sds": numbers.get("across_sd"), "radii": numbers.get("radius"),
+            "features": self._texts.get("feature"), "kinds": self._texts.get("kind"),
+            "Ts_world_hand": hand_poses(numbers, self._brand(numbers, stated)), "ranges": numbers.get("range"),
+            "sensors": self._texts.get("sensor"), "max_ranges": numbers.get("max"),
+            "is_free": None if status is None else np.array([s == "none" for s in status]),
+            "hole_radii": self._hole_radii(numbers), "half_angles": numbers.get("half_angle"),
+            "material_sides": self._texts.get("side"),
+        }  # fmt: skip
+        note = self.sheet.text.note()
+        left = [c.written for c in self.sheet.columns if c.left_out]
+        notes = [note] if note else []
+        notes += [f"Columns left out: {', '.join(left)}."] if left else []
+        return assemble(columns, self.count, stated, str(self.sheet.path), notes, outward=vectors(OUTWARD))
+
+    def _hole_radii(self, numbers: dict[str, FloatArray]) -> FloatArray | None:
+        """Return the radii of holes and bosses; a row with two sizes is refused."""
+        scales = {"hole_radius": 1.0, "hole_diameter": 0.5}
+        radii = [numbers[name] * scale for name, scale in scales.items() if name in numbers]
+        several = np.sum([~np.isnan(numbers[name]) for name in (*scales, "half_angle") if name in numbers], axis=0) > 1
+        if np.any(several):
+            raise ReadingsError(
+                f"{self.sheet.place(int(np.argmax(several)))}: expected the radius or the diameter of "
+                "the hole, or the half angle of a cone, got two of them. Keep one."
+            )
+        return np.asarray(np.fmax.reduce(radii)) if radii else None
+
+    def _brand(self, numbers: dict[str, FloatArray], stated: Stated) -> str:
+        """Return the brand whose notation the hand's rotation follows; refuse matrices that are not rotations."""
+        if (row := skewed_row(numbers)) is not None:
+            raise ReadingsError(
+                f"{self.sheet.place(row)}: expected a rotation matrix, got one that scales, shears or mirrors. "
+                "Correct it."
+            )
+        return stated_brand(numbers, stated.brand, str(self.sheet.path))

@@ -1,0 +1,111 @@
+"""Session in a scene: initial poses of the parts, and the simulated hand that carries the session out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.hand import ForbiddenBox, Rules, Scene, SimulatedHand, Workspace
+from tanteo.io.documents.scene_file import SceneFile
+from tanteo.parts import Part
+from tanteo.planning import (
+    Furniture,
+    Sensing,
+    Session,
+    Start,
+    Stop,
+    acquirable,
+    around,
+    hand_probe,
+    policy_named,
+    reachable,
+    seen_start,
+)
+from tanteo.posterior import PosePrior, PreparedPart, Priors, prepare_all
+
+if TYPE_CHECKING:
+    from tanteo.io.scenes.view import SceneView
+    from tanteo.vision import Sighting
+
+
+def prior_start(scene: SceneFile, targets: Sequence[PreparedPart], known: PosePrior | None = None) -> Start | None:
+    """Return the prior poses of all parts before anything is sensed, or None if neither source states them.
+
+    Args:
+        scene: scene, whose prior of the part's centre is used if ``known`` has no pose.
+        targets: candidate parts.
+        known: prior pose of the part frame.
+    """
+    if known is not None and known.T_world_part is not None and known.covariance is not None:
+        n = len(targets)
+        Ts, covariances = (np.repeat(a[None], n, axis=0) for a in (known.T_world_part, known.covariance))
+        return Start(tuple(targets), np.arange(n), Ts, covariances, np.ones(n), Priors())
+    return None if scene.prior is None else around(targets, scene.prior.T, scene.prior.C)
+
+
+def start_of(
+    scene: SceneFile,
+    parts: Sequence[PreparedPart] | Sequence[Part],
+    known: PosePrior | None = None,
+    view: SceneView | None = None,
+    *,
+    outlier_rate: float | None = None,
+    unknown: float | None = None,
+) -> tuple[Start | None, Sighting | None]:
+    """Return the start of a session from an image or from prior poses; with both, the prior covers a wrong image.
+
+    Args:
+        scene: scene, whose prior of the part's centre is used if ``known`` has no pose.
+        parts: candidate parts.
+        known: prior pose of the part frame.
+        view: camera image of the scene.
+        outlier_rate: expected outlier fraction; the default of the priors if None.
+        unknown: prior probability of an unknown object; the default of the priors if None.
+
+    Returns:
+        The start, or None without image and prior; and the object in the image, or None.
+    """
+    targets = prepare_all("parts", parts)
+    start = prior_start(scene, targets, known)
+    seen = None if view is None else view.look([target.part for target in targets], start)
+    if seen is not None:
+        start = seen_start(seen, targets, start)
+    if start is not None:
+        usual = start.priors
+        priors = replace(usual, outlier_rate=outlier_rate or usual.outlier_rate, unknown=unknown or usual.unknown)
+        start = replace(start, priors=priors)
+    return start, seen
+
+
+def session_of(
+    scene: SceneFile, start: Start, stop: Stop, policy: str = "information"
+) -> tuple[Session, SimulatedHand, Rules]:
+    """Create a session, the simulated hand that carries it out, and the limits of its motions.
+
+    The session has no access to the true scene.
+
+    Args:
+        scene: scene; its seed determines the session and all errors.
+        start: initial poses of the parts.
+        stop: stopping rule.
+        policy: name of the policy that chooses actions.
+    """
+    occluders = [ForbiddenBox(f"occluder {b.name}", b.low, b.high, b.T_world_box) for b in scene.occluders]
+    w = scene.workspace
+    rules = Rules(clearance=scene.clearance, workspace=Workspace(w.low, w.high, [*w.forbidden, *occluders]))
+    errors = scene.cell.robot
+    probe = hand_probe(scene.hand, rules, scene.standoff, errors)
+    session = Session(
+        start, probe, Sensing(rig=scene.hand.rig, robot=errors), policy_named(policy), stop, scene.seed,
+        reachable(scene.hand, rules, probe.retreat), acquirable(scene.hand, rules, probe.retreat),
+    )  # fmt: skip
+    rng = np.random.default_rng(scene.seed)
+    return session, SimulatedHand(scene.scene, scene.hand, scene.T_world_hand, rng=rng, cell=scene.cell), rules
+
+
+def furniture_of(scene: SceneFile) -> Furniture | None:
+    """Return the known furniture of the scene for the evaluation of readings, or None without any."""
+    return Furniture(Scene.of(scene.furniture).surface) if scene.furniture else None

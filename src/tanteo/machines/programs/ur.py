@@ -1,0 +1,76 @@
+"""Write URScript programs: a thread moves the tool while the program polls a digital input.
+
+Sources: ``to_str``, ``textmsg`` and threads (Script Manual e-Series, 14.1), and polling loops of published drivers.
+"""
+
+from __future__ import annotations
+
+from tanteo.machines.programs.job import Job
+from tanteo.machines.programs.robot import COLUMNS, TRAVEL, facts, pose_text, robot_header, ways
+
+
+def ur(job: Job) -> str:
+    """Return the URScript program of a job; it logs its readings with ``textmsg``.
+
+    Args:
+        job: touches of the program.
+    """
+    log = [
+        "log: lines of a readings file (CSV) in the log of PolyScope (textmsg): copy those that begin with a number,"
+    ]
+    log += [f"and the line of columns above them: {COLUMNS.replace('_mm', '_m', 3)}"]
+    lines = [f"# {text}" for text in robot_header(job, log)] + _UR.format(feed=job.feed).splitlines()
+    lines += [f'  textmsg("{COLUMNS.replace("_mm", "_m", 3)}")']
+    for touch, way in ways(job):
+        lines.append(f"  # touch {touch.number}: {touch.face}")
+        lines += [f"  movel({pose_text('ur', place, tool)}, a=0.5, v={TRAVEL})" for place, tool in way]
+        places = ", ".join(pose_text("ur", place, touch.tool) for place in (touch.start, touch.stop))
+        lines.append(f'  touch("{touch.number}", {places}, "{facts(job, touch)}")')
+        lines.append(f"  movel({pose_text('ur', touch.outer, touch.tool)}, a=0.5, v={TRAVEL})")
+    return "\n".join([*lines, "end", ""])
+
+
+_UR = """def tanteo_probe():
+  global goal = p[0, 0, 0, 0, 0, 0]
+  global arrived = False
+  def met():
+    return get_standard_digital_in(0)
+  end
+  thread search():
+    movel(goal, a=0.1, v={feed:.6f})
+    arrived = True
+    while True:
+      sync()
+    end
+  end
+  def fail(words):
+    popup(words, title="tanteo", error=True, blocking=True)
+    halt
+  end
+  def touch(number, start, stop, facts):
+    if met():
+      fail("the probe is high before the touch")
+    end
+    movel(start, a=0.5, v=0.05)
+    if met():
+      fail("the probe touched something on the way to the start")
+    end
+    goal = stop
+    arrived = False
+    handle = run search()
+    while not met() and not arrived:
+      sync()
+    end
+    here = get_actual_tcp_pose()
+    kill handle
+    stopl(2.0)
+    if not met():
+      fail("no contact")
+    end
+    line = str_cat(number, ",")
+    line = str_cat(line, str_cat(to_str(here[0]), ","))
+    line = str_cat(line, str_cat(to_str(here[1]), ","))
+    line = str_cat(line, str_cat(to_str(here[2]), ","))
+    textmsg(str_cat(line, facts))
+    movel(start, a=0.5, v=0.05)
+  end"""

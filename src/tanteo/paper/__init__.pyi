@@ -1,0 +1,1 @@
+from .labelled import identify_labelled_as_published as identify_labelled_as_published

@@ -1,0 +1,134 @@
+"""Find facets of a mesh, which are connected triangles in one plane, and the angles between adjacent facets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
+from tanteo.parts.readers.topology import MeshEdges, components, triangle_geometry
+
+FLOAT32 = 1.2e-7
+"""Relative rounding error of a coordinate in single precision."""
+
+_FLAT_ANGLE = 2e-3
+"""Angle between triangles below which they lie in one plane [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshFacets:
+    """Planar facets of a mesh, with one link for each pair that shares mesh edges.
+
+    Attributes:
+        of_triangle: facet of each triangle ``(T,)``.
+        normals: outward unit normals ``(F, 3)``.
+        areas: areas ``(F,)`` [m^2].
+        centres: centroids ``(F, 3)`` [m].
+        counts: number of triangles of each facet ``(F,)``.
+        links: pairs of adjacent facets, the lower number first ``(L, 2)``.
+        angles: angles between their normals ``(L,)`` [rad].
+        lengths: lengths of their common border ``(L,)`` [m].
+        convex: mask of links at which the part is convex ``(L,)``.
+    """
+
+    of_triangle: IntArray
+    normals: FloatArray
+    areas: FloatArray
+    centres: FloatArray
+    counts: IntArray
+    links: IntArray
+    angles: FloatArray
+    lengths: FloatArray
+    convex: BoolArray
+
+
+def find_facets(vertices: FloatArray, triangles: IntArray, edges: MeshEdges) -> MeshFacets:
+    """Return the facets of a mesh.
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
+        edges: edges of the mesh.
+    """
+    normals, areas = triangle_geometry(vertices, triangles)
+    labels = _flat_components(vertices, triangles, edges, normals, areas)
+    count = int(labels.max()) + 1
+    total: FloatArray = np.bincount(labels, areas, count).astype(np.float64)
+    summed = np.stack([np.bincount(labels, areas * normals[:, k], count) for k in range(3)], axis=1)
+    middle = vertices[triangles].mean(axis=1)
+    centres = np.stack([np.bincount(labels, areas * middle[:, k], count) for k in range(3)], axis=1)
+    facet_normals = summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-300)
+    facet_centres = centres / np.maximum(total, 1e-300)[:, None]
+    # one link for each pair of adjacent facets
+    left = labels[edges.left]
+    right = labels[edges.right]
+    between = left != right
+    pairs = np.sort(np.stack([left, right], axis=1)[between], axis=1)
+    sides = np.linalg.norm(np.diff(vertices[edges.ends[between]], axis=1)[:, 0], axis=1)
+    links, index = np.unique(pairs, axis=0, return_inverse=True)
+    lengths: FloatArray = np.bincount(index.reshape(-1), sides, len(links)).astype(np.float64)
+    first = facet_normals[links[:, 0]]
+    second = facet_normals[links[:, 1]]
+    sines = np.linalg.norm(np.cross(first, second), axis=1)
+    angles = np.arctan2(sines, np.einsum("ni,ni->n", first, second))
+    # Convex where each facet lies behind the other's plane.
+    ahead = facet_centres[links[:, 1]] - facet_centres[links[:, 0]]
+    convex = np.einsum("ni,ni->n", first - second, ahead) < 0.0
+    counts = np.bincount(labels, minlength=count)
+    return MeshFacets(labels, facet_normals, total, facet_centres, counts, links, angles, lengths, convex)
+
+
+def _flat_components(
+    vertices: FloatArray, triangles: IntArray, edges: MeshEdges, normals: FloatArray, areas: FloatArray
+) -> IntArray:
+    """Label connected triangles in one plane; slivers join the adjacent triangle in whose plane they lie."""
+    corners = vertices[triangles]
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    heights = 2.0 * areas / np.maximum(sides.max(axis=1), 1e-300)
+    noise = FLOAT32 * np.abs(vertices).max()
+    blur = noise / np.maximum(heights, 1e-300)
+    sliver = blur > 0.02
+    cosines = np.einsum("ni,ni->n", normals[edges.left], normals[edges.right])
+    sines = np.linalg.norm(np.cross(normals[edges.left], normals[edges.right]), axis=1)
+    allowed = _FLAT_ANGLE + 2.0 * np.maximum(blur[edges.left], blur[edges.right])
+    flat = (np.arctan2(sines, cosines) < allowed) & ~sliver[edges.left] & ~sliver[edges.right]
+    labels = components(len(triangles), edges.left[flat], edges.right[flat])
+    # A chain of small angles can follow a rounding: a component that is not flat is split into single triangles.
+    mean = np.stack([np.bincount(labels, areas * normals[:, k]) for k in range(3)], axis=1)
+    mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    off = np.linalg.norm(normals - mean[labels], axis=1) > 2.0 * _FLAT_ANGLE + 4.0 * blur
+    bent = np.isin(labels, labels[off & ~sliver])
+    labels = np.where(bent, len(triangles) + np.arange(len(triangles)), labels)
+    waiting = sliver & ~bent
+    while waiting.any():
+        labels, left_over = _attach(vertices, triangles, edges, normals, labels, waiting)
+        if left_over.sum() == waiting.sum():
+            break
+        waiting = left_over
+    return np.unique(labels, return_inverse=True)[1].reshape(-1).astype(np.int64)
+
+
+def _attach(
+    vertices: FloatArray,
+    triangles: IntArray,
+    edges: MeshEdges,
+    normals: FloatArray,
+    labels: IntArray,
+    waiting: BoolArray,
+) -> tuple[IntArray, BoolArray]:
+    """Give each waiting sliver the label of the adjacent triangle from whose plane it deviates least."""
+    slivers = np.concatenate([edges.left, edges.right])
+    hosts = np.concatenate([edges.right, edges.left])
+    usable = waiting[slivers] & ~waiting[hosts]
+    slivers = slivers[usable]
+    hosts = hosts[usable]
+    offsets = vertices[triangles[slivers]] - vertices[triangles[hosts, 0]][:, None]
+    leave = np.abs(np.einsum("nki,ni->nk", offsets, normals[hosts])).max(axis=1)
+    order = np.lexsort((leave, slivers))
+    first, at = np.unique(slivers[order], return_index=True)
+    labels = labels.copy()
+    waiting = waiting.copy()
+    labels[first] = labels[hosts[order][at]]
+    waiting[first] = False
+    return labels, waiting

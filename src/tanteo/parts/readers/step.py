@@ -1,0 +1,150 @@
+"""Read STEP and IGES files as a mesh whose triangles are assigned to the faces of the B-rep, by OpenCASCADE."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from OCP.TopAbs import TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID
+from OCP.TopoDS import TopoDS
+
+from tanteo.errors import PartError
+from tanteo.parts.faces.mesh_faces import sort_faces
+from tanteo.parts.faces.planes import face_normals
+from tanteo.parts.faces.surfaces import merge_faces, surface_offsets
+from tanteo.parts.readers.bodies import bodies_of, compound, diagonal_of, explore, tessellated
+from tanteo.parts.readers.brep import face_mesh
+from tanteo.parts.readers.brep_mesh import BrepMesh, joined, meshed, surface_mesh
+from tanteo.parts.readers.exchange import read_shape
+from tanteo.parts.readers.files import third_party_reader
+from tanteo.parts.readers.repair import sound_mesh
+from tanteo.parts.readers.topology import Draft, mesh_edges, volume_and_centroid
+
+FLATNESS = 2e-4
+"""Largest thickness of the mesh of a planar face, relative to the diagonal."""
+
+ROUNDNESS = 1e-3
+"""Largest distance of the mesh of a cylinder, cone, sphere or torus from its surface, relative to the diagonal."""
+
+_MM = 1e-3
+
+
+def load_step(path: Path, label: str) -> tuple[Draft, str, list[str]]:
+    """Read a STEP or IGES file.
+
+    Args:
+        path: path of the file.
+        label: name of the file for messages.
+
+    Returns:
+        Mesh in metres with the faces of the B-rep, short name of the file's unit, and repairs.
+
+    Raises:
+        PartError: the file is not STEP or IGES, has no face, or has contradictory faces.
+    """
+    with third_party_reader(path, label):
+        shape, unit, notes = read_shape(path, label)
+        draft, repairs = _draft(shape, label)
+    return draft, unit, notes + repairs
+
+
+def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
+    """Mesh every body of a shape, and assign the triangles to the faces of the B-rep."""
+    given = tessellated(shape)
+    if given and len(given) == len(explore(shape, TopAbs_FACE)):
+        return _of_triangles(given, label)
+    bodies, sheets, repairs = bodies_of(_exact(shape) if given else shape, label)
+    diagonal = diagonal_of([*bodies, *sheets])
+    meshes: list[BrepMesh] = []
+    for body in bodies:
+        mesh, said = meshed(body, diagonal, label)
+        meshes.append(mesh)
+        repairs += [sentence for sentence in said if sentence not in repairs]
+    if sheets:
+        mesh, said = surface_mesh(compound(sheets), diagonal, label)
+        meshes.append(mesh)
+        repairs += [
+            "Its only face encloses nothing." if len(sheets) == 1 else f"Its {len(sheets)} faces enclose nothing.",
+            *said,
+        ]
+    if given:
+        meshes, said = _beside(meshes, given, label)
+        repairs += said
+    whole = joined(meshes)
+    closed = not mesh_edges(whole.triangles).rims.any()
+    if closed and volume_and_centroid(whole.vertices, whole.triangles)[0] < 1e-9 * diagonal**3:
+        raise PartError(f"{label}: expected a solid, got one without volume. Export the part again.")
+    labels, kinds = merge_faces(whole.vertices, whole.triangles, whole.owners, whole.kinds)
+    draft = Draft(whole.vertices * _MM, whole.triangles, labels, kinds, whole.chords)
+    _check_flat(draft, diagonal * _MM, label)
+    _check_curved(draft, diagonal * _MM, label)
+    return draft, repairs
+
+
+def _exact(shape: Any) -> Any:
+    """Return a shape without bodies, shells and faces that have only triangles."""
+    every = [
+        *explore(shape, TopAbs_SOLID),
+        *explore(shape, TopAbs_SHELL, TopAbs_SOLID),
+        *explore(shape, TopAbs_FACE, TopAbs_SHELL),
+    ]
+    return compound([one for one in every if not tessellated(one)])
+
+
+def _beside(meshes: list[BrepMesh], given: list[Any], label: str) -> tuple[list[BrepMesh], list[str]]:
+    """Add tessellated faces to those with surfaces, unless they repeat the same body."""
+    draft, said = _of_triangles(given, label)
+    exact = joined(meshes)
+    volumes = [volume_and_centroid(exact.vertices * _MM, exact.triangles)[0]]
+    volumes.append(volume_and_centroid(draft.vertices, draft.triangles)[0])
+    boxes = [np.stack([v.min(axis=0), v.max(axis=0)]) for v in (exact.vertices * _MM, draft.vertices)]
+    size = float(np.linalg.norm(boxes[0][1] - boxes[0][0]))
+    if np.abs(boxes[0] - boxes[1]).max() < 0.01 * size and abs(volumes[0] - volumes[1]) < 0.02 * size**3:
+        return meshes, [f"Left out {len(given)} faces of triangles: they are the body over again."]
+    edges = mesh_edges(draft.triangles)
+    curved = np.array([kind != "plane" for kind, _ in draft.kinds])[draft.triangle_face]
+    chords = edges.ends[curved[edges.left] | curved[edges.right]]
+    more = BrepMesh(draft.vertices / _MM, draft.triangles, draft.triangle_face, list(draft.kinds), chords)
+    return [*meshes, more], said
+
+
+def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
+    """Return tessellated faces as those of a mesh file."""
+    pieces = [face_mesh(TopoDS.Face(face)) for face in faces]
+    starts = np.cumsum([0] + [len(points) for points, _ in pieces])[:-1]
+    triangles = np.concatenate([t + start for (_, t), start in zip(pieces, starts, strict=True)])
+    points, corners, repairs = sound_mesh(np.concatenate([p for p, _ in pieces]), triangles, label)
+    return sort_faces(points * _MM, corners), ["The file has triangles and no surfaces.", *repairs]
+
+
+def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
+    """Refuse planes whose border does not lie in them."""
+    normals = face_normals(draft)[draft.triangle_face]
+    points = draft.vertices[draft.triangles]
+    offsets = np.einsum("tki,ti->tk", points, normals)
+    low = np.full(len(draft.kinds), np.inf)
+    high = np.full(len(draft.kinds), -np.inf)
+    np.minimum.at(low, draft.triangle_face, offsets.min(axis=1))
+    np.maximum.at(high, draft.triangle_face, offsets.max(axis=1))
+    planar = np.array([kind == "plane" for kind, _ in draft.kinds])
+    worst = float(np.where(planar, high - low, 0.0).max())
+    if worst > FLATNESS * diagonal:
+        raise PartError(
+            f"{label}: expected flat faces where the file says plane, got one whose border leaves it by "
+            f"{worst * 1e3:.3g} mm. Export the part again."
+        )
+
+
+def _check_curved(draft: Draft, diagonal: float, label: str) -> None:
+    """Refuse cylinders, cones, spheres and tori whose mesh does not lie on them."""
+    order = np.argsort(draft.triangle_face, kind="stable")
+    starts = np.searchsorted(draft.triangle_face[order], np.arange(len(draft.kinds) + 1))
+    for face, (kind, fields) in enumerate(draft.kinds):
+        mine = np.unique(draft.triangles[order[starts[face] : starts[face + 1]]])
+        worst = float(np.abs(surface_offsets(kind, fields, draft.vertices[mine])).max())
+        if worst > ROUNDNESS * diagonal:
+            raise PartError(
+                f"{label}: expected a {kind} where the file says so, got a face that leaves it by "
+                f"{worst * 1e3:.3g} mm. Export the part again."
+            )

@@ -1,0 +1,182 @@
+"""Compute the connectivity of a mesh: triangles at edges, connected components, and face assignments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
+from tanteo.parts.faces.elements import SurfaceKind
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeshEdges:
+    """Edges of a consistently wound mesh with at most two triangles per edge.
+
+    Attributes:
+        ends: vertex indices, the lower one first ``(N, 2)``.
+        left: triangle that contains the edge from first to second end ``(N,)``, to the left of that direction seen from
+            outside.
+        right: triangle that contains the reversed edge ``(N,)``; at a rim, where the surface ends, the only triangle is
+            both.
+    """
+
+    ends: IntArray
+    left: IntArray
+    right: IntArray
+
+    @property
+    def rims(self) -> BoolArray:
+        """Mask of the edges where the surface ends ``(N,)``."""
+        return np.asarray(self.left == self.right)
+
+
+def directed_edges(triangles: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the directed edges ``(3T, 2)`` and the triangle of each ``(3T,)``.
+
+    Args:
+        triangles: vertex indices ``(T, 3)``.
+    """
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    return edges, np.tile(np.arange(len(triangles)), 3)
+
+
+def edge_counts(triangles: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Count how often each undirected edge occurs forwards and backwards.
+
+    Args:
+        triangles: vertex indices ``(T, 3)``.
+
+    Returns:
+        Ends ``(N, 2)`` (lower index first) and the two counts ``(N,)``. A closed, consistently wound manifold has 1 and
+        1 everywhere.
+    """
+    edges, _ = directed_edges(triangles)
+    ends, index = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    forward = edges[:, 0] < edges[:, 1]
+    index = index.reshape(-1)
+    ahead = np.bincount(index[forward], minlength=len(ends))
+    back = np.bincount(index[~forward], minlength=len(ends))
+    return ends, ahead, back
+
+
+def mesh_edges(triangles: IntArray) -> MeshEdges:
+    """Return the edges of a consistently wound mesh with their adjacent triangles.
+
+    Args:
+        triangles: vertex indices ``(T, 3)``.
+    """
+    edges, owner = directed_edges(triangles)
+    count = int(triangles.max(initial=0)) + 1
+    forward = edges[:, 0] < edges[:, 1]
+    keys, index = np.unique(edges.min(axis=1) * count + edges.max(axis=1), return_inverse=True)
+    left = np.full(len(keys), -1)
+    right = np.full(len(keys), -1)
+    left[index[forward]] = owner[forward]
+    right[index[~forward]] = owner[~forward]
+    assert (left >= 0).sum() + (right >= 0).sum() == len(edges), "an edge is run through twice in one direction"
+    ends = np.stack([keys // count, keys % count], axis=1)
+    return MeshEdges(ends, np.where(left < 0, right, left), np.where(right < 0, left, right))
+
+
+def components(count: int, first: IntArray, second: IntArray) -> IntArray:
+    """Label the connected components of a graph with links ``first[i]``-``second[i]``.
+
+    Args:
+        count: number of nodes.
+        first: first node of each link.
+        second: second node of each link.
+
+    Returns:
+        Labels from 0, numbered by their lowest node ``(count,)``.
+    """
+    root = np.arange(count)
+    while True:
+        a = root[first]
+        b = root[second]
+        apart = a != b
+        if not apart.any():
+            return np.asarray(np.unique(root, return_inverse=True)[1], dtype=np.int64)
+        np.minimum.at(root, np.maximum(a, b)[apart], np.minimum(a, b)[apart])
+        while np.any(root != root[root]):
+            root = root[root]
+
+
+def near_groups(points: FloatArray, distance: float) -> IntArray:
+    """Label points closer than a distance, including chains of them; labels are numbered by their first point.
+
+    Args:
+        points: points ``(n, 3)``.
+        distance: largest distance within a group.
+    """
+    from scipy.spatial import cKDTree  # slow to import, and not needed where a part is remembered
+
+    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    return components(len(points), pairs[:, 0], pairs[:, 1])
+
+
+def triangle_geometry(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit normals ``(T, 3)`` (zero for a triangle without area) and areas ``(T,)`` [m^2].
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
+    """
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    cross = np.cross(b - a, c - a)
+    doubled = np.linalg.norm(cross, axis=1)
+    normals = np.divide(cross, doubled[:, None], out=np.zeros_like(cross), where=doubled[:, None] > 0.0)
+    return normals, doubled / 2.0
+
+
+def volume_and_centroid(vertices: FloatArray, triangles: IntArray) -> tuple[float, FloatArray]:
+    """Return the signed volume [m^3] and the centre of volume [m] of a closed mesh.
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``.
+    """
+    origin = vertices.mean(axis=0)
+    a, b, c = (vertices[triangles[:, k]] - origin for k in range(3))
+    volumes = np.einsum("ni,ni->n", a, np.cross(b, c)) / 6.0
+    total = float(volumes.sum())
+    if total == 0.0:
+        return 0.0, origin
+    return total, origin + (volumes[:, None] * (a + b + c)).sum(axis=0) / (4.0 * total)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draft:
+    """Mesh whose triangles are assigned to faces, before features are extracted.
+
+    Attributes:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: vertex indices ``(T, 3)``, outward.
+        triangle_face: index into ``kinds`` of each triangle ``(T,)``.
+        kinds: surface kind of each face with the fields of :class:`Face` that describe it.
+        round_edges: mesh edges (lower vertex first) that are chords of a curved edge ``(R, 2)``; None if unknown, as
+            for a mesh file.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    triangle_face: IntArray
+    kinds: tuple[tuple[SurfaceKind, dict[str, Any]], ...]
+    round_edges: IntArray | None
+
+
+def scaled(draft: Draft, factor: float) -> Draft:
+    """Return a mesh in another unit of length.
+
+    Args:
+        draft: mesh with its faces.
+        factor: factor on all lengths.
+    """
+    lengths = ("axis_point", "radius", "minor_radius")
+    kinds = tuple(
+        (kind, {name: value * factor if name in lengths else value for name, value in fields.items()})
+        for kind, fields in draft.kinds
+    )
+    return replace(draft, vertices=draft.vertices * factor, kinds=kinds)

@@ -1,0 +1,126 @@
+"""Rules by which others choose the next reading: to compare with, and for who wants them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, IntArray
+from tanteo.planning.context import Choice, DecisionContext
+
+
+@dataclass(frozen=True, slots=True)
+class Random:
+    """Any candidate."""
+
+    name: str = "random"
+
+    def choose(self, context: DecisionContext) -> Choice:
+        """A draw that depends on seed and number of readings only."""
+        rng = np.random.default_rng((1991, context.seed, context.count))
+        return Choice(int(rng.integers(len(context.candidates))), np.nan, "it was drawn at random")
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """The candidate that is reached soonest, at least ``apart`` from all readings so far.
+
+    Attributes:
+        apart: least distance to earlier readings, in diagonals of the part.
+        name: of the policy.
+    """
+
+    apart: float = 0.1
+    name: str = "nearest"
+
+    def choose(self, context: DecisionContext) -> Choice:
+        """The nearest start, of those that meet a new place."""
+        s = context
+        away = _from_readings(s) - self.apart * s.state.target(0).part.diagonal
+        travel = s.travel()
+        k = int(np.lexsort((travel, np.minimum(away, 0.0) * -1.0))[0])
+        return Choice(k, np.nan, "it is the nearest new place")
+
+
+@dataclass(frozen=True, slots=True)
+class LargestFace:
+    """The largest face of the likeliest mode that was sensed least, near its middle or away from earlier readings."""
+
+    name: str = "largest-face"
+
+    def choose(self, context: DecisionContext) -> Choice:
+        """A place on the face with the largest area for each reading on it."""
+        s = context
+        counts = _sensed_faces(s)
+        on_best = np.flatnonzero(s.candidates.mode == 0)
+        pool = on_best if len(on_best) else np.arange(len(s.candidates))
+        part = s.state.target(int(s.candidates.mode[pool[0]])).part
+        areas = np.array([part.faces[f].area for f in s.candidates.face[pool]])
+        met = np.array([counts.get(int(f), 0) for f in s.candidates.face[pool]])
+        worth = areas / (1 + met)
+        best = pool[worth >= worth.max() * (1 - 1e-9)]
+        k = _spread_out(s, best)
+        return Choice(k, np.nan, f"it is on {part.faces[s.candidates.face[k]].name}, the largest that was sensed least")
+
+
+@dataclass(frozen=True, slots=True)
+class Scripted321:
+    """Three readings on the largest plane, two on a plane across it, one on a plane across both; and again."""
+
+    name: str = "3-2-1"
+
+    def choose(self, context: DecisionContext) -> Choice:
+        """A place on the plane whose turn it is, as far from earlier readings as there is one."""
+        s = context
+        on_best = np.flatnonzero(s.candidates.mode == 0)
+        pool = on_best if len(on_best) else np.arange(len(s.candidates))
+        script = _script(s, pool)
+        turn = s.count % 6
+        which = script[0 if turn < 3 else 1 if turn < 5 else 2] if len(script) == 3 else -1
+        on_face = pool[s.candidates.face[pool] == which]
+        k = _spread_out(s, on_face if len(on_face) else pool)
+        return Choice(k, np.nan, f"it is reading {turn + 1} of 3-2-1")
+
+
+def _script(s: DecisionContext, pool: IntArray) -> list[int]:
+    """The largest plane that can be sensed, the largest across it, and the largest across both."""
+    part = s.state.target(int(s.candidates.mode[pool[0]])).part
+    reachable = set(s.candidates.face[pool].tolist())
+    planes = part.planes
+    order = [k for k in np.argsort(-planes.areas) if int(planes.faces[k]) in reachable]
+    chosen: list[int] = []
+    for k in order:
+        n = planes.normals[k]
+        if all(abs(float(n @ planes.normals[c])) < 0.3 for c in chosen):
+            chosen.append(int(k))
+    return [int(planes.faces[k]) for k in chosen[:3]]
+
+
+def _sensed_faces(s: DecisionContext) -> dict[int, int]:
+    """How many readings lie on each face of the likeliest mode."""
+    if s.state.touches is None or not len(s.state.touches) or not len(s.state.weights):
+        return {}
+    target = s.state.target(0)
+    local = SE3.apply(SE3.inverse(s.state.poses[0]), s.state.touches.points)
+    faces = target.part.triangle_face[target.surface.closest(local).triangles]
+    names, counts = np.unique(faces, return_counts=True)
+    return dict(zip(names.tolist(), counts.tolist(), strict=True))
+
+
+def _from_readings(s: DecisionContext) -> FloatArray:
+    """Distance of every candidate's aim from the nearest reading ``(C,)``; infinite before the first."""
+    if s.state.touches is None or not len(s.state.touches):
+        return np.full(len(s.candidates), np.inf)
+    gaps = s.aims()[:, None] - s.state.touches.points
+    return np.asarray(np.linalg.norm(gaps, axis=-1).min(axis=1))
+
+
+def _spread_out(s: DecisionContext, pool: IntArray) -> int:
+    """The one farthest from all readings; the first, nearest to the middle of them all."""
+    away = _from_readings(s)[pool]
+    if np.isinf(away).all():
+        aims = s.aims()[pool]
+        return int(pool[np.argmin(np.linalg.norm(aims - aims.mean(axis=0), axis=1))])
+    return int(pool[np.argmax(away)])

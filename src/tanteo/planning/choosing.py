@@ -1,0 +1,111 @@
+"""The fewest readings that keep a tolerance: first as if all met their faces, then over all placements."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.geometry.typing import FloatArray, IntArray
+from tanteo.planning.design import Design
+
+_SWEEPS, _STARTS = 6, 12
+"""Rounds of exchanges, and sets drawn at random that are exchanged as well: one alone may end at a poor one."""
+
+
+def choose(design: Design, tolerance: float, confidence: float, max_measurements: int, *, can: bool) -> IntArray:
+    """The fewest candidates that keep the tolerance, or the best of the most that are allowed, best first.
+
+    Args:
+        design: the problem.
+        tolerance: to be kept [m].
+        confidence: with which.
+        max_measurements: readings at most.
+        can: all candidates together keep it.
+    """
+    chosen = _linear(design.steadied(), tolerance, confidence, max_measurements)
+    limited = design.chance(design.limit, tolerance) < confidence
+    if not limited:
+        chosen = _steady(design, chosen, tolerance, confidence, max_measurements, exchange=can)
+    return _ordered(design, chosen)
+
+
+def _linear(design: Design, tolerance: float, confidence: float, max_measurements: int) -> list[int]:
+    """Those that would keep it if every reading met its face as often as on average."""
+    chosen: list[int] = []
+    while len(chosen) < min(max_measurements, len(design.rows)):
+        starts = [_extended(design, chosen), *_drawn(len(design.rows), len(chosen) + 1)]
+        chosen = min((_exchanged(design, start) for start in starts), key=design.cost_of)
+        if design.chance(design.after(np.array(chosen)), tolerance) >= confidence:
+            break
+        if design.chance(design.limit, tolerance) < confidence:
+            break  # the robot's own error is too large for any number of readings
+    return chosen
+
+
+def _steady(
+    design: Design, chosen: list[int], tolerance: float, confidence: float, max_measurements: int, *, exchange: bool
+) -> list[int]:
+    """Exchanged, and then more of them, until the tolerance is kept over all placements."""
+    chosen = _settled(design, chosen, tolerance) if exchange else chosen
+    while (
+        len(chosen) < min(max_measurements, len(design.rows)) and design.kept(np.array(chosen), tolerance) < confidence
+    ):
+        chosen = [*chosen, _best_with(design, chosen, tolerance)[0]]
+        chosen = _settled(design, chosen, tolerance) if exchange else chosen
+    return chosen
+
+
+def _settled(design: Design, chosen: list[int], tolerance: float) -> list[int]:
+    """Each reading in turn exchanged for a better one, over all placements."""
+    for k in range(len(chosen)):
+        others = chosen[:k] + chosen[k + 1 :]
+        j, lost = _best_with(design, others, tolerance)
+        if lost[j] < lost[chosen[k]] * (1 - 1e-3):
+            chosen = [*chosen[:k], j, *chosen[k + 1 :]]
+    return chosen
+
+
+def _best_with(design: Design, chosen: list[int], tolerance: float) -> tuple[int, FloatArray]:
+    """The candidate to add, and what is lost with each."""
+    lost = design.lost_with_each(chosen, tolerance)
+    lost[chosen] = np.inf
+    return int(np.argmin(lost)), lost
+
+
+def _drawn(count: int, n: int) -> list[list[int]]:
+    """Sets of ``n`` candidates, the same every time."""
+    rng = np.random.default_rng((1991, n))
+    return [rng.choice(count, n, replace=False).tolist() for _ in range(_STARTS)]
+
+
+def _extended(design: Design, chosen: list[int]) -> list[int]:
+    cost = design.with_each(design.after(np.array(chosen, dtype=np.int64)))
+    cost[chosen] = np.inf
+    return [*chosen, int(np.argmin(cost))]
+
+
+def _exchanged(design: Design, chosen: list[int]) -> list[int]:
+    """No swap of one reading makes it better."""
+    cost = design.cost_of(chosen)
+    for _ in range(_SWEEPS):
+        before = cost
+        for k in range(len(chosen)):
+            others = chosen[:k] + chosen[k + 1 :]
+            costs = design.with_each(design.after(np.array(others, dtype=np.int64)))
+            costs[others] = np.inf
+            j = int(np.argmin(costs))
+            if costs[j] < cost * (1 - 1e-9):
+                chosen, cost = [*chosen[:k], j, *chosen[k + 1 :]], float(costs[j])
+        if cost > before * (1 - 1e-3):
+            break
+    return chosen
+
+
+def _ordered(design: Design, chosen: list[int]) -> IntArray:
+    """The reading that helps most first."""
+    order: list[int] = []
+    left = list(chosen)
+    while left:
+        cost = design.with_each(design.after(np.array(order, dtype=np.int64)))
+        order.append(min(left, key=lambda k: cost[k]))
+        left.remove(order[-1])
+    return np.array(order, dtype=np.int64)

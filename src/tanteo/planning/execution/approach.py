@@ -1,0 +1,129 @@
+"""Hand poses that place a frontal sensor on a beam, with free rotation about it, and safe paths to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import BoolArray, Transforms, Vectors
+from tanteo.hand import Hand, gap, path
+from tanteo.planning.candidates import Candidates
+from tanteo.planning.execution.possible import Room
+from tanteo.planning.state import SensingState
+
+_TURNS = 8
+"""Number of rotations about a beam that are tried."""
+
+
+def approach_poses(hand: Hand, origins: Vectors, directions: Vectors) -> Transforms:
+    """Return hand poses that place a frontal sensor at an origin, pointing along a direction.
+
+    Args:
+        hand: sensors and body of the hand.
+        origins: beam origins ``(C, 3)``, world frame [m].
+        directions: unit beam directions ``(C, 3)``, world frame.
+
+    Returns:
+        Poses ``T_world_hand`` ``(C, m, 4, 4)``: all rotations with the first sensor, then those with the second.
+    """
+    T_world_beam = SE3.from_parts(SO3.frame_from_axis(directions, 2), np.asarray(origins, dtype=np.float64))
+    turns = np.zeros((_TURNS, 6))
+    turns[:, 5] = np.arange(_TURNS) * (2 * np.pi / _TURNS)
+    T_sensor_hand = SE3.inverse(np.stack([hand.rig.sensors[k].T_hand_sensor for k in hand.frontal]))
+    each = SE3.exp(turns) @ T_sensor_hand[:, None]
+    return np.asarray(T_world_beam[:, None] @ each.reshape(-1, 4, 4))
+
+
+def back(Ts_world_hand: Transforms, distance: float) -> Transforms:
+    """Return poses moved back along the hand's z axis by a distance [m]."""
+    out = np.array(Ts_world_hand)
+    out[..., :3, 3] -= distance * out[..., :3, 2]
+    return out
+
+
+def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> BoolArray:
+    """Return which candidate beams the hand can take and reach by a straight approach, as flags ``(C,)``.
+
+    Args:
+        hand: sensors and body of the hand.
+        room: free space.
+        candidates: beams to check.
+        retreat: length of the straight final approach [m].
+    """
+    Ts = approach_poses(hand, candidates.origins, candidates.directions)
+    ways = np.stack([Ts, back(Ts, retreat)], axis=2)
+    ok: BoolArray = np.all(room.within(ways), axis=2)
+    ok[ok] = (room.gaps(ways[ok]) >= room.clearance).all(axis=1)
+    return np.asarray(ok.any(axis=1))
+
+
+def ranked(hand: Hand, state: SensingState, Ts: Transforms, near: Transforms, reach: float) -> Transforms:
+    """Return approach poses, ordered by the number of beams that hit the most probable mode, then by least rotation.
+
+    Args:
+        hand: sensors and body of the hand.
+        state: current belief.
+        Ts: approach poses ``(m, 4, 4)``, world frame.
+        near: current pose of the hand ``(4, 4)``.
+        reach: largest useful range of a beam [m].
+    """
+    target, to_part = state.target(0), SE3.inverse(state.poses[0])
+    pair = list(hand.frontal)
+    starts = SE3.apply(to_part, SE3.apply(Ts[:, None], hand.origins[pair]))
+    beams = (to_part[:3, :3] @ Ts[:, None, :3, :3] @ hand.axes[pair][..., None])[..., 0]
+    hits = target.surface.cast(starts.reshape(-1, 3), beams.reshape(-1, 3)).distances.reshape(len(Ts), -1) < reach
+    alike = np.einsum("ij,nij->n", near[:3, :3], Ts[:, :3, :3])
+    return np.asarray(Ts[np.lexsort((-alike, -hits.sum(axis=1)))])
+
+
+_STEP = 0.01
+"""Distance of the hand's front between two checked poses of a path [m]; their angle in rad is at most ten times it."""
+
+_LIFTS = (0.0, 0.1)
+"""Heights above all possible obstacles at which the hand crosses them [m]."""
+
+
+def way(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
+    """Return poses ``(n, 4, 4)`` on the path of :func:`tanteo.hand.go_to`, dense enough to check for collisions."""
+    a, b = (SE3.apply(T, hand.front) for T in (T_from, T_to))
+    turn = gap(T_from, T_to)[1]
+    n = 2 + int(max(np.linalg.norm(b - a) / _STEP, np.linalg.norm(turn) / (10 * _STEP)))
+    return path(T_from, T_to, hand.front, n)
+
+
+def route(hand: Hand, room: Room, T_from: Transforms, T_to: Transforms, retreat: float) -> list[Transforms] | None:
+    """Return waypoints to ``T_to`` (included) whose whole path is free, or None if none was found.
+
+    The direct path and paths over the obstacles are tried, shortest first. The hand retreats before it rotates, and
+    approaches the target along a straight line.
+
+    Args:
+        hand: sensors and body of the hand.
+        room: free space.
+        T_from: current pose of the hand ``(4, 4)``.
+        T_to: target pose of the hand ``(4, 4)``.
+        retreat: length of the straight retreat and of the final approach [m].
+    """
+    before, behind = back(T_to, retreat), back(T_from, retreat)
+    ways = [[before, T_to], [behind, before, T_to]]
+    for lift in _LIFTS:
+        over = [_lifted(room, T, lift) for T in (T_from, behind, before)]
+        ways += [[over[0], over[2], before, T_to], [behind, over[1], over[2], before, T_to]]
+    for stops in sorted(ways, key=lambda stops: _length(hand, [T_from, *stops])):
+        legs = zip([T_from, *stops], stops, strict=False)
+        if all(room.along(way(hand, a, b)) for a, b in legs):
+            return stops
+    return None
+
+
+def _lifted(room: Room, T: Transforms, more: float) -> Transforms:
+    """Return a pose raised until the whole body is above all possible obstacles by the clearance and ``more`` [m]."""
+    lowest = float((room.body.placed(T)[:, 2] - room.body.radii).min())
+    out = np.array(T)
+    out[2, 3] += max(room.possible.top() + room.clearance + more - lowest, 0.0)
+    return out
+
+
+def _length(hand: Hand, stops: list[Transforms]) -> float:
+    fronts = SE3.apply(np.array(stops), hand.front)
+    return float(np.linalg.norm(np.diff(fronts, axis=0), axis=1).sum())

@@ -1,0 +1,214 @@
+"""Execute a session with a hand: take an action, move there without contact, read at rest, report; until it is done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, Transforms
+from tanteo.hand import SENSE, Hand, Motion, Robot, Rules, go_to
+from tanteo.planning.candidates import Candidates
+from tanteo.planning.execution.approach import approach_poses, feasible, ranked, route
+from tanteo.planning.execution.possible import Possible, Room
+from tanteo.planning.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
+from tanteo.planning.execution.start import REPEATS
+from tanteo.planning.execution.whole import guess_of, readings_of, standoff_of
+from tanteo.planning.session.action import Action
+from tanteo.planning.session.conversation import Session
+from tanteo.planning.session.values import Done, Step
+from tanteo.planning.state import SensingState
+from tanteo.sensors import RobotPreset
+
+_TRIED = 4
+"""Number of approach poses per beam for which a path is planned."""
+
+_REFUSED = 25
+"""Number of successive actions without a reading after which the run ends."""
+
+_TRAVEL = 2.5
+"""Speed between waypoints in free space, as a multiple of the speed of the rules."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Visit:
+    """One action of the session and its result.
+
+    Attributes:
+        action: action that the session proposed.
+        motions: motions of the hand, in order.
+        step: update of the belief by the readings; None without readings.
+        leader: name of the most probable part after the update; empty without one.
+        note: remark for the operator; empty without one.
+        seconds: time since the start of the run [s].
+        travel: path length of the hand's front since the start of the run [m].
+    """
+
+    action: Action
+    motions: tuple[Motion, ...]
+    step: Step | None
+    leader: str
+    note: str
+    seconds: float
+    travel: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Executed:
+    """Result of a complete run.
+
+    Attributes:
+        end: reason for the end of the run.
+        visits: all actions with their results, in order.
+    """
+
+    end: Done
+    visits: tuple[Visit, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Return the duration of the run [s]."""
+        return self.visits[-1].seconds if self.visits else 0.0
+
+    @property
+    def travel(self) -> float:
+        """Return the path length of the hand's front [m]."""
+        return self.visits[-1].travel if self.visits else 0.0
+
+
+def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState, Candidates], BoolArray]:
+    """Return a function that decides which candidate beams the hand can take, for :attr:`tanteo.planning.Session.able`.
+
+    Args:
+        hand: sensors and body of the hand.
+        rules: limits of its motions.
+        retreat: length of the straight final approach [m].
+    """
+
+    def able(state: SensingState, candidates: Candidates) -> BoolArray:
+        room = Room(hand.body, rules.workspace, Possible.of(state), rules.clearance)
+        return feasible(hand, room, candidates, retreat)
+
+    return able
+
+
+def sense_part(
+    session: Session,
+    robot: Robot,
+    rules: Rules,
+    *,
+    furniture: Furniture | None = None,
+    errors: RobotPreset | None = None,
+    watch: Callable[[Visit], None] = lambda visit: None,
+) -> Executed:
+    """Sense a part with a hand until the session ends.
+
+    The session's probe models one frontal sensor; both frontal sensors are read where the hand rests. If a motion ends
+    early, the readings there are still used, and the session does not propose that action again.
+
+    Args:
+        session: belief and planner. Set ``able`` to :func:`reachable` and ``whole`` to :func:`acquirable`.
+        robot: robot that carries the hand.
+        rules: limits of its motions.
+        furniture: known solids of the cell; beams that hit them count as free up to them.
+        errors: error model of the reported poses.
+        watch: callback after every action.
+
+    Returns:
+        The reason for the end and all actions with their results.
+    """
+    run, began = _Run(session, robot, rules, furniture, errors), robot.sensed.time
+    visits, in_vain, gone = list[Visit](), 0, 0.0
+    while isinstance(action := session.ask(), Action):
+        motions, step, note = run.answer(action)
+        for motion in motions:
+            fronts = SE3.apply(np.array([sensed.T_world_hand for sensed in motion.log]), robot.hand.front)
+            gone += float(np.linalg.norm(np.diff(fronts, axis=0), axis=1).sum())
+        leader = session.state.target(0).part.name if len(session.state.weights) else ""
+        visits.append(Visit(action, motions, step, leader, note, robot.sensed.time - began, gone))
+        watch(visits[-1])
+        in_vain = in_vain + 1 if visits[-1].step is None else 0
+        if in_vain >= _REFUSED:
+            action = Done(False, "The hand finds no way to the places that are worth it: give it more room.")
+            break
+    return Executed(action, tuple(visits))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Run:
+    session: Session
+    robot: Robot
+    rules: Rules
+    furniture: Furniture | None
+    errors: RobotPreset | None
+
+    def answer(self, action: Action) -> tuple[tuple[Motion, ...], Step | None, str]:
+        """Move, read and update the session; return the motions, the update and a remark for the operator."""
+        stops = self._way(action)
+        if stops is None:
+            self.session.refuse(action)
+            return (), None, "no way for the hand"
+        motions = self._go(stops)
+        if action.acquires:
+            return self._acquire(action, motions)
+        note = "" if motions[-1].reached else f"{motions[-1].status}: {motions[-1].message}"
+        step, said = self._read(action)
+        if note or step is None or said or not step.ids:  # an action without new information would be proposed again
+            self.session.refuse(action)
+        return motions, step, "; ".join(text for text in (note, said) if text)
+
+    def _acquire(self, action: Action, motions: tuple[Motion, ...]) -> tuple[tuple[Motion, ...], Step | None, str]:
+        """Acquire a whole feature and report its readings; report nothing if the acquisition fails."""
+        guess = guess_of(self.session.state, action)
+        if guess is None or not motions[-1].reached:
+            self.session.refuse(action)
+            return motions, None, "nothing there to acquire any more" if motions[-1].reached else motions[-1].message
+        got = SENSE[action.acquires](
+            self.robot, guess, standoff=standoff_of(self.rules), rules=self.rules, label=action.name, errors=self.errors
+        )
+        motions += got.motions
+        if not got.acquired:
+            self.session.refuse(action)
+            return motions, None, f"{got.status}: {got.message}"
+        return motions, self.session.tell(readings_of(got), action), got.message
+
+    def _way(self, action: Action) -> list[Transforms] | None:
+        hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand
+        room = Room(hand.body, self.rules.workspace, Possible.of(session.state), self.rules.clearance)
+        probe = session.probe
+        Ts = approach_poses(hand, action.origin[None], action.direction[None])[0]
+        Ts = Ts[room.allows(Ts)]
+        if not len(Ts):
+            return None
+        ways = (
+            route(hand, room, here, T, probe.retreat)
+            for T in ranked(hand, session.state, Ts, here, probe.max_range)[:_TRIED]
+        )
+        return next((stops for stops in ways if stops is not None), None)
+
+    def _go(self, stops: list[Transforms]) -> tuple[Motion, ...]:
+        fast = replace(self.rules, speed=_TRAVEL * self.rules.speed)
+        motions = list[Motion]()
+        for k, stop in enumerate(stops):
+            motions.append(go_to(self.robot, stop, self.rules if k == len(stops) - 1 else fast))
+            if not motions[-1].reached:
+                break
+        return tuple(motions)
+
+    def _read(self, action: Action) -> tuple[Step | None, str]:
+        """Read at rest and update the session; return the update and a remark on unusual readings."""
+        hand = self.robot.hand
+        readings = as_readings(hand, rest(self.robot, REPEATS), str(action.number))
+        readings = None if readings is None else of_parts(hand, readings, Possible.of(self.session.state))
+        if readings is None:
+            return None, "no echo"
+        note = ""
+        if self.furniture is not None:
+            of_it = self.furniture.met(readings, hand.rig, self.errors, self.session.state)
+            readings = beyond_furniture(readings, of_it, hand.rig)
+            note = f"{int(of_it.sum())} met furniture" if of_it.any() else ""
+        if readings.is_free.all():
+            note = "; ".join(text for text in (note, "nothing met") if text)
+        return self.session.tell(readings, action), note

@@ -1,0 +1,253 @@
+"""Free space of the hand: all poses that the belief or uncontradicted priors allow are treated as obstacles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.factors import ContactPoints, FreeRays
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
+from tanteo.hand import Body, Workspace
+from tanteo.planning.start import Start
+from tanteo.planning.state import SensingState
+from tanteo.posterior import PreparedPart, box_corners
+
+_DRAWN = 1000
+"""Number of prior poses of every part that are checked; with a prior as wide as a hand, one is within 10 mm of the
+true pose."""
+
+OFF = 0.010
+"""Distance by which a reading must disagree with a pose to contradict it [m]."""
+
+_STRAYS = 1
+"""Number of readings that may contradict an allowed pose, since one may be an outlier."""
+
+_PACE, _MOST = 0.008, 12
+"""Spacing of the points checked along the free part of a beam, back from its end [m], and their largest number."""
+
+_APART = 0.005
+"""Largest distance between corresponding corners of the part's box at which two allowed poses count as equal [m]."""
+
+
+def allowed(state: SensingState, most: int) -> tuple[Transforms, IntArray]:
+    """Return poses that the prior allows and the readings do not contradict, spread over the allowed set.
+
+    Probabilities are not used. Every part with an allowed pose is represented.
+
+    Args:
+        state: current belief with its prior poses and readings.
+        most: approximate largest number of poses.
+
+    Returns:
+        Poses ``T_world_part`` ``(K, 4, 4)`` and the index of the part of each ``(K,)``.
+    """
+    start, Ts, part = state.start, [np.zeros((0, 4, 4))], [np.zeros(0, dtype=np.int64)]
+    left = {int(k): _uncontradicted(start, int(k), state.touches, state.free) for k in np.unique(start.part)}
+    alive = [k for k, poses in left.items() if len(poses)]
+    for k in alive:
+        Ts.append(_spread(start.targets[k], left[k], max(1, most // len(alive))))
+        part.append(np.full(len(Ts[-1]), k))
+    return np.concatenate(Ts), np.concatenate(part)
+
+
+def _uncontradicted(start: Start, part: int, touches: ContactPoints | None, free: FreeRays) -> Transforms:
+    target, Ts = start.targets[part], start.drawn(part, _DRAWN)
+    wrong = np.zeros(len(Ts), dtype=np.int64)
+    if touches is not None and len(touches):
+        wrong += (np.abs(_distances(target, Ts, touches.points) - touches.radii) > OFF).sum(axis=1)
+        Ts, wrong = Ts[wrong <= _STRAYS], wrong[wrong <= _STRAYS]
+        wrong += _crossed(target, Ts, touches.points, touches.directions, touches.reach)
+    wrong += _crossed(target, Ts, free.origins + free.lengths[:, None] * free.directions, free.directions, free.lengths)
+    return Ts[wrong <= _STRAYS]
+
+
+def _crossed(
+    target: PreparedPart, Ts: Transforms, ends: FloatArray, along: FloatArray, lengths: FloatArray
+) -> IntArray:
+    """Count the free segments, given by end, direction and length, that pass deep through the part at each pose."""
+    steps = _PACE * np.arange(1, 1 + _MOST)
+    points = ends[:, None] - steps[:, None] * along[:, None]
+    deep = _distances(target, Ts, points.reshape(-1, 3)).reshape(len(Ts), len(ends), _MOST) < -OFF
+    return np.asarray((deep & (steps < lengths[:, None])).any(axis=2).sum(axis=1))
+
+
+def _distances(target: PreparedPart, Ts: Transforms, points: FloatArray) -> FloatArray:
+    """Return signed distances of points ``(n, 3)`` from the part at poses ``(S, 4, 4)``, ``(S, n)`` [m]."""
+    return target.field(SE3.apply(SE3.inverse(Ts)[:, None], points))[0]
+
+
+def _spread(target: PreparedPart, Ts: Transforms, most: int) -> Transforms:
+    """Select at most ``most`` poses by farthest-point sampling of the box corners."""
+    corners = SE3.apply(Ts[:, None], box_corners(target.part))
+    chosen, gaps = [0], np.full(len(Ts), np.inf)
+    while True:
+        np.minimum(gaps, np.linalg.norm(corners - corners[chosen[-1]], axis=-1).max(axis=1), out=gaps)
+        if len(chosen) == most or gaps.max() < _APART:
+            return Ts[chosen]
+        chosen.append(int(np.argmax(gaps)))
+
+
+_STEP, FAR = 0.008, 0.045
+"""Spacing of the distance grid [m], and the distance at which its values are cut off [m]."""
+
+_NODES = 5e7
+"""Largest number of nodes of a grid; it limits the memory to 400 MB."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Occupied:
+    """Grid of the smallest distance from parts at given poses, in the world frame.
+
+    Attributes:
+        origin: position of the first node ``(3,)``, world frame [m].
+        table: distances at the nodes ``(nx, ny, nz)`` [m], negative inside and at most :data:`FAR`.
+    """
+
+    origin: FloatArray
+    table: FloatArray
+
+    @classmethod
+    def by(cls, targets: tuple[PreparedPart, ...], part: IntArray, Ts: Transforms) -> Occupied:
+        """Create the grid for parts at poses ``(K, 4, 4)``; distances are low by half a cell of the parts' grids."""
+        if not len(Ts):
+            return cls(np.zeros(3), np.full((1, 1, 1), FAR))
+        ends = np.array([_reach(targets[k], T) for k, T in zip(part, Ts, strict=True)])
+        origin = ends[:, 0].min(axis=0)
+        first = np.floor((ends[:, 0] - origin) / _STEP).astype(np.int64)
+        last = np.ceil((ends[:, 1] - origin) / _STEP).astype(np.int64) + 1
+        if np.prod(last.max(axis=0).astype(np.float64)) > _NODES:
+            size = " x ".join(f"{v:.3g}" for v in ends[:, 1].max(axis=0) - origin)
+            raise InputError(
+                f"prior pose: expected the parts within some metres, got {size} m in which they may be. Say better "
+                "where they are ([prior] of the scene, --pose-prior, or an image)."
+            )
+        table = np.full(last.max(axis=0), FAR)
+        for k, T, a, b in zip(part, Ts, first, last, strict=True):
+            axes = [origin[i] + _STEP * np.arange(a[i], b[i]) for i in range(3)]
+            nodes, own = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1), targets[k].field
+            block = table[a[0] : b[0], a[1] : b[1], a[2] : b[2]]
+            np.minimum(block, own(SE3.apply(SE3.inverse(T), nodes))[0] - 0.5 * own.step, out=block)
+        return cls(origin, table)
+
+    def __call__(self, points: Vectors) -> FloatArray:
+        """Return distances at points ``(*batch, 3)`` by linear interpolation ``(*batch,)`` [m]."""
+        from scipy.ndimage import map_coordinates  # slow to import
+
+        at = np.moveaxis((points - self.origin) / _STEP, -1, 0)
+        return np.asarray(map_coordinates(self.table, at, order=1, mode="constant", cval=FAR, prefilter=False))
+
+
+def _reach(target: PreparedPart, T: Transforms) -> FloatArray:
+    """Return the world-aligned box ``(2, 3)`` outside of which the part is farther away than :data:`FAR` [m]."""
+    corners = SE3.apply(T, box_corners(target.part))
+    return np.stack([corners.min(axis=0) - FAR, corners.max(axis=0) + FAR])
+
+
+_LIVE = 0.003
+"""Smallest probability of a mode that the hand keeps clear of."""
+
+CONFIRMED = 0.999
+"""Probability of a part from which only the belief's poses count as obstacles."""
+
+_DRAWS, _ALLOWED = 24, 120
+"""Numbers of poses drawn from the belief and of uncontradicted prior poses."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Possible:
+    """Set of poses at which parts may be.
+
+    Attributes:
+        targets: prepared parts.
+        part: index of the part of each pose ``(K,)``.
+        Ts: poses ``T_world_part`` ``(K, 4, 4)``, most probable modes first.
+        occupied: grid of the distance from all of them.
+    """
+
+    targets: tuple[PreparedPart, ...]
+    part: IntArray
+    Ts: Transforms
+    occupied: Occupied = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "occupied", Occupied.by(self.targets, self.part, self.Ts))
+
+    @classmethod
+    @lru_cache(maxsize=1)  # candidates and ways ask in turn
+    def of(cls, state: SensingState) -> Possible:
+        """Collect the live modes, samples of the belief, and prior poses that no reading contradicts.
+
+        The belief alone is not safe: if it were wrong, the hand would find out by a collision.
+        """
+        live = np.flatnonzero(state.weights >= _LIVE)
+        live = live[np.argsort(-state.weights[live], kind="stable")]
+        Ts, part = [state.poses[live]], [state.part[live]]
+        if state.draws is not None and len(state.draws.weights):
+            w = np.cumsum(state.draws.weights)
+            rows = np.unique(np.searchsorted(w, w[-1] * (np.arange(_DRAWS) + 0.5) / _DRAWS).clip(0, len(w) - 1))
+            Ts.append(state.draws.Ts[rows])
+            part.append(state.part[state.draws.mode[rows]])
+        if state.of_parts().max(initial=0.0) < CONFIRMED:
+            more, of = allowed(state, _ALLOWED)
+            Ts.append(more)
+            part.append(of)
+        return cls(state.start.targets, np.concatenate(part), np.concatenate(Ts))
+
+    def distances(self, points: Vectors) -> FloatArray:
+        """Return lower bounds on the distance of points ``(*batch, 3)`` from all poses ``(*batch,)`` [m]."""
+        return self.occupied(points)
+
+    def top(self) -> float:
+        """Return the largest world z over all poses [m]."""
+        heights = [
+            float((T[2, :3] @ self.targets[k].part.vertices.T).max() + T[2, 3])
+            for k, T in zip(self.part, self.Ts, strict=True)
+        ]
+        return max(heights, default=-np.inf)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """Free space for the whole hand between workspace bounds and possible parts.
+
+    Attributes:
+        body: spheres of the hand.
+        workspace: bounds and forbidden boxes.
+        possible: poses of parts to keep clear of.
+        clearance: required distance from parts and bounds [m].
+        slack: additional distance from the bounds, where the steering would slow the hand down [m].
+    """
+
+    body: Body
+    workspace: Workspace
+    possible: Possible
+    clearance: float
+    slack: float = 2e-3
+
+    def within(self, Ts_world_hand: Transforms) -> BoolArray:
+        """Return whether the workspace allows poses ``(*batch, 4, 4)``, as flags ``(*batch,)``."""
+        return self.workspace.allows(self.body, Ts_world_hand, self.clearance + self.slack)
+
+    def gaps(self, Ts_world_hand: Transforms) -> FloatArray:
+        """Return the distance of the body from all possible parts at poses ``(*batch, 4, 4)``, ``(*batch,)`` [m]."""
+        centres = self.body.placed(Ts_world_hand)
+        return np.asarray((self.possible.distances(centres) - self.body.radii).min(axis=-1))
+
+    def allows(self, Ts_world_hand: Transforms) -> BoolArray:
+        """Return whether poses ``(n, 4, 4)`` keep the clearance, as flags ``(n,)``."""
+        ok = self.within(Ts_world_hand)
+        ok[ok] = self.gaps(Ts_world_hand[ok]) >= self.clearance
+        return ok
+
+    def along(self, way: Transforms) -> bool:
+        """Return whether a path ``(n, 4, 4)`` keeps the clearance, or at least the distance that it starts with."""
+        here = self.workspace.of_body(self.body, way[0])
+        bounds = np.minimum(self.clearance + self.slack, here - 1e-3)
+        if not (self.workspace.of_body(self.body, way) >= bounds).all():
+            return False
+        gaps = self.gaps(way)
+        return bool((gaps >= min(self.clearance, gaps[0] - 1e-3)).all())

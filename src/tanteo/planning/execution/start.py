@@ -1,0 +1,197 @@
+"""Start of a session with a hand: its frontal sensor as a probe, and the initial poses from an image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.hand import Hand, Rules
+from tanteo.parts import Part
+from tanteo.planning.probe import Probe
+from tanteo.planning.start import Start, from_hypotheses
+from tanteo.posterior import Alternatives, NormalPoses, PoseMixture, PreparedPart
+from tanteo.sensors import NoiseLaw, RobotPreset, error_model
+from tanteo.vision import Sight, Sighting
+
+_CONE = float(np.radians(70.0))
+"""Largest angle from straight down of a beam if the workspace has a lower bound [rad]."""
+
+REPEATS = 10
+"""Number of readings at rest that are averaged."""
+
+LEAST_STANDOFF = 1.25
+"""Smallest stand-off in clearances; below it the steering would stop the hand before it arrives."""
+
+_RETREAT = 0.05
+"""Length of the straight final approach to a reading [m]."""
+
+_FAR = 0.8
+"""Fraction of the sensor's range at which the hand may stop, if possible parts keep it from the stand-off."""
+
+_SECONDS = 0.5
+"""Duration of one reading without travel [s]."""
+
+
+def hand_probe(
+    hand: Hand, rules: Rules, standoff: float, robot: RobotPreset | None = None, *, repeats: int = REPEATS
+) -> Probe:
+    """Return the probe model of a hand for the planner of a session.
+
+    Args:
+        hand: sensors and body of the hand; its first frontal sensor represents both.
+        rules: limits of its motions.
+        standoff: distance of the sensor from the surface that it reads [m].
+        robot: error model of the reported poses.
+        repeats: number of readings at rest that are averaged.
+
+    Raises:
+        InputError: The stand-off is too small for the clearance of the rules, or out of the sensor's range.
+    """
+    if not standoff >= LEAST_STANDOFF * rules.clearance:
+        raise InputError(
+            f"standoff: expected at least {LEAST_STANDOFF:g} times the clearance of {1e3 * rules.clearance:.3g} mm, "
+            f"got {1e3 * standoff:.3g} mm. Keep farther away, or lower the clearance."
+        )
+    model, k = error_model(hand.rig), hand.frontal[0]
+    const, prop, quad = (getattr(model.law, name)[k] / np.sqrt(repeats) for name in ("const", "prop", "quad"))
+    law = NoiseLaw.of(const, prop, quad, model.law.exp_d0[k], model.law.exp_k[k])
+    mount = np.sqrt(np.diag(model.cov_unit[k]))
+    across = np.hypot(mount[:2].max(), mount[3:5].max() * standoff)
+    place, turn, repeat = (0.0, 0.0, 0.0) if robot is None else (
+        robot.pos_abs_std, robot.rot_abs_std, robot.pos_repeat_std
+    )  # fmt: skip
+    floored = bool(np.isfinite(rules.workspace.low[2]))
+    return Probe(
+        name=hand.rig.sensors[k].name,
+        law=law,
+        beam_half_angle=float(model.beam_half_angle[k]),
+        max_range=float(min(model.max_range[k], 1.0)),
+        min_range=float(model.min_range[k]),
+        max_incidence=min(float(model.max_incidence[k]), np.radians(75.0)),
+        shared_sd=float(np.sqrt(model.bias_sd[k] ** 2 + mount[2] ** 2 + (mount[6] * standoff) ** 2)),
+        repeat_sd=repeat,
+        base_sds=(float(np.hypot(place, across)), turn),
+        standoff=standoff,
+        farthest=_FAR * float(min(model.max_range[k], 1.0)),
+        clearance=float(hand.body.radii.min()) + rules.clearance,
+        retreat=_RETREAT,
+        workspace=rules.workspace,
+        speed=rules.speed,
+        seconds=_SECONDS,
+        approach=np.array([0.0, 0.0, -1.0]) if floored else None,
+        cone=_CONE if floored else np.pi,
+    )
+
+
+HYPOTHESES = 20
+"""Number of hypotheses to request from an image; the true one is often not among the first five."""
+
+_LEAST, _HALF = 0.02, 0.5
+"""Smallest and largest probability that the image is wrong."""
+
+_FORGOTTEN = 1e-4
+"""Smallest probability of an image hypothesis that is used."""
+
+
+def part_seen(sight: Sight, prior: Start | None = None) -> Sighting | None:
+    """Return the object nearest to the prior position of the part, or the largest one without a prior.
+
+    Args:
+        sight: evaluation of an image without known furniture (``see_table(..., ignore=)``).
+        prior: prior poses of the part.
+
+    Returns:
+        The object, or None if there is none.
+    """
+    some = [seen for seen in sight.objects if seen.answer.hypotheses]
+    if not some or prior is None:
+        return some[0] if some else None
+    centres = [SE3.apply(T, prior.targets[k].part.centroid) for k, T in zip(prior.part, prior.Ts, strict=True)]
+    place = np.average(centres, axis=0, weights=prior.weights)[:2]
+
+    def away(seen: Sighting) -> float:
+        mode, best = seen.modes[0], seen.answer.hypotheses[0]
+        return float(np.linalg.norm(SE3.apply(best.T_world_part, mode.model.part.centroid)[:2] - place))
+
+    return min(some, key=away)
+
+
+def seen_start(
+    seen: Sighting | None, targets: Sequence[PreparedPart] | Sequence[Part], prior: Start | None = None
+) -> Start:
+    """Return the start of a session from an image.
+
+    The session has the image as a factor of its one posterior. With the probability that the image is wrong (the rest
+    beside its answers, at least 2 %), the prior poses hold (decision 29), or without them an unknown object.
+
+    Args:
+        seen: object in the image; None if nothing was recognized.
+        targets: all parts that it may be.
+        prior: prior poses of the same targets without the image.
+
+    Raises:
+        InputError: The image shows no known part, and there are no prior poses.
+    """
+    answers = [] if seen is None else [h for h in seen.answer.hypotheses if h.probability > _FORGOTTEN]
+    if not answers:
+        if prior is None:
+            raise InputError(
+                "image: expected a part on the table, got none that is known. Give a prior pose, or its CAD file."
+            )
+        return prior
+    assert seen is not None
+    image = from_hypotheses(answers, targets)
+    if prior is None:
+        return replace(image, factors=seen.factors, suggested=len(image))
+    wrong = float(np.clip(1 - sum(h.probability for h in seen.answer.hypotheses), _LEAST, _HALF))
+    return Start(
+        image.targets,
+        np.concatenate([image.part, prior.part]),
+        np.concatenate([image.Ts, prior.Ts]),
+        np.concatenate([image.covariances, prior.covariances]),
+        np.concatenate([(1 - wrong) * image.weights, wrong * prior.weights]),
+        prior.priors,
+        (_right_or_wrong(seen, prior, wrong),),
+        len(image),
+    )
+
+
+def _right_or_wrong(seen: Sighting, prior: Start, wrong: float) -> Alternatives:
+    """Return that the image shows the part that is sensed, or else that the prior pose holds.
+
+    An image of something else has a density that makes this as probable as was said, given the image alone; the same
+    holds for an unknown object.
+    """
+    elsewhere = np.log(wrong) + seen.log_known
+    unknown = sum(factor.log_unknown for factor in seen.factors)
+    poses = prior_poses(prior.targets, prior.part, prior.Ts, prior.covariances, prior.weights)
+    return Alternatives(
+        (seen.factors, (poses,)),
+        np.array([np.log1p(-wrong), elsewhere]),
+        float(np.logaddexp(np.log1p(-wrong) + unknown, elsewhere)),
+    )
+
+
+def prior_poses(
+    targets: Sequence[PreparedPart], part: IntArray, Ts: Transforms, covariances: Covariances, weights: FloatArray
+) -> NormalPoses:
+    """Return prior poses as a factor, relative to equally probable parts.
+
+    Args:
+        targets: the parts.
+        part: index of the part of each pose ``(A,)``.
+        Ts: poses ``T_world_part`` ``(A, 4, 4)``.
+        covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame [m, rad].
+        weights: their probabilities, up to a factor ``(A,)``.
+    """
+    shares, equal = weights / weights.sum(), np.log(len(targets))
+    mixtures = {}
+    for k in np.unique(part[shares > 0]):
+        own = np.flatnonzero((part == k) & (shares > 0))
+        mixtures[targets[k].part] = PoseMixture(Ts[own], covariances[own], np.log(shares[own]) + equal)
+    return NormalPoses(mixtures)

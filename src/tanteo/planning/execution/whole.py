@@ -1,0 +1,123 @@
+"""Whole features that the hand can acquire in a session, and the initial guess of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.features import CIRCLE, Feature, feature_covariance
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import FloatArray
+from tanteo.hand import RADIUS_SHARE, Acquired, Hand, Predicted, RoundGuess, Rules, least_radius, predicted
+from tanteo.planning.candidates import Candidates
+from tanteo.planning.execution.approach import feasible
+from tanteo.planning.execution.possible import Possible, Room
+from tanteo.planning.session.action import Action
+from tanteo.planning.state import SensingState
+from tanteo.planning.whole import WHOLE, WholeFeature
+from tanteo.sensors import Readings, concatenate, reading_kind
+
+STANDOFF = 5 / 3
+"""Stand-off of an acquisition, in clearances of the rules."""
+
+_MODES, _LEAST = 3, 0.05
+"""Number of most probable modes whose features are offered, and the smallest probability of such a mode."""
+
+_SD, _TURN_SD = 0.003, float(np.radians(5.0))
+"""Smallest stated uncertainty of a feature [m, rad], so that a feature of a similar part is acquired too."""
+
+_ABOVE = 0.02
+"""Height above the stand-off at which an acquisition starts [m]."""
+
+
+def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingState], tuple[WholeFeature, ...]]:
+    """Return a function that lists the features the hand can acquire, for :attr:`tanteo.planning.Session.whole`.
+
+    Args:
+        hand: sensors and body of the hand.
+        rules: limits of its motions.
+        retreat: length of the straight final approach [m].
+    """
+
+    def whole(state: SensingState) -> tuple[WholeFeature, ...]:
+        room = Room(hand.body, rules.workspace, Possible.of(state), rules.clearance)
+        modes = np.flatnonzero(state.weights >= _LEAST)[:_MODES]
+        offers = [
+            _offer(state, int(k), kind, p, rules) for k in modes for kind in WHOLE for p in _found(state, k, kind)
+        ]
+        far = standoff_of(rules)
+        wide = [one for one in offers if one.size >= least_radius(hand, far, convex=one.convex)]
+        if not wide:
+            return ()
+        origins, none = np.array([one.origin for one in wide]), np.zeros(len(wide), dtype=np.int64)
+        down = -np.array([one.T_world_feature[:3, 2] for one in wide])
+        ok = feasible(hand, room, Candidates(origins, down, none, none, np.full(len(wide), _ABOVE)), retreat)
+        return tuple(one for one, can in zip(wide, ok, strict=True) if can)
+
+    return whole
+
+
+def standoff_of(rules: Rules) -> float:
+    """Return the stand-off of the hand's front during an acquisition [m]."""
+    return STANDOFF * rules.clearance
+
+
+def guess_of(state: SensingState, action: Action) -> RoundGuess | None:
+    """Return the current guess of the feature that an action acquires; None if no probable mode has it any more."""
+    for k in np.flatnonzero(state.weights >= _LEAST):
+        if state.target(int(k)).part.name == action.part:
+            return next((_wide(p.guess) for p in _found(state, int(k), action.acquires) if p.name == action.face), None)
+    return None
+
+
+def _found(state: SensingState, k: int, kind: str) -> tuple[Predicted, ...]:
+    """Return the features of a kind on a mode's part that the hand can approach from above."""
+    return predicted(kind, state.target(k).part, state.poses[k], state.covariances[k], np.array([0.0, 0.0, 1.0]))
+
+
+def _wide(guess: object) -> RoundGuess:
+    assert isinstance(guess, RoundGuess)
+    sd, turn_sd = max(guess.sd, _SD), max(guess.turn_sd, _TURN_SD)
+    return replace(guess, sd=sd, turn_sd=turn_sd, radius_share=RADIUS_SHARE)
+
+
+def _offer(state: SensingState, k: int, kind: str, found: Predicted, rules: Rules) -> WholeFeature:
+    guess = _wide(found.guess)
+    T = SE3.from_parts(SO3.frame_from_axis(guess.axis, 2), guess.point)
+    return WholeFeature(
+        kind, found.name, k, T, guess.radius, guess.convex, guess.sd, guess.radius_share,
+        _start(guess, rules),
+    )  # fmt: skip
+
+
+def _start(guess: RoundGuess, rules: Rules) -> FloatArray:
+    """Return the start of an acquisition, above the middle of the rim."""
+    return np.asarray(guess.point + (standoff_of(rules) + _ABOVE) * guess.axis)
+
+
+def readings_of(got: Acquired) -> Readings:
+    """Return the readings of an acquisition for a session: points of faces and walls, and centre and radius of rims.
+
+    Crossings of a rim are not included, because their beams run along the wall and hit no surface there.
+
+    Args:
+        got: successful acquisition.
+    """
+    assert got.feature is not None
+    assert got.readings is not None
+    raw = got.readings.take(np.flatnonzero([not reading_kind(kind).is_between_faces for kind in got.readings.kinds]))
+    rims = [f for f in (got.feature, *got.others) if f.kind is CIRCLE]
+    return concatenate([raw, *(_centre(rim) for rim in rims)])
+
+
+def _centre(rim: Feature) -> Readings:
+    """Return the centre and axis of a rim as one reading, with the uncertainty across the axis and of its tilt."""
+    C, T = feature_covariance(rim), rim.T_world_feature
+    across, tilt = (np.sqrt(np.linalg.eigvalsh(C[some, some])[-1:]) for some in (slice(0, 2), slice(3, 5)))
+    return Readings.from_columns(
+        T[None, :3, 3], normals=T[None, :3, 2], normal_sds=tilt, ids=[rim.label], features=[rim.label],
+        kinds=["centre"], sds=across, hole_radii=np.array([rim.radius]),
+        material_sides=["boss" if rim.convex else "hole"], source="acquisition",
+    )  # fmt: skip

@@ -1,0 +1,208 @@
+"""What each reading of a session told, and which readings the answer rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms
+from tanteo.parts import Part
+from tanteo.planning.start import Start
+from tanteo.planning.state import SensingState, begin
+from tanteo.planning.stopping import largest_corner_sd
+from tanteo.posterior import (
+    DEFAULTS,
+    corner_moves,
+    face_names,
+    goodness_of_fit,
+    information_by_point,
+    motion_of,
+    observed_covariance,
+    spins,
+)
+from tanteo.words import Motion
+
+_FORGOTTEN = np.exp(-DEFAULTS.search.negligible)
+"""What a part that is not listed any more may still have had."""
+
+
+class Observation(Protocol):
+    """What is known after a step, as :class:`tanteo.planning.Step` has it."""
+
+    @property
+    def ids(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def probabilities(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def unknown(self) -> float: ...  # noqa: D102
+    @property
+    def T_world_part(self) -> Transforms: ...  # noqa: D102
+    @property
+    def part(self) -> int: ...  # noqa: D102
+    @property
+    def covariance(self) -> Covariances: ...  # noqa: D102
+    @property
+    def corner_sd(self) -> float: ...  # noqa: D102
+
+
+@dataclass(frozen=True, slots=True)
+class Added:
+    """What some readings told when they came.
+
+    Attributes:
+        ids: names of the readings.
+        met: face of the part of the final answer that each of them met, or that it met nothing, or nothing of it.
+        part: the likeliest part after them; empty for none.
+        probability: of that part.
+        about_part: information about the part: of the probabilities after against those before [nats].
+        about_pose: half the log of the determinants' ratio of the likeliest pose's covariances [nats]; NaN where the
+            likeliest part is another one than before.
+        motion: motion of the part that became better known; None where none did.
+        narrowed: standard deviation along it over that before; NaN without one.
+        corner_sd_before: largest corner sd before them, of the same part, over all poses that it may have [m].
+        corner_sd: after them [m].
+    """
+
+    ids: tuple[str, ...]
+    met: tuple[str, ...]
+    part: str
+    probability: float
+    about_part: float
+    about_pose: float
+    motion: Motion | None
+    narrowed: float
+    corner_sd_before: float
+    corner_sd: float
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """One principal direction of the final pose's covariance, and what is known of it from where.
+
+    Principal in the sense of the corners of the part's box: the squares of ``moves`` sum to their mean square error.
+
+    Attributes:
+        motion: the motion.
+        moves: how far one standard deviation along it moves the corners of the part's box, root mean square [m].
+        shares: of the information along it, names of readings and their shares, largest first.
+        prior: share of what was known beforehand; all shares sum to one.
+    """
+
+    motion: Motion
+    moves: float
+    shares: tuple[tuple[str, float], ...]
+    prior: float
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why a session's answer is what it is.
+
+    Attributes:
+        part: of the answer; empty if no part explains the readings.
+        added: by the readings of each step.
+        directions: of the answer's pose, six or, of a round part, those that are not its spin, the worst known first;
+            none before the first reading that met something.
+    """
+
+    part: str
+    added: tuple[Added, ...]
+    directions: tuple[Direction, ...]
+
+
+def explain(state: SensingState, steps: Sequence[Observation]) -> Explanation:
+    """What each reading told and what the answer rests on.
+
+    Args:
+        state: at the end.
+        steps: on the way there, from the first.
+    """
+    start, met = state.start, _met(state)
+    before: list[Observation | None] = [None, *steps][: len(steps)]
+    added = tuple(_added(start, a, b, met) for a, b in zip(before, steps, strict=True))
+    name = state.target(0).part.name if len(state.weights) else ""
+    return Explanation(name, added, _directions(state))
+
+
+def _met(state: SensingState) -> dict[str, str]:
+    """Names of the faces that the readings met, if the best mode is true."""
+    if state.touches is None or not state.modes:
+        return {} if state.touches is None else dict.fromkeys(state.touches.ids, "nothing of it")
+    one = goodness_of_fit(state.modes[0])
+    rows = zip(state.touches.ids, face_names(one), one.belongs, strict=True)
+    return {i: n if ok else "nothing of it" for i, n, ok in rows}
+
+
+def _added(start: Start, before: Observation | None, after: Observation, met: dict[str, str]) -> Added:
+    faces = tuple(met.get(name, "nothing") for name in after.ids)
+    told = _about_part(start, before, after)
+    if after.part < 0:
+        return Added(after.ids, faces, "", 0.0, told, np.nan, None, np.nan, np.nan, np.nan)
+    part, old = start.targets[after.part].part, _covariance_before(start, before, after.part)
+    P, sd = float(after.probabilities[after.part]), after.corner_sd
+    if old is None:
+        return Added(after.ids, faces, part.name, P, told, np.nan, None, np.nan, np.nan, sd)
+    shrunk = 0.5 * float(np.linalg.slogdet(old)[1] - np.linalg.slogdet(after.covariance)[1])
+    motion, narrowed = _narrowed(part, old, after)
+    sd_before = _rough_corner_sd(start, after.part) if before is None else before.corner_sd
+    return Added(after.ids, faces, part.name, P, told, shrunk, motion, narrowed, sd_before, sd)
+
+
+def _rough_corner_sd(start: Start, part: int) -> float:
+    """Largest corner sd of a part, by its prior poses."""
+    own = np.flatnonzero(start.part == part)
+    rough = {name: getattr(start, name)[own] for name in ("part", "Ts", "covariances", "weights")}
+    return largest_corner_sd(begin(replace(start, **rough)))
+
+
+def _about_part(start: Start, before: Observation | None, after: Observation) -> float:
+    """Relative entropy of the parts' probabilities, the unknown object among them, to those before."""
+    P = np.bincount(start.part, weights=start.weights, minlength=len(start.targets)) * (1 - start.priors.unknown)
+    prior = np.r_[P, start.priors.unknown] if before is None else np.r_[before.probabilities, before.unknown]
+    now = np.r_[after.probabilities, after.unknown]
+    some = now > 0
+    return max(0.0, float(np.sum(now[some] * np.log(now[some] / np.maximum(prior[some], _FORGOTTEN)))))
+
+
+def _covariance_before(start: Start, before: Observation | None, part: int) -> Covariances | None:
+    """Of the pose of a part; None where another part was likelier."""
+    if before is not None:
+        return before.covariance if before.part == part else None
+    rows = np.flatnonzero(start.part == part)
+    return np.asarray(start.covariances[rows[np.argmax(start.weights[rows])]])
+
+
+def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[Motion | None, float]:
+    """The motion whose spread shrank most, and by which factor; of all that is linear in the pose."""
+    d = np.sqrt(np.diag(old))
+    L = d[:, None] * np.linalg.cholesky(old / np.outer(d, d))
+    values, vectors = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, after.covariance).T))
+    if values[0] > 1 - 1e-6:
+        return None, np.nan
+    return motion_of(part, L @ vectors[:, 0], after.T_world_part), float(np.sqrt(max(values[0], 0.0)))
+
+
+def _directions(state: SensingState) -> tuple[Direction, ...]:
+    """Principal directions of the error of the corners of the part's box: whatever the part's frame, the same.
+
+    The spin of a round part is no error, and none of them.
+    """
+    if state.touches is None or not state.modes:
+        return ()
+    mode, part = state.modes[0], state.target(0).part
+    own = information_by_point(mode)
+    J = corner_moves(part)
+    L = np.linalg.cholesky(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
+    values, vectors = np.linalg.eigh(L.T @ observed_covariance(part, state.covariances[0]) @ L)
+    out, count = [], 6 - len(spins(part))
+    for variance, u in zip(values[::-1][:count], vectors.T[::-1][:count], strict=True):
+        xi = np.linalg.solve(L.T, u)
+        total, each = float(xi @ mode.information[:6, :6] @ xi), (own @ xi) @ xi
+        order = np.argsort(-each, kind="stable")
+        shares = tuple((state.touches.ids[i], float(each[i] / total)) for i in order)
+        words = motion_of(part, xi, state.poses[0])
+        out.append(Direction(words, float(np.sqrt(max(variance, 0.0))), shares, 1 - float(each.sum()) / total))
+    return tuple(out)

@@ -1,0 +1,143 @@
+"""A belief as a few hundred small normal densities, for what is not linear: edges, misses, the wrong face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from statistics import NormalDist
+
+import numpy as np
+
+from tanteo.fitting import pose_information
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.planning.places import places_of
+from tanteo.planning.state import SensingState
+from tanteo.posterior import PreparedPart
+
+_KEPT = 0.3
+"""Share of the covariance that stays with every sample; the rest is between the samples."""
+
+_RMS = 1.6
+"""A normal error in space stays within 1.6 times its root mean square with a probability of 95 %."""
+
+_SEEN = 1e-12
+"""Share of the largest mean square motion of the places below which a motion moves none of them."""
+
+_PLASTIC = 1.1127756842787055
+"""Root of x^7 = x + 1: multiples of its powers fill six dimensions evenly (Roberts 2018)."""
+
+_FULL = 24
+"""So many vectors have a covariance of full rank in six dimensions, well enough known to be made one."""
+
+_LEAST = 1e-4
+"""Modes of less probability are not asked about."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Poses that are possible, each with the small covariance of its own.
+
+    Attributes:
+        targets: the parts.
+        part: index of the part of each ``(S,)``.
+        mode: index of the mode of the belief that it is drawn from ``(S,)``.
+        Ts: poses ``T_world_part`` ``(S, 4, 4)``.
+        covariances: ``(S, 6, 6)``, part frame, right perturbation [m, rad].
+        weights: ``(S,)``, summing to one.
+        whole: covariance of the mode of each ``(S, 6, 6)``.
+        useful: the part of it that is worth knowing ``(S, 6, 6)``: all of it, or what exceeds a tolerance.
+    """
+
+    targets: tuple[PreparedPart, ...]
+    part: IntArray
+    mode: IntArray
+    Ts: Transforms
+    covariances: Covariances
+    weights: FloatArray
+    whole: Covariances
+    useful: Covariances
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+
+def draw(state: SensingState, count: int, tolerance: float | None = None, feature: str | None = None) -> Samples:
+    """About so many samples of a belief, more of the likelier modes, spread evenly over each (Sobol).
+
+    Args:
+        state: what is known.
+        count: of samples; every mode has one at least.
+        tolerance: of the corners of the part [m], beyond which nothing more needs to be known; None for none.
+        feature: name of one that has to keep it instead, see :class:`tanteo.planning.Stop`.
+    """
+    alive = np.flatnonzero(state.weights > _LEAST * state.weights.max(initial=0.0))
+    w = state.weights[alive] / state.weights[alive].sum()
+    counts = np.maximum(1, np.round(count * w)).astype(np.int64)
+    which = np.repeat(np.arange(len(alive)), counts)
+    mode = alive[which]
+    xi = np.concatenate([even_normals(n) for n in counts]) if len(counts) else np.zeros((0, 6))
+    C = state.covariances[mode]
+    values, vectors = np.linalg.eigh(state.covariances[alive])
+    L = (vectors * np.sqrt(values.clip(0.0))[:, None, :])[which]
+    many = counts[which] > 1  # a single sample has all of the covariance
+    moved = np.where(many[:, None], np.sqrt(1 - _KEPT) * (L @ xi[..., None])[..., 0], 0.0)
+    kept = np.where(many, _KEPT, 1.0)[:, None, None] * C
+    Ts = state.poses[mode] @ SE3.exp(moved)
+    kept, Ts = _from_draws(state, alive, counts, kept, Ts)
+    useful = np.stack([_useful(state, int(k), tolerance, feature) for k in alive]) if len(alive) else C
+    return Samples(state.start.targets, state.part[mode], mode, Ts, kept, (w / counts)[which], C, useful[which])
+
+
+def _from_draws(
+    state: SensingState, alive: IntArray, counts: IntArray, kept: Covariances, Ts: Transforms
+) -> tuple[Covariances, Transforms]:
+    """Where a mode is not normal, the samples of the belief, with a share of the curvature at its maximum."""
+    first = np.cumsum(counts) - counts
+    for k, n, at in zip(alive, counts, first, strict=True):
+        if state.draws is None or state.modes[k].normal or n < 2:
+            continue
+        rows = np.flatnonzero(state.draws.mode == k)
+        if not len(rows):
+            continue
+        w = np.cumsum(state.draws.weights[rows])
+        chosen = rows[np.searchsorted(w, w[-1] * (np.arange(n) + 0.5) / n).clip(0, len(rows) - 1)]
+        Ts[at : at + n] = state.draws.Ts[chosen]
+        kept[at : at + n] = _KEPT * np.linalg.inv(pose_information(state.modes[k].information))
+    return kept, Ts
+
+
+def _useful(state: SensingState, k: int, tolerance: float | None, feature: str | None) -> Covariances:
+    """``C - (C^-1 + W)^-1`` of mode ``k``, ``W`` the information that just keeps the places within the tolerance.
+
+    Of motions that move none of them, nothing is worth knowing.
+    """
+    C = state.covariances[k]
+    if tolerance is None:
+        return C
+    J = places_of(state.target(k).part, feature).moves
+    values, vectors = np.linalg.eigh(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
+    some = values > _SEEN * values[-1]
+    A = np.sqrt(some.sum() * values[some])[:, None] * (_RMS / tolerance) * vectors[:, some].T
+    AC = A @ C
+    return np.asarray(AC.T @ np.linalg.solve(np.eye(len(A)) + AC @ A.T, AC))
+
+
+@cache
+def even_normals(n: int) -> FloatArray:
+    """Evenly spread standard normal vectors ``(n, 6)``, the first at the centre, the others with unit covariance."""
+    if n == 1:
+        return np.zeros((1, 6))
+    half = _even(1 << (int(n) // 2 - 1).bit_length())[: n // 2]
+    x = np.stack([half, -half], axis=1).reshape(-1, 6)[: n - 1]
+    if n > _FULL:
+        x -= x.mean(axis=0)
+        x = np.linalg.solve(np.linalg.cholesky(np.cov(x.T)), x.T).T
+    return np.concatenate([np.zeros((1, 6)), x])
+
+
+@cache
+def _even(n: int) -> FloatArray:
+    """Evenly spread standard normal vectors ``(n, 6)`` on one side, as they come; fewer are the first of more."""
+    u = (0.5 + np.arange(1, n + 1)[:, None] * _PLASTIC ** -np.arange(1.0, 7.0)) % 1.0
+    return np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))

@@ -1,0 +1,181 @@
+"""What is known at some point of a session, as the answer that :func:`tanteo.identify` gives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import comb
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.factors import ContactPoints
+from tanteo.geometry.limits import SUSPECT
+from tanteo.geometry.typing import BoolArray
+from tanteo.planning.places import places_of
+from tanteo.planning.session.values import Observation, Step
+from tanteo.planning.state import SensingState
+from tanteo.planning.stopping import Stop, largest_corner_sd
+from tanteo.posterior import (
+    CONFIDENCE,
+    Answer,
+    GoodnessOfFit,
+    Hypothesis,
+    PosePrior,
+    Status,
+    as_hypothesis,
+    doubt,
+    face_elsewhere,
+    goodness_of_fit,
+    p_of_prior,
+    prior_residuals,
+    verdict,
+    worst_reading,
+)
+from tanteo.words.findings import (  # fmt: skip
+    EmptySpace,
+    MovedMeanwhile,
+    NoPartLeft,
+    NothingMet,
+    PoseWithin,
+    SeveralPoses,
+    WiderPrior,
+    WorstReading,
+)
+
+_FEW, _BY_CHANCE = 2, 0.05
+"""So many readings aside, or more, and at least as improbably together by chance, are worth a sentence."""
+
+
+def moved(ids: Sequence[str], aside: BoolArray) -> MovedMeanwhile | None:
+    """Return that something may have moved; None if the readings that do not fit came at any time.
+
+    If they are outliers by chance, all of them are among the first, or among the last, so many with the share of the
+    ways to choose them there.
+    """
+    rows, n = np.flatnonzero(aside), len(aside)
+    if len(rows) < _FEW:
+        return None
+    first, last = int(rows[0]), int(rows[-1])
+    span = min(last + 1, n - first)
+    if 2 * comb(span, len(rows)) >= _BY_CHANCE * comb(n, len(rows)):
+        return None
+    early = last + 1 <= n - first
+    some = len(rows) if len(rows) < last - first + 1 else 0
+    return MovedMeanwhile(ids[first], ids[last], some, ids[last if early else first], early)
+
+
+_HALF = 0.5
+
+
+def answered(state: SensingState, stop: Stop, seed: int, top: int, significance: float) -> Answer:
+    """Status, message and hypotheses; poses that differ by less than the tolerance that was asked for are one.
+
+    What is as sure as was asked for is an answer, also where that is less than :func:`tanteo.identify` would give one
+    at; the message says how sure it is then, and what else it may be.
+    """
+    if top < 1:
+        raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
+    touches, start = state.touches, state.start
+    if touches is None or not len(touches):
+        status: Status = "unknown" if state.unknown > _HALF else "insufficient"
+        nothing = NothingMet() if status == "insufficient" else EmptySpace()
+        gone = 1.0 - float(state.weights.sum())
+        return Answer(status, (nothing,), (), gone, seed=seed, significance=significance)
+    if not state.modes:
+        return Answer("unknown", (NoPartLeft(),), (), state.unknown, seed=seed, significance=significance)
+    found = [goodness_of_fit(mode) for mode in state.modes[:top]]
+    hypotheses = tuple(
+        as_hypothesis(touches, one, start.stated(row)) for one, row in zip(found, state.rows, strict=False)
+    )
+    shares = [(mode.prepared.part.name, mode.probability) for mode in state.modes]
+    enough = bool(stop.reached(state))
+    least = _least(stop, float(state.of_parts().max(initial=0.0)) if enough else 1.0)
+    prior_p = p_of_start(state)
+    status, findings = verdict(
+        hypotheses, state.unknown, significance,
+        worst=_worst(touches, found[0], prior_p), shares=shares, prior_p=prior_p, least=least, known=enough,
+    )  # fmt: skip
+    placed = stop.tolerance is not None and (enough or stop.chance(state) >= CONFIDENCE)
+    if status == "ambiguous" and (placed or enough):
+        status = "recognized" if placed else "ambiguous"
+        findings = (_in_some_pose(hypotheses[0], state, stop, shares),)
+    more = (
+        face_elsewhere(touches, found[0], state.unknown, start.priors),
+        WiderPrior() if status == "unknown" and prior_p < significance else None,
+        moved_meanwhile(state),
+    )
+    findings = (*findings, *(one for one in more if one is not None))
+    return Answer(status, findings, hypotheses, state.unknown, seed=seed, significance=significance)
+
+
+def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> str:
+    """Why the answer is not accepted, in words, where that is known; empty if nothing contradicts it.
+
+    Before the goal is reached, a part that is known but not where it was said to be does: more readings of it do not
+    make the prior pose right. Then, whatever the joint test says.
+    """
+    known = reached or (state.of_parts().max(initial=0.0) > CONFIDENCE and p_of_start(state) < SUSPECT)
+    answer = answered(state, stop, 0, 1, significance) if known else None
+    return answer.message if answer is not None and answer.status == "unknown" else ""
+
+
+def p_of_start(state: SensingState) -> float:
+    """P-value of the prior pose beside the readings, of several that of the nearest.
+
+    It is 1 where no pose is likely, or only factors suggest it.
+    """
+    start = state.start
+    if not state.modes or state.modes[0].probability < _HALF:
+        return 1.0
+    if start.stated(int(state.rows[0])) is None:
+        return 1.0
+    best, own = state.modes[0], start.suggested + np.flatnonzero(start.part[start.suggested :] == state.part[0])
+    there = np.repeat(state.poses[:1], len(own), axis=0)
+    row = own[np.argmin(np.sum(prior_residuals(start.prior(own), best.prepared.part, there) ** 2, axis=1))]
+    pose = PosePrior(start.Ts[row], start.covariances[row])
+    return p_of_prior(best, replace(start.priors, pose=pose))
+
+
+def _worst(points: ContactPoints, best: GoodnessOfFit, prior_p: float) -> WorstReading | None:
+    """The reading that contradicts the likeliest hypothesis most, unless the prior pose contradicts it more."""
+    contradicted = best.misfit().beside(0.0, len(best.free)).p_value < prior_p
+    return worst_reading(points, best) if contradicted else None
+
+
+def moved_meanwhile(state: SensingState) -> MovedMeanwhile | None:
+    """Return that the readings which the likeliest hypothesis leaves aside are together in time; None if not."""
+    if state.touches is None or not state.modes:
+        return None
+    return moved(state.touches.ids, ~state.on_part())
+
+
+def _least(stop: Stop, part: float) -> float:
+    """Probability from which one pose is the answer, where its part has this one: as sure as was asked for, of both."""
+    asked = CONFIDENCE if stop.probability is None else stop.probability
+    return part * min(CONFIDENCE, max(asked, _HALF))
+
+
+def _in_some_pose(
+    best: Hypothesis, state: SensingState, stop: Stop, shares: list[tuple[str, float]]
+) -> PoseWithin | SeveralPoses:
+    """Return the part that it is, in any of its poses, and whether these differ by less than the tolerance."""
+    sure, others = doubt(best, state.unknown, shares, any_pose=True)
+    if stop.tolerance is None:
+        return SeveralPoses(best.part, sure, others)
+    feature = places_of(state.target(0).part, stop.feature).feature
+    return PoseWithin(best.part, sure, stop.tolerance, "" if feature is None else str(feature), others)
+
+
+def step_of(state: SensingState, stop: Stop, observation: Observation) -> Step:
+    """What is known after something was told."""
+    if not len(state.weights):
+        nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), 0.0
+        T, part, C, inside = nowhere
+    else:
+        k = int(np.argmax(state.weights))
+        T, part, C = state.poses[k], int(state.part[k]), state.covariances[k]
+        inside = stop.chance(state)
+    ids = () if observation.readings is None else observation.readings.ids
+    known = state.of_parts(), state.unknown, T, part, C, largest_corner_sd(state), float(inside)
+    return Step(ids, observation.action, *known, observation.note)

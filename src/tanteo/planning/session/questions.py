@@ -1,0 +1,144 @@
+"""Questions: from a choice to one, which are like it, which one a reading answers; and names that come once.
+
+Readings come late, twice, or without being asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.planning.candidates import Candidates
+from tanteo.planning.context import Choice, DecisionContext
+from tanteo.planning.session.action import Action
+from tanteo.planning.state import SensingState
+from tanteo.planning.whole import WholeFeature
+from tanteo.sensors import Readings
+
+_OF_A_QUESTION = re.compile(r"a\d+")
+"""Names of readings that answer questions."""
+
+_LIKE = 0.15
+"""A reading is like a question within this angle [rad], and a place of this share of the stand-off."""
+
+
+def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
+    """The question of that number that makes the chosen reading."""
+    k, c = choice.index, context.candidates
+    part, expected = context.state.target(int(c.mode[k])).part, float(c.ranges[k] - _short(context, k))
+    return Action(
+        number, c.origins[k], c.directions[k], context.probe.max_range, expected, part.name,
+        part.faces[c.face[k]].name, choice.gain, choice.why, context.probe.radius,
+    )  # fmt: skip
+
+
+def whole_action(state: SensingState, one: WholeFeature, gain: float, number: int) -> Action:
+    """The question of that number that has a feature acquired whole."""
+    down = -one.T_world_feature[:3, 2]
+    expected = float((one.T_world_feature[:3, 3] - one.origin) @ down)
+    why = f"it is expected to tell {gain:.2f} nats about part and pose"
+    return Action(
+        number, one.origin, down, 2 * expected, expected, state.target(one.mode).part.name, one.name, gain, why,
+        acquires=one.kind,
+    )  # fmt: skip
+
+
+def _short(context: DecisionContext, k: int) -> float:
+    """By how much the centre of the probe's ball stops short of the surface that a candidate meets [m]."""
+    if context.probe.radius == 0:
+        return 0.0
+    c, mode = context.candidates, int(context.candidates.mode[k])
+    target, to_part = context.state.target(mode), SE3.inverse(context.state.poses[mode])
+    d = to_part[:3, :3] @ c.directions[k]
+    met = target.surface.cast(SE3.apply(to_part, c.origins[k])[None], d[None])
+    return float(context.probe.short(np.abs(target.surface.normals[met.triangles] @ d))[0])
+
+
+def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:
+    """The candidates that are not like a reading that was refused."""
+    for action in (a for a in refused if not a.acquires):
+        away = np.linalg.norm(candidates.origins - action.origin, axis=1)
+        turned = np.linalg.norm(candidates.directions - action.direction, axis=1)
+        candidates = candidates.take((away > _LIKE * action.expected) | (turned > _LIKE))
+    return candidates
+
+
+def is_same(one: Action | None, other: Action | None) -> bool:
+    """Whether both are one question, also where one of them was written to a record and read again."""
+    if one is None or other is None:
+        return False
+    places = (one.origin, one.direction), (other.origin, other.direction)
+    return one is other or (one.number == other.number and np.array_equal(*places))
+
+
+def answers(readings: Readings, action: Action) -> bool:
+    """Whether some of the readings answer a question: by the name that :meth:`Action.read` gives, or by their beam.
+
+    A robot is never quite where it was sent, and a touch may not say which way it came: a reading is of the question's
+    beam if it is as near to it as one that would not be asked again after a refusal. One that bears the name of another
+    question is not.
+    """
+    if action.name in readings.ids:
+        return True
+    far = action.expected if 0 < action.expected < np.inf else action.max_range  # who asked may not have said
+    near, away = _LIKE * far, readings.points - action.origin
+    along = away @ action.direction
+    beside = np.linalg.norm(away - along[:, None] * action.direction, axis=1)
+    turned = np.linalg.norm(readings.directions - action.direction, axis=1)
+    there = np.where(readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0))
+    others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids], dtype=bool)
+    return bool(np.any(there & ~(turned > _LIKE) & ~others))  # where it is not known, NaN, the way does not count
+
+
+def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, str]:
+    """The readings that are new, named so that no name comes twice; and what was done about names."""
+    known = {name: (r, k) for r in before for k, name in enumerate(r.ids)}
+    taken = {*known, *readings.ids}
+    keep, names = list[int](), list[str]()
+    again, corrected, renamed = list[str](), list[str](), list[str]()
+    for k, name in enumerate(readings.ids):
+        new, bearers = name, _bearers(known, name)
+        if told_before := [one for one in bearers if _equal(_WHERE, readings, k, *one)]:
+            same = any(_equal(_HOW_WELL, readings, k, *one) for one in told_before)
+            (again if same else corrected).append(name)
+            continue
+        if bearers:
+            new = next(f"{name} ({n})" for n in range(2, 10**6) if f"{name} ({n})" not in taken)
+            taken.add(new)
+            renamed.append(new)
+        keep.append(k)
+        names.append(new)
+    notes = [f"{', '.join(again)}: told before"] if again else []
+    notes += (
+        [f"{', '.join(corrected)}: told before with other errors, radius or normal, which hold"] if corrected else []
+    )
+    notes += [f"{', '.join(renamed)}: named anew, as the name was taken"] if renamed else []
+    if not keep:
+        return None, "; ".join(notes)
+    fresh = readings if len(keep) == len(readings) else readings.take(np.array(keep))
+    return fresh if not renamed else replace(fresh, ids=tuple(names)), "; ".join(notes)
+
+
+_WHERE = "points", "directions", "ranges", "Ts_world_hand", "max_ranges", "is_free"
+_HOW_WELL = "sds", "across_sds", "radii", "normals", "normal_sds"
+
+
+def _bearers(known: dict[str, tuple[Readings, int]], name: str) -> list[tuple[Readings, int]]:
+    """Readings that had this name when they were told: the first, and those that were named anew."""
+    out = [known[name]] if name in known else []
+    n = 2
+    while (again := f"{name} ({n})") in known:
+        out.append(known[again])
+        n += 1
+    return out
+
+
+def _equal(columns: Sequence[str], a: Readings, i: int, b: Readings, j: int) -> bool:
+    return a.sensors[i] == b.sensors[j] and all(
+        np.array_equal(getattr(a, name)[i], getattr(b, name)[j], equal_nan=getattr(a, name).dtype != bool)
+        for name in columns
+    )

@@ -1,0 +1,140 @@
+"""What passes between a session and who senses beside questions: what came of them, how readings are made of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tanteo.factors import ContactPoints, FreeRays, as_contact_points, as_free_rays
+from tanteo.geometry.limits import LEAST_SD, check_length
+from tanteo.geometry.typing import Covariances, FloatArray, Transforms
+from tanteo.planning.probe import Probe
+from tanteo.planning.session.action import Action
+from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensing:
+    """How readings are made into measurements; as in :func:`tanteo.sensors.measuring`.
+
+    Attributes:
+        sensor: preset, or its name, of readings without a spread of their own.
+        robot: preset of the robot's errors, or its name.
+        sd: one standard deviation along the beam or normal [m], for the same. Across a beam a session takes the width
+            of its probe's, of a touch the same.
+        tip_sd: standard deviations of the tip's offset in the hand's frame ``(3,)`` [m].
+        bias_sd: standard deviation of an error along the approach that all readings share [m]: of the ball's radius,
+            the trigger point.
+        rig: where the range sensors sit on the hand.
+        tolerance: sd of the made part's surface against its CAD [m].
+
+    Example:
+        >>> tanteo.Sensing(sd=3e-4).sd  # the readings' own noise, 0.3 mm
+        0.0003
+    """
+
+    sensor: SensorPreset | str | None = None
+    robot: RobotPreset | str | None = None
+    sd: float | None = None
+    tip_sd: npt.ArrayLike | None = None
+    rig: Rig | None = None
+    tolerance: float = 0.0
+    bias_sd: float | None = None
+
+    def __post_init__(self) -> None:
+        check_length("tolerance", self.tolerance)
+        if self.sd is not None:
+            check_length("sd", self.sd, LEAST_SD)
+        if self.bias_sd is not None:
+            check_length("bias_sd", self.bias_sd, LEAST_SD)
+
+    def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
+        """Points in the world with their covariance, and the free-space rays.
+
+        Args:
+            readings: what the devices said.
+            beam_half_angle: of readings with a range whose sensor says none [rad]; NaN for touches.
+        """
+        return measure(
+            readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd,
+            bias_sd=self.bias_sd, rig=self.rig, beam_half_angle=beam_half_angle,
+        )  # fmt: skip
+
+    def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[ContactPoints, FreeRays]:
+        """Readings as touches and free-space rays in the world.
+
+        A beam is as wide across as the probe's cone; that it met nothing says nothing of a surface that lies beyond the
+        incidence to which the probe answers.
+
+        Args:
+            readings: what the devices said.
+            probe: what senses, where the readings do not say more of their sensors; None for touches.
+        """
+        beam = None if probe is None or probe.contact else probe
+        measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
+        touches = as_contact_points(measured, self.tolerance, readings.ranges[measured.rows]).with_places()
+        free = as_free_rays(measured, self.tolerance)
+        return touches, free if beam is None else free.up_to(beam.max_incidence)
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """Nothing more to ask.
+
+    Attributes:
+        reached: the goal is reached; else nothing is left that is worth its cost, or that can be made.
+        why: in words.
+
+    Example:
+        >>> tanteo.Done(True, "all corners are within 0.5 mm").reached
+        True
+    """
+
+    reached: bool
+    why: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What some readings told.
+
+    Attributes:
+        ids: names of the readings.
+        action: the question that they answer; None where they answer none.
+        probabilities: of every part ``(P,)``.
+        unknown: of the unknown object.
+        T_world_part: likeliest pose ``(4, 4)``.
+        part: index of its part; -1 if no part explains the readings.
+        covariance: of that pose ``(6, 6)``.
+        corner_sd: largest standard deviation of a corner of that part's box, over all poses that it may have [m].
+        within: probability that all corners, or the feature, are within the tolerance; NaN without one.
+        note: what a person should know; empty for nothing.
+    """
+
+    ids: tuple[str, ...]
+    action: Action | None
+    probabilities: FloatArray
+    unknown: float
+    T_world_part: Transforms
+    part: int
+    covariance: Covariances
+    corner_sd: float
+    within: float
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """What was told at once, as a record keeps it.
+
+    Attributes:
+        action: the question that it answers; None where it answers none.
+        readings: those of it that were new; None if all of them had been told before.
+        note: what a person should know; empty for nothing.
+    """
+
+    action: Action | None
+    readings: Readings | None
+    note: str = ""

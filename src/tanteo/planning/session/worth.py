@@ -1,0 +1,134 @@
+"""Whether it is enough, whether a chosen reading is worth making, and the reading that does not fit, once more."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.geometry.special import entropy
+from tanteo.planning.candidates import Candidates
+from tanteo.planning.context import Choice, DecisionContext
+from tanteo.planning.policies import POLICIES, most_information
+from tanteo.planning.session.action import Action
+from tanteo.planning.session.answer import contradiction, moved_meanwhile
+from tanteo.planning.session.values import Done, Step
+from tanteo.planning.state import SensingState
+from tanteo.planning.stopping import Stop
+from tanteo.planning.whole import Offers, WholeFeature, whole_information, whole_seconds
+
+
+def once_more(state: SensingState, steps: Sequence[Step]) -> Candidates:
+    """The questions whose readings do not fit the likeliest hypothesis, where these were asked once and it is met."""
+    if state.touches is None or not state.modes:
+        return _candidates(state, [])
+    asked = [s.action for s in steps if s.action is not None and not s.action.acquires]
+    aside = {i for i, on in zip(state.touches.ids, state.on_part(), strict=True) if not on}
+    doubted = [s.action for s in steps if s.action in asked and aside.intersection(s.ids)]
+    return _candidates(state, [a for a in doubted if a is not None and sum(_is_like(a, b) for b in asked) == 1])
+
+
+def information_of_repeat(state: SensingState) -> float:
+    """What one more reading of a beam that did not fit tells about the unknown object [nats].
+
+    Of the part it is off once more as often as any reading is an outlier, of another object as often as it is not.
+    """
+    c, u = state.start.priors.outlier_rate, state.unknown
+    off = u * (1 - c) + (1 - u) * c
+    return float(entropy(off) + entropy(1 - off) - entropy(c) - entropy(1 - c))
+
+
+def _is_like(one: Action, other: Action) -> bool:
+    return np.array_equal(one.origin, other.origin) and np.array_equal(one.direction, other.direction)
+
+
+def _candidates(state: SensingState, actions: Sequence[Action]) -> Candidates:
+    """The same beams as candidates on the likeliest hypothesis; without those that go past it."""
+    origins = np.array([a.origin for a in actions]).reshape(-1, 3)
+    directions = np.array([a.direction for a in actions]).reshape(-1, 3)
+    if not len(actions):
+        return Candidates(origins, directions, np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros(0))
+    target, to_part = state.target(0), SE3.inverse(state.poses[0])
+    met = target.surface.cast(SE3.apply(to_part, origins), directions @ to_part[:3, :3].T)
+    faces = target.part.triangle_face[met.triangles]
+    reached = met.distances < [a.max_range for a in actions]
+    return Candidates(origins, directions, np.zeros(len(actions), dtype=int), faces, met.distances).take(reached)
+
+
+_AGAIN = "a reading of this beam does not fit, and once more it shows whether the sensor erred"
+
+_LEAST_GAIN = 0.1
+"""What a feature that is acquired whole has to tell at least [nats]: it takes a minute and more."""
+
+OUT_OF_REACH = (
+    "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
+    "approach or a better prior pose."
+)
+"""What is said where no candidate can be made."""
+
+
+def enough(stop: Stop, state: SensingState, count: int, significance: float) -> Done | None:
+    """The end: the goal is reached, the readings contradict what they are of, or there are no more; else None."""
+    why = stop.reached(state)
+    if against := contradiction(state, stop, significance, reached=bool(why)):
+        return Done(False, against)
+    if why:
+        moved = moved_meanwhile(state)
+        return Done(True, f"Enough: {why}.{'' if moved is None else f' {moved.message}'}")
+    return Done(False, all_made(stop.max_measurements, count)) if count >= stop.max_measurements else None
+
+
+def worth_making(
+    stop: Stop, context: DecisionContext, choice: Choice, repeats: Candidates
+) -> tuple[DecisionContext, Choice] | Done:
+    """What is chosen and among what, or another reading that confirms what is known; the end where none is worth it.
+
+    Where the policy does not say what its choice tells, the best of the candidates counts. Readings that did not fit
+    are repeated where that tells more.
+    """
+    state, best = context.state, choice.gain
+    if np.isnan(best) and stop.least_gain > 0:
+        best = most_information(context)
+    told = information_of_repeat(state) if len(repeats) else 0.0
+    if told > 0 and told >= stop.least_gain and told >= best:
+        return replace(context, candidates=repeats), Choice(0, told, _AGAIN)
+    if not best < stop.least_gain or stop.settles(state, best, stop.max_measurements - context.count):
+        return context, choice
+    if stop.confirms(state):
+        return context, _to_confirm(context)
+    return Done(False, f"No reading is worth its cost: the best would tell {best:.3f} nats.")
+
+
+def worth_acquiring(
+    stop: Stop, context: DecisionContext, offers: Offers, chosen: tuple[DecisionContext, Choice] | Done
+) -> tuple[WholeFeature, float] | None:
+    """The feature that is worth acquiring whole instead of what was chosen, and what it tells [nats]; None for none.
+
+    It is one if it tells more for its time, where the policy weighs time; else where no reading is worth its cost.
+    """
+    if not offers:
+        return None
+    gains = whole_information(offers, context)
+    rates = gains / whole_seconds(offers, context)
+    k = int(np.argmax(rates))
+    if isinstance(chosen, Done):
+        worth = gains[k] >= max(stop.least_gain, _LEAST_GAIN)
+    else:
+        choice = chosen[1]
+        worth = choice.seconds is not None and rates[k] > choice.gain / choice.seconds
+    return (offers[k], float(gains[k])) if worth else None
+
+
+def all_made(max_measurements: int, count: int) -> str:
+    """That there are no more readings to make: those that nobody asked for count too, so it may be more than that."""
+    asked = "1 reading was" if max_measurements == 1 else f"{max_measurements} readings were"
+    made = "1 was" if count == 1 else f"{count} were"
+    return f"{asked} asked for at most, and {made} made."
+
+
+def _to_confirm(context: DecisionContext) -> Choice:
+    """A reading where a part that is only like the likeliest one may differ: on the face that was sensed least."""
+    choice = POLICIES["largest-face"].choose(context)
+    return replace(choice, why=f"{choice.why}: a part that is only like this one would differ there")

@@ -1,0 +1,232 @@
+"""What is assumed before the first reading: where each part may be, as a mixture of prior poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.factors import PoseFactor
+from tanteo.geometry import SE3, check_covariances, check_transforms
+from tanteo.geometry.limits import check_places, check_spreads
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.parts import Part, as_part
+from tanteo.posterior import Hypothesis, PoseMixture, PosePrior, PreparedPart, Priors, prepare_all, sized
+
+ORIGIN_SDS = 0.005, float(np.radians(3.0))
+"""How well a part's place is taken to be known if nobody says: each axis [m], about each axis [rad]."""
+
+_BEYOND = 1.2
+"""Spread of the poses that are looked at, in that of the prior poses."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Start:
+    """Prior poses of parts, each normal, with their probabilities; the unknown object has the rest.
+
+    Attributes:
+        targets: the parts, prepared (``inference.prepare``).
+        part: index of the part of each prior pose ``(A,)``.
+        Ts: prior poses ``T_world_part`` ``(A, 4, 4)``.
+        covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        weights: their probabilities, if it is one of the parts: they sum to one ``(A,)``.
+        priors: of the unknown object and of outliers; the radius of the workspace.
+        factors: measurements of the pose from which the session starts, such as an image. They are the posterior's
+            prior of the pose then, all parts are equally probable beforehand, and the prior poses are the first guess.
+        suggested: number of prior poses, the first ones, that only the factors suggest.
+
+    Raises:
+        InputError: no part, no prior pose of it, weights that are no probabilities, a covariance without spread.
+    """
+
+    targets: tuple[PreparedPart, ...]
+    part: IntArray
+    Ts: Transforms
+    covariances: Covariances
+    weights: FloatArray
+    priors: Priors
+    factors: tuple[PoseFactor, ...] = ()
+    suggested: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.targets or not len(self.part):
+            raise InputError("start: expected a part and a prior pose of it, got none. Give both.")
+        Ts, C = check_transforms("start, T_world_part", self.Ts), check_covariances("start", self.covariances, 6)
+        w = np.array(self.weights, dtype=np.float64)
+        if not (Ts.shape[:-2] == C.shape[:-2] == w.shape == np.shape(self.part) == (len(self.part),)):
+            raise InputError(
+                f"start: expected as many poses, covariances and weights as parts, got {len(Ts)}, {len(C)}, {w.size} "
+                f"and {len(self.part)}."
+            )
+        if not (np.isfinite(w).all() and (w >= 0).all() and w.sum() > 0):
+            raise InputError(f"start, weights: expected probabilities, got {w.tolist()}. Normalise them.")
+        if not (np.min(self.part) >= 0 and np.max(self.part) < len(self.targets)):
+            which = np.asarray(self.part).tolist()
+            raise InputError(f"start, part: expected indices of {len(self.targets)} parts, got {which}.")
+        if self.priors.pose is not None:
+            raise InputError(
+                "priors, pose: expected none, for the start's own poses are what is known. Give it as them."
+            )
+        if np.linalg.eigvalsh(C).min() <= 0:
+            raise InputError("start: expected a spread in every direction, got none in one. A tiny one is enough.")
+        check_spreads("start", C)
+        if (turn := float(np.sqrt(np.linalg.eigvalsh(C[..., 3:, 3:]).max()))) > np.pi:
+            raise InputError(
+                f"start, covariance: expected turns of up to half a turn, 1 sd, got {turn:.3g} rad. Is it in degrees?"
+            )
+        check_places("start, T_world_part", Ts[..., :3, 3])
+        radius = max(target.part.radius for target in self.targets)
+        if abs(w.sum() - 1) > 1e-12:  # what sums to one stays as it is, to the last bit
+            w = w / w.sum()
+        for name, value in (("Ts", Ts), ("covariances", C), ("weights", w)):
+            object.__setattr__(self, name, np.require(value, requirements="C"))
+        object.__setattr__(self, "priors", sized(self.priors, radius))
+
+    def __len__(self) -> int:
+        return len(self.part)
+
+    def prior(self, rows: IntArray) -> PosePrior:
+        """The prior poses of those rows, as what is known of as many poses."""
+        return PosePrior(self.Ts[rows], self.covariances[rows])
+
+    def stated(self, row: int) -> PosePrior | None:
+        """The prior pose of a row; None if it is only suggested by a factor, which the posterior has as it is."""
+        return None if row < self.suggested else PosePrior(self.Ts[row], self.covariances[row])
+
+    def shares(self) -> FloatArray:
+        """Probability of every part, if it is one of them, before any factor ``(P,)``."""
+        if self.factors:
+            return np.full(len(self.targets), 1 / len(self.targets))
+        return np.bincount(self.part, weights=self.weights, minlength=len(self.targets)).astype(np.float64)
+
+    def mixtures(self) -> dict[int, PoseMixture]:
+        """The prior poses of each part that has any, given that it is this one, by the id of the part.
+
+        None where factors are the prior of the pose.
+        """
+        if self.factors:
+            return {}
+        out = {}
+        for k, share in enumerate(self.shares()):
+            own = np.flatnonzero((self.part == k) & (self.weights > 0))
+            if len(own):
+                log = np.log(self.weights[own]) - np.log(share)
+                out[id(self.targets[k])] = PoseMixture(self.Ts[own], self.covariances[own], log)
+        return out
+
+    def likeliest(self, part: int, T_world_part: Transforms) -> int:
+        """Row of the prior pose of a part from which a pose ``(4, 4)``, or a symmetric one, most probably is.
+
+        It is -1 if the part has none, as only factors suggest the pose then.
+        """
+        own = np.flatnonzero((self.part == part) & (self.weights > 0))
+        if not len(own):
+            return -1
+        if len(own) == 1:
+            return int(own[0])
+        images = T_world_part @ self.targets[part].part.symmetry.Ts
+        xi = SE3.log(SE3.inverse(self.Ts[own])[:, None] @ images)
+        white = np.linalg.solve(np.linalg.cholesky(self.covariances[own])[:, None], xi[..., None])[..., 0]
+        log = np.log(self.weights[own]) - 0.5 * np.linalg.slogdet(self.covariances[own])[1]
+        return int(own[np.argmax(log - 0.5 * np.sum(white * white, axis=-1).min(axis=1))])
+
+    def drawn(self, part: int, count: int) -> Transforms:
+        """The same poses of a part every time, over all its prior poses and somewhat beyond ``(count, 4, 4)``."""
+        rows = np.flatnonzero(self.part == part)
+        which = np.resize(rows, count)
+        xi = np.random.default_rng((1991, part)).normal(size=(count, 6, 1))
+        L = np.asarray(np.linalg.cholesky(self.covariances))[which]
+        return np.asarray(self.Ts[which] @ SE3.exp(_BEYOND * (L @ xi)[..., 0]))
+
+
+def around(
+    targets: Sequence[PreparedPart] | Sequence[Part],
+    T_world_place: Transforms,
+    covariance: Covariances,
+    priors: Priors | None = None,
+) -> Start:
+    """Some part, its centroid about a place and its axes about along those of the place: a feeder, a fixture.
+
+    Args:
+        targets: the parts, prepared or not, all equally probable.
+        T_world_place: the place ``(4, 4)``.
+        covariance: of the part there ``(6, 6)``, order x y z rx ry rz, in the frame of the place at the centroid.
+        priors: of the unknown object and of outliers.
+
+    Raises:
+        InputError: no parts, a place that is no rigid motion, a covariance that cannot be one or is in degrees.
+
+    Example:
+        >>> import numpy as np
+        >>> feeder = np.eye(4)
+        >>> place = tanteo.around(tanteo.read_parts("parts/"), feeder, np.diag([0.015] * 3 + [0.17] * 3) ** 2)
+        >>> len(place)
+        12
+    """
+    targets = prepare_all("parts", targets)
+    if not targets:
+        raise InputError("parts: expected at least one part, got none.")
+    T_world_place = check_transforms("T_world_place", T_world_place)
+    covariance = check_covariances("covariance", covariance, 6)
+    T_part_centre = np.stack([SE3.from_parts(np.eye(3), target.part.centroid) for target in targets])
+    J = SE3.adjoint(T_part_centre)
+    return Start(
+        tuple(targets),
+        np.arange(len(targets)),
+        T_world_place @ SE3.inverse(T_part_centre),
+        J @ covariance @ np.swapaxes(J, 1, 2),
+        np.ones(len(targets)),
+        priors or Priors(),
+    )
+
+
+def at_pose(
+    target: PreparedPart | Part, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None
+) -> Start:
+    """One part at a prior pose ``T_world_part`` ``(4, 4)`` with covariance ``(6, 6)``, part frame [m, rad]."""
+    T, C = np.asarray(T_world_part, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
+    return Start(
+        prepare_all("part", as_part("part", target)),
+        np.zeros(1, dtype=np.int64),
+        T[None],
+        C[None],
+        np.ones(1),
+        priors or Priors(),
+    )
+
+
+def at_origin(target: PreparedPart | Part, priors: Priors | None = None) -> Start:
+    """One part with its frame at the world's, known at its centroid as well as :data:`ORIGIN_SDS`: for plans."""
+    part = prepare_all("part", as_part("part", target))[0].part
+    J = SE3.adjoint(SE3.from_parts(np.eye(3), part.centroid))
+    return at_pose(target, np.eye(4), J @ np.diag(np.repeat(ORIGIN_SDS, 3) ** 2) @ J.T, priors)
+
+
+def from_hypotheses(
+    hypotheses: Sequence[Hypothesis], targets: Sequence[PreparedPart] | Sequence[Part], priors: Priors | None = None
+) -> Start:
+    """What another answer left open: that of an image, or of earlier readings, which are not told again.
+
+    Args:
+        hypotheses: of the answer; parts by name.
+        targets: these parts.
+        priors: of the unknown object and of outliers.
+
+    Raises:
+        InputError: a hypothesis names a part that is not among the targets.
+    """
+    targets = prepare_all("parts", targets)
+    names = [target.part.name for target in targets]
+    missing = sorted({h.part for h in hypotheses} - set(names))
+    if missing:
+        raise InputError(f"hypotheses: expected parts among {', '.join(names)}, got {missing[0]}. Add its file.")
+    return Start(
+        tuple(targets),
+        np.array([names.index(h.part) for h in hypotheses], dtype=np.int64),
+        np.array([h.T_world_part for h in hypotheses]).reshape(-1, 4, 4),
+        np.array([h.covariance for h in hypotheses]).reshape(-1, 6, 6),
+        np.array([h.probability for h in hypotheses]),
+        priors or Priors(),
+    )

@@ -1,0 +1,126 @@
+"""Factors of the pose of which one or another group holds, and normal densities of the pose as one of them.
+
+An image may show something else than the part that is sensed. Then its factor does not hold, and what was known of the
+pose without the image does. ``Alternatives`` is the mixture of both; its formula is in
+``_core/factors/alternatives.hpp``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.factors import PoseFactor
+from tanteo.geometry import SE3
+from tanteo.geometry.special import log_sum
+from tanteo.geometry.typing import FloatArray, Transforms
+from tanteo.parts import Part
+from tanteo.posterior.answers.part_motions import part_scale, spins
+from tanteo.posterior.problem import PoseMixture
+from tanteo.posterior.settings import DEFAULTS
+
+_DRAWN = DEFAULTS.samples.widely
+"""Number of samples of the densities of a part from which a search starts."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NormalPoses(PoseFactor):
+    """The pose of each part has a mixture of normal densities; all poses that symmetry makes one are as probable.
+
+    Attributes:
+        mixtures: densities of each part. The weights of a part sum to its probability relative to the prior of the
+            parts.
+    """
+
+    mixtures: Mapping[Part, PoseMixture]
+
+    @property
+    def is_pose_prior(self) -> bool:
+        """The factor is the prior density of the pose."""
+        return True
+
+    def poses(self, part: Part) -> Transforms:
+        """Return the means and samples of the densities of a part ``(K, 4, 4)``."""
+        if part not in self.mixtures:
+            return np.zeros((0, 4, 4))
+        known = self.mixtures[part]
+        rng = np.random.default_rng(_DRAWN)
+        shares = np.exp(known.log_weights - log_sum(known.log_weights))
+        rows = rng.choice(len(shares), size=_DRAWN, p=shares / shares.sum())
+        L = np.asarray(np.linalg.cholesky(known.covariances))[rows]
+        drawn = known.Ts[rows] @ SE3.exp((L @ rng.normal(size=(_DRAWN, 6, 1)))[..., 0])
+        return np.concatenate([known.Ts, drawn])
+
+    def term(self, part: Part, first: int) -> _core.PoseTerm:
+        """Compile the densities for one part; they add no shared error."""
+        if part not in self.mixtures:
+            return _core.normal_poses(np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0))
+        known, turns = self.mixtures[part], part.symmetry.Ts
+        back = SE3.inverse(turns)  # log(T0^-1 T S) = Ad(S^-1) log((T0 S^-1)^-1 T)
+        roots, logs = zip(*(_root(part, C) for C in known.covariances), strict=True)
+        means = (known.Ts[:, None] @ back).reshape(-1, 4, 4)
+        own = (np.stack(roots)[:, None] @ SE3.adjoint(back)).reshape(-1, 6, 6)
+        log = np.repeat(known.log_weights + np.array(logs) - np.log(len(turns)), len(turns))
+        return _core.normal_poses(np.ascontiguousarray(means), np.ascontiguousarray(own), log)
+
+
+def _root(part: Part, covariance: FloatArray) -> tuple[FloatArray, float]:
+    """Return R with R'R the information, without spins of the part, and the log of its normalization.
+
+    Turns about the axis of a part of revolution, or of a ball about its centre, are uniform.
+    """
+    rows, S = spins(part), part_scale(part)
+    unit = np.linalg.inv(S)
+    keep = (np.eye(6) - rows.T @ rows) @ unit
+    values, vectors = np.linalg.eigh(keep @ covariance @ keep.T)
+    values, vectors = values[len(rows) :], vectors[:, len(rows) :]
+    root = np.zeros((6, 6))
+    root[: len(values)] = (vectors.T / np.sqrt(values)[:, None]) @ unit
+    turns = {0: 0.0, 1: np.log(2 * np.pi), 3: np.log(8 * np.pi**2)}[len(rows)]
+    turns -= float(np.sum(np.log(np.linalg.norm((rows @ S.T)[:, 3:], axis=1))))  # lengths of the rows for a radian
+    log = -0.5 * len(values) * np.log(2 * np.pi) - 0.5 * np.sum(np.log(values)) - np.linalg.slogdet(S)[1] - turns
+    return root, float(log)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alternatives(PoseFactor):
+    """One of several groups of factors holds.
+
+    Attributes:
+        groups: groups of factors; a group is as probable as its weight says times the densities of its factors.
+        log_weights: log probability of each group, and the log density of measurements that the other groups explain
+            ``(k,)``.
+        log_unknown: log density of all measurements if the object is unknown.
+    """
+
+    groups: tuple[tuple[PoseFactor, ...], ...]
+    log_weights: FloatArray
+    log_unknown: float = 0.0
+
+    @property
+    def states(self) -> int:
+        """Number of shared errors of all factors."""
+        return sum(factor.states for group in self.groups for factor in group)
+
+    @property
+    def is_pose_prior(self) -> bool:
+        """Whether each group has a prior density of the pose."""
+        return all(any(factor.is_pose_prior for factor in group) for group in self.groups)
+
+    def poses(self, part: Part) -> Transforms:
+        """Return the poses of a part that any factor suggests ``(K, 4, 4)``."""
+        return np.concatenate([factor.poses(part) for group in self.groups for factor in group])
+
+    def term(self, part: Part, first: int) -> _core.PoseTerm:
+        """Compile the mixture for one part; shared errors follow one another, group by group."""
+        groups = []
+        for group in self.groups:
+            terms = []
+            for factor in group:
+                terms.append(factor.term(part, first))
+                first += factor.states
+            groups.append(terms)
+        return _core.alternatives(groups, np.ascontiguousarray(self.log_weights, dtype=np.float64))

@@ -1,0 +1,76 @@
+"""How badly measurements fit, where their noise is known to a factor only: p-value, and the scale that they tell."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.geometry.special import chi2_survival
+
+_REACH, _STEPS = 4.0, 41
+"""Reach of the sum over the log of the noise scale, in logs of the factor to which it is known, and its terms."""
+
+_LEAST_TOLD = 0.74
+"""One over the variance of the prior of the noise scale, in those."""
+
+_ENOUGH = 60
+"""Newton steps on a convex function of one number: it converges from anywhere long before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """Squared distances of measurements from where they should be, in stated standard deviations.
+
+    Attributes:
+        noise: of what the noise scale scales.
+        rest: of all else: sensed normals, shared errors, the prior of the pose.
+        dof: degrees of freedom of both; none or fewer where nothing was checked.
+        log_factor: log of the factor to which the noise was known; 0 if exactly.
+        noise_dof: degrees of freedom of the first alone: measurements less the states that they tell.
+    """
+
+    noise: float
+    rest: float
+    dof: int
+    log_factor: float = 0.0
+    noise_dof: float = 0.0
+
+    @property
+    def chi2(self) -> float:
+        """The joint squared Mahalanobis distance, with the noise as stated."""
+        return self.noise + self.rest
+
+    @property
+    def p_value(self) -> float:
+        """How often measurements fit as badly or worse, the noise being within what was known of it (Box 1980)."""
+        if self.dof <= 0:
+            return 1.0
+        if self.log_factor == 0:
+            return chi2_survival(self.chi2, self.dof)
+        z = np.linspace(-_REACH, _REACH, _STEPS)
+        weights = np.exp(-(z**4) / 16)
+        p = [chi2_survival(self.noise * math.exp(-2 * self.log_factor * x) + self.rest, self.dof) for x in z]
+        return float(weights @ p / weights.sum())
+
+    def beside(self, rest: float, dof: int, told: float = 0.0) -> Misfit:
+        """The same with more that the noise scale does not scale, and that tells so many of the states."""
+        return replace(self, rest=self.rest + rest, dof=self.dof + dof, noise_dof=self.noise_dof + told)
+
+    def noise_scale(self) -> tuple[float, float, float]:
+        """Times the stated noise that the measurements have: the likeliest, and from where to where with 95 %.
+
+        The states that the measurements tell take as many degrees of freedom; the prior is flat within the factor, and
+        ends soon beyond it.
+        """
+        if self.log_factor == 0:
+            return 1.0, 1.0, 1.0
+        dof, unit, z = max(self.noise_dof, 0.0), self.log_factor, 0.0
+        for _ in range(_ENOUGH):
+            told = self.noise * math.exp(-2 * unit * z)
+            curved = 2 * told * unit**2 + max(0.75 * z * z, _LEAST_TOLD)
+            z += max(min(((told - dof) * unit - z**3 / 4) / curved, 1.0), -1.0)
+        sd = curved**-0.5
+        low, likeliest, high = (math.exp(unit * (z + k * sd)) for k in (-1.96, 0.0, 1.96))
+        return likeliest, low, high

@@ -1,0 +1,175 @@
+"""How a part moves with its pose: its corners, its symmetry, what is free of it, in words and as vectors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.fitting import describe_motion, motion_scale
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Covariances, FloatArray, Tangents, Transforms
+from tanteo.parts import Part
+from tanteo.words import Motion
+
+_RESISTS = 0.3
+"""A face resists a motion if the motion moves it along its normal by this share of the most it could."""
+
+_MOSTLY = 0.9
+"""Share of the corners' mean square motion from which a motion is called sliding, or turning."""
+
+
+def excuse(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
+    """Return the free directions that the part's symmetry does not excuse, and the covariance without the excused.
+
+    Args:
+        part: the part.
+        free: motions that nothing resists, over :func:`part_scale` ``(k, 6)``.
+        covariance: with the spread of a uniform draw along ``free``.
+    """
+    excused = spins(part)
+    left, observed = [], np.array(covariance)
+    for xi in free:
+        if np.linalg.norm(xi - excused.T @ (excused @ xi)) > 1e-2:
+            left.append(xi)
+            continue
+        scaled = part_scale(part) @ xi
+        observed -= (2 * np.pi) ** 2 / 12 * np.outer(scaled, scaled)
+    return np.reshape(left, (-1, 6)), observed
+
+
+def part_scale(part: Part) -> FloatArray:
+    """Motions that shift a part by its diagonal or turn it by a radian about its centroid, as columns ``(6, 6)``."""
+    return motion_scale(part.diagonal, part.centroid)
+
+
+def spins(part: Part) -> FloatArray:
+    """Orthonormal basis ``(k, 6)`` of the motions of the part's continuous symmetry, over :func:`part_scale`."""
+    if not part.symmetry.continuous:
+        return np.zeros((0, 6))
+    if part.symmetry.spherical:
+        axes, point = np.eye(3), part.centroid
+    else:
+        assert part.symmetry.axis is not None
+        point, axis = part.symmetry.axis
+        axes = axis[None]
+    rows = np.concatenate([np.cross(point - part.centroid, axes) / part.diagonal, axes], axis=1)
+    return np.linalg.qr(rows.T)[0].T
+
+
+def world_axis(part: Part, T_world_part: Transforms) -> FloatArray | None:
+    """The part's axis of revolution in the world: point and direction ``(2, 3)``; None without one."""
+    if part.symmetry.axis is None:
+        return None
+    point, axis = part.symmetry.axis
+    R = T_world_part[:3, :3]
+    return np.stack([R @ point + T_world_part[:3, 3], R @ axis])
+
+
+def off_spins(part: Part) -> FloatArray:
+    """Projector of motions of the pose ``(6, 6)`` [m, rad] on those that are not of the continuous symmetry."""
+    rows, scale = spins(part), part_scale(part)
+    return np.asarray(scale @ (np.eye(6) - rows.T @ rows) @ np.linalg.inv(scale))
+
+
+def without_spins(part: Part, information: FloatArray) -> FloatArray:
+    """Information ``(*batch, 6, 6)`` with nothing left along the continuous symmetry, where facets feign some."""
+    if not part.symmetry.continuous:
+        return information
+    keep = off_spins(part)
+    return np.asarray(np.swapaxes(keep, -1, -2) @ information @ keep)
+
+
+def observed_covariance(part: Part, covariance: Covariances) -> Covariances:
+    """A pose's covariance ``(6, 6)`` without its spread along the continuous symmetry, which moves nothing."""
+    if not part.symmetry.continuous:
+        return covariance
+    keep = off_spins(part)
+    return np.asarray(keep @ covariance @ keep.T)
+
+
+def corner_sd(part: Part, covariance: Covariances) -> float:
+    """Largest standard deviation of the position of a corner of the part's box, in any direction [m]."""
+    J = corner_moves(part)
+    return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
+
+
+def box_corners(part: Part) -> FloatArray:
+    """Corners of the part's box ``(8, 3)``, in the part frame [m]."""
+    return np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
+
+
+def corner_moves(part: Part) -> FloatArray:
+    """How the corners of the part's box move with its pose ``(8, 3, 6)``, in the part frame."""
+    return point_moves(box_corners(part))
+
+
+def point_moves(points: FloatArray) -> FloatArray:
+    """How points of the part frame ``(K, 3)`` move with its pose ``(K, 3, 6)``."""
+    J = np.zeros((len(points), 3, 6))
+    J[:, :, :3] = np.eye(3)
+    x, y, z = points.T
+    J[:, 0, 4], J[:, 0, 5], J[:, 1, 3], J[:, 1, 5], J[:, 2, 3], J[:, 2, 4] = z, -y, -z, x, y, -x
+    return J
+
+
+def motion_of(part: Part, motion: Tangents, T_world_part: Transforms) -> Motion:
+    """Return a motion without what hardly moves the corners of the part's box; the same for its opposite.
+
+    Args:
+        part: the part.
+        motion: of its pose, right perturbation ``(6,)`` [m, rad].
+        T_world_part: where it is.
+    """
+    moved = corner_moves(part) @ motion
+    middle = moved.mean(axis=0)
+    share = len(moved) * float(middle @ middle) / float(np.sum(moved**2))
+    if share > _MOSTLY:
+        motion = np.r_[middle, np.zeros(3)]
+    elif share < 1 - _MOSTLY:  # about an axis through the middle of the box
+        motion = np.r_[np.cross(part.box.mean(axis=0), motion[3:]), motion[3:]]
+    scale = part_scale(part)
+    scaled = np.linalg.solve(scale, motion)
+    axis = T_world_part[:3, :3] @ (scaled[3:] if np.any(motion[3:]) else scaled[:3])
+    scaled = scaled * np.sign(axis[np.argmax(np.abs(axis))])
+    return describe_motion(scaled / np.linalg.norm(scaled), T_world_part, scale)
+
+
+def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
+    """The face that resists an unobserved direction best, in words; empty if no planar face does.
+
+    Args:
+        part: the part.
+        T_world_part: where it is, as far as known.
+        free: one motion, over :func:`part_scale`.
+    """
+    if not len(part.planes):
+        return ""
+    row = np.full(len(part.faces), -1)
+    row[part.planes.faces] = np.arange(len(part.planes))
+    plane = row[part.triangle_face]
+    middles = part.vertices[part.triangles].mean(axis=1)
+    n = part.planes.normals[plane]
+    # not at the centre of a face, which a turn about an axis in front of it only slides
+    moved = np.abs(n @ (free[:3] * part.diagonal) + np.cross(middles - part.centroid, n) @ free[3:])
+    moved[plane < 0] = 0.0
+    worth = np.where(moved > _RESISTS * moved.max(initial=0.0), moved * np.sqrt(part.planes.areas[plane]), 0.0)
+    if worth.max(initial=0.0) <= 1e-9:
+        return ""
+    k = int(np.argmax(worth))
+    at = T_world_part[:3, :3] @ middles[k] + T_world_part[:3, 3]
+    name = part.faces[part.triangle_face[k]].name
+    return f"sense {name} of {part.name}, around ({', '.join(f'{1e3 * v:.0f}' for v in at)}) mm in the world"
+
+
+def without_spin(part: Part, gaps: Transforms) -> Transforms:
+    """Relative poses with the rotation that the part's continuous symmetry absorbs taken out."""
+    if part.symmetry.spherical:
+        centre = part.centroid
+        shift = SE3.apply(gaps, centre) - centre
+        return SE3.from_parts(np.broadcast_to(np.eye(3), gaps[..., :3, :3].shape), shift)
+    assert part.symmetry.axis is not None
+    point, axis = part.symmetry.axis
+    q = SO3.as_quaternion(gaps[..., :3, :3])
+    angle = 2 * np.arctan2(q[..., 1:] @ axis, q[..., 0])
+    R = SO3.exp(-angle[..., None] * axis)
+    spin = SE3.from_parts(R, point - SE3.apply(R, point))
+    return np.asarray(gaps @ spin)

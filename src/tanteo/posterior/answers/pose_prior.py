@@ -1,0 +1,175 @@
+"""What is known of the pose before anything is sensed: a prior pose, a box, a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.geometry import SE3, check_covariances, check_transforms
+from tanteo.geometry.limits import LEAST_SD, check_length, check_places, check_spreads
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms, Vectors
+from tanteo.parts import Part
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A plane on which the part stands or lies, in the world.
+
+    Attributes:
+        point: on the plane ``(3,)`` [m].
+        normal: away from the table, towards the part ``(3,)``.
+        sd: of its height [m].
+    """
+
+    point: Vectors
+    normal: Vectors
+    sd: float
+
+    def __post_init__(self) -> None:
+        length = float(np.linalg.norm(self.normal))
+        if not (np.isfinite(length) and length > 0):
+            raise InputError("table: expected a normal with a length. Check it.")
+        check_places("table", np.asarray(self.point))
+        check_length("table, sd", self.sd, LEAST_SD)
+        object.__setattr__(self, "point", np.array(self.point, dtype=np.float64))
+        object.__setattr__(self, "normal", np.array(self.normal, dtype=np.float64) / length)
+
+    @property
+    def frame(self) -> Transforms:
+        """Frame of the table in the world, its plane z = 0 ``(4, 4)``."""
+        x = np.linalg.svd(self.normal[None])[2][1]
+        return SE3.from_parts(np.stack([x, np.cross(self.normal, x), self.normal], axis=1), self.point)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePrior:
+    """Any of these, together; nothing given means anywhere in the workspace, in any attitude.
+
+    Attributes:
+        T_world_part: a prior pose ``(4, 4)``; or one for each pose that is asked about ``(S, 4, 4)``.
+        covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad]; or of each.
+        box: lowest and highest world coordinates of the part's centroid ``(2, 3)`` [m].
+        table: what the part rests on.
+        root: of the inverse of the covariance, which makes residuals standard ones ``(6, 6)``; or of each.
+
+    Raises:
+        InputError: for half a prior pose, one that is no rigid motion, or a box upside down.
+
+    Example:
+        >>> import numpy as np
+        >>> T = np.eye(4)
+        >>> near = tanteo.PosePrior(T_world_part=T, covariance=np.diag([1e-4] * 3 + [1e-2] * 3))
+        >>> tanteo.Priors(pose=near).pose is near
+        True
+    """
+
+    T_world_part: Transforms | None = None
+    covariance: Covariances | None = None
+    box: FloatArray | None = None
+    table: Table | None = None
+    root: FloatArray | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        if (self.T_world_part is None) != (self.covariance is None):
+            raise InputError("prior: expected a prior pose with its covariance, got one of the two. Give both.")
+        if self.covariance is not None:
+            C = check_covariances("prior, covariance", self.covariance, 6)
+            if np.linalg.eigvalsh(C).min(initial=np.inf) <= 0:
+                raise InputError("prior, covariance: expected a positive variance in every direction, got zero.")
+            check_spreads("prior, covariance", C)
+            Ts = check_transforms("prior, T_world_part", np.asarray(self.T_world_part))
+            check_places("prior, T_world_part", Ts[..., :3, 3])
+            object.__setattr__(self, "T_world_part", Ts)
+            object.__setattr__(self, "covariance", C)
+            object.__setattr__(self, "root", np.swapaxes(np.linalg.cholesky(np.linalg.inv(C)), -1, -2))
+        if self.box is not None:
+            box = np.array(self.box, dtype=np.float64)
+            if box.shape != (2, 3) or not np.all(box[1] > box[0]):
+                raise InputError(f"prior, box: expected lowest and highest x, y, z, got {box.tolist()}.")
+            check_places("prior, box", box)
+            object.__setattr__(self, "box", box)
+
+
+def prior_rows(
+    prior: PosePrior | None, part: Part, Ts: Transforms, rows: IntArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """What the prior says at some poses, as standardised residuals ``(S, m)`` and derivatives ``(S, m, 6)``.
+
+    Args:
+        prior: what is known.
+        part: the part.
+        Ts: poses ``(S, 4, 4)``.
+        rows: where the prior has one prior pose for each that is asked about, which of them these are ``(S,)``.
+    """
+    r, J = [np.zeros((len(Ts), 0))], [np.zeros((len(Ts), 0, 6))]
+    if prior is not None and prior.T_world_part is not None:
+        e, L = _from_rough(prior, Ts, rows)
+        r.append((L @ e[..., None])[..., 0])
+        J.append(L @ SE3.right_jacobian_inverse(e))
+    if prior is not None and prior.table is not None:
+        gap, row = _standing(prior.table, part, Ts)
+        r.append(gap[:, None] / prior.table.sd)
+        J.append(row[:, None] / prior.table.sd)
+    return np.concatenate(r, axis=1), np.concatenate(J, axis=1)
+
+
+def prior_residuals(prior: PosePrior, part: Part, Ts: Transforms) -> FloatArray:
+    """The first of :func:`prior_rows`, where no derivative is needed ``(S, m)``."""
+    r = [np.zeros((len(Ts), 0))]
+    if prior.T_world_part is not None:
+        e, L = _from_rough(prior, Ts, None)
+        r.append((L @ e[..., None])[..., 0])
+    if prior.table is not None:
+        r.append(_standing(prior.table, part, Ts)[0][:, None] / prior.table.sd)
+    return np.concatenate(r, axis=1)
+
+
+def _from_rough(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tuple[FloatArray, FloatArray]:
+    """Perturbations from the prior poses ``(S, 6)``, and the roots that make them standard ones."""
+    T0, L = prior.T_world_part, prior.root
+    assert T0 is not None
+    assert L is not None
+    if rows is not None and T0.ndim > 2:
+        T0, L = T0[rows], L[rows]
+    return SE3.log(SE3.inverse(T0) @ Ts), L
+
+
+def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
+    """Height of the part's lowest point over the table ``(S,)`` and its derivative by the pose ``(S, 6)``."""
+    n = table.normal @ Ts[:, :3, :3]  # the table's normal in the part
+    heights = n @ part.vertices.T
+    v = part.vertices[np.argmin(heights, axis=1)]
+    gap = heights.min(axis=1) + (Ts[:, :3, 3] - table.point) @ table.normal
+    return gap, np.concatenate([n, np.cross(v, n)], axis=1)
+
+
+def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
+    """Log of the prior density over that of "anywhere", less the residuals of :func:`prior_rows`; within the box.
+
+    One number, or ``(S,)`` if the prior has as many prior poses.
+
+    Args:
+        prior: what is known.
+        radius: of the workspace [m]: anywhere is a cube of twice that and every attitude.
+    """
+    log = np.zeros(())
+    if prior is None:
+        return log
+    if prior.covariance is not None:
+        log = log + 3 * np.log(2 * radius) + np.log(8 * np.pi**2)
+        log = log - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(prior.covariance)[1]
+    if prior.table is not None:
+        log = log + np.log(2 * radius) - 0.5 * np.log(2 * np.pi) - np.log(prior.table.sd)
+    if prior.box is not None:
+        log = log + 3 * np.log(2 * radius) - np.log(np.prod(prior.box[1] - prior.box[0]))
+    return np.asarray(log)
+
+
+def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
+    """Which poses put the part's centroid into the box ``(S,)``."""
+    if prior is None or prior.box is None:
+        return np.ones(len(Ts), dtype=bool)
+    centre = SE3.apply(Ts, part.centroid)
+    return np.asarray(np.all((centre >= prior.box[0]) & (centre <= prior.box[1]), axis=1))

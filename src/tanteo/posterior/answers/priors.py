@@ -1,0 +1,102 @@
+"""What is assumed before anything is sensed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.geometry.limits import check_length, check_number
+from tanteo.posterior.answers.furniture import Furniture
+from tanteo.posterior.answers.pose_prior import PosePrior
+from tanteo.posterior.answers.whole_object import WholeObject
+
+STATED = {"typed": 2.0, "preset": 1.5, "unstated": 5.0}
+"""Noise factors of standard deviations, by where they come from: typed by a person, who knows them to a factor of two
+at best; a preset's, which is of the data sheet; nobody's. With the first the 95 % region of a dozen readings holds 90
+to 97 % while the true noise is from half to twice the stated one (``benchmarks/honesty.py``)."""
+
+_MOST = 100.0
+
+OFTEN = 0.99
+"""More features than this cannot be said to be outliers: nothing would be left of the part."""
+
+
+@dataclass(frozen=True, slots=True)
+class Priors:
+    """What is assumed before anything is sensed.
+
+    Attributes:
+        unknown: probability that the object is none of the parts.
+        outlier_rate: probability that a sensed feature does not belong to the part; of unlabelled readings the mean of
+            a rate that the readings themselves find out (decision 35).
+        radius: of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
+        right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
+        near_variant: of unknown parts, the share that are like one of the catalogue but for some faces; for unlabelled
+            readings.
+        noise_factor: how well the noise is known: any standard deviation of the readings within this factor of the
+            stated one is as likely, one beyond its square hardly is; 1 if it is as stated. None: by where it comes
+            from, see :data:`STATED`.
+        furniture: what stands around and may be sensed instead of the part, beside the table that ``pose`` names.
+        pose: what is known of the pose.
+        whole: what was measured of the whole object: its mass, its size.
+
+    Raises:
+        InputError: a probability that is not between 0 and 1, both excluded (what is impossible, no reading can
+            teach), outliers above 99 %, a share below 0 or not below 1, a radius that is no length, or a noise factor
+            outside 1 to 100.
+
+    Example:
+        >>> priors = tanteo.Priors(outlier_rate=0.1, unknown=0.01)
+        >>> priors.outlier_rate
+        0.1
+    """
+
+    unknown: float = 0.05
+    outlier_rate: float = 0.01
+    radius: float = 0.0
+    right_angled: float = 0.8
+    near_variant: float = 0.5
+    noise_factor: float | None = None
+    furniture: tuple[Furniture, ...] = ()
+    pose: PosePrior | None = None
+    whole: WholeObject | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("unknown", "outlier_rate", "near_variant", "right_angled"):
+            check_number(f"priors, {name}", getattr(self, name))
+        for name in ("unknown", "outlier_rate", "near_variant"):
+            if not 0 < getattr(self, name) < 1:
+                raise InputError(
+                    f"priors, {name}: expected a probability between 0 and 1, got {getattr(self, name)}. A tiny one is "
+                    "enough."
+                )
+        if not 0 <= self.right_angled < 1:
+            raise InputError(f"priors, right_angled: expected a share from 0 to below 1, got {self.right_angled}.")
+        if self.outlier_rate > OFTEN:
+            raise InputError(f"priors, outliers: expected at most {OFTEN}, got {self.outlier_rate}. Say less.")
+        check_length("priors, radius", self.radius)
+        if not isinstance(self.furniture, tuple) or not all(isinstance(f, Furniture) for f in self.furniture):
+            raise InputError(
+                f"priors, furniture: expected a tuple of Furniture, got {type(self.furniture).__name__}. "
+                "Write furniture=(Furniture.of_part(shape, T_world_shape, sd),)."
+            )
+        if self.noise_factor is None:
+            return
+        check_number("priors, noise_factor", self.noise_factor)
+        if not 1 <= self.noise_factor <= _MOST:
+            raise InputError(
+                f"priors, noise_factor: expected a factor from 1 (as stated) to {_MOST:g}, got {self.noise_factor}."
+            )
+
+    @property
+    def log_noise_factor(self) -> float:
+        """Log of the factor to which the noise is known; 0 where it is as stated."""
+        return float(np.log(STATED["typed"] if self.noise_factor is None else self.noise_factor))
+
+
+def sized(priors: Priors | None, radius: float) -> Priors:
+    """The priors, with the radius of the largest part where they leave it open."""
+    priors = priors or Priors()
+    return replace(priors, radius=radius) if priors.radius == 0 else priors

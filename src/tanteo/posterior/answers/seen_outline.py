@@ -1,0 +1,166 @@
+"""The outline of an object on a table as a camera saw it, and which parts may have it in any of their stable poses.
+
+The convex hull of a part is all that its convex outline is made of, so it is compared as the camera would see it, at
+any yaw and place, with its height. A shadow may be part of what was seen (decision 83).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.errors import InputError
+from tanteo.geometry import SE3, freeze
+from tanteo.geometry.special import log_sum
+from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
+
+AROUND = 32
+"""Directions of the table in which an outline is told, from x towards y."""
+
+_PIXELS, _LEAST_SD, _MADE = 0.6, 2e-4, 2e-3
+"""Standard deviation of an outline in a direction: so many pixels, a length [m], and a share of its size, together."""
+
+_SHADOW = 0.4
+"""Standard deviation of the length of a shadow, in heights of what throws it."""
+
+_TOGETHER = 2.0
+"""So many directions err as one, and squares count as much less: with this the true part is the most probable."""
+
+_MOST = 150.0
+"""Squares beyond this are alike: the outline is of another part."""
+
+_FITS = 40.0
+"""Squares up to which an outline may be a part's: where none is better, the unknown object is as much better."""
+
+_HOPELESS = 12.0
+"""Nats behind the likeliest of all at which a stable pose is not looked for."""
+
+OTHERWISE = 0.05
+"""Share of regions that are not the outline of one part: it is hidden, touches another one, or has the table's grey."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenOutline:
+    """A convex outline on a table, in the frame of the table: its plane is z = 0, the camera is above.
+
+    Attributes:
+        reach: how far it goes from its middle in each of 32 directions ``(32,)`` [m].
+        middle: of it ``(2,)`` [m].
+        eye: where the camera is ``(3,)`` [m].
+        pixel: length of a pixel there [m].
+        T_world_table: where the table is ``(4, 4)``; the world's own frame without.
+
+    Raises:
+        InputError: an array of another shape, a camera that is not above the table, a pixel without length.
+    """
+
+    reach: FloatArray
+    middle: FloatArray
+    eye: Vectors
+    pixel: float
+    T_world_table: Transforms = field(default_factory=lambda: np.eye(4))
+    _known: list[Any] = field(default_factory=list, init=False, repr=False)
+    """Parts and what came of them: the same are asked about several times for one answer."""
+
+    def __post_init__(self) -> None:
+        for name, size in (("reach", AROUND), ("middle", 2), ("eye", 3)):
+            if np.shape(getattr(self, name)) != (size,) or not np.all(np.isfinite(getattr(self, name))):
+                raise InputError(f"{name}: expected {size} finite numbers, got {getattr(self, name)}.")
+        if not (self.eye[2] > 0 and self.pixel > 0):
+            raise InputError(
+                f"eye: expected one above the table, and pixels of a length, got {self.eye}, {self.pixel}."
+            )
+        freeze(self, "reach", "middle", "eye", "T_world_table")
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of how far it goes in a direction [m]."""
+        return float(np.sqrt((_PIXELS * self.pixel) ** 2 + _LEAST_SD**2 + (_MADE * self.reach.mean()) ** 2))
+
+    def by_rest(self, parts: Sequence[Any]) -> tuple[FloatArray, IntArray]:
+        """Log likelihood of every stable pose of every part at its best place and yaw, times the pose's probability.
+
+        Returns:
+            Up to a constant, of all poses one after the other ``(R,)``; where those of each part start, and end
+            ``(n + 1,)``.
+        """
+        if not self._known or self._known[0] is not parts:
+            found = [self._of_table(*table) for table in _tables(parts)]
+            counts = [0, *(count for _, _, start in found for count in np.diff(start))]
+            log = np.concatenate([np.zeros(0), *(log for log, _, _ in found)])
+            Ts = np.concatenate([np.zeros((0, 4, 4)), *(Ts for _, Ts, _ in found)])
+            self._known[:] = parts, log, np.cumsum(counts), Ts
+        return self._known[1], self._known[2]
+
+    def likely(self, parts: Sequence[Any], row: int) -> IntArray:
+        """Numbers of a part's stable poses that may be seen so: the likeliest, and others near the best of all."""
+        log, start = self.by_rest(parts)
+        own = log[start[row] : start[row + 1]]
+        return np.flatnonzero((own > log.max() - _HOPELESS) | (own == own.max())) if len(own) else np.zeros(0, np.int64)
+
+    def poses(self, parts: Sequence[Any], row: int) -> Transforms:
+        """Where a part may lie to be seen so, half turned as well, as hulls hardly tell: ``T_world_part (k, 4, 4)``."""
+        which = self.likely(parts, row)
+        Ts = self._known[3][self._known[2][row] + which].astype(np.float64)
+        about = SE3.from_parts(np.eye(3), np.array([*self.middle, 0.0]))
+        half = about @ SE3.from_parts(np.diag([-1.0, -1.0, 1.0]), np.zeros(3)) @ SE3.inverse(about)
+        return np.asarray(self.T_world_table @ np.concatenate([Ts, half @ Ts]))
+
+    def log_likelihood(self, parts: Sequence[Any]) -> FloatArray:
+        """Of every part, up to a constant ``(n,)``."""
+        log, start = self.by_rest(parts)
+        out, some = np.full(len(start) - 1, _log(_MOST)), np.diff(start) > 0  # what balances on nothing has no pose
+        out[some] = np.logaddexp.reduceat(log, start[:-1][some]) if some.any() else 0.0
+        return out
+
+    def log_odds(self, parts: Sequence[Any]) -> FloatArray:
+        """Log likelihood of every part over that of an unknown object, whose outline may be any of theirs ``(n,)``."""
+        return odds_among(self.log_likelihood(parts))
+
+    def _of_table(self, hull: Any, hull_start: Any, rests: Any, start: Any) -> tuple[FloatArray, Any, Any]:
+        counts = np.diff(start)
+        costs, Ts = _core.fit_outlines(
+            np.ascontiguousarray(hull), np.ascontiguousarray(hull_start), np.ascontiguousarray(rests[:, :3]),
+            np.repeat(np.arange(len(counts), dtype=np.int32), counts),
+            self.reach, self.middle, self.eye, self.sd, _SHADOW, _MOST,
+        )  # fmt: skip
+        return _log(costs) + np.log(rests[:, 3]), Ts.astype(np.float32), start
+
+
+def odds_among(log: FloatArray) -> FloatArray:
+    """Log odds of parts over an unknown object of their likelihoods; some share of outlines is of no part at all."""
+    if not len(log):
+        return log
+    mean = max(float(log_sum(log)), _log(_FITS)) - np.log(len(log))
+    return np.asarray(np.logaddexp(np.log1p(-OTHERWISE) + log - mean, np.log(OTHERWISE)))
+
+
+def _log(costs: Any) -> Any:
+    return -0.5 * costs / _TOGETHER
+
+
+_Table: TypeAlias = tuple[Any, Any, Any, Any]
+
+
+def _tables(parts: Sequence[Any]) -> Iterator[_Table]:
+    """Hulls and stable poses of parts, and where those of each start: of a catalogue as they lie on disk."""
+    from tanteo.catalogue import Catalogue, hull_points, stable_pose_rows
+
+    if isinstance(parts, Catalogue):
+        for segment in parts.segments:
+            yield tuple(segment.table[name] for name in ("hull", "hull_start", "rests", "rests_start"))  # type: ignore[misc]
+        return
+    hulls, rests = [], []
+    for one in parts:
+        part = getattr(one, "part", one)
+        if "outline" not in part.derived:
+            part.derived["outline"] = hull_points(part), stable_pose_rows(part)
+        hulls.append(part.derived["outline"][0])
+        rests.append(part.derived["outline"][1])
+    if hulls:
+        starts = (np.cumsum([0, *map(len, rows)]).astype(np.int64) for rows in (hulls, rests))
+        yield np.concatenate(hulls), next(starts), np.concatenate(rests), next(starts)

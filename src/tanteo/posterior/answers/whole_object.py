@@ -1,0 +1,124 @@
+"""What is known of the object as a whole: its mass, the sides of a box about it, the outline that a camera saw.
+
+Each enters as a likelihood: a part that differs is less probable, never impossible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.geometry.limits import check_number
+from tanteo.geometry.typing import FloatArray
+from tanteo.posterior.answers.seen_outline import SeenOutline
+from tanteo.words.findings import WholeMismatch
+
+_MADE = 0.01
+"""Relative standard deviation of a made part's volume from its CAD: chamfers, threads and coatings are left out."""
+
+_FAR = 4.0
+"""Standard deviations from which on what was measured contradicts a part."""
+
+_OTHERWISE = 0.05
+"""Share of objects whose box is along other axes than that of the CAD file, or of which something was weighed, too."""
+
+
+@dataclass(frozen=True, slots=True)
+class WholeObject:
+    """Measurements of the whole object.
+
+    Attributes:
+        mass: and its standard deviation [kg]; None if it was not weighed.
+        density: of the material, and its standard deviation [kg/m^3]; needed with a mass.
+        sides: of the smallest box about the object, in any order [m]; None if they were not measured.
+        side_sd: standard deviation of each [m].
+        outline: of the object on a table, as a camera saw it; None if none did.
+
+    Raises:
+        InputError: a number that is not positive, a mass without a density, sides without a standard deviation.
+
+    Example:
+        >>> from tanteo.posterior.answers.whole_object import WholeObject
+        >>> WholeObject(mass=(0.34, 0.005), density=(2700.0, 50.0)).volume
+        0.00012592592592592592
+    """
+
+    mass: tuple[float, float] | None = None
+    density: tuple[float, float] | None = None
+    sides: tuple[float, float, float] | None = None
+    side_sd: float = 0.0
+    outline: SeenOutline | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "density"):
+            for value in getattr(self, name) or ():
+                _positive(name, value)
+        if self.mass is not None and self.density is None:
+            raise InputError("mass: expected the density of the material, too, got none. Say --density 7.85g/cm3+-1%.")
+        for value in (*(self.sides or ()), *((self.side_sd,) if self.sides else ())):
+            _positive("size", value)
+
+    @property
+    def volume(self) -> float | None:
+        """What its mass says [m^3]; None without."""
+        return self.mass[0] / self.density[0] if self.mass and self.density else None
+
+    def log_odds(self, volumes: FloatArray, boxes: FloatArray) -> FloatArray:
+        """Log likelihood of parts over that of an unknown object, which is as large as any of them may be ``(n,)``.
+
+        The outline is compared apart (:meth:`SeenOutline.log_odds`): it takes more of a part than its sizes.
+
+        Args:
+            volumes: of the parts ``(n,)`` [m^3]; 0 of one that does not close, of which no mass says anything.
+            boxes: sides of their boxes ``(n, 3)`` [m].
+        """
+        out, known = np.zeros(len(volumes)), volumes > 0
+        if self.volume is not None and known.any():
+            out[known] += self._of_volume(volumes[known], self._relative_sd)
+        if self.sides is not None:
+            sides = np.sort(np.asarray(self.sides))
+            off = (np.sort(boxes, axis=1) - sides) / self.side_sd
+            log = np.sum(-0.5 * off**2 - 0.5 * np.log(2 * np.pi), axis=1) - 3 * np.log(self.side_sd)
+            out += _or_otherwise(log + 3 * np.log(2 * float(boxes.max())))
+        return out
+
+    def mismatch(self, name: str, volume: float, sides: FloatArray) -> WholeMismatch | None:
+        """Return how mass or sides contradict a part; None where they do not.
+
+        Args:
+            name: name of the part.
+            volume: volume of the part [m^3]; 0 if it does not close.
+            sides: sides of its box ``(3,)`` [m].
+        """
+        volumes: tuple[float, ...] = ()
+        boxes: tuple[tuple[float, ...], ...] = ()
+        if self.volume is not None and volume > 0 and abs(np.log(self.volume / volume)) > _FAR * self._relative_sd:
+            volumes = self.volume, float(volume)
+        if self.sides is not None and np.abs(np.sort(sides) - np.sort(self.sides)).max() > _FAR * self.side_sd:
+            boxes = tuple(tuple(map(float, np.sort(box)[::-1])) for box in (self.sides, sides))
+        return WholeMismatch(name, volumes, boxes) if volumes or boxes else None
+
+    @property
+    def _relative_sd(self) -> float:
+        """Of the volume that the mass says."""
+        (mass, mass_sd), (density, density_sd) = self.mass or (1.0, 0.0), self.density or (1.0, 0.0)
+        return float(np.hypot(np.hypot(mass_sd / mass, density_sd / density), _MADE))
+
+    def _of_volume(self, volumes: FloatArray, sd: float) -> FloatArray:
+        logs = np.log(volumes)
+        room = float(np.ptp(logs)) + 2 * np.log(2.0)
+        off = (logs - np.log(self.volume or 1.0)) / sd
+        return _or_otherwise(-0.5 * off**2 - np.log(np.sqrt(2 * np.pi) * sd) + np.log(room))
+
+
+def _or_otherwise(log: FloatArray) -> FloatArray:
+    """Log odds where a share of what was measured is of something else."""
+    return np.asarray(np.logaddexp(np.log1p(-_OTHERWISE) + log, np.log(_OTHERWISE)))
+
+
+def _positive(name: str, value: float) -> None:
+    check_number(name, value)
+    if not value > 0 or not np.isfinite(value):
+        raise InputError(f"{name}: expected positive numbers, got {value}. Check it.")

@@ -1,0 +1,96 @@
+"""What is said of measurements that are not on the part that explains the others, or scatter more than stated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.factors import ContactPoints
+from tanteo.geometry.limits import NOTABLE, SUSPECT
+from tanteo.geometry.special import binomial_cdf
+from tanteo.posterior.answers.priors import Priors
+from tanteo.posterior.answers.results import Hypothesis
+from tanteo.posterior.fit_at_mode import GoodnessOfFit
+from tanteo.posterior.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
+from tanteo.posterior.outliers import so_many
+from tanteo.words.findings import (  # fmt: skip
+    FaceDisplaced,
+    LabelsContradicted,
+    MostlyOnPart,
+    OnFurniture,
+    Outliers,
+    Scatter,
+    WorstReading,
+)
+
+
+def mostly_on(best: Hypothesis, unknown: float) -> bool:
+    """Whether the unknown object is more probable than a part that most of the points, but not all, are on."""
+    return best.probability < unknown and 0 < len(best.outliers) < len(best.pairings)
+
+
+def not_on_it(best: Hypothesis, unknown: float) -> MostlyOnPart:
+    """Return that the unknown object is more probable than a part that most of the points are on."""
+    return MostlyOnPart(best.part, unknown, best.outliers, len(best.outliers) + len(best.pairings))
+
+
+def against_labels(one: GoodnessOfFit, priors: Priors) -> LabelsContradicted | None:
+    """Return that more labelled points are off the part than labels are wrong; None if they are not.
+
+    A sensor may make more outliers than is stated, and then the rate is found out; but labels come from a person.
+    """
+    off, n = int(np.sum(one.outliers & (one.at.groups >= 0))), int(np.sum(one.at.groups >= 0))
+    if not off or binomial_cdf(off - 1, n, np.array([priors.outlier_rate]))[0] < 1 - SUSPECT:
+        return None
+    return LabelsContradicted(one.mode.prepared.part.name, off, n)
+
+
+def left_out(best: Hypothesis, priors: Priors) -> Outliers | None:
+    """Return the points that are off the part, and whether so many are expected; None if all are on it."""
+    outliers, n = len(best.outliers), len(best.outliers) + len(best.pairings)
+    if not outliers:
+        return None
+    expected = so_many(outliers, n, priors.outlier_rate) > NOTABLE
+    return Outliers(best.outliers, best.outlier_distances, n, expected)
+
+
+def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, priors: Priors) -> FaceDisplaced | None:
+    """Return the face of the part that is displaced, if it may be a near variant that differs by that one.
+
+    Args:
+        points: the measurements.
+        one: the likeliest mode.
+        unknown: probability of the unknown object.
+        priors: what is assumed beforehand.
+    """
+    if unknown < NOTABLE:
+        return None
+    part, at = one.mode.prepared.part, one.at
+    anywhere = log_density_by_surfaces(at, priors.outlier_rate)
+    if log_density_of_near_variant(at, part, priors.outlier_rate)[0] < anywhere[0] + np.log(2):
+        return None
+    found = shifted(at, part, priors.outlier_rate)
+    k = int(np.argmax(found.log_odds))
+    face = part.faces[found.faces[k]].name
+    return FaceDisplaced(part.name, face, float(found.offsets[k]), int(found.counts[k]))
+
+
+def on_furniture(one: GoodnessOfFit) -> OnFurniture | None:
+    """Return how many points are on the furniture; None if none is."""
+    around, on_it = one.mode.objective.problem.around, one.on_furniture
+    counts = [(name, int(np.sum(on_it & (around.which == k)))) for k, name in enumerate(around.names)]
+    found = tuple((name, count) for name, count in counts if count)
+    return OnFurniture(len(on_it), found) if found else None
+
+
+def scattered(best: Hypothesis, worst: WorstReading | None, *, unknown: bool = False) -> Scatter | None:
+    """Return that the points scatter more or less than stated, if that is sure, and the worst of them.
+
+    Args:
+        best: the most probable hypothesis.
+        worst: the reading that agrees least; None if none is far off.
+        unknown: whether the answer is unknown, for which only a larger scatter about the closest part matters.
+    """
+    scale, low, high = best.noise_scale
+    if low <= 1 <= high or (unknown and scale < 1):
+        return None
+    return Scatter(scale, low, high, worst if scale >= 1 and not unknown else None, best.part if unknown else "")

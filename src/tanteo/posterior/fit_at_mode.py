@@ -1,0 +1,140 @@
+"""A mode of the posterior with the measurements at its maximum: what is of the part, what fits, what is free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.factors import FreeRays, numbered_landmarks
+from tanteo.fitting import pose_information, weak_motions
+from tanteo.geometry.typing import FloatArray, Tangents
+from tanteo.parts import Part
+from tanteo.posterior.answers.misfit import Misfit
+from tanteo.posterior.answers.part_motions import part_scale, spins, without_spins
+from tanteo.posterior.details import Details, details_at
+from tanteo.posterior.sampling.modes import Mode, to_origin
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoodnessOfFit:
+    """A mode with the measurements at its maximum.
+
+    Attributes:
+        mode: the mode.
+        at: the measurements there, one pose.
+        per_stated_sd: one over the stated standard deviation of each along its normal ``(n,)`` [1/m].
+        free: motions that nothing resists, those of the part's symmetry first, over ``part_scale`` ``(m, 6)``.
+    """
+
+    mode: Mode
+    at: Details
+    per_stated_sd: FloatArray
+    free: Tangents
+
+    @property
+    def belongs(self) -> np.ndarray:
+        """Which points are on the part ``(n,)``."""
+        return np.asarray(self.at.belongs[0] > 0.5)
+
+    @property
+    def on_furniture(self) -> np.ndarray:
+        """Which points are of what stands around ``(n,)``: not on the part, and no outliers."""
+        problem = self.mode.objective.problem
+        return np.asarray(~self.belongs & (problem.around.over_outlier > problem.priors.outlier_rate))
+
+    @property
+    def outliers(self) -> np.ndarray:
+        """Which points nothing explains ``(n,)``."""
+        return np.asarray(~self.belongs & ~self.on_furniture)
+
+    @property
+    def log_noise_factor(self) -> float:
+        """How well the noise was known: log of the factor."""
+        return self.mode.objective.problem.scale_sd
+
+    def misfit(self) -> Misfit:
+        """Of the points that belong and their normals, against what was stated."""
+        belongs, tilts, factors = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.factors
+        points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
+        across = sum(factor.codimension for factor, on in zip(factors, belongs, strict=True) if on)
+        told = 2 * int(np.count_nonzero(tilts[belongs]))
+        tilted = float(np.sum(tilts[belongs] ** 2))
+        return Misfit(points, tilted, across + told - 6, self.log_noise_factor, across - 6)
+
+    def told_beside(self, rows: FloatArray) -> float:
+        """How many states not the points tell but priors (of shared errors, of the pose by ``rows``) or nothing.
+
+        Args:
+            rows: derivatives of what was known of the pose, standardised ``(m, 6)``.
+        """
+        objective = self.mode.objective
+        states = 6 + objective.problem.points.shared_jacobian.shape[2]
+        information = objective.regular(self.mode.information)[:states, :states]
+        known = np.eye(states)
+        known[:6, :6] = rows.T @ rows
+        return len(self.free) - (states - 6) + float(np.trace(np.linalg.solve(information, known)))
+
+
+def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
+    """The mode with the measurements at its maximum."""
+    part, T = mode.prepared.part, mode.T_peak[None]
+    at = details_at(mode.objective, T, mode.z[None])
+    information = without_spins(part, pose_information(mode.information))
+    scaled = mode.objective.problem.scale_sd > 0
+    stated = details_at(mode.objective, T, np.r_[mode.z[:-1], 0.0][None]) if scaled else at
+    return GoodnessOfFit(mode, at, stated.per_sd[0], _free(mode, information))
+
+
+def _free(mode: Mode, information: FloatArray) -> Tangents:
+    """Motions that nothing resists at the maximum, but for those that the ends of faces hold nearly as well."""
+    part, own = mode.prepared.part, mode.objective.problem.settings.samples
+    scale, known = part_scale(part), spins(part)
+    told = without_spins(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
+    if mode.maxima > 1 and mode.ess >= own.told:  # each maximum by itself seems to hold what all together leave free
+        return weak_motions(told, scale, fixed=known)
+    free = weak_motions(information, scale, fixed=known)
+    if len(free) == len(known) or mode.ess < own.told:
+        return free
+    held = weak_motions(told, scale, own.held, fixed=known)
+    return held if len(held) < len(free) else free
+
+
+def face_names(one: GoodnessOfFit) -> list[str]:
+    """What each point is nearest to, in words."""
+    part = one.mode.prepared.part
+    around, furniture = one.mode.objective.problem.around, one.on_furniture
+    names = [_name_of(part, int(f)) for f in one.at.faces[0]]
+    return [around.names[around.which[k]] if furniture[k] else name for k, name in enumerate(names)]
+
+
+def _name_of(part: Part, number: int) -> str:
+    """Return the name of an element of the core: a face; beyond -1 edges, vertices, then landmarks."""
+    k, edges, corners = -2 - number, len(part.edges), len(part.corners)
+    if number >= 0:
+        return part.faces[number].name
+    if k < edges:
+        return f"edge {k}"
+    if k < edges + corners:
+        return f"vertex {k - edges}"
+    return next(one.name for _, own, one in numbered_landmarks(part) if own == k - edges - corners)
+
+
+def information_by_point(mode: Mode) -> FloatArray:
+    """What each point adds to the information on the pose at the maximum, shared errors as known ``(n, 6, 6)``.
+
+    Part frame, right perturbation [m, rad]. Each is looked at alone: a point that the others make an outlier counts as
+    far as it is none by itself.
+    """
+    objective, problem = mode.objective, mode.objective.problem
+    out = np.zeros((len(problem.points), 6, 6))
+    priors = replace(problem.priors, pose=None)
+    nothing = replace(problem, rays=FreeRays.none(), priors=priors, mixtures={}, pose_factors=())
+    own, scale = problem.points.shared_jacobian.shape[2], mode.z[problem.shared_errors :]
+    T, z = np.ascontiguousarray(mode.T_peak[None]), np.r_[mode.z[:own], scale][None]
+    for k in range(len(out)):
+        alone = replace(nothing, points=problem.points.take(np.array([k])))
+        information = _core.slopes(objective.prepared.shape, alone.compiled(objective.prepared), T, z)[2][0]
+        out[k] = to_origin(objective, information)[:6, :6]
+    return out

@@ -1,0 +1,125 @@
+"""Free-space rays that the part of an answer is surely in the way of.
+
+A face that lies more obliquely than the sensor's limit sends no echo back: that a ray met nothing says nothing of it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.factors import FreeRays
+from tanteo.fitting import SharedGiven
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
+from tanteo.posterior.answers.part_motions import observed_covariance
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.settings import DEFAULTS
+
+_AROUND = np.linspace(0, 2 * np.pi, DEFAULTS.checks.path_turns, endpoint=False)
+"""Directions across a ray in which it is moved [rad]."""
+
+
+def _across(directions: Vectors) -> FloatArray:
+    """Four unit vectors across each direction ``(k, 4, 3)``."""
+    least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    u = SO3.cross(directions, least)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    v = SO3.cross(directions, u)
+    return np.stack([u, v, -u, -v], axis=1)
+
+
+def _passed(free: FreeRays, Ts: Transforms, z: FloatArray, part: PreparedPart) -> tuple[FloatArray, FloatArray]:
+    """How probably each path passes the part ``(S, m)``, and where its middle meets it ``(S, m)`` [m]."""
+    origins, directions = free.at(z)
+    local, along = (origins - Ts[:, None, :3, 3]) @ Ts[:, :3, :3], directions @ Ts[:, :3, :3]
+    hits = _echoes(part, local, along, free.incidences)
+    end = _ends(free, part)
+    passed = (hits >= end).astype(np.float64)
+    s, n = np.nonzero((hits < end) & (free.slopes > 0))
+    if len(s):  # five rays of equal moments with the disc: the one in the middle counts one half
+        beside = along[s, n, None] + 2 * free.slopes[n, None, None] * _across(along[s, n])
+        beside /= np.linalg.norm(beside, axis=-1, keepdims=True)
+        start = np.broadcast_to(local[s, n, None], beside.shape)
+        echoes = _echoes(part, start, beside, free.incidences[n, None])
+        passed[s, n] = 0.5 * np.mean(echoes >= end[n, None], axis=1)
+    return passed, hits
+
+
+def gone_through(
+    free: FreeRays, T: Transforms, covariance: Covariances, shared: SharedGiven | None, part: PreparedPart
+) -> FloatArray:
+    """How far before its end each path should have met the part ``(m,)`` [m]; zero for those that may have passed it.
+
+    Args:
+        free: paths on which nothing was met.
+        T: pose of the part ``(4, 4)``.
+        covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad].
+        shared: the whitened errors that move the paths, given the pose; None if nothing does.
+        part: the part.
+    """
+    out = np.zeros(len(free))
+    if not len(free):
+        return out
+    if shared is None:
+        free, shared = free.unmoved(), SharedGiven.none()
+    passed, hits = _passed(free, T[None], shared.mean[None], part)
+    rows = np.flatnonzero(passed[0] < 0.5)
+    if len(rows):
+        met = hits[0, rows]
+        sure = _surely(free.take(rows), T, covariance, shared, part, met)
+        out[rows[sure]] = (free.lengths[rows] - met)[sure]
+    return out
+
+
+def _surely(
+    free: FreeRays, T: Transforms, C: Covariances, shared: SharedGiven, part: PreparedPart, met: FloatArray
+) -> BoolArray:
+    """Paths that meet the part also with both off by as much as is likely, to all sides and along them ``(m,)``.
+
+    Of a cone all rays have to: its rim is at two of the standard deviations that ``slopes`` say.
+    """
+    gate = DEFAULTS.search.reach_sds
+    origins, directions = (np.broadcast_to(x, (1, len(free), 3))[0] for x in free.at(shared.mean[None]))
+    start, along = (origins - T[:3, 3]) @ T[:3, :3], directions @ T[:3, :3]
+    S = _between(free, T, C, shared, part, start + met[:, None] * along, met)
+    beside, cone = np.eye(3) - along[:, :, None] * along[:, None, :], (2 / gate * free.slopes * met) ** 2
+    values, vectors = np.linalg.eigh(beside @ (S + cone[:, None, None] * np.eye(3)) @ beside)
+    axes = vectors[..., 1:] * np.sqrt(values[:, None, 1:].clip(0))
+    starts = start[:, None] + gate * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=1) @ np.swapaxes(axes, 1, 2)
+    end = _ends(free, part) - gate * np.sqrt(np.einsum("mi,mij,mj->m", along, S, along))
+    echoes = _echoes(part, starts, np.broadcast_to(along[:, None], starts.shape), free.incidences[:, None])
+    return np.all(echoes < end[:, None], axis=1)
+
+
+def _between(
+    free: FreeRays,
+    T: Transforms,
+    C: Covariances,
+    shared: SharedGiven,
+    part: PreparedPart,
+    points: Vectors,
+    far: FloatArray,
+) -> Covariances:
+    """Of points of paths, so far along them, against the part, in whose frame they are ``(m, 3, 3)`` [m2].
+
+    What moves readings and paths alike moves the pose as well: that is no distance between them.
+    """
+    own = -np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=2)
+    by_shared = np.zeros((len(points), 3, len(shared.mean)))
+    if free.moved:
+        by_shared = T[:3, :3].T @ (free.shared_jacobian + far[:, None, None] * free.turns)
+        own = own + by_shared @ shared.follows
+    C = observed_covariance(part.part, C)
+    return np.asarray(own @ C @ np.swapaxes(own, 1, 2) + by_shared @ shared.covariance @ np.swapaxes(by_shared, 1, 2))
+
+
+def _ends(free: FreeRays, part: PreparedPart) -> FloatArray:
+    """Up to where material would certainly have been met ``(m,)`` [m]."""
+    return free.lengths - free.margin - 0.01 * part.part.diagonal
+
+
+def _echoes(part: PreparedPart, starts: Vectors, along: Vectors, incidences: FloatArray) -> FloatArray:
+    """Distances of what rays meet first; infinite where that is met at more than these angles."""
+    hits = part.surface.cast(starts, along)
+    cosines = np.abs(np.sum(part.surface.normals[hits.triangles] * along, axis=-1))
+    return np.where(cosines >= np.cos(incidences) - 1e-12, hits.distances, np.inf)

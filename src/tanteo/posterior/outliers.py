@@ -1,0 +1,57 @@
+"""How often measurements are outliers: stated as a mean, and found out from the measurements (decision 35)."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from tanteo.geometry.special import binomial_cdf, jacobi_nodes, laguerre_nodes
+from tanteo.geometry.typing import FloatArray
+
+JEFFREYS = 0.5
+"""First parameter of the beta density of a rate, that of the prior of Jeffreys (1946)."""
+
+LEAST_RATE = 1e-290
+"""Least rate of outliers: no reading tells a smaller one from none, and its logarithm is still a number."""
+
+_RARE = 1e-3
+"""Mean rate below which a beta density is a gamma density, up to a thousandth."""
+
+NODES = 4
+"""Least number of nodes of the quadrature over a rate (decision 35)."""
+
+
+def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
+    """Rates of outliers and their weights ``(K,)``, nodes of Gauss's quadrature under the beta density of that mean.
+
+    Args:
+        mean: rate that is stated, above 0 and below 1.
+        n: readings, which know the rate the better the more they are: then the nodes are closer.
+    """
+    return _rates(mean, max(NODES, int(np.ceil(1.2 * np.sqrt(n)))))
+
+
+@cache
+def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
+    if mean < _RARE:
+        x, w = laguerre_nodes(nodes, JEFFREYS - 1)
+        return np.clip(mean / JEFFREYS * x, LEAST_RATE, 1.0), w
+    x, w = jacobi_nodes(nodes, JEFFREYS / mean - JEFFREYS - 1, JEFFREYS - 1)
+    return (1 + x) / 2, w
+
+
+def so_many(outliers: int, n: int, mean: float) -> float:
+    """Probability of at least so many outliers among ``n`` readings; 0 of any if ``mean`` is 0."""
+    if outliers == 0 or mean == 0:
+        return float(outliers == 0)
+    rates, weights = outlier_rates(mean, n)
+    return float(weights @ (1 - binomial_cdf(outliers - 1, n, rates)))
+
+
+def log_by_rate(log_hit: FloatArray, log_outlier: FloatArray, rates: FloatArray, weights: FloatArray) -> FloatArray:
+    """Log density of all readings and each rate together ``(K, S)``, of those weights ``(K,)``."""
+    top = np.maximum(log_hit, log_outlier)
+    hit, outlier = np.exp(log_hit - top), np.exp(log_outlier - top)
+    each = [np.sum(np.log((1 - rate) * hit + rate * outlier), axis=-1) for rate in rates]
+    return np.asarray(np.log(weights)[:, None] + np.stack(each) + top.sum(axis=-1))

@@ -1,0 +1,184 @@
+"""The search for one part, round by round: initial poses, maxima, and the sources that led to each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tanteo.geometry.special import log_sum
+from tanteo.geometry.typing import BoolArray, Indices, Transforms
+from tanteo.plugins import guarded
+from tanteo.posterior.details import details_at
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.proposals import PROPOSERS, InitialPoses, PriorSamples, Proposer, SearchState, proposers
+from tanteo.posterior.proposals.drawn import along_ridge, far_pairs, from_prior
+from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
+from tanteo.posterior.sampling.peaks import Objective, Peaks, scales_for, spread_rows
+from tanteo.posterior.settings import Effort, SearchSettings
+from tanteo.posterior.symmetry import log_orbit
+
+
+@dataclass(slots=True, eq=False)
+class PartSearch:
+    """The search for one part, round by round.
+
+    Attributes:
+        objective: leads from poses to maxima.
+        pairs: pairs of points from which proposals are made, a few each round.
+        rng: generator of all draws.
+        peaks: maxima so far.
+        planes: planes that labels and sensed normals show.
+        restarts: number of rounds so far.
+        along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
+        trusted: whether the region of its maximum was normal before the last measurement.
+        known: poses that earlier stages found; None without.
+        exhaustive: whether these are all poses that the measurements allow.
+        log_odds: log odds of the part by its global properties (mass, size, outline).
+    """
+
+    objective: Objective
+    pairs: Indices
+    rng: np.random.Generator
+    peaks: Peaks
+    planes: SensedPlanes
+    restarts: int = 0
+    along: Peaks | None = None
+    trusted: bool = False
+    known: Transforms | None = None
+    exhaustive: bool = False
+    log_odds: float = 0.0
+    _others: Transforms = field(default_factory=lambda: np.zeros((0, 4, 4)))
+
+    @property
+    def settings(self) -> SearchSettings:
+        """Numbers of the search."""
+        return self.objective.problem.settings.search
+
+    @property
+    def log_evidence(self) -> float:
+        """Log-evidence of all maxima, symmetric poses included, relative to what the core leaves out of the prior."""
+        return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
+
+    def log_rare(self, times: int | None = None) -> float:
+        """Return the log-evidence of maxima to which fewer sources led; to be surely found if None."""
+        rare = self.peaks.evidence[self.peaks.times < (self.settings.often if times is None else times)]
+        return self._constant + float(log_sum(rare)) if len(rare) else -np.inf
+
+    @property
+    def _constant(self) -> float:
+        prepared = self.objective.prepared
+        orbit = log_orbit(prepared, named=self.objective.named)
+        return self.objective.problem.log_pose_density(prepared) + orbit + self.log_odds
+
+    def restart(self, effort: Effort | None = None) -> None:
+        """Carry out one more round: all proposers in turn, each of which reads the maxima so far."""
+        if self.restarts:  # the points that are farthest apart may be outliers: later rounds take others
+            self._take_other_points()
+        for proposer in proposers():
+            self.propose(proposer, effort)
+        self.restarts += 1
+
+    def propose(self, proposer: Proposer, effort: Effort | None = None) -> None:
+        """Maximize from the poses of one proposer.
+
+        Raises:
+            PluginError: a proposer of another distribution fails; the message names it.
+        """
+        objective = self.objective
+        state = SearchState(
+            objective, effort or self.settings.effort, self.restarts, self.rng, self.pairs, self.planes, self.known,
+            self.exhaustive, self._others, self.peaks, self.is_doubtful,
+        )  # fmt: skip
+        with guarded(PROPOSERS.origin(proposer.name), "a proposer of initial poses"):
+            found = proposer.propose(objective.problem, objective.prepared, state)
+            if not isinstance(found, InitialPoses):
+                raise TypeError(f"expected InitialPoses, got {type(found).__name__}")
+        self.add(found)
+        if isinstance(proposer, PriorSamples) and objective.named and self.along is None:
+            count = self.settings.maximized
+            self.along = along_ridge(objective, from_prior(objective.problem, objective.prepared, count, self.rng))
+
+    def add(self, found: InitialPoses) -> None:
+        """Settle and maximize initial poses, and merge the maxima."""
+        if not len(found):
+            return
+        objective, settled = self.objective, found.settled
+        rest = objective.settle_and_maximize(
+            np.ascontiguousarray(found.Ts[~settled]), found.sources[~settled],
+            found.keep if found.keep is not None else max(len(found), 1),
+        )  # fmt: skip
+        near = objective.maximize(np.ascontiguousarray(found.Ts[settled]), groups=found.sources[settled], fine=True)
+        self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
+
+    def pass_on(self, Ts: Transforms, proposer: Proposer) -> None:
+        """Try the best poses of other parts."""
+        self._others = Ts
+        self.propose(proposer)
+        self._others = Ts[:0]
+
+    def _take_other_points(self) -> None:
+        """Propose from other points, settle on them."""
+        points, others = self.objective.problem.points, self.objective.problem.around.others
+        count = self.settings.points
+        if len(others) <= count:
+            return
+        rows = np.sort(self.rng.choice(others, count, replace=False)).astype(np.int32)
+        self.objective, self.pairs = replace(self.objective, rows=rows), far_pairs(points, rows, count)
+
+    def on_the_part(self) -> BoolArray:
+        """Return which points the best maximum has on the part ``(m,)``, without those on furniture."""
+        others = self.objective.problem.around.others
+        if not len(others) or not len(self.peaks):
+            return np.zeros(len(others), dtype=bool)
+        best = details_at(self.objective, self.peaks.Ts[:1], self.peaks.zs[:1])
+        return np.asarray(best.belongs[0, others] > 0.5)
+
+    def is_good_fit(self) -> bool:
+        """Return whether the best maximum has nearly all points on the part, with noise as it is known."""
+        on = self.on_the_part()
+        return not len(on) or (float(on.mean()) > self.settings.explained and not self.is_noisy())
+
+    def is_noisy(self) -> bool:
+        """Return whether the best maximum takes the noise for larger than the factor to which it is known."""
+        scaled = self.objective.problem.scale_sd > 0 and len(self.peaks) > 0
+        return scaled and float(self.peaks.zs[0, -1]) > 1
+
+    def is_doubtful(self) -> bool:
+        """Return whether the best maximum has more outliers than expected, which may have hidden a better one."""
+        on, rate = self.on_the_part(), self.objective.problem.priors.outlier_rate
+        expected = len(on) * rate + self.settings.unusual_sds * np.sqrt(len(on) * rate)
+        return len(self.peaks) > 0 and float(np.sum(~on)) > (expected if len(on) > self.settings.any_outlier else 0.0)
+
+
+def start_search(problem: Problem, prepared: PreparedPart, rng: np.random.Generator) -> PartSearch:
+    """Return a search before its first round."""
+    return start_searches(problem, [prepared], [rng])[0]
+
+
+def start_searches(
+    problem: Problem, parts: Sequence[PreparedPart], rngs: Sequence[np.random.Generator]
+) -> list[PartSearch]:
+    """Return searches of several parts; what depends on the points alone is computed once."""
+    count = problem.settings.search.points
+    rows, planes = spread(problem, count), sensed_planes(problem, problem.points.take(problem.around.others))
+    pairs, none = far_pairs(problem.points, rows, count), Peaks.none(problem.states)
+    out = []
+    for part, rng in zip(parts, rngs, strict=True):
+        objective = Objective(part, problem.compiled(part), problem, scales_for(problem, part), rows)
+        out.append(PartSearch(objective, pairs, rng, none, planes, log_odds=problem.log_odds(part.part)))
+    return out
+
+
+def spread(problem: Problem, count: int) -> Indices:
+    """Return rows of points that are far from each other, without those on furniture."""
+    others = problem.around.others
+    return others[spread_rows(problem.points.take(others), count)].astype(np.int32)
+
+
+def common_random_numbers(rng: np.random.Generator, count: int) -> list[np.random.Generator]:
+    """Return as many generators, all of which draw the same: parts differ by their fit, not by luck."""
+    seed = int(rng.integers(2**63))
+    return [np.random.default_rng(seed) for _ in range(count)]

@@ -1,0 +1,194 @@
+"""The posterior over parts, poses and the unknown object: modes with samples, weights that sum to one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tanteo.geometry.special import log_sum
+from tanteo.geometry.typing import FloatArray, Transforms, Vectors
+from tanteo.posterior.details import details_at
+from tanteo.posterior.near_variants import log_density_of_near_variant
+from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.proposals import InitialPoses
+from tanteo.posterior.race import LeftOut, missing, race
+from tanteo.posterior.sampling.modes import Mode, modes_of
+from tanteo.posterior.sampling.peaks import Objective, Peaks
+from tanteo.posterior.sampling.sampler import Sampler
+from tanteo.posterior.sampling.sampling import sample
+from tanteo.posterior.symmetry import log_orbit
+from tanteo.posterior.unknown import log_anywhere, log_unknown
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """What is known after the measurements.
+
+    Attributes:
+        problem: the question.
+        modes: best first.
+        unknown: probability of the unknown object.
+        log_evidence: of the measurements, whatever they are of.
+        missing: share of the probability that the search met only once: about what it did not meet at all.
+        searches: what was found of each part.
+        log_priors: of these parts ``(P,)``.
+        log_anywhere: log evidence of an unknown object that is like no part, its prior included.
+        left_out: of the probability of the unknown object, what parts that were not searched may have at most.
+    """
+
+    problem: Problem
+    modes: tuple[Mode, ...]
+    unknown: float
+    log_evidence: float
+    missing: float
+    searches: tuple[PartSearch, ...] = field(repr=False)
+    log_priors: FloatArray
+    log_anywhere: float
+    left_out: float = 0.0
+
+
+def infer(
+    problem: Problem,
+    parts: Sequence[PreparedPart],
+    count: int,
+    centroid: Vectors,
+    rng: np.random.Generator,
+    *,
+    known: Sequence[Transforms | None] = (),
+    exhaustive: bool = False,
+    left_out: LeftOut | None = None,
+) -> Posterior:
+    """The posterior: search, sample, weigh.
+
+    Args:
+        problem: the question.
+        parts: the parts that are worth a search.
+        count: number of all parts.
+        centroid: mean of theirs, in their frames ``(3,)`` [m].
+        rng: of all draws.
+        known: poses of each of them to begin with; None where there are none.
+        exhaustive: whether these are all poses that labels and normals allow.
+        left_out: what is known of the other parts.
+    """
+    prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
+    anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
+    searches, unseen = race(problem, parts, anywhere - prior, rng, known, exhaustive=exhaustive, left_out=left_out)
+    return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
+
+
+def search_about(
+    problem: Problem, proposals: Sequence[tuple[PreparedPart, Transforms]], rng: np.random.Generator
+) -> list[PartSearch]:
+    """Return the maxima of parts to which proposed poses lead, without any further search.
+
+    Args:
+        problem: the question.
+        proposals: parts with poses ``(S, 4, 4)`` from which maximizations start.
+        rng: generator of all draws.
+    """
+    searches = []
+    for (prepared, Ts), own in zip(proposals, common_random_numbers(rng, len(proposals)), strict=True):
+        search = start_search(problem, prepared, own)
+        search.add(InitialPoses.exhaustive(Ts))
+        searches.append(search)
+    return searches
+
+
+def posterior_of_factors(problem: Problem, parts: Sequence[PreparedPart], log_priors: FloatArray) -> Posterior:
+    """Return the posterior of the factors of the pose alone, from the poses that they suggest.
+
+    Args:
+        problem: the question, without points.
+        parts: parts, all of which have a suggested pose or no evidence.
+        log_priors: log of the prior of each part ``(P,)``.
+    """
+    rng = np.random.default_rng(0)
+    poses = [np.concatenate([one.poses(part.part) for one in problem.pose_factors]) for part in parts]
+    searches = search_about(problem, list(zip(parts, poses, strict=True)), rng)
+    anywhere = float(np.log(problem.priors.unknown)) + problem.log_factors_unknown
+    return weigh(problem, searches, log_priors, anywhere, rng)
+
+
+def weigh(
+    problem: Problem,
+    searches: Sequence[PartSearch],
+    priors: FloatArray,
+    anywhere: float,
+    rng: np.random.Generator,
+    *,
+    log_left_out: float = -np.inf,
+) -> Posterior:
+    """Sample the regions that matter and weigh them all.
+
+    Args:
+        problem: the question.
+        searches: maxima of each part.
+        priors: log of the prior of each part ``(P,)``.
+        anywhere: log evidence of an unknown object that is like no part, its prior included.
+        rng: of all draws.
+        log_left_out: log evidence of parts that were not searched, at most, their prior included: the object is one
+            that is not known, too, if it is one of them.
+    """
+    drawing = zip(searches, priors, common_random_numbers(rng, len(searches)), strict=True)
+    negligible = problem.settings.search.negligible
+    found = [(s, float(prior), own) for s, prior, own in drawing if len(s.peaks)]
+    evidence = np.array([s.log_evidence + prior for s, prior, _ in found])
+    total, best = float(log_sum([anywhere, *evidence])), evidence.max(initial=-np.inf)
+    samplers, variants = [], []
+    for (s, prior, prior_samples), own in zip(found, evidence, strict=True):
+        if own > total - negligible or own == best:
+            samplers.append(_sampler(s, prior, max(total, best), prior_samples))
+        elif own > total - 2 * negligible:  # a variant of a part explains more than the part
+            variants.append(_log_variant(s.objective, s.peaks, s.peaks.evidence + own - log_sum(s.peaks.evidence)))
+    sample(samplers, anywhere)
+    modes = []
+    for sampler in samplers:
+        own_modes = modes_of(sampler)
+        modes += own_modes
+        masses = np.array([mode.log_mass for mode in own_modes])
+        variants.append(_log_variant(sampler.objective, _at_peaks(own_modes, sampler), masses))
+    given_unknown = np.array(variants) - np.log1p(-problem.priors.unknown)
+    # near variants of parts are told apart by points only (decision 87)
+    own = log_unknown(anywhere, given_unknown, problem.priors) if len(problem.points) else anywhere
+    log_none = float(log_sum([own, log_left_out]))
+    total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))
+    most = max((mode.log_mass for mode in modes), default=0.0)
+    modes.sort(key=lambda mode: round(most - mode.log_mass, 3))  # twins, which end nearly alike, keep their order
+    modes = [mode for k, mode in enumerate(modes) if not k or mode.log_mass > total - negligible]
+    total = float(log_sum([log_none, *(mode.log_mass for mode in modes)]))  # what is left out has no probability
+    kept = [replace(mode, probability=float(np.exp(mode.log_mass - total))) for mode in modes]
+    once, unknown = missing([s for s, *_ in found]), float(np.exp(log_none - total))
+    unseen = float(np.exp(log_left_out - total))
+    return Posterior(problem, tuple(kept), unknown, total, once, tuple(searches), priors, anywhere, unseen)
+
+
+def _at_peaks(modes: Sequence[Mode], sampler: Sampler) -> Peaks:
+    """The maxima of modes, for what is asked of the measurements there."""
+    peaks = Peaks.none(sampler.objective.problem.states)
+    if not modes:
+        return peaks
+    return replace(peaks, Ts=np.stack([m.T_peak for m in modes]), zs=np.stack([m.z for m in modes]))
+
+
+def _log_variant(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> float:
+    """Log evidence of near variants of a part, about its maxima of those masses ``(M,)``, the likeliest of them."""
+    if not len(log_masses):
+        return -np.inf
+    rows = np.argsort(-log_masses, kind="stable")[: objective.problem.settings.search.kept]
+    at = details_at(objective, peaks.Ts[rows], peaks.zs[rows])
+    mean = objective.problem.priors.outlier_rate
+    variant = log_density_of_near_variant(at, objective.prepared.part, mean)
+    return float(log_sum(log_masses[rows] + variant - at.log_points))
+
+
+def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Generator) -> Sampler:
+    objective, peaks = search.objective, search.peaks
+    constant = objective.problem.log_pose_density(objective.prepared) + prior
+    constant += log_orbit(objective.prepared, named=objective.named) + search.log_odds
+    some = np.flatnonzero(peaks.evidence + constant > total - objective.problem.settings.search.faint)
+    some = some if len(some) else np.zeros(1, dtype=np.int64)
+    return Sampler(objective, peaks.take(some), rng, constant, search.along, trusted=search.trusted)

@@ -1,0 +1,148 @@
+"""Whether the part is where it was said to be: the prior of the pose, against the measurements.
+
+Near the answer distances tell. If the prior is far off, the answer is a pose that fits badly where the part is not, and
+only a search without it finds the one that fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.fitting import pose_information, weak_motions
+from tanteo.geometry.limits import NOTABLE, SUSPECT
+from tanteo.geometry.special import chi2_survival
+from tanteo.geometry.typing import FloatArray, Transforms
+from tanteo.posterior.answers.part_motions import part_scale
+from tanteo.posterior.answers.pose_prior import in_box, prior_rows
+from tanteo.posterior.answers.priors import Priors
+from tanteo.posterior.answers.results import Hypothesis
+from tanteo.posterior.around import without_pose
+from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
+from tanteo.posterior.outliers import so_many
+from tanteo.posterior.posterior import Posterior
+from tanteo.posterior.sampling.modes import Mode
+from tanteo.posterior.sampling.peaks import Objective
+
+
+@dataclass(frozen=True, slots=True)
+class PriorCheck:
+    """How the prior of the pose agrees with the measurements.
+
+    Attributes:
+        p: p-value of it; 1 if nothing was known.
+        other: the answer without it, where a part explains the measurements far better than where it was said to be.
+    """
+
+    p: float = 1.0
+    other: Posterior | None = None
+
+    @property
+    def elsewhere(self) -> str:
+        """That part; empty if there is none."""
+        return self.other.modes[0].prepared.part.name if self.other is not None else ""
+
+
+def check_prior(
+    posterior: Posterior, best: Hypothesis | None, without: Callable[[], Posterior], significance: float
+) -> PriorCheck:
+    """Whether the prior of the pose is contradicted: near the answer, or by an answer without it.
+
+    Where it is true, measurements are ``1 / significance`` times denser without it in at most ``significance`` of all
+    cases, whatever their distribution, because both densities integrate to one.
+
+    Args:
+        posterior: the answer.
+        best: its first hypothesis; None if there is none.
+        without: the answer if nothing had been known of the pose, which is looked for if there is doubt.
+        significance: least p-value.
+    """
+    priors = posterior.problem.priors
+    if priors.pose is None:
+        return PriorCheck()
+    fits = best is not None and best.probability >= posterior.unknown
+    p = p_of_prior(posterior.modes[0], priors) if posterior.modes else 1.0
+    if best is not None and fits and not best.outliers and min(p, best.p_value, _share(posterior)) > NOTABLE:
+        return PriorCheck(p)
+    other = without()
+    if not other.modes or other.modes[0].probability < other.unknown:
+        return PriorCheck(p if fits else 1.0)
+    if not is_good_fit(goodness_of_fit(other.modes[0]), priors.outlier_rate):
+        return PriorCheck(p if fits else 1.0)
+    bound = float(np.exp(min(posterior.log_evidence - other.log_evidence, 0.0)))
+    if bound < significance:
+        return PriorCheck(min(p, bound), other)
+    return PriorCheck(p)
+
+
+def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
+    """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
+    outliers, n = int(np.sum(one.outliers)), len(one.outliers)
+    if so_many(outliers, n, rate) <= one.mode.objective.problem.settings.checks.outlier_level:
+        return False
+    return one.misfit().p_value > SUSPECT
+
+
+def _share(posterior: Posterior) -> float:
+    """Of the first mode as it would be without a box, what the box leaves: 1 if it is well inside."""
+    pose, mode = posterior.problem.priors.pose, posterior.modes[0]
+    if pose is None or pose.box is None:
+        return 1.0
+    alone = _alone(mode, posterior.problem.priors)
+    peak = alone.maximize(mode.T_peak[None], fine=True)
+    L = np.linalg.cholesky(np.linalg.inv(alone.of_pose(peak.information[0])))
+    prior_samples = np.random.default_rng(1991).normal(size=(256, 6)) @ L.T
+    Ts = _core.place(np.repeat(peak.Ts[:1], len(prior_samples), axis=0), prior_samples, alone.prepared.shape.centre)
+    return float(np.mean(in_box(pose, alone.prepared.part, Ts)))
+
+
+def _alone(mode: Mode, priors: Priors) -> Objective:
+    """The climber of a mode if nothing were known of the pose."""
+    problem = mode.objective.problem
+    problem = replace(problem, priors=without_pose(problem.points, priors), mixtures={})
+    return replace(mode.objective, problem=problem, core=problem.compiled(mode.prepared))
+
+
+def p_of_prior(mode: Mode, priors: Priors) -> float:
+    """P-value of what was known of the pose beforehand, beside the measurements near an answer: 1 without.
+
+    Without it the measurements fit somewhere near as well or better: by how much, beside the squared distance of the
+    pose from the prior, is chi-square of as many degrees as both say something of. The prior is looked at where it
+    agrees best with the measurements: at the answer, or at a sample of it.
+
+    Args:
+        mode: the answer.
+        priors: what is assumed beforehand.
+    """
+    part = mode.prepared.part
+    share = _box_share(mode, priors)
+    known = prior_rows(priors.pose, part, mode.T_peak[None])[0].shape[1]
+    if not known:
+        return share
+    alone = _alone(mode, priors)
+    apart = alone.maximize(mode.T_peak[None], mode.z[None], fine=True)
+    left = weak_motions(pose_information(apart.information[0]), part_scale(part))
+    best = float(apart.logs[0])
+    zs = np.array(mode.z)
+    if alone.problem.scale_sd > 0:
+        zs[-1] = apart.zs[0, -1]  # the noise that the measurements have by themselves: a wrong prior is no noise
+
+    def off(Ts: Transforms, zs: FloatArray) -> FloatArray:
+        rows = prior_rows(priors.pose, part, Ts)[0]
+        logs = _core.log_densities(mode.prepared.shape, alone.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs))
+        return np.asarray(np.sum(rows**2, axis=1) + 2 * (best - logs))
+
+    heavy = np.argsort(-mode.weights, kind="stable")[: alone.problem.settings.samples.heaviest]
+    Ts = np.concatenate([mode.T_peak[None], mode.Ts[heavy]])
+    least = off(Ts, np.repeat(zs[None], len(Ts), axis=0)).min()
+    return min(share, chi2_survival(least, max(known - len(left), 1)))
+
+
+def _box_share(mode: Mode, priors: Priors) -> float:
+    """How much of a mode a box leaves; 1 without."""
+    if priors.pose is None or priors.pose.box is None:
+        return 1.0
+    return float(mode.weights @ in_box(priors.pose, mode.prepared.part, mode.Ts))

@@ -1,0 +1,178 @@
+"""The question: what was sensed, the errors that readings share, and what is known beforehand; packed for the core."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.factors import ContactPoints, FreeRays, PoseFactor
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms
+from tanteo.parts import Part
+from tanteo.posterior.answers.pose_prior import PosePrior, log_density_within
+from tanteo.posterior.answers.priors import Priors
+from tanteo.posterior.around import Around, around, outlier_log_density
+from tanteo.posterior.labels import Elsewhere, elsewhere, groups_of
+from tanteo.posterior.outliers import outlier_rates
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.settings import DEFAULTS, Settings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseMixture:
+    """Normal densities of where a part may be, with their weights; those of one part.
+
+    Attributes:
+        Ts: means ``T_world_part`` ``(A, 4, 4)``.
+        covariances: ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        log_weights: ``(A,)``.
+    """
+
+    Ts: Transforms
+    covariances: Covariances
+    log_weights: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """What inference is asked; immutable.
+
+    Attributes:
+        points: contact points and beam hits.
+        rays: free-space rays.
+        priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
+        mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
+        odds: log odds of each part by what was measured of the whole object, by its name; none were measured without.
+        pose_factors: measurements of the pose that are no points or rays, such as images and functions of a user.
+        settings: numbers of the search.
+        around: points that may be of what stands around.
+        groups: number of the label of each point ``(n,)``; -1 where it has none.
+        elsewhere: what labels say of surfaces that are not the part's.
+    """
+
+    points: ContactPoints
+    rays: FreeRays
+    priors: Priors
+    mixtures: dict[int, PoseMixture] = field(default_factory=dict)
+    odds: Mapping[str, float] = field(default_factory=dict)
+    pose_factors: tuple[PoseFactor, ...] = ()
+    settings: Settings = DEFAULTS
+    around: Around = field(init=False, repr=False)
+    groups: IntArray = field(init=False, repr=False)
+    elsewhere: Elsewhere = field(init=False, repr=False)
+    _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        groups = groups_of(self.points)
+        object.__setattr__(self, "groups", groups)
+        object.__setattr__(self, "around", around(self.points, self.priors, self.settings.search))
+        object.__setattr__(self, "elsewhere", elsewhere(self.points, groups, self.priors.radius))
+
+    @property
+    def scale_sd(self) -> float:
+        """Log of the factor to which the noise is known, the unit of the state; 0 where there is none."""
+        return self.priors.log_noise_factor if len(self.points) else 0.0
+
+    @property
+    def shared_errors(self) -> int:
+        """Number of shared errors: of the points first, then of each pose factor."""
+        return int(self.points.shared_jacobian.shape[2]) + sum(factor.states for factor in self.pose_factors)
+
+    @property
+    def states(self) -> int:
+        """Number of states beside the pose: shared errors and the noise scale."""
+        return self.shared_errors + (self.scale_sd > 0)
+
+    @property
+    def log_factors_unknown(self) -> float:
+        """Log density of all pose factors if the object is unknown."""
+        return float(sum(factor.log_unknown for factor in self.pose_factors))
+
+    @property
+    def log_not_on_part(self) -> FloatArray:
+        """Log density of each point if it is not of the part: anywhere, or on what stands around ``(n,)``."""
+        return np.asarray(outlier_log_density(self.points, self.priors) + np.log1p(self.around.over_outlier))
+
+    def log_odds(self, part: Part) -> float:
+        """Log odds of a part by what was measured of the whole object."""
+        return self.odds.get(part.name, 0.0)
+
+    def mixture(self, prepared: PreparedPart) -> PoseMixture | None:
+        """What is known of the pose of a part, as normal densities; None if nothing is."""
+        if id(prepared) in self.mixtures:
+            return self.mixtures[id(prepared)]
+        pose = self.priors.pose
+        if pose is None or pose.T_world_part is None:
+            return None
+        Ts = np.asarray(pose.T_world_part).reshape(-1, 4, 4)
+        C = np.asarray(pose.covariance).reshape(-1, 6, 6)
+        return PoseMixture(Ts, C, np.full(len(Ts), -np.log(len(Ts))))
+
+    def log_pose_density(self, prepared: PreparedPart) -> float:
+        """Log of what the core leaves out of the prior density of the pose: it is over shifts [m] and turns [rad]."""
+        anywhere = -3 * np.log(2 * self.priors.radius) - np.log(8 * np.pi**2)
+        pose = self.priors.pose
+        placed = id(prepared) in self.mixtures or (pose is not None and pose.T_world_part is not None)
+        if placed or any(factor.is_pose_prior for factor in self.pose_factors):
+            anywhere = 0.0  # the mixture, or the factor, is a density already
+        if pose is None:
+            return float(anywhere)
+        return float(anywhere + log_density_within(unplaced(pose), self.priors.radius))
+
+    @property
+    def factors(self) -> list[tuple[_core.FactorList, Indices]]:
+        """The measurements for the core; compiled once, for all parts."""
+        if not self._factors and len(self.points):
+            self._factors.extend(self.points.compiled(outlier_log_density(self.points, self.priors)))
+        return self._factors
+
+    def compiled(self, prepared: PreparedPart) -> _core.Problem:
+        """The question about one part, for the core."""
+        t, rays = self.points, self.rays
+        rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
+        rays = rays.join(self.around.paths) if len(self.around.paths) else rays
+        table = self.priors.pose.table if self.priors.pose is not None else None
+        lines = np.column_stack(
+            [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
+        )
+        means, roots, log_weights = self._normals(prepared)
+        more = ((0, 0), (0, 0), (0, self.shared_errors - t.shared_jacobian.shape[2]))
+        core = _core.make_problem(
+            self.factors, _c(self.around.over_outlier), self.groups, _c(self.elsewhere.log_odds),
+            _c(np.pad(t.shared_jacobian, more)),
+            np.zeros((0, 3, 0)), float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
+            _c(np.pad(rays.shared_jacobian, more)), _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
+            np.zeros(0) if table is None else np.r_[table.point, table.normal, table.sd],
+        )  # fmt: skip
+        first = t.shared_jacobian.shape[2]
+        for factor in self.pose_factors:
+            core.add(factor.term(prepared.part, first))
+            first += factor.states
+        return core
+
+    def _normals(self, prepared: PreparedPart) -> tuple[Transforms, FloatArray, FloatArray]:
+        """Means, roots of the inverse covariances and log weights of the normal densities, of symmetric poses, too."""
+        known = self.mixture(prepared)
+        if known is None:
+            return np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0)
+        roots = np.swapaxes(np.linalg.cholesky(np.linalg.inv(known.covariances)), -1, -2)
+        log = known.log_weights - 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(known.covariances)[1]
+        turns = prepared.part.symmetry.Ts
+        if len(turns) == 1:
+            return known.Ts, roots, log
+        # a pose is as probable as all that symmetry makes of it: log(T0^-1 T S) = Ad(S^-1) log((T0 S^-1)^-1 T)
+        back = SE3.inverse(turns)
+        means, roots = known.Ts[:, None] @ back, roots[:, None] @ SE3.adjoint(back)
+        return means.reshape(-1, 4, 4), roots.reshape(-1, 6, 6), np.repeat(log, len(turns))
+
+
+def unplaced(pose: PosePrior) -> PosePrior:
+    """What is known of the pose but for its normal density."""
+    return replace(pose, T_world_part=None, covariance=None)
+
+
+def _c(values: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(values, dtype=np.float64)

@@ -1,0 +1,8 @@
+"""Where maximizations start: one proposer a file, tables that bound many parts, and the registry of proposers."""
+
+from tanteo.posterior.proposals.built_in import FactorPoses
+from tanteo.posterior.proposals.drawn import PriorSamples
+from tanteo.posterior.proposals.proposer import BITS, InitialPoses, Proposer, SearchState
+from tanteo.posterior.proposals.registry import PROPOSERS, proposers
+
+__all__ = ["BITS", "PROPOSERS", "FactorPoses", "InitialPoses", "PriorSamples", "Proposer", "SearchState", "proposers"]

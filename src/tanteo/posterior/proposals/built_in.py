@@ -1,0 +1,137 @@
+"""Built-in proposers: of poses that were found before, planes on faces, centres on axes, and moves of the best maxima.
+
+Half turns and slides explain many of the same points: a part that is nearly symmetric fills its old place, and a step
+or wall slides onto the next one (decisions 51 and 52). Twins and variants share their frames (decision 52).
+"""
+
+from __future__ import annotations
+
+from typing import final
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Transforms, Vectors
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.proposals.centre_triples import from_centres
+from tanteo.posterior.proposals.plane_votes import plane_poses
+from tanteo.posterior.proposals.proposer import InitialPoses, Proposer, SearchState
+from tanteo.posterior.sampling.peaks import scores_of
+
+
+@final
+class KnownPoses(Proposer):
+    """Poses of the earlier stages of the race, in the first round."""
+
+    name = "known"
+
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose the known poses once."""
+        if state.round or state.known is None:
+            return InitialPoses.none()
+        return InitialPoses.exhaustive(state.known) if state.exhaustive else InitialPoses.unproposed(state.known)
+
+
+@final
+class FactorPoses(Proposer):
+    """Poses that factors of the pose suggest, once and without blur, for they are near a maximum."""
+
+    name = "factors"
+
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose the poses of all factors of the pose in the first round."""
+        if state.round or not problem.pose_factors:
+            return InitialPoses.none()
+        return InitialPoses.exhaustive(np.concatenate([factor.poses(part.part) for factor in problem.pose_factors]))
+
+
+@final
+class CentreTriples(Proposer):
+    """Three centres on three axes, once: poses that are within the noise."""
+
+    name = "centres"
+
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose the poses that put three centres on three axes of holes and bosses."""
+        if state.round or np.count_nonzero(problem.points.centres) < 3:
+            return InitialPoses.none()
+        core = state.objective.core
+        return InitialPoses.exhaustive(from_centres(problem.points, core, part, problem.settings.search))
+
+
+@final
+class PlanePoses(Proposer):
+    """Labelled planes and sensed normals on faces, once, for these are all poses that they allow."""
+
+    name = "planes"
+
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose the poses nearest to all points, unless earlier stages proposed all that planes allow."""
+        objective, count = state.objective, state.effort.maximized
+        if state.round or state.exhaustive or not len(objective.rows) or not len(state.planes.triples):
+            return InitialPoses.none()
+        Ts = np.ascontiguousarray(plane_poses(state.planes, part, problem.settings))
+        if len(Ts) > count:
+            costs = scores_of(problem, objective.core, part, objective.rows, Ts, objective.scales)
+            Ts = Ts[np.argsort(costs, kind="stable")[:count]]
+        return InitialPoses.exhaustive(Ts)
+
+
+@final
+class PosesOfOtherParts(Proposer):
+    """The best poses of the leading other parts."""
+
+    name = "other-parts"
+
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose the poses that the race passes on."""
+        return InitialPoses.unproposed(state.others)
+
+
+@final
+class HalfTurnsAndSlides(Proposer):
+    """Half turns and slides of the best maxima, more of them where the right one is hard to find."""
+
+    name = "moves"
+
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose poses beside the best maxima so far."""
+        effort = state.effort
+        hard = bool(effort.moved_hard) and (len(state.objective.scales.blurs) > 1 or state.is_doubtful())
+        count = effort.moved_hard if hard else effort.moved
+        if not len(state.best) or not count:
+            return InitialPoses.none()
+        return InitialPoses.unproposed(
+            moved(part, state.best.Ts[:count], state.rng, problem.settings.search.spins // 2)
+        )
+
+
+def moved(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator, slides: int) -> Transforms:
+    """Return poses of the part turned in its place by half turns, and slid along its axes."""
+    return np.concatenate([rotated(prepared, Ts), translated(prepared, Ts, rng, slides)])
+
+
+def translated(prepared: PreparedPart, Ts: Transforms, rng: np.random.Generator, count: int) -> Transforms:
+    """Return so many slides of each pose along axes of the part, by up to half its length."""
+    axes, size = _axes(prepared), np.ptp(prepared.part.box, axis=0)
+    which = rng.integers(len(axes), size=(len(Ts), count))
+    ways = rng.uniform(-0.5, 0.5, size=which.shape) * (np.abs(axes) @ size)[which]
+    slides = np.tile(np.eye(4), (*which.shape, 1, 1))
+    slides[..., :3, 3] = ways[..., None] * axes[which]
+    return np.ascontiguousarray((Ts[:, None] @ slides).reshape(-1, 4, 4))
+
+
+def _axes(prepared: PreparedPart) -> Vectors:
+    """Return the axes of the part frame and the principal axes of its surface ``(6, 3)``."""
+    return np.concatenate([np.eye(3), np.linalg.eigh(np.cov(prepared.samples.T))[1].T])
+
+
+def rotated(prepared: PreparedPart, Ts: Transforms) -> Transforms:
+    """Return poses after half turns about axes through the middle of the part."""
+    part = prepared.part
+    axes = _axes(prepared)
+    middles = np.stack([part.box.mean(axis=0), prepared.samples.mean(axis=0)]).repeat(3, axis=0)
+    R = 2 * axes[:, :, None] * axes[:, None] - np.eye(3)
+    turns = SE3.from_parts(R, middles - SE3.apply(R, middles))
+    return np.ascontiguousarray((Ts[:, None] @ turns).reshape(-1, 4, 4))

@@ -1,0 +1,203 @@
+"""Poses from centres: three of them on three axes of holes and bosses, spheres or apexes that are as far apart.
+
+The centre of a hole may be at any height along its axis, so two of them are as far apart as places of two axes can be;
+that of a sphere, or an apex, is an axis without length.
+Of many holes few triples fit that, as few triples of faces fit three planes (``plane_votes.py``).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.factors import ContactPoints, numbered_landmarks
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
+from tanteo.parts import Part
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.proposals.pose_seeds import spread_out
+from tanteo.posterior.settings import SearchSettings
+
+
+class Axes:
+    """The axes of a part's holes and bosses and the centres of its spheres and cones, as far as two can be apart.
+
+    Attributes:
+        ends: of each ``(N, 2, 3)`` [m].
+        sizes: least and largest radius [m] or half angle [rad] of each ``(N, 2)``.
+        sides: 1 of a hole, -1 of a boss ``(N,)``.
+        kinds: names of the factors that may be there, in the core ``(N,)``.
+    """
+
+    def __init__(self, part: Part, settings: SearchSettings) -> None:
+        self.settings = settings
+        ends, sizes, sides, kinds, numbers = [], [], [], [], set[int]()
+        for cls, number, one in numbered_landmarks(part):
+            if number in numbers:
+                continue  # the same axis, at all heights of the part
+            numbers.add(number)
+            middle, half = one.ends.mean(axis=0), 0.5 * (one.ends - one.ends.mean(axis=0))
+            ends.append(middle + half if one.is_line else one.ends[[0, 0]])  # a line goes on beyond its wall
+            sizes.append(one.sizes)
+            sides.append(1.0 if one.hole else -1.0)
+            kinds.append(cls.core)
+        self.ends = np.array(ends).reshape(-1, 2, 3)
+        self.sizes = np.array(sizes).reshape(-1, 2)
+        self.sides = np.array(sides)
+        self.kinds = np.array(kinds)
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    @cached_property
+    def distances(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest distance between places of two axes ``(N, N)`` [m], their walls' rims at the farthest.
+
+        A centre may be anywhere along an axis, so parallel ones are as near as their lines.
+        """
+        a, along = self.ends[:, 0], self.ends[:, 1] - self.ends[:, 0]
+        unit = along / np.maximum(np.linalg.norm(along, axis=1), np.finfo(float).tiny)[:, None]
+        corners = np.linalg.norm(self.ends[:, None, :, None] - self.ends[None, :, None], axis=-1)
+        off = a[None] - a[:, None]
+        beside = np.linalg.norm(off - np.einsum("ijk,jk->ij", off, unit)[..., None] * unit, axis=-1)
+        across = np.cross(unit[:, None], unit)
+        sines = np.linalg.norm(across, axis=-1)
+        skew = np.abs(np.einsum("ijk,ijk->ij", off, across)) / np.maximum(sines, 1e-12)
+        return np.where(sines > self.settings.tilt_as_made, skew, np.minimum(beside, beside.T)), corners.max(
+            axis=(2, 3)
+        )
+
+    def allowed(self, points: ContactPoints) -> BoolArray:
+        """Which axes each centre may be of, by kind, side and size ``(n, N)``."""
+        size, sd, side = sensed_sizes(points)[..., None]
+        gate = self.settings.gate * sd
+        near = (size > self.sizes[:, 0] - gate) & (size < self.sizes[:, 1] + gate)
+        alike = np.array([factor.core for factor in points.factors])[:, None] == self.kinds
+        return np.asarray(alike & (side * self.sides >= 0) & ((size == 0) | near))
+
+
+def sensed_sizes(points: ContactPoints) -> FloatArray:
+    """Return sensed size, its standard deviation and material side of each ``(3, n)``; 0 where unknown."""
+    sizes = [(0.0, 0.0) if f.sensed_size is None else (f.sensed_size.value, f.sensed_size.sd) for f in points.factors]
+    return np.column_stack([np.array(sizes).reshape(-1, 2), [f.material_side for f in points.factors]]).T
+
+
+def from_centres(
+    points: ContactPoints, core: _core.Problem, prepared: PreparedPart, settings: SearchSettings
+) -> Transforms:
+    """Poses that put three centres on three axes, moved until all points are near: the best first ``(S, 4, 4)``."""
+    rows, none = np.flatnonzero(points.centres), np.zeros((0, 4, 4))
+    if len(rows) < 3:
+        return none
+    axes = Axes(prepared.part, settings)
+    if len(axes) < 3:
+        return none
+    centres = points.take(rows)
+    found = [_placed(centres, axes, triple) for triple in _triples(centres, settings)]
+    Ts = np.concatenate([none, *found])
+    Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[: settings.kept]]
+    return _settled(points, core, prepared, axes, Ts) if len(Ts) else none
+
+
+def _triples(centres: ContactPoints, settings: SearchSettings) -> list[IntArray]:
+    """Triples of centres that are far apart and not in a row, the largest triangles first."""
+    spread = spread_out(centres.landmarks, settings.items)
+    triples = np.array(list(combinations(spread.tolist(), 3)))
+    a, b, c = centres.landmarks[triples].transpose(1, 0, 2)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([np.linalg.norm(p - q, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    chosen, used = list[IntArray](), set[int]()
+    for k in np.argsort(-areas, kind="stable"):
+        if areas[k] > settings.off_line * longest[k] ** 2 and used.isdisjoint(triples[k].tolist()):
+            chosen.append(triples[k])
+            used.update(triples[k].tolist())
+    return chosen[: settings.tuples]
+
+
+def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
+    """Poses that put three centres on three axes."""
+    p, sd, allowed = centres.landmarks[triple], centres.sd[triple], axes.allowed(centres.take(triple))
+    (least, most), gate = axes.distances, axes.settings.gate
+
+    def fits(i: int, j: int) -> BoolArray:
+        apart, within = float(np.linalg.norm(p[i] - p[j])), gate * float(np.hypot(sd[i], sd[j])) + axes.settings.as_made
+        near = (least < apart + within) & (most > apart - within)
+        return np.asarray(near & allowed[i][:, None] & allowed[j] & ~np.eye(len(axes), dtype=bool))
+
+    first, second, third = fits(0, 1), fits(0, 2), fits(1, 2)
+    a, b = np.nonzero(first)
+    a, b = a[: 20 * axes.settings.placed], b[: 20 * axes.settings.placed]
+    pair, c = np.nonzero(second[a] & third[b])
+    picked = np.linspace(0, len(pair) - 1, min(len(pair), axes.settings.placed)).astype(int)
+    chosen = axes.ends[np.column_stack([a[pair], b[pair], c])[picked]]
+    return _on_axes(p, chosen, axes.settings) if len(chosen) else np.zeros((0, 4, 4))
+
+
+def _on_axes(p: Vectors, ends: FloatArray, settings: SearchSettings) -> Transforms:
+    """Poses ``(K, 4, 4)`` that bring points ``(3, 3)`` near axes ``(K, 3, 2, 3)``: to the nearest places, in turns."""
+    along = ends[:, :, 1] - ends[:, :, 0]
+    squares = np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)
+    places, slack, steps = ends.mean(axis=2), settings.wall_slack, settings.steps // 2
+    Ts = _aligned(places, p)
+    for _ in range(steps):
+        there = SE3.apply(SE3.inverse(Ts)[:, None], np.broadcast_to(p, places.shape))
+        t = np.clip(np.sum((there - ends[:, :, 0]) * along, axis=-1) / squares, -slack, 1 + slack)
+        places = ends[:, :, 0] + t[..., None] * along
+        Ts = _aligned(places, p)
+    return Ts
+
+
+def _aligned(places: Vectors, p: Vectors) -> Transforms:
+    """Rigid motions that bring places ``(K, 3, 3)`` nearest to points ``(3, 3)`` (Kabsch 1976)."""
+    middles, middle = places.mean(axis=1), p.mean(axis=0)
+    u, _, v = np.linalg.svd(np.einsum("kni,nj->kij", places - middles[:, None], p - middle))
+    u[..., 2] *= np.sign(np.linalg.det(u) * np.linalg.det(v))[:, None]
+    R = np.swapaxes(u @ v, 1, 2)
+    return SE3.from_parts(R, middle - np.einsum("kij,kj->ki", R, middles))
+
+
+def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
+    """How far some of the centres are from the axes, in what they may be off, each as one at most ``(S,)``."""
+    some = spread_out(centres.landmarks, axes.settings.few_points)
+    a, along = axes.ends[:, 0], axes.ends[:, 1] - axes.ends[:, 0]
+    squares, allowed = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny), axes.allowed(centres.take(some))
+    within = axes.settings.gate * centres.sd[some] + 2 * axes.settings.as_made
+    slack, out = axes.settings.wall_slack, np.zeros(len(Ts))
+    for k, T in enumerate(SE3.inverse(Ts)):
+        off = SE3.apply(T, centres.landmarks[some])[:, None] - a
+        t = np.clip(np.sum(off * along, axis=-1) / squares, -slack, 1 + slack)
+        beside = np.linalg.norm(off - t[..., None] * along, axis=-1)
+        nearest = np.where(allowed, beside, np.inf).min(axis=1)
+        out[k] = np.sum(np.minimum((nearest / within) ** 2, 9.0))
+    return out
+
+
+def _settled(
+    points: ContactPoints, core: _core.Problem, prepared: PreparedPart, axes: Axes, Ts: Transforms
+) -> Transforms:
+    """The poses after steps to what all points are near, from as far as a hole is deep to their noise.
+
+    Where centres leave the height open, what is nearest to a point may be a face on the wrong side: so each pose is
+    also tried slid along the holes, up and down.
+    """
+    rows: Indices = np.concatenate(
+        [_some(np.flatnonzero(kind), axes.settings.few_points) for kind in (points.centres, ~points.centres)]
+    )
+    along = axes.ends[:, 1] - axes.ends[:, 0]
+    deep = float(np.median(np.linalg.norm(along, axis=1)))
+    slides = np.tile(np.eye(4), (3, 1, 1))
+    slides[:, :3, 3] = np.outer([0.0, -0.5 * deep, 0.5 * deep], np.linalg.svd(along, full_matrices=False)[2][0])
+    Ts = (Ts[:, None] @ slides).reshape(-1, 4, 4)
+    end = 2 * float(np.median(points.sd))
+    count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / (2 * axes.settings.scale_step))) + 1)
+    scales = np.geomspace(max(deep, end), end, count)
+    settled, _, _ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
+    return np.asarray(settled)
+
+
+def _some(rows: IntArray, count: int) -> IntArray:
+    """So many of some rows, evenly."""
+    return rows[np.linspace(0, len(rows) - 1, min(len(rows), count)).astype(int)]

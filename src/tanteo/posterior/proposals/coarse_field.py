@@ -1,0 +1,83 @@
+"""Points against coarse distance fields of parts: scores of all parts, then refinement of promising poses.
+
+A part is tried at turns that are even over all attitudes, and wherever its box holds the points after a turn. Parts of
+a kind have nearly the same box: they share the best few hundred of these, and each takes its own best of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.catalogue import LEVELS
+from tanteo.factors import ContactPoints
+from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms
+from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.sampling.peaks import spread_rows
+
+
+def evaluate_fields(
+    problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray, *, thorough: bool = False
+) -> tuple[FloatArray, dict[int, Transforms]]:
+    """Return the rough cost of the points on each part [nats] ``(m,)``, and poses of promising parts by row.
+
+    Args:
+        problem: the question.
+        points: points that are evaluated.
+        candidates: all parts.
+        rows: of those that are compared ``(m,)``.
+        thorough: refine more poses, and return some of every part.
+    """
+    evaluation = _Evaluation(problem, points, thorough=thorough)
+    best = evaluation.own.cost_point * len(evaluation.at)
+    costs, poses = np.full(len(rows), best), dict[int, Transforms]()
+    for start, table in candidates.fields:
+        here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
+        here = here[np.argsort(np.asarray(table["kind"])[rows[here] - start], kind="stable")]
+        scores, found, Ts = evaluation.at_parts(table, (rows[here] - start).astype(np.int32), best)
+        best = min(best, float(scores.min(initial=best)))
+        costs[here] = found[:, 0]
+        poses |= {int(rows[here[k]]): Ts[k] for k in np.flatnonzero(scores <= best + evaluation.behind)}
+    return costs, poses
+
+
+class _Evaluation:
+    """Some of the points, far from each other, the farthest first."""
+
+    def __init__(self, problem: Problem, points: ContactPoints, *, thorough: bool) -> None:
+        own = self.own = problem.settings.search
+        factor = float(np.exp(problem.scale_sd)) if problem.scale_sd else 1.0
+        usable = np.flatnonzero(~points.centres)
+        spread = usable[spread_rows(points.take(usable), min(own.few_points, len(usable)))]
+        shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
+        self.at = np.ascontiguousarray(points.points[spread])
+        self.normals = np.ascontiguousarray(np.where(points.oriented[spread, None], points.normals[spread], 0.0))
+        self.sds = np.hypot(factor * points.sd[spread], shared)
+        self.tilts = np.where(points.oriented[spread], points.normal_sds[spread], 1.0)
+        self.radii = np.ascontiguousarray(points.radii[spread])
+        self.behind = np.inf if thorough else own.negligible
+        more = own.few_points / len(spread)  # few points discriminate poses less well
+        self.stepped = int(min(more, 3.0) * own.coarse_poses) * (own.thorough if thorough else 1)
+
+    def at_parts(
+        self, table: Mapping[str, Any], rows: Indices, best: float
+    ) -> tuple[FloatArray, FloatArray, Transforms]:
+        """Scores of parts ``(R,)``, and the nats and poses that steps lead to ``(R, 4)``, the best first.
+
+        Args:
+            table: of a catalogue.
+            rows: of the parts in it, those of a kind one after another.
+            best: score so far; of parts that are far behind there are no poses, and the nats are the most there can be.
+        """
+        numbers, kinds = np.asarray(table["numbers"]), np.asarray(table["kind"])
+        return _core.coarse(
+            np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
+            np.sqrt(numbers[:, 0] / self.own.coarse_areas), np.ascontiguousarray(numbers[:, 5:8]),
+            np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, np.ascontiguousarray(kinds[rows]), best,
+            self.behind, self.at, self.normals, self.sds, self.tilts, self.radii, self.own.cost_point, self.stepped,
+            self.own.kept // 2,
+        )  # fmt: skip

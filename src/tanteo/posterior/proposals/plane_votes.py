@@ -1,0 +1,193 @@
+"""Sensed planes against the faces of very many parts: distances and angles of pairs vote, then poses are tried.
+
+Two planes that are sensed have an angle, and where they are parallel a distance. A part of which no two faces have it
+has to call one of the two an outlier. The sorted columns of a catalogue say at once which parts have it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.proposals.sensed_planes import SensedPlanes
+from tanteo.posterior.settings import SearchSettings, Settings
+
+
+def cost_margin(settings: Settings) -> float:
+    """Return the cost behind the best part at which tables prune a part [nats]."""
+    return settings.search.negligible / settings.race.table_weight
+
+
+def on_planes(
+    sensed: SensedPlanes, candidates: Candidates, rows: IntArray, far: float
+) -> tuple[FloatArray, dict[int, Transforms]]:
+    """Return the cost of the planes on each part ``(m,)`` [nats], and poses of parts that cost little, by row.
+
+    What is so far behind the best costs at least as much, as far as is known.
+    """
+    lacking, poses = voted(sensed, candidates, rows), dict[int, Transforms]()
+    costs = _by_poses(_Faces(candidates.tables, rows, far, sensed.settings.kept), sensed, lacking, poses)
+    return costs, poses
+
+
+def plane_poses(sensed: SensedPlanes, prepared: PreparedPart, settings: Settings) -> Transforms:
+    """Return poses of one part with the planes on its faces ``(S, 4, 4)``; none where they leave a motion free."""
+    poses = dict[int, Transforms]()
+    if len(sensed.triples) and sensed.triples[2] >= 0:
+        faces = _Faces(
+            [(0, prepared.faces)], np.zeros(1, dtype=np.int64), cost_margin(settings), settings.search.placed
+        )
+        _by_poses(faces, sensed, np.zeros(1), poses)
+    return poses.get(0, np.zeros((0, 4, 4)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Faces:
+    """The faces of some parts.
+
+    Attributes:
+        tables: row of the first part of each, and its arrays.
+        rows: of the parts ``(m,)``.
+        far: nats behind the best at which poses are given up.
+        keep: poses of each.
+    """
+
+    tables: Sequence[tuple[int, Mapping[str, Any]]]
+    rows: IntArray
+    far: float
+    keep: int
+
+
+def _by_poses(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses: dict[int, Transforms]) -> FloatArray:
+    """Return the costs of parts by poses, of other triples where the first lead to nothing; votes bound them."""
+    costs, more = _by_triples(faces, sensed.first, lacking, poses), sensed.more
+    if costs.min(initial=sensed.settings.cost_limit) > sensed.doubtful and len(more.triples) + len(more.walls):
+        costs = np.minimum(costs, _by_triples(faces, more, lacking, poses))
+    return costs
+
+
+def _by_triples(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses: dict[int, Transforms]) -> FloatArray:
+    """Return the costs of parts by poses of some triples.
+
+    These are tried up to a limit of nats, as each nat more takes longer. It is raised until a part is found, or no
+    plane would be of a face any more.
+    """
+    costs, limit = lacking, float(len(sensed.rows))
+    while True:
+        costs, lowest = _tried(faces, sensed, lacking, limit, poses)
+        if lowest < limit or limit >= sensed.hopeless:
+            break
+        limit = min(2 * limit, sensed.hopeless)
+    if limit < lowest + faces.far < sensed.settings.cost_limit:
+        costs, _ = _tried(faces, sensed, lacking, lowest + faces.far, poses)
+    return costs
+
+
+def voted(sensed: SensedPlanes, candidates: Candidates, rows: IntArray) -> FloatArray:
+    """Return the costs of some parts by pairs alone ``(m,)`` [nats]."""
+    costs = np.zeros(len(rows))
+    for start, table in candidates.tables:
+        here = np.flatnonzero((rows >= start) & (rows < start + len(table["numbers"])))
+        costs[here] = np.minimum(votes(sensed, table)[rows[here] - start], sensed.settings.cost_limit)
+    return costs
+
+
+def _tried(
+    faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, limit: float, poses: dict[int, Transforms]
+) -> tuple[FloatArray, float]:
+    """Return the costs of parts by poses below a limit, else the limit, and the least cost; set the poses."""
+    none = sensed.settings.cost_limit
+    costs, lowest, rows = np.maximum(lacking, limit), none, faces.rows
+    for start, table in faces.tables:
+        here = np.flatnonzero((lacking < limit) & (rows >= start) & (rows < start + len(table["numbers"])))
+        local, upto = (rows[here] - start).astype(np.int32), min(limit, lowest + faces.far)
+        found, Ts = _core.on_planes(
+            np.asarray(table["planes"]).ravel(), np.asarray(table["planes_start"]), np.asarray(table["rounds"]).ravel(),
+            np.asarray(table["rounds_start"]), np.ascontiguousarray(table["numbers"][:, 16]), local, sensed.rows,
+            sensed.triples, sensed.walls, upto, faces.far, faces.keep,
+        )  # fmt: skip
+        costs[here] = np.maximum(found[:, 0], lacking[here])
+        some = np.flatnonzero(found[:, 0] < upto)
+        lowest = min(lowest, float(found[some, 0].min(initial=none)))
+        for k in some:
+            poses[int(rows[here[k]])] = Ts[k][found[k] < upto]
+    return costs, lowest
+
+
+def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
+    """Return costs by pairs alone ``(n,)``: of the planes that have to be of no face, each counted once."""
+    n, k = len(table["numbers"]), len(sensed.rows)
+    share = np.asarray(table["numbers"])[:, 16]
+    loose = np.where(share > 0, sensed.settings.loose - np.log(np.maximum(share, 1e-300)), np.inf)
+    costs, used = np.zeros(n), np.zeros((n, k), dtype=bool)
+    loose = np.where(np.diff(np.asarray(table["rounds_start"])) > 0, 0.0, loose)  # or it is of a cylinder
+    most = [np.minimum(row[9], loose) if row[11] > 0 else np.full(n, row[9]) for row in sensed.rows]
+    for i, j in combinations(range(k), 2):
+        has = _having(sensed.settings, sensed.rows[i], sensed.rows[j], table, n)
+        if has is None:
+            continue
+        free = ~has & ~used[:, i] & ~used[:, j]  # pairs that share no plane each cost one
+        costs[free] += np.minimum(most[i], most[j])[free]
+        used[free, i] = used[free, j] = True
+    return costs
+
+
+def _having(
+    own: SearchSettings, first: FloatArray, second: FloatArray, table: Mapping[str, Any], n: int
+) -> BoolArray | None:
+    """Which parts have two faces like two planes ``(n,)``; None where most do."""
+    cosine = float(np.clip(first[:3] @ second[:3], -1, 1))
+    within = own.gate * float(np.hypot(first[7], second[7])) + own.tilt_as_made
+    angle = float(np.arccos(cosine))
+    sided = first[10] > 0 and second[10] > 0
+    angles = (angle,) if sided else (angle, np.pi - angle)
+    found = list[np.ndarray]()
+    for one in angles:
+        found.append(_between(table, "angles", one - within, one + within))
+        if one < within and abs(_height(own, first, second)[0]) < _height(own, first, second)[1]:
+            return None  # both may be of one face
+        if one < within:
+            found.append(_distances(own, table, "same", first, second, signed=False))
+        if one > np.pi - within:
+            found.append(_distances(own, table, "opposite", first, second, signed=sided))
+    rows = np.concatenate(found)
+    has = np.zeros(n, dtype=bool)
+    has[rows] = True
+    return None if np.count_nonzero(has) > own.vote_share * n else has
+
+
+def _height(own: SearchSettings, first: FloatArray, second: FloatArray) -> tuple[float, float]:
+    """How far apart two parallel planes are, and within how much that is known [m]."""
+    way = second[3:6] - first[3:6]
+    normal = first[:3] + (1.0 if first[:3] @ second[:3] > 0 else -1.0) * second[:3]
+    normal /= np.linalg.norm(normal)
+    height = float(way @ normal)
+    lever = float(np.linalg.norm(way - height * normal))
+    tilt = float(np.hypot(first[7], second[7])) / 2
+    return height, own.gate * float(np.sqrt(first[6] ** 2 + second[6] ** 2 + (lever * tilt) ** 2)) + own.as_made
+
+
+def _distances(
+    own: SearchSettings, table: Mapping[str, Any], name: str, first: FloatArray, second: FloatArray, *, signed: bool
+) -> np.ndarray:
+    """Parts with two parallel faces as far apart as two planes are."""
+    height, within = _height(own, first, second)
+    if signed:
+        return _between(table, name, height - within, height + within)
+    rows, far = _between(table, name, abs(height) - within, abs(height) + within), abs(height)
+    return rows if name == "same" else np.concatenate([rows, _between(table, name, -far - within, within - far)])
+
+
+def _between(table: Mapping[str, Any], name: str, low: float, high: float) -> np.ndarray:
+    """Rows of the parts of a sorted column between two numbers."""
+    keys = table[f"{name}_key"]
+    a, b = np.searchsorted(keys, [low, high])
+    return np.asarray(table[f"{name}_row"][a:b])

@@ -1,0 +1,118 @@
+"""Which few sensed centres and planes fix a pose: three centres, two and a plane, one and two planes, two with an axis.
+
+Each is called a seed. Several are needed, so that one of them is right although any one reading, or any two, are wrong.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Vectors
+from tanteo.posterior.settings import SearchSettings
+
+
+def spread_out(p: Vectors, count: int) -> IntArray:
+    """Rows of points that are far from each other, the farthest from their middle first."""
+    if not len(p):
+        return np.zeros(0, dtype=np.int64)
+    chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
+    nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(p)):
+        nearest[chosen[-1]] = -1.0
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+class Seeds:
+    """Which centres and planes fix a pose, those first that fix it best."""
+
+    def __init__(self, settings: SearchSettings, rows: FloatArray, planes: FloatArray, usable: BoolArray) -> None:
+        self.settings = settings
+        self.rows, self.planes, self.count = rows, planes, len(rows)
+        self.centres = list(range(min(len(rows), settings.items)))
+        self.flat = [len(rows) + int(k) for k in np.flatnonzero(usable)[: settings.items]]
+        at = np.concatenate([rows[:, :3], planes[:, 3:6]])
+        self.reach = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 0.0
+
+    def chosen(self) -> tuple[Indices, Indices, bool]:
+        """Seeds of which no item is in all; others of which no two are in all of both; whether they fix a pose.
+
+        Where none does, two centres and a plane tell parts apart still: what they leave free moves none of them.
+        """
+        known = sorted((error, seed) for seed in self._all() if (error := self._error(seed)) is not None)
+        seeds = [seed for _, seed in known]
+        if not seeds:
+            seeds = [(*two, k) for two in combinations(self.centres, 2) for k in self.flat]
+            seeds = seeds or [(k, m) for k in self.centres for m in self.flat]
+        first = _covering(seeds, [], 1, self.settings.tuples)
+        return _as_rows(first), _as_rows(_covering(seeds, first, 2, self.settings.items)), len(known) > 0
+
+    def _all(self) -> list[tuple[int, ...]]:
+        c, f = self.centres, self.flat
+        some = [*combinations(c, 3), *combinations(c, 2)]
+        some += [(*two, k) for two in combinations(c, 2) for k in f]
+        return some + [(k, *two) for k in c for two in combinations(f, 2)] + [(k, m) for k in c for m in f]
+
+    def _error(self, seed: tuple[int, ...]) -> float | None:
+        """About how far off the pose may be at the farthest reading [m]; None where a seed does not fix it."""
+        held = [k for k in seed if k < self.count]
+        ways = [(self._plane(k)[:3], self._plane(k)[7]) for k in seed if k >= self.count]
+        if len(held) == 3:
+            return self._of_three(held)
+        if len(seed) == 2:  # the axis of a centre instead of a plane
+            ways += [(self.rows[k, 3:6], self.rows[k, 7]) for k in held if np.any(self.rows[k, 3:6])][:1]
+        if len(held) == 2 and len(ways) == 1:
+            return self._of_two(held, *ways[0])
+        if len(ways) < 2:
+            return None
+        size, tilt = float(np.linalg.norm(np.cross(ways[0][0], ways[1][0]))), max(tilt for _, tilt in ways)
+        return (
+            float(self.reach * tilt / size)
+            if size > max(self.settings.independent, self.settings.gate * tilt)
+            else None
+        )
+
+    def _plane(self, k: int) -> FloatArray:
+        return np.asarray(self.planes[k - self.count])
+
+    def _of_three(self, held: list[int]) -> float | None:
+        """Heights along the axes are not known, so that they tell a tilt badly."""
+        a, b, c = self.rows[held, :3]
+        longest = max(float(np.linalg.norm(x)) for x in (b - a, c - a, c - b))
+        height = float(np.linalg.norm(np.cross(b - a, c - a))) / max(longest, 1e-12)
+        return (
+            self.settings.gate * self.reach * float(self.rows[held, 6].max()) / height
+            if height > self.settings.off_line * longest
+            else None
+        )
+
+    def _of_two(self, held: list[int], way: FloatArray, tilt: float) -> float | None:
+        off = self.rows[held[1], :3] - self.rows[held[0], :3]
+        across = float(np.linalg.norm(off - (off @ way) * way))
+        if across <= max(self.settings.off_line, self.settings.gate * tilt) * float(np.linalg.norm(off)):
+            return None
+        return self.reach * max(tilt, float(np.linalg.norm(self.rows[held, 6])) / across)
+
+
+def _covering(
+    seeds: list[tuple[int, ...]], known: list[tuple[int, ...]], wrong: int, most: int
+) -> list[tuple[int, ...]]:
+    """The best seeds, so that with those that are known some is right although so many items are wrong."""
+    items = sorted({k for seed in seeds for k in seed})
+    spoiled = [set(some) for some in combinations(items, wrong) if all(set(some) & set(seed) for seed in known)]
+    chosen = list[tuple[int, ...]]() if known else seeds[:1]
+    spoiled = [some for some in spoiled if not any(some.isdisjoint(seed) for seed in chosen)]
+    while spoiled and len(chosen) < most:
+        right = [sum(some.isdisjoint(seed) for some in spoiled) for seed in seeds]
+        if not max(right):
+            break
+        chosen.append(seeds[int(np.argmax(right))])
+        spoiled = [some for some in spoiled if not some.isdisjoint(chosen[-1])]
+    return chosen
+
+
+def _as_rows(seeds: list[tuple[int, ...]]) -> Indices:
+    return np.array([[*seed, *[-1] * (3 - len(seed))] for seed in seeds], dtype=np.int32).reshape(-1, 3)

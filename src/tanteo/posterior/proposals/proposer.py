@@ -1,0 +1,133 @@
+"""What proposes initial poses of a part: the protocol, what it receives and what it returns."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.geometry.typing import BoolArray, Indices, IntArray, Transforms
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.proposals.sensed_planes import SensedPlanes
+from tanteo.posterior.sampling.peaks import Objective, Peaks
+from tanteo.posterior.settings import DEFAULTS, Effort
+
+BITS = DEFAULTS.search.sources
+"""Number of independent sources that are counted apart: bits of a whole number."""
+
+EXHAUSTIVE = (1 << DEFAULTS.search.often) - 1
+"""Sources of poses that are all that measurements allow: as many as make a maximum surely found."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InitialPoses:
+    """Poses at which maximizations start.
+
+    Attributes:
+        Ts: poses ``T_world_part`` ``(S, 4, 4)``.
+        sources: one bit for each independent source that led to a pose, 0 for a pose that no measurement proposed
+            ``(S,)``. A maximum to which few sources led shows that others may be missing (Good 1953).
+        settled: which are within the noise of a maximum: these are maximized without settling and blur ``(S,)``.
+        keep: number of the others that are maximized after settling; all if None.
+    """
+
+    Ts: Transforms
+    sources: IntArray
+    settled: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    keep: int | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.Ts)
+        if not len(self.settled):
+            object.__setattr__(self, "settled", np.zeros(n, dtype=bool))
+        for name, shape in (("Ts", (n, 4, 4)), ("sources", (n,)), ("settled", (n,))):
+            if np.shape(getattr(self, name)) != shape:
+                raise InputError(f"{name}: expected an array {shape}, got {np.shape(getattr(self, name))}.")
+        if not np.isfinite(self.Ts).all():
+            raise InputError("Ts: expected finite poses, got nan or inf.")
+
+    def __len__(self) -> int:
+        return len(self.Ts)
+
+    @classmethod
+    def none(cls) -> InitialPoses:
+        """Propose nothing."""
+        return cls(np.zeros((0, 4, 4)), np.zeros(0, dtype=np.int64))
+
+    @classmethod
+    def unproposed(cls, Ts: Transforms) -> InitialPoses:
+        """Return poses that no measurement proposed: what they lead to still has to be found."""
+        return cls(Ts, np.zeros(len(Ts), dtype=np.int64))
+
+    @classmethod
+    def exhaustive(cls, Ts: Transforms) -> InitialPoses:
+        """Return settled poses that are all that measurements allow."""
+        return cls.settled_ones(Ts, np.full(len(Ts), EXHAUSTIVE, dtype=np.int64))
+
+    @classmethod
+    def settled_ones(cls, Ts: Transforms, sources: IntArray) -> InitialPoses:
+        """Return poses that are within the noise of a maximum."""
+        return cls(Ts, sources, np.ones(len(Ts), dtype=bool))
+
+    @classmethod
+    def joined(cls, each: Sequence[InitialPoses]) -> InitialPoses:
+        """Return the poses of several; as many are kept as of the first."""
+        Ts, sources, settled = ([getattr(one, name) for one in each] for name in ("Ts", "sources", "settled"))
+        return cls(np.concatenate(Ts), np.concatenate(sources), np.concatenate(settled), each[0].keep)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchState:
+    """The search for one part as a proposer reads it.
+
+    Attributes:
+        objective: the part and the compiled problem, length scales, points on which poses are settled.
+        effort: how much this round proposes.
+        round: number of the round, from 0.
+        rng: generator of all draws.
+        pairs: pairs of points that are far apart ``(K, 2)``.
+        planes: planes that labels and sensed normals show.
+        known: poses that earlier stages of the race found, or an image; None without.
+        exhaustive: whether these are all poses that the measurements allow.
+        others: best poses of leading other parts ``(S, 4, 4)``.
+        best: maxima so far, best first.
+        is_doubtful: whether the best maximum leaves more points out than expected.
+    """
+
+    objective: Objective
+    effort: Effort
+    round: int
+    rng: np.random.Generator
+    pairs: Indices
+    planes: SensedPlanes
+    known: Transforms | None
+    exhaustive: bool
+    others: Transforms
+    best: Peaks
+    is_doubtful: Callable[[], bool]
+
+
+class Proposer(ABC):
+    """Proposes initial poses of one part.
+
+    An object of another distribution is found by the entry point group ``tanteo.proposals``.
+
+    Attributes:
+        name: name in the registry, and of the entry point.
+    """
+
+    name: str
+
+    @abstractmethod
+    def propose(self, problem: Problem, part: PreparedPart, state: SearchState) -> InitialPoses:
+        """Propose poses for this round; none if the measurements suggest none.
+
+        Args:
+            problem: measurements and priors.
+            part: the part.
+            state: the search so far.
+        """

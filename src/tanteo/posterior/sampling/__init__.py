@@ -1,0 +1,1 @@
+"""Modes of the posterior and importance sampling about them."""

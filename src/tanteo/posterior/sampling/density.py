@@ -1,0 +1,61 @@
+"""The density that is sampled: prior times likelihood over the poses of one part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.geometry.limits import LARGEST
+from tanteo.geometry.typing import FloatArray, Transforms
+from tanteo.posterior.answers.pose_prior import in_box
+from tanteo.posterior.sampling.peaks import Objective
+from tanteo.posterior.symmetry import is_held, log_gauge
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Density:
+    """Prior times likelihood of one part, over shifts and turns.
+
+    Attributes:
+        objective: the part and the problem.
+        T: the best maximum, beside which a part of revolution does not turn ``(4, 4)``.
+        log_constant: of the prior, what the core leaves out, symmetric poses included.
+        log_untouched: of poses at which no point is of the part.
+    """
+
+    objective: Objective
+    T: Transforms
+    log_constant: float
+    log_untouched: float
+
+    @classmethod
+    def about(cls, objective: Objective, T: Transforms, log_constant: float) -> Density:
+        """That about a maximum."""
+        untouched = -np.inf
+        if len(objective.problem.points):
+            far = np.eye(4)
+            far[:3, 3] = T[:3, 3] + LARGEST  # out of reach of all points
+            zs = np.zeros((1, objective.problem.states))
+            untouched = float(_core.marginals(objective.prepared.shape, objective.core, far[None], zs)[0][0])
+        return cls(objective, T, log_constant, untouched)
+
+    def at(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Log density at poses ``(N,)``, and the other states there ``(N, D)``."""
+        objective, prepared = self.objective, self.objective.prepared
+        log, zs = _core.marginals(prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
+        # without that no point is of the part, which is as dense wherever the part may be
+        log = log + np.log(np.maximum(-np.expm1(np.minimum(self.log_untouched - log, 0.0)), 1e-300))
+        log += self.log_constant
+        if is_held(prepared, named=objective.named):
+            log += log_gauge(prepared, Ts, self.T)
+        pose = objective.problem.priors.pose
+        if pose is not None and pose.box is not None:
+            log[~in_box(pose, prepared.part, Ts)] = -np.inf
+        return log, zs
+
+    def is_possible(self, T: Transforms) -> bool:
+        """Whether a pose ``(4, 4)`` is in the box, if there is one."""
+        pose = self.objective.problem.priors.pose
+        return pose is None or pose.box is None or bool(in_box(pose, self.objective.prepared.part, T[None])[0])

@@ -1,0 +1,63 @@
+"""All Student-t components that samples of one part were ever drawn from, as one mixture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.posterior.sampling.widths import roots
+
+
+@dataclass(slots=True, eq=False)
+class Mixture:
+    """Components by the samples drawn of each.
+
+    Attributes:
+        images: motions other than none that bring the part onto itself ``(K, 4, 4)``.
+        centre: of the part, about which components turn ``(3,)`` [m].
+        freedom: degrees of freedom of the Student-t components.
+    """
+
+    images: Transforms
+    centre: FloatArray
+    freedom: float
+    _components: list[tuple[int, FloatArray, Covariances, int]] = field(init=False, default_factory=list)
+
+    def add(self, k: int, mean: FloatArray, covariance: Covariances, count: int) -> None:
+        """Remember what is drawn about maximum ``k``: more of the same component is one of larger weight."""
+        for row, (owner, m, C, drawn) in enumerate(self._components):
+            if owner == k and np.array_equal(m, mean) and np.array_equal(C, covariance):
+                self._components[row] = k, m, C, drawn + count
+                return
+        self._components.append((k, mean.copy(), covariance.copy(), count))
+
+    def counts(self, m: int) -> IntArray:
+        """Samples drawn so far about each of so many maxima ``(m,)``."""
+        counts = np.zeros(m, dtype=np.int64)
+        for owner, _, _, count in self._components:
+            counts[owner] += count
+        return counts
+
+    def log_density(self, bases: Transforms, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
+        """At poses ``(N, 4, 4)``, log of the density, and the share that each maximum ``(m, 4, 4)`` has of it.
+
+        Symmetric poses are one: each may have been drawn as any of them.
+        """
+        components = sorted(self._components, key=lambda c: c[0])
+        owners = np.array([c[0] for c in components], dtype=np.int32)
+        means, counts = np.array([c[1] for c in components]), np.array([float(c[3]) for c in components])
+        L = roots(np.array([c[2] for c in components]))
+        inverse = np.ascontiguousarray(np.linalg.inv(L))
+        log_w = np.log(counts) - np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
+        args = np.ascontiguousarray(bases), owners, means, inverse, log_w, self.freedom, self.centre
+        log_q, shares = _core.mixture(Ts, *args)
+        for turn in self.images:
+            other, of_other = _core.mixture(np.ascontiguousarray(Ts @ turn), *args)
+            both = np.logaddexp(log_q, other)
+            with np.errstate(invalid="ignore"):
+                a, b = np.exp(log_q - both), np.exp(other - both)
+            shares, log_q = np.nan_to_num(a)[:, None] * shares + np.nan_to_num(b)[:, None] * of_other, both
+        return log_q, shares

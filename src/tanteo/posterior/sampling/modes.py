@@ -1,0 +1,200 @@
+"""Modes of the posterior: regions of poses of one part, from samples about its maxima."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.limits import NOTABLE
+from tanteo.geometry.special import chi2_quantile
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.sampling.compared import Compared
+from tanteo.posterior.sampling.peaks import Objective
+from tanteo.posterior.sampling.sampler import Sampler
+from tanteo.posterior.sampling.widths import roots
+from tanteo.posterior.settings import POSE_DOF
+from tanteo.posterior.symmetry import folded
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mode:
+    """One region of poses of one part.
+
+    Attributes:
+        objective: the part and the problem, compiled.
+        T_world_part: mean pose ``(4, 4)``; of several maxima in one region the best.
+        covariance: about it, of the samples ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        T_peak: the best maximum ``(4, 4)``.
+        z: shared errors, and the noise scale where it is a state, there ``(D,)``.
+        information: of pose and these at the maximum, part frame ``(6 + D, 6 + D)``.
+        log_mass: log evidence, prior of the part included.
+        probability: posterior.
+        Ts: samples ``(N, 4, 4)``; the maximum alone where the mode was too improbable to be sampled.
+        weights: of them, summing to one ``(N,)``.
+        ess: how many independent samples would tell its covariance as well.
+        normal: whether the region is normal, as the curvature of its maximum has it.
+        maxima: of how many its region is.
+    """
+
+    objective: Objective
+    T_world_part: Transforms
+    covariance: Covariances
+    T_peak: Transforms
+    z: FloatArray
+    information: FloatArray
+    log_mass: float
+    probability: float
+    Ts: Transforms
+    weights: FloatArray
+    ess: float
+    normal: bool
+    maxima: int = 1
+
+    @property
+    def prepared(self) -> PreparedPart:
+        """The part."""
+        return self.objective.prepared
+
+
+def modes_of(sampler: Sampler) -> list[Mode]:
+    """Regions of one part: maxima that share samples, or lie in each other's region, are one."""
+    mass, _ = sampler.masses()
+    sampled = np.isfinite(mass)
+    if not sampled.any():
+        return []
+    W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
+    sums = W.sum(axis=0)
+    common = W.T @ sampler.shares
+    together = (common > sampler.settings.overlap * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
+    inside = _inside(sampler)
+    together |= inside & sampled & sampled[:, None]
+    together |= _in_one_valley(sampler, np.flatnonzero(sampled))
+    out = [_mode(sampler, rows, W) for rows in _groups(together) if sampled[rows].any()]
+    apart = ~sampled & ~inside[sampled].any(axis=0)  # what lies in a sampled region is of its samples
+    return out + [_by_curvature(sampler, int(k)) for k in np.flatnonzero(apart)]
+
+
+def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
+    """Which of some maxima are joined by a path of poses nowhere much less dense than the lower of both ``(m, m)``.
+
+    A round face made of facets has a maximum on each: the turn about it is one region, with ripples.
+    """
+    objective, peaks, out = sampler.objective, sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool)
+    steps = sampler.settings.path_steps
+    first, second = (rows[k] for k in np.triu_indices(len(rows), 1))
+    if not len(first):
+        return out
+    xi = SE3.log(SE3.inverse(peaks.Ts[first]) @ peaks.Ts[second])
+    shares = np.arange(1, steps) / steps
+    Ts = peaks.Ts[first, None] @ SE3.exp(shares[:, None] * xi[:, None])
+    zs = peaks.zs[first, None] + shares[:, None] * (peaks.zs[second] - peaks.zs[first])[:, None]
+    logs = _core.log_densities(
+        objective.prepared.shape, objective.core, np.ascontiguousarray(Ts.reshape(-1, 4, 4)),
+        np.ascontiguousarray(zs.reshape(len(first) * len(shares), zs.shape[2])),
+    ).reshape(len(first), -1)  # fmt: skip
+    lower = np.minimum(peaks.logs[first], peaks.logs[second])
+    joined = logs.min(axis=1) > lower - sampler.settings.barrier
+    out[first[joined], second[joined]] = True
+    return out
+
+
+def _inside(sampler: Sampler) -> np.ndarray:
+    """Return whether the inner half of the normal region of one maximum reaches to another ``(m, m)``."""
+    centre, peaks = sampler.objective.prepared.shape.centre, sampler.peaks
+    x = np.stack([_core.offsets(T, peaks.Ts, centre) for T in peaks.Ts]) - sampler.means[:, None]
+    z = x @ np.swapaxes(np.linalg.inv(roots(sampler.covariances)), 1, 2)
+    return np.asarray(np.sum(z * z, axis=-1) < chi2_quantile(0.5, POSE_DOF))
+
+
+def _by_curvature(sampler: Sampler, k: int) -> Mode:
+    """A region too improbable to be sampled, as the curvature of its maximum has it."""
+    objective, peaks, T = sampler.objective, sampler.peaks, sampler.peaks.Ts[k]
+    covariance = from_centre(objective, objective.of_pose(peaks.information[k]))
+    information = to_origin(objective, peaks.information[k])
+    log_mass = float(peaks.evidence[k]) + sampler.log_constant
+    return Mode(objective, T, covariance, T, peaks.zs[k], information, log_mass, 0.0, T[None], np.ones(1), 0.0, True)
+
+
+def _groups(together: np.ndarray) -> list[IntArray]:
+    """Connected sets of a relation ``(m, m)``."""
+    label = np.arange(len(together))
+    for k, row in enumerate(together):
+        for other in np.flatnonzero(row | together[:, k]):
+            label[label == label[other]] = label[k]
+    return [np.flatnonzero(label == value) for value in dict.fromkeys(label)]
+
+
+def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
+    """The region of some maxima, from its samples.
+
+    Where there is one maximum, the samples only tell by how much its region differs from a normal density: what they
+    say of the density itself, which is known, is taken from what they say of the region (a control variate).
+    """
+    objective, peaks = sampler.objective, sampler.peaks
+    top = float(sampler.log_weights.max())
+    best = int(rows[np.argmax(peaks.evidence[rows])])
+    T = T_peak = peaks.Ts[best]
+    w = W[:, rows].sum(axis=1)
+    alone = len(rows) == 1 and w.sum() > sampler.settings.region * W.sum()
+    region = sampler.compared(best, w) if alone else Compared.alone(w, sampler.settings)
+    keep = w + region.normal > 1e-9 * w.max()
+    Ts = folded(objective.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=objective.named)
+    curved = from_centre(objective, objective.of_pose(peaks.information[best]))
+    xi, w, rest = SE3.log(SE3.inverse(T_peak) @ Ts), w[keep], region.rest[keep]
+    mean = np.zeros(6)
+    if len(rows) == 1 or not sampler.density.is_possible(T_peak):
+        mean = rest @ xi / region.mass
+        T = T_peak @ SE3.exp(mean)
+        xi = SE3.log(SE3.inverse(T) @ Ts)
+    expected = region.expected * (curved + np.outer(mean, mean))
+    told = ((rest[:, None] * xi).T @ xi + expected) / region.mass
+    covariance = _covariance(told, curved, region.ess, sampler.settings.narrowest)
+    if not region.is_normal or objective.problem.scale_sd > 0:
+        covariance = covariance * _beyond_normal(xi, w, covariance)
+    return Mode(
+        objective, T, covariance, T_peak, peaks.zs[best], to_origin(objective, peaks.information[best]),
+        float(np.log(region.mass)) + top, 0.0, Ts,
+        w / w.sum(), region.ess, region.is_normal, len(rows),
+    )  # fmt: skip
+
+
+def _covariance(told: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
+    """Covariance from that of so many samples and that of the curvature at the maximum.
+
+    Few samples miss some of six directions, and on average the inverse of their covariance is too large (Hartlap, Simon
+    and Schneider 2007): regions of a stated probability would hold less.
+    """
+    trust = ess / (ess + POSE_DOF)
+    L = roots(curved[None])[0]
+    whitened = np.linalg.solve(L, np.linalg.solve(L, told).T)
+    values, vectors = np.linalg.eigh(trust * whitened + (1 - trust) * np.eye(6))
+    out = L @ (vectors * values.clip(least)) @ vectors.T @ L.T
+    return np.asarray(out * (1 + (POSE_DOF + 2) / max(ess - POSE_DOF - 2, POSE_DOF + 2)), dtype=np.float64)
+
+
+def _beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances) -> float:
+    """Times a covariance so that its region of 95 % holds 95 % of the samples: those of a bent ridge are far out."""
+    z = np.linalg.solve(roots(covariance[None])[0], xi.T)
+    gaps = np.sum(z * z, axis=0)
+    order, level = np.argsort(gaps), 1 - NOTABLE
+    share = np.cumsum(weights[order]) / weights.sum()
+    reach = float(gaps[order[np.searchsorted(share, level).clip(0, len(gaps) - 1)]])
+    return max(reach / chi2_quantile(level, POSE_DOF), 1.0)
+
+
+def to_origin(objective: Objective, information: FloatArray) -> FloatArray:
+    """Information on motions about the part's centre as that on motions of its frame ``(6 + D, 6 + D)``."""
+    A = np.eye(len(information))
+    A[:3, 3:6] = -SO3.hat(objective.prepared.centre)
+    return np.asarray(A.T @ information @ A)
+
+
+def from_centre(objective: Objective, information: FloatArray) -> Covariances:
+    """Covariance of motions of the part's frame, from the information on motions about its centre ``(6, 6)``."""
+    A = np.eye(6)
+    A[:3, 3:] = SO3.hat(objective.prepared.centre)
+    return np.asarray(A @ np.linalg.inv(information) @ A.T, dtype=np.float64)

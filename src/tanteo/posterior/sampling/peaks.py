@@ -1,0 +1,281 @@
+"""Maxima of the posterior of one part, and the length scales of its search: settled, maximized, counted once each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.factors import ContactPoints
+from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.symmetry import folded, gauge_information, is_held
+
+
+def pair_tilt(problem: Problem) -> float:
+    """Return the tolerance of a sensed normal against that of a surface place: one step of the spins [rad]."""
+    return float(2 * np.pi / problem.settings.search.spins)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scales:
+    """Lengths of the search, from the part and the noise.
+
+    Attributes:
+        blur: error of a proposal: the spacing of surface places, or the noise [m].
+        settle: scales of the steps to the nearest surface, from coarse to that of the first maximization [m].
+        blurs: noise added in maximizations before the last [m].
+    """
+
+    blur: float
+    settle: FloatArray
+    blurs: FloatArray
+
+
+def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
+    """Return the length scales of the search for one part."""
+    points, own = problem.points, problem.settings.search
+    if not len(points):  # free-space rays alone: nothing settles
+        return Scales(prepared.spacing, np.array([prepared.spacing]), np.zeros(0))
+    sd = float(np.median(points.sd))
+    shared = (
+        float(np.sqrt(np.mean(np.sum(points.shared_jacobian**2, axis=(1, 2))))) if points.shared_jacobian.size else 0.0
+    )
+    off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
+    spread = 2 * float(np.quantile(off, 0.75))
+    wide = float(np.hypot(sd, shared))
+    blur = max(min(prepared.spacing, spread / 8), 1.5 * wide)
+    end = max(2 * sd, shared, own.coarse_to_fine * blur)
+    count = max(6, int(np.ceil(np.log(1.5 * blur / end) / own.scale_step)) + 1)
+    blurs = own.coarse_to_fine * blur * 0.3 ** np.arange(8)
+    settle = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
+    return Scales(blur, settle, np.asarray(blurs[blurs > 2 * sd], dtype=np.float64))
+
+
+def spread_rows(points: ContactPoints, count: int) -> Indices:
+    """Rows of points that are far from each other, the farthest from the middle first.
+
+    Of many points they are of twice as many that come at even steps: of all points, outliers would be the farthest.
+    """
+    some = np.arange(min(2 * count, len(points)))
+    some = some * len(points) // max(len(some), 1)
+    p = points.points[some]
+    if len(p) <= count:
+        return some.astype(np.int32)
+    chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
+    nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
+    return some[chosen].astype(np.int32)
+
+
+def scores_of(
+    problem: Problem, core: _core.Problem, prepared: PreparedPart, rows: Indices, Ts: Transforms, scales: Scales
+) -> FloatArray:
+    """Return a rough robust cost of the distances of some points from the surface at poses ``(S,)``."""
+    return np.asarray(
+        _core.scores(prepared.shape, core, rows, np.ascontiguousarray(Ts), scales.blur, pair_tilt(problem))
+    )
+
+
+_ROUNDING = 1e-11
+"""Share of an information that is added to its diagonal: rounding would lose unobserved directions otherwise."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Peaks:
+    """Maxima of one part, best first.
+
+    Attributes:
+        Ts: poses ``(S, 4, 4)``.
+        zs: whitened shared errors, and the noise scale where it is a state ``(S, D)``.
+        logs: log densities ``(S,)``.
+        information: of pose about the centre and the other states ``(S, 6 + D, 6 + D)``.
+        evidence: log of the integral about each, by its curvature ``(S,)``.
+        groups: from which groups of proposals each was found, one bit each ``(S,)``.
+    """
+
+    Ts: Transforms
+    zs: FloatArray
+    logs: FloatArray
+    information: FloatArray
+    evidence: FloatArray
+    groups: IntArray
+
+    def __len__(self) -> int:
+        return len(self.logs)
+
+    @property
+    def times(self) -> IntArray:
+        """Groups of proposals that led to each ``(S,)``."""
+        return np.bitwise_count(self.groups).astype(np.int64)
+
+    def take(self, rows: IntArray) -> Peaks:
+        """Some of them."""
+        return Peaks(*(getattr(self, name)[rows] for name in self.__slots__))
+
+    def join(self, other: Peaks) -> Peaks:
+        """Both, as they come."""
+        pairs = ((getattr(self, name), getattr(other, name)) for name in self.__slots__)
+        return Peaks(*(np.concatenate(pair) for pair in pairs))
+
+    @classmethod
+    def none(cls, states: int) -> Peaks:
+        """No maximum yet."""
+        K = 6 + states
+        empty = np.zeros(0)
+        return cls(
+            np.zeros((0, 4, 4)), np.zeros((0, states)), empty, np.zeros((0, K, K)), empty, np.zeros(0, dtype=np.int64)
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Objective:
+    """What leads from poses of one part to maxima.
+
+    Attributes:
+        prepared: the part.
+        core: the problem, compiled for it.
+        problem: the problem.
+        scales: lengths of the search.
+        rows: points on which poses are settled.
+    """
+
+    prepared: PreparedPart
+    core: _core.Problem
+    problem: Problem
+    scales: Scales
+    rows: Indices
+
+    @property
+    def same(self) -> float:
+        """Squared Mahalanobis distance within which two maxima are one."""
+        return self.problem.settings.search.same_sds**2
+
+    @property
+    def named(self) -> bool:
+        """Whether a prior names one of several symmetric poses."""
+        return self.problem.mixture(self.prepared) is not None
+
+    def settle(self, Ts: Transforms, groups: IntArray, keep: int) -> tuple[Transforms, IntArray]:
+        """Move poses onto the surface and keep the best that differ, with the groups that led to each."""
+        if not len(Ts):
+            return Ts, groups
+        shape, end = self.prepared.shape, float(self.scales.settle[-1])
+        Ts, costs, rows = _core.settle(shape, self.core, self.rows, self.scales.settle, np.ascontiguousarray(Ts))
+        order, groups = np.argsort(costs, kind="stable"), groups[rows]
+        near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
+        Ts = np.ascontiguousarray(Ts[order])
+        near = np.ascontiguousarray(np.broadcast_to(np.diag(near), (len(Ts), 6, 6)))
+        kept, who = _core.distinct(Ts, near, 1.0, keep, shape.centre)
+        return np.ascontiguousarray(Ts[kept]), _united(groups[order], who.astype(np.int64), len(kept))
+
+    def maximize(
+        self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
+    ) -> Peaks:
+        """The maxima that poses lead to, each once; ``fine``: without blurred noise first."""
+        D, own = self.problem.states, self.problem.settings.search
+        if not len(Ts):
+            return Peaks.none(D)
+        zs = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs)
+        blurs = np.zeros(0) if fine else self.scales.blurs
+        Ts, zs, logs, information, rows = _core.maximize(
+            self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, own.steps, own.step_gain, 2 * own.faint
+        )
+        evidence = logs + 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.regular(information))[1]
+        groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups[rows]
+        return self.distinct(Peaks(Ts, zs, logs, information, evidence, groups))
+
+    def settle_and_maximize(self, Ts: Transforms, groups: IntArray, keep: int) -> Peaks:
+        """Return the maxima that proposals lead to."""
+        Ts, groups = self.settle(Ts, groups, keep)
+        return self.maximize(Ts, groups=groups)
+
+    def regular(self, information: FloatArray) -> FloatArray:
+        """Information with a weak prior of the part's own size and of a turn, so that free directions end somewhere."""
+        out = np.array(information)
+        size = 0.25 * self.prepared.part.diagonal
+        out[..., range(3), range(3)] += size**-2.0
+        out[..., range(3, 6), range(3, 6)] += 0.6**-2.0
+        if is_held(self.prepared, named=self.named):
+            out[..., :6, :6] += gauge_information(self.prepared)
+        diagonal = np.arange(out.shape[-1])
+        out[..., diagonal, diagonal] *= 1 + _ROUNDING
+        return out
+
+    def of_pose(self, information: FloatArray) -> FloatArray:
+        """Information on the pose, the other states integrated out ``(S, 6, 6)``."""
+        full = self.regular(information)
+        if full.shape[-1] == 6:
+            return full
+        cross = full[..., :6, 6:]
+        return np.asarray(full[..., :6, :6] - cross @ np.linalg.solve(full[..., 6:, 6:], np.swapaxes(cross, -1, -2)))
+
+    def distinct(self, peaks: Peaks, count: int = 10**6) -> Peaks:
+        """Maxima without those near a better one, best first; what is the same was found by the groups of both."""
+        if not len(peaks):
+            return peaks
+        order = np.argsort(-peaks.evidence, kind="stable")
+        order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - self.problem.settings.search.faint]
+        peaks = peaks.take(order)
+        peaks = self._folded(peaks)
+        information = np.ascontiguousarray(self.of_pose(peaks.information))
+        kept, who = _core.distinct(peaks.Ts, information, self.same, count, self.prepared.shape.centre)
+        groups = _united(peaks.groups, who.astype(np.int64), len(kept))
+        peaks = replace(peaks.take(kept.astype(np.int64)), groups=groups)
+        return self._without_images(peaks)
+
+    def _folded(self, peaks: Peaks) -> Peaks:
+        """Poses as the symmetric images nearest to the first, or to what is known of the pose."""
+        symmetry = self.prepared.part.symmetry
+        if symmetry.order == 1 and not is_held(self.prepared, named=self.named):
+            return replace(peaks, Ts=np.ascontiguousarray(peaks.Ts))
+        known = self.problem.mixture(self.prepared)
+        reference = peaks.Ts[:1] if known is None else known.Ts[:1]
+        Ts = folded(self.prepared, peaks.Ts, reference, named=self.named)
+        # the axes of the tangent have turned with the pose
+        information = _core.slopes(self.prepared.shape, self.core, Ts, np.ascontiguousarray(peaks.zs))[2]
+        return replace(peaks, Ts=Ts, information=information)
+
+    def _without_images(self, peaks: Peaks) -> Peaks:
+        """Maxima without those of which a symmetric image is near a better one: folding may part them at its rim."""
+        turns = self.prepared.part.symmetry.Ts[1:]
+        if not len(turns) or len(peaks) < 2:
+            return peaks
+        images = np.ascontiguousarray((peaks.Ts[:, None] @ turns).reshape(-1, 4, 4))
+        information, alone = self.of_pose(peaks.information), np.ones(len(peaks), dtype=bool)
+        groups = np.array(peaks.groups)
+        for k in range(len(peaks) - 1):
+            if not alone[k]:
+                continue
+            x = _core.offsets(peaks.Ts[k], images[(k + 1) * len(turns) :], self.prepared.shape.centre)
+            same = (np.sum((x @ information[k]) * x, axis=1).reshape(-1, len(turns)) < self.same).any(axis=1)
+            rows = k + 1 + np.flatnonzero(same & alone[k + 1 :])
+            groups[k] |= np.bitwise_or.reduce(groups[rows], initial=0)
+            alone[rows] = False
+        return replace(peaks, groups=groups).take(np.flatnonzero(alone))
+
+    def unlike(self, new: Peaks, known: Peaks) -> Peaks:
+        """The new maxima that are none of those that are known."""
+        if not len(new):
+            return new
+        Ts = folded(self.prepared, new.Ts, known.Ts, named=self.named)
+        information, centre = self.of_pose(known.information), self.prepared.shape.centre
+        x = np.stack([_core.offsets(T, Ts, centre) for T in known.Ts])
+        gaps = np.einsum("kni,kij,knj->kn", x, information, x)
+        return new.take(np.flatnonzero(gaps.min(axis=0) > self.same))
+
+    def merged(self, old: Peaks, new: Peaks, count: int) -> Peaks:
+        """Both; a maximum found again was found by more groups."""
+        return self.distinct(old.join(new), count)
+
+
+def _united(groups: IntArray, who: IntArray, count: int) -> IntArray:
+    """Groups of all that are the same ``(count,)``."""
+    out = np.zeros(count, dtype=np.int64)
+    known = who >= 0
+    np.bitwise_or.at(out, who[known], groups[known])
+    return out

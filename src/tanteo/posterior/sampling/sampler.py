@@ -1,0 +1,229 @@
+"""Adaptive mixture importance sampling of the posterior of one part, about all of its maxima at once.
+
+Student-t components about each maximum (Owen and Zhou 2000; Cornuet et al. 2012, deterministic mixture weights): each
+sample is weighed by the whole mixture of all components ever drawn from, so modes that overlap share their samples and
+nothing is counted twice. Shared errors and the noise scale are integrated at each pose by Laplace's method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tanteo import _core
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
+from tanteo.posterior.box_cut import cut_by_box
+from tanteo.posterior.sampling.compared import Compared
+from tanteo.posterior.sampling.density import Density
+from tanteo.posterior.sampling.mixture import Mixture
+from tanteo.posterior.sampling.peaks import Objective, Peaks
+from tanteo.posterior.sampling.widths import narrowed, roots
+from tanteo.posterior.settings import POSE_DOF, SampleSettings
+
+
+@dataclass(slots=True, eq=False)
+class Sampler:
+    """Samples of one part.
+
+    Attributes:
+        objective: the part and the problem.
+        peaks: maxima, the bases of the components.
+        rng: of all draws.
+        log_constant: of the prior, what the core leaves out, symmetric poses included.
+        along: poses on a ridge that are no maxima, for components where the maxima do not look normal; None without.
+        trusted: whether first components are as wide as their curvature says: where nothing suggests an end of a face.
+    """
+
+    objective: Objective
+    peaks: Peaks
+    rng: np.random.Generator
+    log_constant: float
+    along: Peaks | None = None
+    trusted: bool = False
+    density: Density = field(init=False)
+    Ts: Transforms = field(init=False)
+    zs: FloatArray = field(init=False)
+    log_target: FloatArray = field(init=False)
+    log_weights: FloatArray = field(init=False)
+    log_density: FloatArray = field(init=False)
+    shares: FloatArray = field(init=False)
+    means: FloatArray = field(init=False)
+    covariances: Covariances = field(init=False)
+    _mixture: Mixture = field(init=False)
+    _slopes: FloatArray = field(init=False)
+    local: BoolArray = field(init=False)
+    _fitted: BoolArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        D, peaks = self.objective.problem.states, self.peaks
+        self.Ts, self.zs = np.zeros((0, 4, 4)), np.zeros((0, D))
+        self.log_target, self.log_weights, self.log_density = np.zeros(0), np.zeros(0), np.zeros(0)
+        self.shares = np.zeros((0, len(peaks)))
+        self.means, self.covariances, self._slopes, cut = self._about(peaks)
+        prepared = self.objective.prepared
+        self._mixture = Mixture(prepared.part.symmetry.Ts[1:], prepared.shape.centre, self.settings.freedom)
+        self._fitted, self.local = cut | self.trusted, np.zeros(len(peaks), dtype=bool)
+        self.density = Density.about(self.objective, peaks.Ts[0], self.log_constant)
+
+    @property
+    def settings(self) -> SampleSettings:
+        """Numbers of the sampling."""
+        return self.objective.problem.settings.samples
+
+    def _about(self, peaks: Peaks) -> tuple[FloatArray, Covariances, FloatArray, BoolArray]:
+        """First components: means ``(m, 6)``, scales ``(m, 6, 6)``, how the other states follow the pose ``(m, D, 6)``.
+
+        And which of them a box cuts ``(m,)``.
+        """
+        H = self.objective.of_pose(peaks.information)
+        covariances = np.asarray(self.settings.wider * np.linalg.inv(H), dtype=np.float64)
+        means, covariances, cut = cut_by_box(self.objective, peaks.Ts, covariances)
+        full = self.objective.regular(peaks.information)
+        if full.shape[-1] == 6:
+            return means, covariances, np.zeros((len(peaks), 0, 6)), cut
+        slopes = np.asarray(-np.linalg.solve(full[:, 6:, 6:], full[:, 6:, :6]), dtype=np.float64)
+        return means, covariances, slopes, cut
+
+    def add(self, peaks: Peaks) -> None:
+        """More maxima, whose components come after those there are; they have no samples yet."""
+        means, covariances, slopes, cut = self._about(peaks)
+        self.peaks = self.peaks.join(peaks)
+        self.covariances = np.concatenate([self.covariances, covariances])
+        self.means = np.concatenate([self.means, means])
+        self._slopes = np.concatenate([self._slopes, slopes])
+        self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
+        self._fitted, self.local = np.concatenate([self._fitted, cut]), np.concatenate([self.local, np.zeros_like(cut)])
+
+    def counts(self) -> IntArray:
+        """Samples drawn so far of each component ``(m,)``."""
+        return self._mixture.counts(len(self.peaks))
+
+    def spread(self, along: Peaks, count: int) -> None:
+        """Components about poses that are no maxima, and so many samples of each: along a bent ridge of them."""
+        self.add(along)
+        self.local[-len(along) :] = True
+        self.sample(count * self.local)
+
+    def strange(self) -> Transforms:
+        """Samples that weigh as much as a maximum of their own would: where the mixture has no component yet."""
+        if not np.isfinite(self.log_weights.max()):
+            return self.Ts[:0]
+        w = np.exp(self.log_weights - self.log_weights.max())
+        rows = np.flatnonzero(w > self.settings.share * w.sum())
+        return self.Ts[rows[np.argsort(-w[rows])][: self.settings.strange]]
+
+    def sample(self, counts: IntArray) -> None:
+        """So many more samples of each component ``(m,)``; all weights are made anew."""
+        on = np.flatnonzero(counts)
+        if not len(on):
+            return
+        self._fit_widths(on[~self._fitted[on] & (counts[on] >= self.settings.heaviest)])
+        owners = np.repeat(on, counts[on])
+        L = roots(self.covariances[on])
+        for k in on:
+            self._mixture.add(int(k), self.means[k], self.covariances[k], int(counts[k]))
+        n, freedom = len(owners), self.settings.freedom
+        z = self.rng.normal(size=(n, 6)) / np.sqrt(self.rng.chisquare(freedom, size=(n, 1)) / freedom)
+        x = self.means[owners] + np.einsum("nij,nj->ni", L[np.repeat(np.arange(len(on)), counts[on])], z)
+        Ts = self._placed(owners, x)
+        log, zs = self.density.at(Ts, self._followed(owners, x))
+        log[np.linalg.norm(x[:, 3:], axis=1) >= np.pi] = -np.inf
+        self.Ts, self.zs = np.concatenate([self.Ts, Ts]), np.concatenate([self.zs, zs])
+        self.log_target = np.concatenate([self.log_target, log])
+        self._weigh()
+
+    def _fit_widths(self, which: IntArray) -> None:
+        """Narrow first components where the density falls faster than its curvature says."""
+        self._fitted[which], own = True, self.objective.problem.settings
+        if not len(which):
+            return
+
+        def log_at(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+            owners, x = np.repeat(which, x.shape[1]), np.ascontiguousarray(x.reshape(-1, 6))
+            return self.density.at(self._placed(owners, x), self._followed(owners, x))
+
+        size = np.r_[np.ones(3), np.full(3, 4 / self.objective.prepared.part.diagonal)]  # turns as shifts of the rim
+        self.covariances[which] = narrowed(self.covariances[which], size, log_at, own)
+
+    def _placed(self, owners: IntArray, x: FloatArray) -> Transforms:
+        """Poses after motions ``(N, 6)`` from maxima."""
+        return _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.objective.prepared.shape.centre)
+
+    def _followed(self, owners: IntArray, x: FloatArray) -> FloatArray:
+        """The other states as they follow the pose on such motions ``(N, D)``."""
+        return np.asarray(self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
+
+    def _weigh(self) -> None:
+        log_q, self.shares = self._mixture.log_density(self.peaks.Ts, self.Ts)
+        ok = np.isfinite(self.log_target) & np.isfinite(log_q)
+        self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
+        self.log_density = np.where(np.isfinite(log_q), log_q, np.inf)
+
+    def adapt(self, which: IntArray, top: float) -> None:
+        """Move components onto the weighed samples of their maximum; weights are over ``exp(top)``."""
+        w = np.exp(self.log_weights - top)
+        centre = self.objective.prepared.shape.centre
+        for k in which:
+            rows = np.flatnonzero(self.shares[:, k] > 1e-3)
+            own = w[rows] * self.shares[rows, k]
+            own = np.minimum(own, max(own.sum() / self.settings.clip, 1e-300))
+            total = own.sum()
+            if not total > 0:
+                continue
+            own /= total
+            x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts[rows]), centre)
+            size = 1 / np.sum(own**2)
+            trust = size / (size + 2 * POSE_DOF)
+            mean = own @ x
+            off = x - mean
+            self.means[k] = trust * mean + (1 - trust) * self.means[k]
+            wide = self.settings.adapted * (own[:, None] * off).T @ off
+            self.covariances[k] = trust * wide + (1 - trust) * self.covariances[k]
+
+    def compared(self, k: int, weights: FloatArray) -> Compared:
+        """The region of a maximum beside a normal density, as the curvature there says.
+
+        Args:
+            k: of the maximum.
+            weights: of the samples in its region, over the largest of all ``(N,)``.
+        """
+        mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
+        if not abs(mass) < self.settings.comparable:
+            return Compared.alone(weights, self.settings)
+        H = self.objective.of_pose(self.peaks.information[k][None])[0]
+        gaps = self._squared_gaps(k, H)
+        log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
+        own = np.exp(np.minimum(log - self.log_density, self.settings.comparable))
+        if own[~np.isfinite(self.log_weights)].sum() > self.settings.cut * own.sum():  # a box that ends in it
+            return Compared.alone(weights, self.settings)
+        factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
+        both = Compared(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
+        return both if both.mass > self.settings.left * weights.sum() else Compared.alone(weights, self.settings)
+
+    def masses(self) -> tuple[FloatArray, FloatArray]:
+        """Log mass and effective samples of each maximum's region ``(m,)``."""
+        top = float(self.log_weights.max())
+        if not np.isfinite(top):
+            return np.full(len(self.peaks), -np.inf), np.zeros(len(self.peaks))
+        W = np.exp(self.log_weights - top)[:, None] * self.shares
+        sums, squares = W.sum(axis=0), np.sum(W * W, axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ess = np.nan_to_num(sums**2 / squares)
+            for k in np.flatnonzero(sums > self.settings.region * sums.sum()):
+                one = self.compared(int(k), W[:, k])
+                sums[k], ess[k] = one.mass, one.ess
+            return np.log(sums) + top, ess
+
+    def is_normal(self, k: int) -> bool:
+        """Whether the region of a maximum is nearly normal, as its curvature says, as far as its samples tell."""
+        top = float(self.log_weights.max())
+        return np.isfinite(top) and self.compared(k, np.exp(self.log_weights - top) * self.shares[:, k]).is_normal
+
+    def _squared_gaps(self, k: int, information: FloatArray) -> FloatArray:
+        """Squared lengths of the motions from a maximum to the samples, or to the nearest of their images ``(N,)``."""
+        centre, out = self.objective.prepared.shape.centre, np.full(len(self.Ts), np.inf)
+        for turn in [np.eye(4), *self._mixture.images]:
+            x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts @ turn), centre)
+            out = np.minimum(out, np.sum((x @ information) * x, axis=1))
+        return out

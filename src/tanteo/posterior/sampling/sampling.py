@@ -1,0 +1,86 @@
+"""How many samples each maximum gets: in rounds, until every mode that matters has enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.geometry.special import log_sum
+from tanteo.geometry.typing import FloatArray, IntArray
+from tanteo.posterior.sampling.sampler import Sampler
+
+
+def sample(samplers: Sequence[Sampler], log_none: float) -> None:
+    """Rounds of sampling, until every mode that matters has enough."""
+    total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
+    wants = [_first(s, s.peaks.evidence + s.log_constant - total) for s in samplers]
+    rounds = samplers[0].settings.rounds if samplers else 0
+    count = 0
+    for k in range(rounds + 1):
+        for sampler, want in zip(samplers, wants, strict=True):
+            sampler.sample(want)
+        before, count = count, sum(len(s.peaks) for s in samplers)
+        if k == rounds or (k == rounds - 1 and count == before):  # maxima just shown are sampled once, too
+            break
+        if k == 0:
+            _spread(samplers, log_none)
+        masses = [s.masses() for s in samplers]
+        total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
+        wants = [_wanted(s, mass - total, ess) for s, (mass, ess) in zip(samplers, masses, strict=True)]
+        if not any(want.any() for want in wants):
+            break
+
+
+def _first(sampler: Sampler, log_p: FloatArray) -> IntArray:
+    """Return the samples to draw first of each maximum, by its probability from its curvature.
+
+    The best always has some. A ridge can have a hundred times the mass that its curvature says.
+    """
+    own = sampler.settings
+    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.likely else log_p
+    first = own.first_trusted if sampler.trusted else own.first
+    return np.where(log_p > -own.likely, first, np.where(log_p > -own.rare, own.few, 0))
+
+
+def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
+    """Follow ridges where a maximum of a part that matters does not look normal, by its curvature or its samples."""
+    masses = [np.logaddexp(s.masses()[0], s.peaks.evidence + s.log_constant) for s in samplers]
+    total = float(log_sum([log_none, *(float(log_sum(mass)) for mass in masses)]))
+    for sampler, mass in zip(samplers, masses, strict=True):
+        likely = mass > total + np.log(sampler.settings.region)
+        strange = [k for k in np.flatnonzero(likely) if not sampler.is_normal(int(k))]
+        if sampler.along is not None and len(sampler.along) and strange:
+            sampler.spread(sampler.along, sampler.settings.along)
+
+
+def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
+    """Samples to draw next of each maximum, components adapted; new maxima are added where samples show them."""
+    own, p = sampler.settings, np.exp(log_p)
+    if not np.isfinite(sampler.log_weights.max(initial=-np.inf)):  # a box has next to nothing of it: how much?
+        return own.more * (np.arange(len(p)) == np.argmax(sampler.peaks.evidence))
+    if sampler.local.any():
+        return _wanted_along(sampler, p)
+    need = np.clip(2 * own.enough * p, own.told, own.enough) * (p > own.matters)
+    worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / own.most, 1)  # effective samples for each drawn
+    want = np.where(ess < need, np.clip((need - ess) / worth, own.first, own.more), 0).astype(np.int64)
+    if not want.any():
+        return want
+    sampler.adapt(np.flatnonzero(want), float(sampler.log_weights.max()))
+    found = sampler.objective.maximize(sampler.strange(), fine=True)
+    new = sampler.objective.unlike(found, sampler.peaks)
+    if len(new):
+        sampler.add(new)
+        want = np.concatenate([want, np.full(len(new), own.more)])
+    return want
+
+
+def _wanted_along(sampler: Sampler, p: FloatArray) -> IntArray:
+    """Samples to draw next along a ridge, of its pieces and maxima by their masses, until all together have enough."""
+    w = np.exp(sampler.log_weights - sampler.log_weights.max())
+    ess, total = float(w.sum() ** 2 / np.sum(w * w)), float(p.sum())
+    own = sampler.settings
+    enough = own.enough if total > 0.5 else own.first
+    if ess >= enough or total < own.region or len(w) > own.more * own.rounds:
+        return np.zeros(len(p), dtype=np.int64)
+    return np.round(min((enough / ess - 1) * len(w), 4 * own.more) * p / total).astype(np.int64)

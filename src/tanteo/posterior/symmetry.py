@@ -1,0 +1,70 @@
+"""Poses that a part's own symmetry makes one: folded onto those that are known, and a continuous turn held."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import FloatArray, Transforms
+from tanteo.posterior.answers.part_motions import without_spin
+from tanteo.posterior.prepared import PreparedPart
+
+GAUGE_SD = 0.1
+"""Standard deviation of a turn that symmetry leaves free, about a reference [rad]; the rest of the circle is in
+:func:`log_orbit`. The evidence does not depend on it; of a narrow one samples look normal."""
+
+
+def is_held(prepared: PreparedPart, *, named: bool) -> bool:
+    """Whether turns of a continuous symmetry are held: not where a prior names one of the poses."""
+    return prepared.part.symmetry.continuous and not named
+
+
+def log_orbit(prepared: PreparedPart, *, named: bool) -> float:
+    """Log of how many poses are one: discrete ones as a number, continuous ones as an angle or a volume of turns."""
+    symmetry = prepared.part.symmetry
+    if named:
+        return 0.0
+    out = float(np.log(symmetry.order))
+    if symmetry.spherical:
+        return out + float(np.log(8 * np.pi**2))
+    return out + float(np.log(2 * np.pi)) * symmetry.continuous
+
+
+def folded(prepared: PreparedPart, Ts: Transforms, references: Transforms, *, named: bool) -> Transforms:
+    """Each pose ``(S, 4, 4)`` as the symmetric image that is nearest to one of the references ``(R, 4, 4)``."""
+    part, turns = prepared.part, prepared.part.symmetry.Ts
+    if not len(Ts) or not len(references) or (len(turns) == 1 and not part.symmetry.continuous):
+        return Ts
+    images = Ts[:, None] @ turns
+    if is_held(prepared, named=named):
+        images = references[0] @ without_spin(part, SE3.inverse(references[0]) @ images)
+    gaps = SE3.inverse(references)[:, None, None] @ images
+    shift = SE3.apply(gaps, prepared.centre) - prepared.centre
+    cosine = 0.5 * (np.trace(gaps[..., :3, :3], axis1=-2, axis2=-1) - 1)
+    size = 0.25 * part.diagonal
+    squared = (np.sum(shift**2, axis=-1) / size**2 + 2 * (1 - cosine)).min(axis=0)
+    return np.ascontiguousarray(images[np.arange(len(Ts)), squared.argmin(axis=1)])
+
+
+def log_gauge(prepared: PreparedPart, Ts: Transforms, reference: Transforms) -> FloatArray:
+    """Log density of the held turn at poses ``(S,)``, those of a sphere in all three directions."""
+    part = prepared.part
+    gaps = SE3.inverse(reference) @ Ts
+    if part.symmetry.spherical:
+        w = SE3.log(gaps)[..., 3:]
+        return np.asarray(-0.5 * np.sum(w * w, axis=-1) / GAUGE_SD**2 - 3 * np.log(GAUGE_SD) - 1.5 * np.log(2 * np.pi))
+    assert part.symmetry.axis is not None
+    axis = part.symmetry.axis[1]
+    left = without_spin(part, gaps)
+    spin = SE3.log(SE3.inverse(left) @ gaps)[..., 3:] @ axis
+    return np.asarray(-0.5 * (spin / GAUGE_SD) ** 2 - np.log(GAUGE_SD) - 0.5 * np.log(2 * np.pi))
+
+
+def gauge_information(prepared: PreparedPart) -> FloatArray:
+    """What holding the turn adds to the information about the centre ``(6, 6)``."""
+    out, symmetry = np.zeros((6, 6)), prepared.part.symmetry
+    if symmetry.spherical:
+        out[3:, 3:] = np.eye(3) / GAUGE_SD**2
+    elif symmetry.axis is not None:
+        out[3:, 3:] = np.outer(symmetry.axis[1], symmetry.axis[1]) / GAUGE_SD**2
+    return out

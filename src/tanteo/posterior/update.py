@@ -1,0 +1,200 @@
+"""The posterior after more measurements: modes are maximized again, samples of the prior join, all are reweighted.
+
+A step of sequential Monte Carlo whose moves are maximizations: samples of the modes that were alive, a few samples of
+the prior beside them, lead to the maxima of the posterior of *all* measurements. Nothing that was linearized once is
+kept, so the order of the measurements matters no further than for which maxima are known. Where the answer is in doubt,
+every part is looked for all over its prior again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tanteo.defaults import SIGNIFICANCE
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
+from tanteo.posterior.details import details_at
+from tanteo.posterior.part_search import PartSearch, start_search
+from tanteo.posterior.posterior import Posterior, weigh
+from tanteo.posterior.prepared import PreparedPart
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.proposals import BITS, FactorPoses, PriorSamples
+from tanteo.posterior.proposals.drawn import along_ridge
+from tanteo.posterior.sampling.modes import Mode
+from tanteo.posterior.sampling.peaks import Objective, Peaks
+
+_EXPECTED = 1.0
+"""Log density over that of an outlier that a measurement has at least if its part is roughly where it was expected."""
+
+
+def update_posterior(
+    problem: Problem,
+    parts: Sequence[PreparedPart],
+    log_priors: FloatArray,
+    before: Posterior | None,
+    anywhere: float,
+    rng: np.random.Generator,
+) -> Posterior:
+    """The posterior of all measurements, from that of the earlier ones.
+
+    Args:
+        problem: the question, with all measurements and the prior of the pose of every part.
+        parts: the parts.
+        log_priors: log of the prior of each ``(P,)``.
+        before: the posterior before; None at first.
+        anywhere: log evidence of an unknown object that is like no part, its prior included.
+        rng: of all draws.
+    """
+    followed = [p for p in range(len(parts)) if before is None or _modes(before, parts[p])]
+    searches = {p: _followed(problem, parts[p], before, rng) for p in followed}
+    after = _weighed(problem, searches, log_priors, anywhere, rng)
+    if before is not None and _in_doubt(before, after):
+        for p, part in enumerate(parts):
+            if p not in searches:
+                searches[p] = start_search(problem, part, rng)
+            _look_widely(searches[p])
+        after = _weighed(problem, searches, log_priors, anywhere, rng)
+    return after
+
+
+def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Posterior:
+    """The posterior of one part about poses ``(S, 4, 4)``, without any search: where maximizations from them end.
+
+    The unknown object has no probability in it.
+    """
+    search = start_search(problem, part, rng)
+    _take(search, search.objective.maximize(Ts, fine=True))
+    return weigh(problem, [search], np.zeros(1), -np.inf, rng)
+
+
+def _weighed(
+    problem: Problem, searches: dict[int, PartSearch], log_priors: FloatArray, anywhere: float, rng: np.random.Generator
+) -> Posterior:
+    return weigh(problem, list(searches.values()), log_priors[list(searches)], anywhere, rng)
+
+
+def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rng: np.random.Generator) -> PartSearch:
+    """The maxima of a part that what was known of it leads to, and some samples of its prior."""
+    search, own = start_search(problem, part, rng), problem.settings.samples
+    modes = [] if before is None else _modes(before, part)
+    if not modes:
+        known = problem.mixture(part)
+        if known is not None:  # coarse measurements do not tell means apart that the prior does
+            _take(search, search.objective.maximize(known.Ts[: own.widely], fine=True))
+        _draw(search, own.widely)
+        return search
+    objective, likely = search.objective, sum(mode.probability for mode in modes)
+    Ts, zs = _samples(modes, problem, rng)
+    if before is not None and likely > own.followed:
+        Ts, zs = _with_maxima(Ts, zs, before, part)
+    _take(search, objective.maximize(Ts, zs, fine=True))
+    search.trusted = max(modes, key=lambda mode: mode.probability).normal
+    if likely > own.followed and not search.trusted:
+        _draw(search, own.told)
+        search.along = along_ridge(objective, _resampled(modes, search.settings.maximized, rng))
+    return search
+
+
+def _samples(modes: Sequence[Mode], problem: Problem, rng: np.random.Generator) -> tuple[Transforms, FloatArray]:
+    """The maxima of modes and samples of them by their probability, with the other states to start from."""
+    total = max(sum(mode.probability for mode in modes), np.finfo(float).tiny)
+    own, Ts, zs = problem.settings.samples, [], []
+    for mode in modes:
+        count = own.normal_starts if mode.normal else int(np.ceil(own.told * mode.probability / total))
+        ends = (np.arange(count) + rng.uniform()) / count
+        rows = np.searchsorted(np.cumsum(mode.weights), ends).clip(0, len(mode.weights) - 1)
+        Ts += [mode.T_peak[None], mode.Ts[np.unique(rows)]]
+        z = mode.z if len(mode.z) == problem.states else np.zeros(problem.states)  # another device has joined
+        zs.append(np.repeat(z[None], 1 + len(np.unique(rows)), axis=0))
+    return np.concatenate(Ts), np.concatenate(zs)
+
+
+def _with_maxima(
+    Ts: Transforms, zs: FloatArray, before: Posterior, part: PreparedPart
+) -> tuple[Transforms, FloatArray]:
+    """With all maxima that were known of a part, the improbable ones among them."""
+    for search in before.searches:
+        if search.objective.prepared is part:
+            own = search.peaks.zs
+            own = own if own.shape[1] == zs.shape[1] else np.zeros((len(own), zs.shape[1]))
+            return np.concatenate([Ts, search.peaks.Ts]), np.concatenate([zs, own])
+    return Ts, zs
+
+
+def _resampled(modes: Sequence[Mode], count: int, rng: np.random.Generator) -> Transforms:
+    """So many samples of some modes together."""
+    weights = np.cumsum(np.concatenate([mode.probability * mode.weights for mode in modes]))
+    rows = np.searchsorted(weights, weights[-1] * (np.arange(count) + rng.uniform()) / count)
+    return np.concatenate([mode.Ts for mode in modes])[rows.clip(0, len(weights) - 1)]
+
+
+def _draw(search: PartSearch, count: int) -> None:
+    search.propose(PriorSamples(), replace(search.settings.effort, maximized=count))
+    search.peaks = _found(search.peaks)
+
+
+def _look_widely(search: PartSearch) -> None:
+    """Look for a part all over its prior, and by pairs of points where these fix a pose."""
+    own = search.objective.problem.settings.samples
+    _draw(search, own.widely)
+    search.propose(FactorPoses())
+    search.peaks = _found(search.peaks)
+    if len(search.objective.problem.points) >= own.several:
+        search.restart()
+        search.peaks = _found(search.peaks)
+
+
+def _take(search: PartSearch, peaks: Peaks) -> None:
+    search.peaks = _found(search.objective.merged(search.peaks, peaks, 10**6))
+
+
+def _found(peaks: Peaks) -> Peaks:
+    peaks.groups[:] = (1 << BITS) - 1  # found by all sources: no chance finds
+    return peaks
+
+
+def _modes(posterior: Posterior, part: PreparedPart) -> list[Mode]:
+    return [mode for mode in posterior.modes if mode.prepared is part]
+
+
+def _in_doubt(before: Posterior, after: Posterior) -> bool:
+    """Whether what is known may not be all there is.
+
+    None of it explains the measurements; the last of them are hardly more probable than as outliers; the best calls
+    one more of them an outlier, which another pose may explain; or a part has become nearly certain, and the true one
+    may be among those that were not looked for.
+    """
+    if after.unknown > after.problem.settings.samples.doubt or not after.modes:
+        return True
+    if _surprising(before, after) or _outliers(after) > _outliers(before):
+        return True
+    old, new = (probabilities(posterior) for posterior in (before, after))
+    best = max(new, key=lambda part: new[part])
+    return new[best] > 1 - SIGNIFICANCE >= old.get(best, 0.0)
+
+
+def _surprising(before: Posterior, after: Posterior) -> bool:
+    old, new = before.problem.points, after.problem.points
+    as_outliers = float(after.problem.log_not_on_part[len(old) :].sum())
+    told = after.log_evidence - before.log_evidence
+    return len(new) > len(old) and told < as_outliers + _EXPECTED * (len(new) - len(old))
+
+
+def _outliers(posterior: Posterior) -> int:
+    return int(np.sum(~on_part(posterior.modes[0]))) if posterior.modes else 0
+
+
+def on_part(mode: Mode) -> BoolArray:
+    """Which points are on the part at the maximum of a mode, rather than outliers ``(n,)``."""
+    objective: Objective = mode.objective
+    return np.asarray(details_at(objective, mode.T_peak[None], mode.z[None]).belongs[0] > 0.5)
+
+
+def probabilities(posterior: Posterior) -> dict[int, float]:
+    """Of each part that has a mode, by the id of its :class:`PreparedPart`."""
+    out: dict[int, float] = {}
+    for mode in posterior.modes:
+        out[id(mode.prepared)] = out.get(id(mode.prepared), 0.0) + mode.probability
+    return out

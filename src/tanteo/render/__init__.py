@@ -1,0 +1,5 @@
+"""Results for people: text for a terminal, HTML reports, the live page and pictures."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

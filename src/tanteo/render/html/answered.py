@@ -1,0 +1,163 @@
+"""What is seen first of an answer: the words, the picture with its buttons, what else it may be, the few figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tanteo.posterior import Answer
+from tanteo.render.html.charts import bar
+from tanteo.render.html.contacts import Sensed
+from tanteo.render.html.page import Front, Html, element, fact_list, join, switched
+from tanteo.render.html.scene import Candidate, distance_enlarged
+from tanteo.render.html.shapes import Shapes
+from tanteo.render.html.ways import Way
+from tanteo.render.html.words import SIGNS, facts, headline, uncertain
+from tanteo.words import details_of, percent
+
+_VIEWS = ("Reset", "Top", "Front", "Side")
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """Something that can be hidden: its key in the page's program, its name there, whether it is shown at first."""
+
+    key: str
+    words: str
+    shown: bool = True
+
+
+def picture(
+    layers: Sequence[Layer],
+    overlays: Sequence[Sequence[Way]],
+    legend: Sequence[tuple[str, str]],
+    scaled: Sequence[Sequence[tuple[str, str]]] = (),
+    *,
+    haunted: bool = True,
+) -> Html:
+    """The canvas with everything about it; what is scaled and the overlays are of each hypothesis."""
+    canvas = element("canvas", id="view", tabindex="0", role="img", aria_label="The part with the readings, in 3-D")
+    overlay = Html('<svg id="overlay" aria-hidden="true"></svg><div id="tip" hidden></div>')
+    words = "The picture needs JavaScript; everything else on this page does not."
+    no_script = element("noscript", element("p", words))
+    stage = element("div", canvas, overlay, element("p", id="no3d", hidden=True), no_script, class_="stage")
+    return element("div", stage, _controls(layers, overlays, haunted), _legend(legend, scaled), class_="picture")
+
+
+def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunted: bool) -> Html:
+    views = [element("button", name, type="button", data_view=name.lower()) for name in _VIEWS]
+    boxes = [
+        element(
+            "label",
+            element("input", type="checkbox", data_layer=layer.key, checked=True if layer.shown else None),
+            f" {layer.words}",
+            class_="box",
+        )
+        for layer in layers
+    ]
+    choice = (
+        switched([_overlays(ways, haunted) for ways in overlays], "span", class_="overlays")
+        if any(overlays)
+        else Html("")
+    )
+    return element("div", *views, *boxes, choice, class_="controls")
+
+
+def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
+    """Keys and words of the ways, for the choice of overlays."""
+    options = [
+        element("option", f"off by {way.motion.brief}: {uncertain(way.moves)} at the farthest corner", value=k)
+        for k, way in enumerate(ways)
+    ]
+    none = element("option", "no overlays", value="", selected=None if haunted else True)
+    return element("select", *options, none, aria_label="Overlays: how the pose may be off")
+
+
+def _legend(legend: Sequence[tuple[str, str]], scaled: Sequence[Sequence[tuple[str, str]]]) -> Html:
+    bodies = [join(_entry(*entry) for entry in entries) for entries in scaled]
+    more = switched(bodies, "span", class_="scaled") if bodies else Html("")
+    return element("div", *(_entry(*entry) for entry in legend), more, class_="legend")
+
+
+def _entry(mark: str, words: str) -> Html:
+    return element("span", element("i", class_=f"mark {mark}"), words)
+
+
+def times(enlarged: int) -> str:
+    """How many times something is enlarged, in words; nothing where it is not."""
+    return "" if enlarged == 1 else f", {enlarged} × enlarged"
+
+
+_NAMED = 15
+"""With more readings their names are not written into the picture, unless they are asked for."""
+
+
+def answer_front(
+    answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]], shapes: Shapes
+) -> Front:
+    """The front of an answer, with further facts of the run, and the features that labels make."""
+    lists = [fact_list([*facts(c.hypothesis, c.part, sensed, answer.significance), *more]) for c in candidates] or [
+        fact_list(more)
+    ]
+    return Front(
+        headline(answer),
+        f"{SIGNS[answer.status]} {answer.status}",
+        answer.status,
+        details_of(answer.findings),
+        _picture(candidates, sensed, shapes),
+        join([_hypotheses(answer), switched(lists, "dl")]),
+    )
+
+
+def _hypotheses(answer: Answer) -> Html:
+    """The probabilities as bars; each hypothesis is also the switch to itself."""
+    if answer.status == "insufficient" and not answer.hypotheses:
+        return element("p", "With so little any part may be there: no probabilities are given.", class_="note")
+    several = len(answer.hypotheses) > 1
+    names = [h.part for h in answer.hypotheses]
+    rows = []
+    for k, h in enumerate(answer.hypotheses):
+        again = f", pose {names[: k + 1].count(h.part)}" if names.count(h.part) > 1 else ""
+        rows.append(switch_row(k if several else None, h.part + again, percent(h.probability), bar(h.probability)))
+    rest = 1 - answer.unknown_probability - sum(h.probability for h in answer.hypotheses)
+    if rest > 0.0005:
+        rows.append(_plain_row("others, not shown", rest))
+    rows.append(_plain_row("unknown object", answer.unknown_probability))
+    heading = element("h2", "What it may be")
+    hint = [element("p", "Choose one to see it everywhere on this page.", class_="note")] if several else []
+    return element("div", heading, *hint, element("div", *rows, class_="bars"))
+
+
+def switch_row(k: int | None, name: str, value: str, drawn: Html) -> Html:
+    """A row that switches the page to a hypothesis; to none if there is nothing to switch."""
+    box = element("input", type="radio", name="hypothesis", value=k, checked=True if k == 0 else None)
+    words, shown = element("span", name, class_="name"), element("span", value, class_="value")
+    return element("label", *([] if k is None else [box]), words, shown, drawn)
+
+
+def _plain_row(words: str, p: float) -> Html:
+    name, value = element("span", words, class_="name"), element("span", percent(p), class_="value")
+    return element("div", name, value, bar(p, "none"))
+
+
+def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) -> Html:
+    layers = [Layer("readings", "readings"), Layer("beams", "beams")]
+    if candidates:
+        layers.append(Layer("sticks", "distances"))
+    if shapes:
+        layers.append(Layer("features", "features", shown=not shapes.flat))
+    layers.append(Layer("names", "names", shown=len(sensed.measured) <= _NAMED))
+    wrong = any(not c.contacts.used.all() for c in candidates)
+    legend = [("dot", "reading that fits" if candidates else "reading")]
+    legend += [("cross", "reading that does not fit")] if wrong else []
+    legend += [("beam", "beam or touch, as it moved")]
+    legend += [("free", "beam that met nothing")] if len(sensed.measured.free) else []
+    if shapes:
+        legend += [("feature", f"feature of labelled readings, and off by 2 sd{times(shapes.enlarged)}")]
+    return picture(layers, [c.ways for c in candidates], legend, [_scaled(c) for c in candidates])
+
+
+def _scaled(candidate: Candidate) -> list[tuple[str, str]]:
+    """What is drawn enlarged, and how much."""
+    stick = f"distance to the surface{times(distance_enlarged(candidate))}"
+    return [("stick", stick), ("overlay", f"overlays: off by 1, 2 and 3 sd{times(candidate.enlarged)}")]

@@ -1,0 +1,198 @@
+"""The sensed side of a report: measurements, and where each meets a part that is where a hypothesis puts it.
+
+A reading is one or more rows ``r = d' (q - c)``: its place ``q`` in the part's frame against the nearest place ``c`` of
+what it met, along unit directions ``d``. One row for a face, two for an edge, three for a corner; two more tilts where
+the normal was sensed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.features import shared_root
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
+from tanteo.parts import NamedFace, Part, Surface, exact_faces, named_class, named_feature, signed_distance
+from tanteo.planning import Sensing
+from tanteo.posterior import Hypothesis, PosePrior
+from tanteo.sensors import PointMeasurements, Readings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """The readings of a run as the report needs them. World frame, metres.
+
+    Attributes:
+        source: Name of the readings' file.
+        measured: Points with covariance and shared errors, and the free-space rays.
+        repeatability: The robot's share of ``measured.covs`` ``(n, 3, 3)`` [m^2].
+        reach: Length of the beam or path before each point ``(n,)`` [m]; NaN where unknown.
+        tolerance: Standard deviation of the made part's surface against its CAD [m].
+        prior: What was known of the pose beforehand.
+    """
+
+    source: str
+    measured: PointMeasurements
+    repeatability: Covariances
+    reach: FloatArray
+    tolerance: float = 0.0
+    prior: PosePrior | None = None
+
+
+def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior | None = None) -> Sensed:
+    """Measure the readings as :func:`tanteo.recognition.identify` does, and keep apart what the robot adds.
+
+    Args:
+        readings: What the devices said.
+        sensing: How they are made into measurements; what the readings say themselves, if not given.
+        prior: What was known of the pose beforehand.
+
+    Raises:
+        InputError: Options and readings do not fit each other.
+        ReadingsError: A range is outside what its device can give.
+    """
+    sensing = Sensing() if sensing is None else sensing
+    measured = sensing.measured(readings)
+    alone = measured if sensing.robot is None else replace(sensing, robot=None).measured(readings)
+    reach = np.asarray(readings.ranges[measured.rows])
+    return Sensed(readings.source, measured, measured.covs - alone.covs, reach, sensing.tolerance, prior)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contacts:
+    """``n`` readings on a part at a pose, and their ``m`` rows.
+
+    Attributes:
+        met: What each reading met, in words ``(n,)``.
+        used: Readings that the hypothesis explains ``(n,)``.
+        distances: From the surface, outside positive, with the errors that readings share taken at their most probable
+            values ``(n,)`` [m].
+        sds: What the noise of a reading makes of its distance, one standard deviation ``(n,)`` [m].
+        feet: Nearest places of what was met, in the world ``(n, 3)`` [m].
+        reading: Reading of each row ``(m,)``.
+        rows: Derivatives of the rows with respect to the pose, right perturbation ``(m, 6)``.
+        noise: Variance of each row from the sensor ``(m,)``, and from the robot's repeatability.
+        repeatability: See ``noise``.
+        shared_jacobian: Derivatives with respect to each shared error, ``(m, d)`` one an error.
+        form: How the rows move with the deviations of what was made: the height of a face, an edge or a corner, and
+            the tilts of those that labels name, each in units of the tolerance ``(m, k)``.
+        labelled: Whether features were fitted to labels; else every reading was compared with the whole surface.
+    """
+
+    met: tuple[str, ...]
+    used: BoolArray
+    distances: FloatArray
+    sds: FloatArray
+    feet: Vectors
+    reading: IntArray
+    rows: FloatArray
+    noise: FloatArray
+    repeatability: FloatArray
+    shared_jacobian: tuple[FloatArray, ...]
+    form: FloatArray
+    labelled: bool
+
+
+def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contacts:
+    """What the readings say if the hypothesis is true.
+
+    Args:
+        sensed: The readings.
+        part: The part of the hypothesis.
+        hypothesis: Pose, pairings and outliers.
+    """
+    measured, T = sensed.measured, hypothesis.T_world_part
+    R, q = T[:3, :3], SE3.apply(SE3.inverse(T), measured.points)
+    paired = dict(hypothesis.pairings)
+    used = np.array([i in paired for i in measured.ids], dtype=bool)
+    met, feet, axes = _targets(part, q, [paired.get(i, "") for i in measured.ids])
+    reading, slot = np.nonzero(~np.isnan(axes[:, :, 0]))
+    d = axes[reading, slot]
+    radii = np.where(slot == 0, measured.radii[reading], 0.0)
+    off = np.sum(d * (q - feet)[reading], axis=1) - radii
+    in_world = d @ R.T
+    noise = _along(in_world, (measured.covs - sensed.repeatability)[reading])
+    repeatability = _along(in_world, sensed.repeatability[reading])
+    shared_jacobian = [np.einsum("mi,mij->mj", in_world, J[reading]) for J in measured.jacobians]
+    spread = noise + repeatability + sensed.tolerance**2
+    off = off - _shared_shift(off, spread, shared_jacobian, sensed, used[reading])
+    count = np.bincount(reading, minlength=len(q))
+    size = np.sqrt(np.bincount(reading, off**2, minlength=len(q)))
+    for name, told in zip(hypothesis.outliers, hypothesis.outlier_distances, strict=False):
+        size[[i == name for i in measured.ids]] = np.abs(told)  # what was left out is as far off as the answer says
+    sign = np.where((count == 1) & (np.bincount(reading, off, minlength=len(q)) < 0), -1.0, 1.0)
+    rows = np.concatenate([d, np.cross(q[reading], d)], axis=1)
+    tilts = _tilt_rows(sensed, R)
+    return Contacts(
+        met=tuple(met),
+        used=used,
+        distances=sign * size,
+        sds=np.sqrt(np.bincount(reading, spread, minlength=len(q)) / np.maximum(count, 1)),
+        feet=SE3.apply(T, feet),
+        reading=np.concatenate([reading, tilts[0]]),
+        rows=np.concatenate([rows, tilts[1]]),
+        noise=np.concatenate([noise, tilts[2]]),
+        repeatability=np.concatenate([repeatability, np.zeros(len(tilts[0]))]),
+        shared_jacobian=tuple(np.concatenate([g, np.zeros((len(tilts[0]), g.shape[1]))]) for g in shared_jacobian),
+        labelled=any((one := named_class(name)) is not None and one.is_labelled for name in paired.values()),
+        form=np.pad(_form(part, q, met, reading, slot), ((0, len(tilts[0])), (0, 0))),
+    )
+
+
+def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vectors, FloatArray]:
+    """What each point met: name, nearest place ``(n, 3)``, directions ``(n, 3, 3)`` with NaN rows for none."""
+    surface = Surface(part.vertices, part.triangles)
+    distances, away = signed_distance(surface, q)
+    triangles = surface.closest(q).triangles if len(q) else np.zeros(0, dtype=np.int64)
+    if (curved := exact_faces(part, surface.normals)) is not None:
+        curved.replace(q, triangles, distances, away)
+    nearest = part.triangle_face[triangles]
+    feet, axes = q - distances[:, None] * away, np.full((len(q), 3, 3), np.nan)
+    axes[:, 0] = away
+    met = [name or part.faces[k].name for name, k in zip(names, nearest, strict=True)]
+    for i, name in enumerate(names):
+        feature = named_feature(part, name)
+        if feature is not None and (found := feature.nearest(q[i])) is not None:
+            feet[i], axes[i, : len(found[1])] = found
+    return met, feet, axes
+
+
+def _form(part: Part, q: Vectors, met: list[str], reading: IntArray, slot: IntArray) -> FloatArray:
+    """Columns ``(m, k)`` as the estimators assume them: made surfaces deviate as a whole."""
+    columns, names = [np.zeros((len(reading), 0))], np.array([met[i] for i in reading], dtype=object)
+    for name in dict.fromkeys(met):
+        rows, feature = np.flatnonzero(names == name), named_feature(part, name)
+        block = np.zeros((len(reading), 4))
+        block[rows] = (feature or NamedFace(part, 0)).form(q[reading[rows]], slot[rows])
+        columns.append(block[:, np.any(block != 0, axis=0)])
+    return np.concatenate(columns, axis=1)
+
+
+def _along(d: Vectors, covs: FloatArray) -> FloatArray:
+    """Variances along directions."""
+    return np.einsum("mi,mij,mj->m", d, covs, d)
+
+
+def _shared_shift(
+    off: FloatArray, spread: FloatArray, shared_jacobian: list[FloatArray], sensed: Sensed, used: BoolArray
+) -> FloatArray:
+    """What the most probable shared errors add to each row; nothing without shared errors."""
+    if not shared_jacobian or not used.any():
+        return np.zeros(len(off))
+    L = np.concatenate(shared_jacobian, axis=1) @ shared_root(sensed.measured.shared)
+    weighted = L[used] / spread[used, None]
+    z = np.linalg.solve(np.eye(L.shape[1]) + weighted.T @ L[used], weighted.T @ off[used])
+    return np.asarray(L @ z)
+
+
+def _tilt_rows(sensed: Sensed, R_world_part: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Rows of sensed normals: reading, derivative and variance; a normal says two turns."""
+    known = np.flatnonzero(~np.isnan(sensed.measured.normal_sds) & ~np.isnan(sensed.measured.normals[:, 0]))
+    if not len(known):
+        return known, np.zeros((0, 6)), np.zeros(0)
+    n = sensed.measured.normals[known] @ R_world_part
+    rows = np.zeros((2 * len(known), 6))
+    rows[:, 3:] = np.concatenate(np.moveaxis(SO3.frame_from_axis(n, 2)[..., :2], -1, 0))
+    return np.tile(known, 2), rows, np.tile(sensed.measured.normal_sds[known] ** 2, 2)

@@ -1,0 +1,98 @@
+"""The reading that discriminates two parts, as a page: where it goes, and what it reads on either."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.parts import Part
+from tanteo.planning import Discrimination, Probe
+from tanteo.posterior import box_corners
+from tanteo.render.html.answered import Layer, picture, switch_row
+from tanteo.render.html.page import Front, Html, Section, element, fact_list, join, make_page, table
+from tanteo.render.html.scene import packed, part_document, pose_numbers, view_document
+from tanteo.render.html.sections import rerun_section
+from tanteo.render.html.words import MM, fixed
+from tanteo.render.html.write import Run
+
+
+def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe, run: Run) -> str:
+    """The report of a reading that discriminates two parts as the text of one HTML file.
+
+    Args:
+        found: The reading.
+        parts: Both parts, in its order.
+        probe: What senses.
+        run: Where it comes from.
+    """
+    first, second = found.parts
+    title = f"One reading tells {first} from {second}." if found.tells else f"No reading tells {first} from {second}."
+    there = bool(np.isfinite(found.origin).all())
+    legend = [("beam", "the reading"), ("dot", "where it meets the one and the other")] if there else []
+    layers = [Layer("readings", "where it meets"), Layer("beams", "the reading"), Layer("names", "names")]
+    shown = picture(layers if there else [], [], legend)
+    chip, status = ("✓ planned", "recognized") if found.tells else ("✕ not discriminated", "unknown")
+    front = Front(title, chip, status, found.message, shown, _side(found, probe, run))
+    sections = [_reading(found)] if there else []
+    sections.append(rerun_section(run.command, f"{run.made_by}."))
+    return make_page(front, _scene(found, parts), sections)
+
+
+def _side(found: Discrimination, probe: Probe, run: Run) -> Html:
+    rows = [
+        switch_row(k, name, "" if np.isnan(r) else "nothing" if np.isinf(r) else f"{MM * r:.2f} mm", Html(""))
+        for k, (name, r) in enumerate(zip(found.parts, found.ranges, strict=True))
+    ]
+    facts = [
+        ("Tells about which it is", f"{found.information / np.log(2):.0%} of all there is to tell"),
+        ("Sensor", probe.name),
+        *run.facts,
+    ]
+    hint = element("p", "Choose one to see it. The second lies where it looks most like the first.", class_="note")
+    heading = element("h2", "What it reads on either")
+    return join([heading, hint, element("div", *rows, class_="bars"), element("dl", fact_list(facts))])
+
+
+def _reading(found: Discrimination) -> Section:
+    lead = f"In the frame of {found.parts[0]}, to which the other was laid."
+    rows = [
+        ("from x, y, z", ", ".join(fixed(MM * v, 2) for v in found.origin), "mm"),
+        ("along x, y, z", ", ".join(fixed(v, 4) for v in found.direction), "–"),
+    ]
+    for name, r, sd in zip(found.parts, found.ranges, found.sds, strict=True):
+        rows.append((f"reads on {name}", "nothing" if np.isinf(r) else f"{MM * r:.3f} ± {MM * sd:.3g}", "mm"))
+    return Section("reading", "The reading", lead, (table(("figure", "value", "unit"), rows),))
+
+
+def _scene(found: Discrimination, parts: Sequence[Part]) -> dict[str, Any]:
+    """Both parts where they look alike, in the frame of the first."""
+    Ts = np.stack([np.eye(4), found.T_first_second])
+    there = np.isfinite(found.ranges)
+    points = found.origin + found.ranges[there, None] * found.direction
+    starts = np.repeat(found.origin[None], len(points), axis=0)
+    corners = [SE3.apply(T, box_corners(p)) for T, p in zip(Ts, parts, strict=True)]
+    seen = np.concatenate([*corners, starts])
+    centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    names = [name for name, ok in zip(found.parts, there, strict=True) if ok]
+    said = [f"{name}: {MM * r:.2f} mm" for name, r in zip(names, found.ranges[there], strict=True)]
+    beyond = np.zeros((0, 2, 3))
+    if np.isinf(found.ranges).any():  # past the part that it does not meet
+        far = found.origin + 2 * np.linalg.norm(found.origin - centre) * found.direction
+        beyond = np.stack([found.origin, far])[None] - centre
+    return {
+        **view_document(centre, 2 * float(np.linalg.norm(seen - centre, axis=1).max())),
+        "seen": packed(seen - centre),
+        "parts": [part_document(part, 2) for part in parts],
+        "readings": {
+            "names": said, "words": said, "points": packed(points - centre), "radii": packed(np.zeros(len(points))),
+            "starts": packed(starts - centre),
+        },
+        "free": packed(beyond),
+        "hypotheses": [
+            {"part": k, "pose": pose_numbers(T, centre), "wrong": [0] * len(points), "sticks": "", "overlays": []}
+            for k, T in enumerate(Ts)
+        ],
+    }  # fmt: skip

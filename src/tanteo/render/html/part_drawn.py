@@ -1,0 +1,66 @@
+"""A part as triangles and lines that a browser can draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.geometry.typing import FloatArray, IntArray
+from tanteo.parts import Part, Surface, mesh_edges
+
+_MOST_TRIANGLES, _MOST_LINES = 40_000, 12_000
+"""For all parts of a page together: about 2 MB."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """What the page samples of a part, in the part's frame.
+
+    Attributes:
+        vertices: ``(V, 3)`` [m].
+        triangles: ``(T, 3)``.
+        lines: ``(L, 2, 3)``, where faces meet [m].
+        coarse: Whether the mesh was made coarser than that of the part.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    lines: FloatArray
+    coarse: bool
+
+
+def draw_part(part: Part, share: int = 1) -> Drawn:
+    """Mesh and lines of a part.
+
+    Args:
+        part: The part.
+        share: Number of parts that share the page.
+    """
+    vertices, triangles = part.vertices, part.triangles
+    max_measurements = _MOST_TRIANGLES // share
+    cells = 256
+    while len(triangles) > max_measurements:
+        vertices, triangles = _clustered(part, cells)
+        cells = cells * 3 // 4
+    return Drawn(vertices, triangles, _lines(part)[: _MOST_LINES // share], len(part.triangles) > max_measurements)
+
+
+def _clustered(part: Part, cells: int) -> tuple[FloatArray, IntArray]:
+    """The mesh with all vertices of one cell of a grid made one, and triangles that vanish by it left out."""
+    low, size = part.box[0], float((part.box[1] - part.box[0]).max())
+    key = np.floor((part.vertices - low) / size * cells).astype(np.int64) @ [1, 4096, 4096**2]
+    _, cell = np.unique(key, return_inverse=True)
+    count = np.bincount(cell)
+    vertices = np.stack([np.bincount(cell, part.vertices[:, k]) / count for k in range(3)], axis=1)
+    triangles = cell[part.triangles]
+    a, b, c = triangles.T
+    return vertices, triangles[(a != b) & (b != c) & (c != a)]
+
+
+def _lines(part: Part) -> FloatArray:
+    """Edges of the mesh between two faces of the part, the sharpest first ``(L, 2, 3)``."""
+    edges, normals = mesh_edges(part.triangles), Surface(part.vertices, part.triangles).normals
+    between = (part.triangle_face[edges.left] != part.triangle_face[edges.right]) | edges.rims
+    cosines = np.sum(normals[edges.left] * normals[edges.right], axis=1)[between]
+    return part.vertices[edges.ends[between]][np.argsort(cosines, kind="stable")]

@@ -1,0 +1,188 @@
+"""What the page's program draws, as numbers: parts, readings, beams, distances, overlays. Millimetres, world frame."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.parts import Part
+from tanteo.posterior import Hypothesis
+from tanteo.render.html.contacts import Contacts, Sensed
+from tanteo.render.html.part_drawn import draw_part
+from tanteo.render.html.shapes import Shapes, shapes_of
+from tanteo.render.html.ways import Way
+from tanteo.render.html.words import MM
+
+_ARM = 0.14
+"""Length of a beam whose origin is unknown, and most of a drawn distance, as a share of the part's size."""
+
+MOST_READINGS = 4000
+"""Readings that are drawn."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A hypothesis with everything that is shown of it.
+
+    Attributes:
+        hypothesis: The hypothesis.
+        part: Its part.
+        contacts: The readings on it.
+        ways: How its pose may be off.
+        enlarged: How many times the overlays of ``ways`` are enlarged.
+    """
+
+    hypothesis: Hypothesis
+    part: Part
+    contacts: Contacts
+    ways: tuple[Way, ...]
+    enlarged: int
+
+
+def shapes_shown(candidates: Sequence[Candidate], sensed: Sensed) -> Shapes:
+    """The features that labels make, beside the best hypothesis' part."""
+    return shapes_of(sensed.measured, _extent(candidates, sensed.measured.points)[1], sensed.tolerance)
+
+
+def scene_document(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) -> dict[str, Any]:
+    """The whole scene; world coordinates are relative to its ``centre``."""
+    measured = sensed.measured
+    centre, size = _extent(candidates, measured.points)
+    parts = list(dict.fromkeys(c.part.name for c in candidates))
+    shown = {c.part.name: c.part for c in candidates}
+    rows = _chosen_rows(len(measured), candidates)
+    reach = np.where(np.isnan(sensed.reach), _ARM * size, sensed.reach)
+    starts = measured.points - np.nan_to_num(measured.directions) * reach[:, None]
+    free = measured.free
+    ends = free.origins + free.directions * free.lengths[:, None]
+    return {
+        **view_document(centre, size),
+        "seen": packed(_seen(candidates, measured.points) - centre),
+        "parts": [part_document(shown[name], len(parts)) for name in parts],
+        "readings": {
+            "names": [measured.ids[i] for i in rows],
+            "labels": [measured.features[i] for i in rows],
+            "points": packed((measured.points - centre)[rows]),
+            "radii": packed(measured.radii[rows]),
+            "starts": packed((starts - centre)[rows]),
+        },
+        "features": {
+            "names": list(shapes.names),
+            "lines": packed(shapes.lines - centre),
+            "off": packed(shapes.off - centre),
+        },
+        "free": packed(np.stack([free.origins - centre, ends - centre], axis=1)[:MOST_READINGS]),
+        "hypotheses": [_hypothesis(c, parts.index(c.part.name), centre, rows, measured.points) for c in candidates],
+    }
+
+
+def _chosen_rows(n: int, candidates: Sequence[Candidate]) -> IntArray:
+    """Readings to draw: all, or evenly chosen ones and those that do not fit the best hypothesis."""
+    if n <= MOST_READINGS:
+        return np.arange(n)
+    wrong = np.flatnonzero(~candidates[0].contacts.used) if candidates else np.zeros(0, dtype=np.int64)
+    even = np.linspace(0, n - 1, MOST_READINGS // 2).astype(np.int64)
+    return np.unique(np.concatenate([even, wrong[: MOST_READINGS // 2]]))
+
+
+def _extent(candidates: Sequence[Candidate], points: FloatArray) -> tuple[FloatArray, float]:
+    """Middle and size of what matters: the best hypothesis' part, or the readings."""
+    if candidates:
+        best = candidates[0]
+        T, box = best.hypothesis.T_world_part, best.part.box
+        return T[:3, :3] @ box.mean(axis=0) + T[:3, 3], best.part.diagonal
+    if not len(points):
+        return np.zeros(3), 0.1
+    low, high = points.min(axis=0), points.max(axis=0)
+    return 0.5 * (low + high), max(float(np.linalg.norm(high - low)), 1e-3)
+
+
+_DIRECTIONS = 64
+"""In which the farthest vertices of a part are looked for, to frame it."""
+
+
+def _seen(candidates: Sequence[Candidate], points: FloatArray) -> FloatArray:
+    """What the picture has to hold: the best hypothesis' part, or the readings where there is none ``(k, 3)`` [m]."""
+    if not candidates:
+        return points if len(points) else 0.05 * np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+    best = candidates[0]
+    z = 1 - 2 * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    around = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS)
+    directions = np.stack([np.cos(around) * np.sqrt(1 - z**2), np.sin(around) * np.sqrt(1 - z**2), z])
+    vertices = best.part.vertices
+    farthest = vertices[np.unique(np.argmax(vertices @ directions, axis=0))]
+    T = best.hypothesis.T_world_part
+    return np.asarray(farthest @ T[:3, :3].T + T[:3, 3])
+
+
+def view_document(centre: Vectors, size: float) -> dict[str, Any]:
+    """What is in the middle, and how much there is to see."""
+    return {"centre_mm": [float(v) for v in centre * MM], "size_mm": float(size * MM)}
+
+
+def part_document(part: Part, count: int) -> dict[str, Any]:
+    """A part as it is drawn on a page of so many."""
+    drawn = draw_part(part, count)
+    return {
+        "name": part.name,
+        "vertices": packed(drawn.vertices),
+        "triangles": _base64(drawn.triangles.astype("<u4")),
+        "lines": packed(drawn.lines),
+        "coarse": drawn.coarse,
+    }
+
+
+def _hypothesis(
+    candidate: Candidate, part: int, centre: FloatArray, rows: IntArray, points: FloatArray
+) -> dict[str, Any]:
+    contacts = candidate.contacts
+    size = candidate.part.diagonal
+    enlarged = distance_enlarged(candidate)
+    away = points - contacts.feet
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-12)
+    drawn = np.clip(np.abs(contacts.distances) * enlarged, 0.0, _ARM * size)
+    sticks = np.stack([contacts.feet, contacts.feet + away * drawn[:, None]], axis=1) - centre
+    return {
+        "part": part,
+        "pose": pose_numbers(candidate.hypothesis.T_world_part, centre),
+        "met": [contacts.met[i] for i in rows],
+        "off_mm": [round(float(contacts.distances[i]) * MM, 5) for i in rows],
+        "sd_mm": [round(float(contacts.sds[i]) * MM, 5) for i in rows],
+        "wrong": [int(not contacts.used[i]) for i in rows],
+        "sticks": packed(sticks[rows]),
+        "overlays": overlay_numbers(candidate.ways, centre),
+    }
+
+
+def distance_enlarged(candidate: Candidate) -> int:
+    """How many times distances to the surface are enlarged: those that fit stay below a tenth of the part."""
+    contacts = candidate.contacts
+    fitting = np.abs(contacts.distances[contacts.used])
+    wanted = 0.06 * candidate.part.diagonal / max(float(fitting.max(initial=0.0)), 1e-9)
+    return max((m * 10**e for e in range(4) for m in (1, 2, 5) if m * 10**e <= wanted), default=1)
+
+
+def pose_numbers(T: Transforms, centre: Vectors) -> list[float]:
+    """A pose column by column, as the program wants it; millimetres from the centre."""
+    M = np.array(T)
+    M[:3, 3] = (M[:3, 3] - centre) * MM
+    return [round(float(v), 9) for v in M.T.ravel()]
+
+
+def packed(metres: FloatArray) -> str:
+    """Lengths as the program unpacks them, in millimetres."""
+    return _base64((np.asarray(metres) * MM).astype("<f4"))
+
+
+def _base64(array: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
+
+
+def overlay_numbers(ways: Sequence[Way], centre: Vectors) -> list[list[list[list[float]]]]:
+    """Poses of the overlays: of each way, each level, both sides."""
+    return [[[pose_numbers(T, centre) for T in level] for level in way.Ts_world_part] for way in ways]

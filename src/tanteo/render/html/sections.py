@@ -1,0 +1,204 @@
+"""The sections that every answer has: fit, directions of the error, uncertainty budget, figures, the command."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.geometry import SO3
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.planning import Direction
+from tanteo.posterior import prior_rows
+from tanteo.render.html.charts import residual_chart
+from tanteo.render.html.contacts import Sensed
+from tanteo.render.html.page import Html, Section, element, join, per_hypothesis, table
+from tanteo.render.html.scene import Candidate
+from tanteo.render.html.words import MM, fixed
+from tanteo.words import percent
+
+
+def figure_section(candidates: Sequence[Candidate]) -> Section:
+    """Pose, covariance and fit of every hypothesis."""
+    lead = "The pose maps points of the part to the world. Every figure names its frame and its unit."
+    return Section("figures", "All figures", lead, per_hypothesis(candidates, _pose_table))
+
+
+def _pose_table(candidate: Candidate) -> Html:
+    h = candidate.hypothesis
+    more = [
+        ("largest corner sd", f"{MM * h.corner_sd:.2g}", "mm", "any direction"),
+        ("rms distance of readings", f"{MM * h.rms:.3g}", "mm", "–"),
+        ("chi-square", f"{h.chi2:.3g} with {h.dof} degrees of freedom", "–", "–"),
+        ("p-value", f"{h.p_value:.3g}", "–", "–"),
+    ]
+    return join([pose_figures(h.T_world_part, h.covariance, more), element("p", f"CAD file: {h.file}", class_="note")])
+
+
+def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = ()) -> Html:
+    """A pose and its covariance, as a table with further rows and as matrices."""
+    R = T[:3, :3]
+    in_world = np.sqrt(np.diag(R @ C[:3, :3] @ R.T))
+    sds, q = np.sqrt(np.diag(C)), SO3.as_quaternion(R)
+    rows: list[Sequence[str]] = [
+        (f"{axis} of the part's origin", f"{fixed(MM * p, 3)} ± {MM * s:.3g}", "mm", "world")
+        for axis, p, s in zip("xyz", T[:3, 3], in_world, strict=True)
+    ]
+    rows.append(("quaternion w, x, y, z", ", ".join(fixed(v, 6) for v in q), "–", "part to world"))
+    rows += [
+        (f"turn about {axis}, 1 sd", f"{np.degrees(s):.3g}", "deg", "part")
+        for axis, s in zip("xyz", sds[3:], strict=True)
+    ]
+    numbers = _matrix(["row x", "row y", "row z", "row 4"], T, "{:.9g}")
+    pose = table(["", "x", "y", "z", "position"], numbers, class_="plain")
+    names = ["x", "y", "z", "rx", "ry", "rz"]
+    covariance = table(["", *names], _matrix(names, C, "{:.3e}"), class_="plain")
+    return join(
+        [
+            table(["figure", "value", "unit", "frame"], [*rows, *more]),
+            element("details", element("summary", "Pose as a matrix [m]"), pose),
+            element("details", element("summary", "Covariance [m, rad], part frame, right perturbation"), covariance),
+        ]
+    )
+
+
+def _matrix(names: Sequence[str], M: FloatArray, form: str) -> list[list[str]]:
+    return [[name, *(form.format(v) for v in row)] for name, row in zip(names, M, strict=True)]
+
+
+_NAMED = 5
+"""Readings of a direction that are named."""
+
+
+def rests_section(candidates: Sequence[Candidate], directions: Sequence[Sequence[Direction]]) -> Section:
+    """The independent directions of the error, and what is known of each from where.
+
+    Args:
+        candidates: The hypotheses.
+        directions: Of each of them; see :func:`directions_of` and :func:`tanteo.planning.explanation.explain`.
+    """
+    lead = (
+        "The pose may be off in these independent ways, the worst first: the overlays in the picture show them. Each "
+        "bar is all that is known about one, divided among the readings and what was known beforehand; errors that the "
+        "readings share are taken as known in it."
+    )
+    bodies = tuple(_directions(c, d) for c, d in zip(candidates, directions, strict=True))
+    return Section("rests", "Which reading fixed which direction", lead, bodies)
+
+
+def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]:
+    """The ways in which a pose may be off, with the share of each reading in what is known of them, to first order.
+
+    Args:
+        candidate: A hypothesis with the readings on it.
+        sensed: The readings.
+    """
+    contacts, part = candidate.contacts, candidate.part
+    form = 0.0 if contacts.labelled else sensed.tolerance**2 * np.any(contacts.form != 0, axis=1)
+    weights = contacts.used[contacts.reading] / (contacts.noise + contacts.repeatability + form)
+    known = prior_rows(sensed.prior, part, candidate.hypothesis.T_world_part[None])[1][0]
+    out = []
+    for way in candidate.ways:
+        each = np.bincount(contacts.reading, weights * (contacts.rows @ way.xi) ** 2, minlength=len(sensed.measured))
+        rough = float(np.sum((known @ way.xi) ** 2))
+        total = max(float(each.sum()) + rough, 1e-300)
+        shares = ((sensed.measured.ids[i], float(each[i] / total)) for i in np.argsort(-each, kind="stable"))
+        out.append(Direction(way.motion, way.rms, tuple(shares), rough / total))
+    return tuple(out)
+
+
+def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
+    if not directions:
+        return element("p", "Nothing was met, so nothing is fixed.")
+    overlays = [way.motion.brief for way in candidate.ways]
+    rows = []
+    for d in directions:
+        words = d.motion.brief
+        show: Html | str = ""
+        if words in overlays:
+            show = element("button", "Show", type="button", data_way=overlays.index(words), aria_label=f"Show: {words}")
+        rows.append((words, f"{MM * d.moves:.3g}", join([_direction_bar(d), element("div", _said(d))]), show))
+    headers = ("may be off by", "corners move, rms [mm]", "known from", "overlays")
+    return table(headers, rows, class_="directions")
+
+
+def _direction_bar(d: Direction) -> Html:
+    named = [(f"{name}: {percent(p)}", p, f"s{k % 2}") for k, (name, p) in enumerate(d.shares[:_NAMED])]
+    parts = [*named, ("beforehand", d.prior, "none")]
+    spans = [element("span", title=said, class_=kind, style=f"width:{100 * p:.2f}%") for said, p, kind in parts]
+    return element("div", *spans, class_="stack", aria_hidden="true")
+
+
+def _said(d: Direction) -> str:
+    named = [f"{name} ({percent(p)})" for name, p in d.shares[:_NAMED] if p >= 0.0005]
+    rest, others = sum(p for _, p in d.shares[_NAMED:]), len(d.shares) - _NAMED
+    if rest >= 0.0005:
+        named.append(f"{others} others ({percent(rest)})")
+    if d.prior >= 0.0005:
+        named.append(f"known beforehand ({percent(d.prior)})")
+    return ", ".join(named) or "nothing"
+
+
+_MOST_ROWS = 300
+"""Of a table or chart of readings."""
+
+
+def residual_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
+    """Every reading's distance to the surface."""
+    lead = (
+        "Each dot is a reading: its distance to the surface of the part, in standard deviations of its noise. Inside "
+        "the band they are as good as stated; a cross is a reading that the answer leaves out because it does not fit."
+    )
+    return Section("fit", "How the readings fit", lead, per_hypothesis(candidates, lambda c: _residuals(c, sensed)))
+
+
+def _residuals(candidate: Candidate, sensed: Sensed) -> Html:
+    contacts, ids = candidate.contacts, sensed.measured.ids
+    rows = _rows(candidate)
+    sds = contacts.distances / contacts.sds
+    words = [_reading_words(candidate, sensed, i) for i in rows]
+    chart = residual_chart([ids[i] for i in rows], sds[rows], ~contacts.used[rows], words)
+    cells = [
+        [
+            ids[i],
+            "fits" if contacts.used[i] else element("strong", "✕ does not fit", class_="wrong"),
+            f"{MM * contacts.distances[i]:+.3g}",
+            f"{MM * contacts.sds[i]:.3g}",
+            f"{round(sds[i], 1) + 0.0:+.1f}",
+            sensed.measured.features[i] or "–",
+            contacts.met[i],
+        ]
+        for i in rows
+    ]
+    headers = ["reading", "", "distance [mm]", "1 sd [mm]", "in sds", "label", "met"]
+    details = element("details", element("summary", "All readings as a table"), table(headers, cells, class_="plain"))
+    if len(rows) == len(ids):
+        return join([chart, details])
+    note = f"{len(rows)} of {len(ids)} readings are shown, among them those that do not fit."
+    return join([chart, element("p", note, class_="note"), details])
+
+
+def _reading_words(candidate: Candidate, sensed: Sensed, i: int) -> str:
+    contacts = candidate.contacts
+    verdict = "fits" if contacts.used[i] else "does not fit"
+    return f"reading {sensed.measured.ids[i]}, {contacts.met[i]}: {MM * contacts.distances[i]:+.3g} mm, {verdict}"
+
+
+def _rows(candidate: Candidate) -> IntArray:
+    n = len(candidate.contacts.used)
+    if n <= _MOST_ROWS:
+        return np.arange(n)
+    wrong = np.flatnonzero(~candidate.contacts.used)[: _MOST_ROWS // 2]
+    return np.unique(np.concatenate([np.linspace(0, n - 1, _MOST_ROWS // 2).astype(np.int64), wrong]))
+
+
+def rerun_section(command: str, made: str) -> Section:
+    """How to get the same again."""
+    body = join(
+        [
+            element("pre", element("code", command, id="command"), tabindex="0"),
+            element("button", "Copy", type="button", id="copy", aria_label="Copy the command"),
+            element("p", made, class_="note"),
+        ]
+    )
+    return Section("rerun", "Run it again", "The same files and options give the same answer.", (body,))

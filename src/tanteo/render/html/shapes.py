@@ -1,0 +1,96 @@
+"""Features that labelled readings make, as lines: where each is, and how it may be off, enlarged so that it is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import SideError
+from tanteo.features import CIRCLE, Feature, outline, outlines_off
+from tanteo.fitting import fit_labelled, given_round
+from tanteo.geometry.typing import FloatArray
+from tanteo.sensors import PointMeasurements, reading_kind
+
+_SDS, _SEEN = 2.0, 0.04
+"""Standard deviations by which features are drawn off, and how far that is on the page, as a share of its size."""
+
+_WORST = 4
+"""Outlines of each feature beside itself: both sides of the two directions in which it is known worst."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shapes:
+    """Sensed features as lines, world.
+
+    Attributes:
+        names: Kind and label of each.
+        lines: Where they are ``(L, 2, 3)`` [m].
+        off: Where they are off by two standard deviations, ``enlarged`` times ``(M, 2, 3)`` [m].
+        enlarged: How many times.
+    """
+
+    names: tuple[str, ...]
+    lines: FloatArray
+    off: FloatArray
+    enlarged: int
+
+    def __bool__(self) -> bool:
+        return bool(self.names)
+
+    @property
+    def flat(self) -> bool:
+        """Whether all of them are planes, which lie on faces that are drawn anyhow."""
+        return all(name.startswith("plane ") for name in self.names)
+
+
+def shapes_of(measured: PointMeasurements, size: float, tolerance: float = 0.0) -> Shapes:
+    """The features of labelled readings; none where no reading has a label, or the labels do not determine one.
+
+    Args:
+        measured: The readings.
+        size: Of what is shown beside them [m].
+        tolerance: sd of the made surface against its CAD [m].
+    """
+    if not any(measured.features):
+        return draw_shapes((), size)
+    try:
+        fitted = fit_labelled(measured, tolerance).features
+    except SideError:
+        fitted = ()
+    return draw_shapes([*(f if isinstance(f, Feature) else f[0] for f in fitted), *_rims(measured)], size)
+
+
+def _rims(measured: PointMeasurements) -> list[Feature]:
+    """The circles of centres that came with their axis and radius."""
+    sds = np.sqrt(np.linalg.eigvalsh(measured.total_covs())[:, -1])
+    return [
+        given_round(
+            CIRCLE, measured.points[k], measured.total_covs()[k], axis=measured.normals[k],
+            axis_sd=float(measured.normal_sds[k]), size=size, size_sd=float(sds[k]),
+            label=measured.features[k] or measured.ids[k],
+        )
+        for k, size in enumerate(measured.sizes)
+        if size is not None
+        and reading_kind(measured.kinds[k]).centre_of is CIRCLE
+        and np.isfinite(measured.normals[k]).all()
+    ]  # fmt: skip
+
+
+def draw_shapes(features: Sequence[Feature], size: float) -> Shapes:
+    """Features as lines, beside something of a size [m]."""
+    none, labelled = np.zeros((0, 2, 3)), [f for f in features if f.label]
+    lines = [outline(f) for f in labelled]
+    moved = [outlines_off(f, _SDS)[-_WORST:] - at for f, at in zip(labelled, lines, strict=True)]
+    farthest = max((float(np.linalg.norm(one, axis=-1).max()) for one in moved if one.size), default=0.0)
+    enlarged = _round_below(_SEEN * size / farthest) if farthest > 0 else 1
+    off = [(at + enlarged * one).reshape(-1, 2, 3) for at, one in zip(lines, moved, strict=True)]
+    return Shapes(
+        tuple(f"{f.kind.name} {f.label}" for f in labelled), np.concatenate([none, *lines]),
+        np.concatenate([none, *off]), enlarged,
+    )  # fmt: skip
+
+
+def _round_below(wanted: float) -> int:
+    return max((m * 10**e for e in range(4) for m in (1, 2, 5) if m * 10**e <= wanted), default=1)

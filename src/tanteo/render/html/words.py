@@ -1,0 +1,84 @@
+"""The answer in words, for a reader who has seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.parts import Part
+from tanteo.posterior import Answer, Hypothesis, corner_sd
+from tanteo.render.html.contacts import Sensed
+from tanteo.words import from_surface, headline_of, p_equals
+
+MM = 1e3
+
+SIGNS = {"recognized": "✓", "ambiguous": "?", "unknown": "✕", "insufficient": "…"}
+"""A sign for each status, so that colour alone says nothing."""
+
+_MOST_NAMES = 6
+
+
+def headline(answer: Answer) -> str:
+    """Return the verdict in words: which part it is, and how well it is located."""
+    return headline_of(answer.findings)
+
+
+def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed, significance: float) -> list[tuple[str, str]]:
+    """Return the few figures beside the picture, as name and value; tests judge at the answer's ``significance``."""
+    n, wrong = len(sensed.measured), hypothesis.outliers
+    used = len({reading for reading, _ in hypothesis.pairings} & set(sensed.measured.ids))
+    x, y, z = (fixed(v * MM, 2) for v in hypothesis.T_world_part[:3, 3])
+    rows = [
+        ("Position in the world", f"x {x}, y {y}, z {z} mm"),
+        ("Largest corner sd", uncertain(hypothesis.corner_sd)),
+        ("Readings that fit", _fitting(used, n, len(sensed.measured.free))),
+    ]
+    if hypothesis.covariance_relative is not None and not hypothesis.unobserved:
+        same = corner_sd(part, hypothesis.covariance_relative)
+        rows.insert(2, ("Largest corner sd if the shared errors were known", uncertain(same)))
+    if wrong:
+        rows.append(("Wrong readings", _wrong(hypothesis)))
+    if hypothesis.unobserved:
+        rows.append(("Not observed", "; ".join(hypothesis.unobserved)))
+    if hypothesis.symmetry_order > 1:
+        rows.append(("Symmetry", f"{hypothesis.symmetry_order} equivalent poses, shown as one"))
+    elif hypothesis.symmetry_axis is not None:
+        rows.append(("Symmetry", "turns about its axis are equivalent"))
+    return [*rows, ("Do they agree", _agreement(hypothesis, significance))]
+
+
+def _fitting(used: int, met: int, free: int) -> str:
+    """How many fit, of all readings; those that met nothing are said."""
+    nothing = f"; {'one' if free == 1 else free} met nothing" if free else ""
+    return f"{used} of {met + free}{nothing}"
+
+
+def _wrong(hypothesis: Hypothesis) -> str:
+    off = hypothesis.outlier_distances or (float("nan"),) * len(hypothesis.outliers)
+    names = [
+        name + (f" ({from_surface(d, 3)})" if np.isfinite(d) else "")
+        for name, d in zip(hypothesis.outliers, off, strict=True)
+    ]
+    rest = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _agreement(hypothesis: Hypothesis, significance: float) -> str:
+    if hypothesis.dof == 0:
+        return "nothing left over to check"
+    verdict = "no, they contradict each other" if hypothesis.p_value < significance else "yes, within their noise"
+    return f"{verdict} ({p_equals(hypothesis.p_value)})"
+
+
+def uncertain(metres: float) -> str:
+    """A standard deviation in millimetres, two digits: the same wherever a page says it."""
+    return f"{float(f'{MM * metres:.2g}'):g} mm"
+
+
+def length(metres: float) -> str:
+    """A length in millimetres, three digits."""
+    return f"{float(f'{MM * metres:.3g}'):g} mm"
+
+
+def fixed(value: float, digits: int) -> str:
+    """A number with so many decimals; never minus zero."""
+    return f"{round(value, digits) + 0.0:.{digits}f}"

@@ -1,0 +1,149 @@
+"""What a person may want of a player, and the reading that a click means: square to what they pointed at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import IntArray, Vectors
+from tanteo.planning import Action, Candidates, Probe, SensingState, Session, has_room, within_cone
+from tanteo.render.live.snapshot import BY_HAND
+
+
+@dataclass(frozen=True, slots=True)
+class Go:
+    """Go on by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Stay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advance:
+    """Go on to the next place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """Begin again, with the policy and the seed that are chosen then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contest:
+    """Begin again, the person alone against the policy, which plays the same scene unseen."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerNow:
+    """Sense no more: what is known now is the answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quit:
+    """End."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choose:
+    """Another policy, seed or speed (times real time); None leaves it."""
+
+    policy: str | None = None
+    seed: int | None = None
+    speed: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Click:
+    """A click into the picture: a ray from the eye, world; what is in a hidden layer is not clicked."""
+
+    eye: Vectors
+    ray: Vectors
+    hidden: frozenset[str] = frozenset()
+
+
+Command = Go | Pause | Advance | Restart | Contest | AnswerNow | Quit | Choose | Click
+
+
+class Left(Exception):  # noqa: N818
+    """The run was left before its end: to begin again in some way, to answer, or for good."""
+
+    def __init__(self, how: Restart | Contest | AnswerNow | Quit) -> None:
+        self.how = how
+
+
+def leave(command: Command) -> None:
+    """Leave the run, if that is what is wanted.
+
+    Raises:
+        Left: it is.
+    """
+    if isinstance(command, Restart | Contest | AnswerNow | Quit):
+        raise Left(command)
+
+
+_TILTS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""How far a reading is tilted from the normal towards the middle of the probe's cone, if there is no room before."""
+
+
+def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number: int) -> Action | str:
+    """The reading of a click, or why there is none.
+
+    It looks along the inward normal of what was pointed at, or as near to that as the probe may and has room for.
+    """
+    hit = _first(session.state, modes, eye, ray / np.linalg.norm(ray))
+    if hit is None:
+        return "There is nothing where you clicked: click on a part or near one."
+    mode, face, point, inward = hit
+    ways = _ways(session.probe, mode, face, point, inward)
+    ways = ways.take(has_room(session.state, ways, session.probe, anywhere=False))
+    if not len(ways):
+        return "There is no room to sense that: click on another place."
+    if session.able is not None:
+        ways = ways.take(session.able(session.state, ways))
+    if not len(ways):
+        return "The hand cannot come to where it would sense that: click on another place."
+    part, probe = session.state.target(mode).part, session.probe
+    name = part.faces[face].name if face >= 0 else "a place beside it"
+    return Action(
+        number, ways.origins[0], ways.directions[0], probe.max_range, float(ways.ranges[0]), part.name, name, np.nan,
+        BY_HAND,
+    )  # fmt: skip
+
+
+def _ways(probe: Probe, mode: int, face: int, point: Vectors, inward: Vectors) -> Candidates:
+    """Readings of a place, the best first: along its normal, or tilted towards the middle of the probe's cone."""
+    tilted = [inward] if probe.approach is None else [(1 - t) * inward + t * probe.approach for t in _TILTS]
+    lengths = np.linalg.norm(tilted, axis=1, keepdims=True)
+    directions = within_cone((tilted / np.maximum(lengths, 1e-9))[lengths[:, 0] > 1e-3], probe)
+    good = directions @ inward > np.cos(0.95 * probe.max_incidence)
+    good[0] = True
+    n = len(probe.standoffs)
+    directions, ranges = np.repeat(directions[good], n, axis=0), np.tile(probe.standoffs, int(good.sum()))
+    origins = point - ranges[:, None] * directions
+    return Candidates(origins, directions, np.full(len(ranges), mode), np.full(len(ranges), face), ranges)
+
+
+def _first(
+    state: SensingState, modes: IntArray, eye: Vectors, ray: Vectors
+) -> tuple[int, int, Vectors, Vectors] | None:
+    """Mode, face, place and inward normal of what is met first; beside the part, the place nearest to its middle."""
+    best: tuple[float, tuple[int, int, Vectors, Vectors]] | None = None
+    for k in modes.tolist():
+        target, T = state.target(k), state.poses[k]
+        to_part = SE3.inverse(T)
+        hits = target.surface.cast(SE3.apply(to_part, eye)[None], (to_part[:3, :3] @ ray)[None])
+        distance, triangle = float(hits.distances[0]), int(hits.triangles[0])
+        if np.isfinite(distance) and (best is None or distance < best[0]):
+            inward = -T[:3, :3] @ target.surface.normals[triangle]
+            best = distance, (k, int(target.part.triangle_face[triangle]), eye + distance * ray, inward)
+    if best is not None or not len(modes):
+        return None if best is None else best[1]
+    k = int(modes[0])
+    part, T = state.target(k).part, state.poses[k]
+    middle = SE3.apply(T, part.centroid)
+    point = eye + max(float((middle - eye) @ ray), 0.0) * ray
+    return (k, -1, point, ray) if np.linalg.norm(point - middle) < part.diagonal else None

@@ -1,0 +1,215 @@
+"""What is said beside the picture: the belief as bars, counts, what happened, what the colours mean. HTML, escaped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import resources
+
+import numpy as np
+
+from tanteo.planning import Step
+from tanteo.render.html.charts import bar
+from tanteo.render.html.page import Html, element
+from tanteo.render.live import colors
+from tanteo.render.live.drawing import OPEN
+from tanteo.render.live.primitives import Colour
+from tanteo.render.live.snapshot import RIVAL_LAYERS, Result, Snapshot, by_hand
+from tanteo.words import percent
+
+_BARS = 5
+"""Parts that have a bar of their own."""
+
+_LINES = 8
+"""Last lines of what happened."""
+
+GRID = 0.05
+"""Side of a square of the grid [m]."""
+
+GRID_WORDS = f"A square of the grid is {1e3 * GRID:.0f} mm; of beams that met nothing {1e3 * OPEN:.0f} mm are drawn."
+
+STYLE = element(
+    "style", Html(resources.files("tanteo.render.live").joinpath("page.css").read_text(encoding="utf-8"))
+).text
+"""Of what is said here; and viser's own words, which are small and pale, so that they can be read."""
+
+
+def _framed(*children: Html | str) -> str:
+    return element("div", *children, class_="tanteo").text
+
+
+def headline(now: Snapshot) -> str:
+    """What is believed now, in a sentence."""
+    b, n = now.state, len(now.names)
+    if not now.steps:
+        drawn = f"{now.names[now.order[0]]} is drawn"
+        return f"Nothing was sensed yet: {n} parts may be here, {drawn}." if n > 1 else "Nothing was sensed yet."
+    if not len(b.weights):
+        return "No part explains the readings."
+    best = int(now.order[0])
+    words = f"{now.names[best]}: {percent(float(b.of_parts()[best]))}"
+    if not now.decided:
+        return f"Not decided; the likeliest is {words}"
+    sd = now.steps[-1].corner_sd
+    return words if np.isnan(sd) else f"{words}, largest corner sd {1e3 * sd:.3g} mm"
+
+
+def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> str:
+    """The sentence, how many places were sensed, how far a rival was by then, and what it is waiting for."""
+    rows = [element("div", headline(now), class_="say"), element("div", counted(now))]
+    rows += [element("div", rival)] if rival else []
+    rows += [element("div", text, class_="soft") for text in (note, help_) if text]
+    return _framed(*rows)
+
+
+def verdict(now: Snapshot, words: Sequence[str], table: str = "") -> str:
+    """How it ended: the first sentence large; then a table, if there is one."""
+    rows = [element("div", text, class_="say" if k == 0 else None) for k, text in enumerate([*words, counted(now)])]
+    return _framed(*rows, Html(table))
+
+
+def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
+    """How sure the planner was after so many places; not of what, which would tell the answer."""
+    if not steps:
+        return "The planner has sensed nothing yet."
+    last = steps[-1]
+    sure = percent(float(last.probabilities.max(initial=0.0)))
+    sure = f"{sure} sure, largest corner sd {1e3 * last.corner_sd:.3g} mm"
+    if through and len(steps) < places:
+        return f"The planner was through after {len(steps)}: {sure}."
+    return f"The planner after {len(steps)}: {sure}."
+
+
+def compared(mine: Result, planned: Result, places: tuple[int, int], *, truth: bool) -> str:
+    """The person's run beside what the planner does alone on the same scene, with the same errors.
+
+    Args:
+        mine: how the person's run came out.
+        planned: the planner's.
+        places: of the person's run, those that the policy chose and those that the person did.
+        truth: whether the truth is known.
+    """
+    name = "you" if not places[0] else f"you {places[1]}, policy {places[0]}"
+    rows: list[tuple[str, str, str]] = [
+        ("places", f"{mine.places}", f"{planned.places}"),
+        *((words, _said(read(mine)), _said(read(planned))) for words, read in _COMPARED),
+    ]
+    if not truth:
+        rows.pop()
+    head = element("tr", element("td"), element("th", name, scope="col"), element("th", "planner", scope="col"))
+    body = [element("tr", element("th", a, scope="row"), element("td", b), element("td", c)) for a, b, c in rows]
+    return element("table", head, *body, class_="compared").text
+
+
+_COMPARED: tuple[tuple[str, Callable[[Result], str | float]], ...] = (
+    ("answer", lambda r: r.part or "none"),
+    ("probability", lambda r: percent(r.probability)),
+    ("corner sd", lambda r: r.corner_sd),
+    ("off the truth", lambda r: r.off),
+)
+
+
+def _said(value: str | float) -> str:
+    if isinstance(value, str):
+        return value
+    return "unknown" if np.isnan(value) else f"{1e3 * value:.3g} mm"
+
+
+def counted(now: Snapshot) -> str:
+    """Places sensed so far, and by whom."""
+    policy, mine = now.places
+    if not mine or not policy:
+        return f"Places sensed: {policy + mine}" + (", all by you" if mine else "")
+    return f"Places sensed: {policy + mine} ({mine} by you, {policy} by the policy)"
+
+
+def bars(now: Snapshot) -> str:
+    """How probable each part is: the likeliest, all others together, and the unknown object."""
+    p, order = now.state.of_parts(), now.order
+    drawn = set(now.state.part[now.drawn_modes()].tolist())
+    rows = [
+        _row(now.names[k], float(p[k]), _swatch(rank) if int(k) in drawn else None)
+        for rank, k in enumerate(order[:_BARS])
+    ]
+    rest = order[_BARS:]
+    if len(rest):
+        rows.append(_row(f"{len(rest)} others", float(p[rest].sum()), None, "none"))
+    rows.append(_row("unknown object", now.state.unknown, None, "none"))
+    return _framed(*rows)
+
+
+def _swatch(rank: int) -> str:
+    """Style of the square that has the colour of what is drawn."""
+    if rank == 0:
+        return f"background:{colors.css(colors.PART)};border-color:{colors.css(colors.EDGE)}"
+    return f"background:{colors.css(colors.RIVALS[rank - 1])}"
+
+
+def _row(name: str, share: float, swatch: str | None, kind: str = "") -> Html:
+    value = element("span", percent(share), class_="value")
+    box = element("span", class_="box", style=swatch)
+    return element("div", box, element("span", name), value, bar(share, kind), class_="row")
+
+
+def steps(lines: Sequence[str]) -> str:
+    """What happened, the last first."""
+    if not lines:
+        return _framed(element("span", "Nothing yet.", class_="soft"))
+    items = [element("li", line) for line in list(lines)[: -_LINES - 1 : -1]]
+    return _framed(element("ul", *items, class_="told"))
+
+
+def step_line(now: Snapshot) -> str:
+    """What the last step told, in a line."""
+    step = now.steps[-1]
+    who = "you" if by_hand(step.action) else "policy"
+    at = "told" if step.action is None else f"{step.action.face} of {step.action.part}"
+    if step.part < 0:
+        return f"{len(now.steps)}. {who}, {at}: no part explains the readings"
+    best = int(np.argmax(step.probabilities))
+    return (
+        f"{len(now.steps)}. {who}, {at}: {now.names[best]} {percent(float(step.probabilities[best]))}, "
+        f"largest corner sd {1e3 * step.corner_sd:.3g} mm"
+    )
+
+
+MARKS: dict[str, tuple[str, Colour]] = {
+    **{layer: ("box", colour) for layer, colour in zip(RIVAL_LAYERS, colors.RIVALS, strict=True)},
+    "overlays": ("line", colors.OVERLAY),
+    "readings": ("dot", colors.GOOD),
+    "wrong": ("dot diamond", colors.BAD),
+    "beams": ("line", colors.BEAM),
+    "free": ("line dashes", colors.FREE),
+    "features": ("line", colors.FEATURE),
+    "next": ("line", colors.INK),
+    "hand": ("box", colors.SOFT),
+    "planner": ("dot square", colors.PLANNER),
+}
+"""Sign and colour of each layer in the legend."""
+
+ALWAYS: tuple[tuple[str, Colour, str], ...] = (
+    ("box", colors.PART, "The likeliest part"),
+    ("box", colors.TABLE, "The table"),
+    ("box", colors.FURNITURE, "What else is known to stand there"),
+    ("line thick", colors.INK, "In the end: what truly lies there"),
+)
+"""What is not hidden: sign, colour and words."""
+
+
+def legend(*, scene: bool) -> str:
+    """What cannot be hidden, and the scale; the boxes below have a sign of their own each.
+
+    Args:
+        scene: whether there is one; a record knows of no table and of no truth.
+    """
+    shown = ALWAYS if scene else ALWAYS[:1]
+    rows = [element("li", _sign(kind, colour), element("span", words)) for kind, colour, words in shown]
+    return _framed(element("ul", *rows, class_="key"), element("span", GRID_WORDS, class_="soft"))
+
+
+def sign(layer: str) -> str:
+    """The sign of a layer, to stand in the row of the box that shows and hides it."""
+    return element("span", _sign(*MARKS[layer]), class_="tanteo-sign").text
+
+
+def _sign(kind: str, colour: Colour) -> Html:
+    return element("span", class_=f"sign {kind}", style=f"--c:{colors.css(colour)}")

@@ -1,0 +1,291 @@
+"""Plays a session on a page: waits between places, takes what the person wants, compares at the end.
+
+Everything happens in the thread that calls :meth:`Player.run`; a page only puts commands into :attr:`Player.commands`.
+What is sensed depends on seed, policy, clicks and their order alone, never on the clock.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NoReturn, Protocol
+
+import numpy as np
+
+from tanteo.hand import HandReading
+from tanteo.planning import Action, Done, policy_named
+from tanteo.render.live import drawing, panel
+from tanteo.render.live.commands import (
+    Advance,
+    AnswerNow,
+    Choose,
+    Click,
+    Command,
+    Contest,
+    Go,
+    Left,
+    Pause,
+    Quit,
+    Restart,
+    leave,
+    picked,
+)
+from tanteo.render.live.contest import Rival
+from tanteo.render.live.primitives import Primitive
+from tanteo.render.live.shows import Show
+from tanteo.render.live.snapshot import Snapshot, by_hand, ending_words, result
+
+_FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
+"""Seconds between two pictures of a moving hand; between two places without a hand in real time; of one wait."""
+
+HELP = "Press Go or Step, or click on a part: you sense there yourself."
+YOUR_TURN = "Your turn: click where to sense. The planner plays the same scene, unseen."
+
+
+class Page(Protocol):
+    """What a player draws on."""
+
+    def show(self, group: str, primitives: Sequence[Primitive]) -> None:
+        """Draw these in place of those of the same group."""
+        ...
+
+    def say(self, place: str, html: str) -> None:
+        """Put words in place of those that were there: ``status``, ``bars``, ``told``."""
+        ...
+
+
+@dataclass(slots=True, eq=False)
+class Player:
+    """Plays shows until it is told to quit.
+
+    Attributes:
+        make: a show from seed and policy; always the same one for the same.
+        page: what it draws on.
+        seed: of the next show.
+        policy: of it.
+        speed: times real time.
+        commands: what the person wants.
+    """
+
+    make: Callable[[int, str], Show]
+    page: Page
+    seed: int
+    policy: str = "information"
+    speed: float = 3.0
+    commands: queue.SimpleQueue[Command] = field(default_factory=queue.SimpleQueue)
+    _mode: str = field(init=False, default="paused")
+    _show: Show = field(init=False)
+    _lines: list[str] = field(init=False, default_factory=list)
+    _note: str = field(init=False, default="")
+    _played: tuple[int, str] = field(init=False, default=(0, ""))
+    _drawn: float = field(init=False, default=0.0)
+    _last: HandReading | None = field(init=False, default=None)
+    _contest: bool = field(init=False, default=False)
+    _rival: Rival = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._rival = Rival(self.make)
+
+    def run(self) -> None:
+        """Play; comes back when it is told to quit."""
+        how: Command = Restart()
+        while not isinstance(how, Quit):
+            how = self._once(contest=isinstance(how, Contest))
+        self._rival.leave()
+
+    def _once(self, *, contest: bool) -> Command:
+        """Play one show, and wait at its end; what was wanted then."""
+        self._contest = contest
+        try:
+            self._over(self._played_on())
+        except Left as left:
+            return left.how
+
+    def _played_on(self) -> Done:
+        """Play one show to its end, or until the person has had enough."""
+        try:
+            self._begin()
+            self._gate()
+            return self._show.run(self)
+        except Left as left:
+            if isinstance(left.how, AnswerNow):
+                return Done(False, "It was ended here.")
+            raise
+
+    def _begin(self) -> None:
+        self._rival.leave()
+        self._show = self.make(self.seed, self.policy)
+        self._lines, self._note, self._drawn, self._played = [], "", 0.0, (self.seed, self.policy)
+        self._mode = "paused"
+        self.page.show("furniture", drawing.furniture_primitives(self._show.furniture))
+        self.page.show("truth", [])
+        self.page.show("planner", [])
+        if self._contest:
+            self._rival.begin(self.seed, self.policy)
+        self._last = None if self._show.hand is None else self._show.hand[1]
+        self._hand()
+
+    def place(self, note: str) -> None:
+        """A place was sensed: say what it told, and wait for what comes next (see :class:`Watch`)."""
+        self._hand()
+        session = self._show.session
+        told = Snapshot.of(session)
+        if len(told.steps) > len(self._lines):
+            line = panel.step_line(told)
+            self._lines.append(f"{line} ({note})" if note else line)
+            self._note = note
+        else:
+            self._note = f"Not sensed there: {note}."
+        if self._mode == "step":
+            self._mode = "paused"
+        self._gate()
+
+    def moved(self, sensed: HandReading) -> None:
+        """Draw the hand now and then, as fast as is wanted."""
+        self._last = sensed
+        gone = sensed.time - self._drawn
+        if gone < _FRAME * self.speed and self.commands.empty():
+            return
+        self._hand()
+        self._wait(gone / self.speed, resting=False)
+
+    def _gate(self) -> None:
+        """Choose and show what comes next, and wait until it may happen."""
+        self._rival.rest()
+        asked = self._show.session.ask()
+        self._draw()
+        if isinstance(asked, Done):
+            return
+        self._rival.turn()  # while the person looks
+        self._wait(_LOOK / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
+        if self._show.hand is None:
+            self._say("Sensing there ...")  # what it tells may take a second
+
+    def _wait(self, seconds: float, *, resting: bool) -> None:
+        """Take commands for so long, and for as long as it is paused."""
+        end = time.monotonic() + seconds
+        while True:
+            command = self._next(end)
+            if command is not None:
+                self._take(command, resting=resting)
+            elif self._mode != "paused":
+                return
+
+    def _next(self, end: float) -> Command | None:
+        """The next command, if one comes before a time, or soon; short waits leave room for an interrupt."""
+        left = end - time.monotonic()
+        try:
+            if self._mode == "paused":
+                return self.commands.get(timeout=_SOON)
+            return self.commands.get_nowait() if left <= 0 else self.commands.get(timeout=min(left, _SOON))
+        except queue.Empty:
+            return None
+
+    def _take(self, command: Command, *, resting: bool) -> None:
+        self._rival.rest()
+        leave(command)
+        if isinstance(command, Choose):
+            self._choose(command, resting=resting)
+        elif isinstance(command, Click):
+            self._clicked(command, resting=resting)
+        elif self._contest and not isinstance(command, Pause) and not by_hand(self._show.session.asked):
+            self._say("In a contest the places are yours: click on the part.")
+        else:
+            self._mode = {Go: "going", Pause: "paused", Advance: "step"}[type(command)]
+            self._say(self._note)
+
+    def _choose(self, chosen: Choose, *, resting: bool) -> None:
+        self.seed = self.seed if chosen.seed is None else chosen.seed
+        self.speed = chosen.speed or self.speed
+        if chosen.policy is None or chosen.policy == self.policy:
+            return
+        self.policy = chosen.policy
+        if self._contest:  # holds from the next one: this one's planner has begun
+            return
+        self._show.session.policy = policy_named(self.policy)
+        if resting:
+            self._show.session.put(None)
+            self._show.session.ask()
+            self._draw()
+
+    def _clicked(self, click: Click, *, resting: bool) -> None:
+        session = self._show.session
+        if not resting or session.asked is None:
+            self._say("Wait until the hand rests, then click again.")
+            return
+        now = Snapshot.of(session)
+        seen = np.array([k for k in now.drawn_modes().tolist() if now.layer(k) not in click.hidden], dtype=np.int64)
+        found = picked(session, seen, click.eye, click.ray, session.asked.number)
+        if not isinstance(found, Action):
+            self._say(found)
+            return
+        session.put(found)
+        if self._mode == "paused":
+            self._mode = "step"
+        self._draw()
+
+    def _over(self, done: Done) -> NoReturn:
+        """Show how it ended, what is truly there, and who needed how many places."""
+        session, truth = self._show.session, self._show.truth
+        self._mode = "paused"
+        self._rival.rest()
+        self.page.show("truth", drawing.truth_primitives(truth))
+        words, table = [*ending_words(session, done, truth)], ""
+        if Snapshot.of(session).places[1] or self._contest:
+            self._end([*words, f"Playing what '{self.policy}' does alone ..."])
+            table = self._compared()
+        self._end(words, table)
+        while True:
+            command = self._next(0.0)
+            if command is None:
+                continue
+            if isinstance(command, AnswerNow):
+                continue
+            leave(command)
+            if isinstance(command, Choose):
+                self.seed = self.seed if command.seed is None else command.seed
+                self.policy, self.speed = command.policy or self.policy, command.speed or self.speed
+            else:
+                self._end([*words, "It is over: press Restart to begin again."], table)
+
+    def _compared(self) -> str:
+        """The person's run beside what the policy comes to alone on the same scene, as a table."""
+        session, truth = self._show.session, self._show.truth
+        seed, policy = self._played if self._contest else (self._played[0], self.policy)
+        if self._contest:
+            self.page.show("planner", self._rival.play_on(self._patient))
+        planned = self._rival.result(seed, policy, truth, self._patient)
+        return panel.compared(result(session, truth), planned, Snapshot.of(session).places, truth=bool(truth))
+
+    def _patient(self) -> None:
+        """The person may leave instead of waiting; other wishes are dropped."""
+        while not self.commands.empty():
+            command = self.commands.get()
+            if not isinstance(command, AnswerNow):
+                leave(command)
+
+    def _hand(self) -> None:
+        if self._last is not None and self._show.hand is not None:
+            self._drawn = self._last.time
+            self.page.show("hand", drawing.hand_primitives(self._show.hand[0], self._last))
+
+    def _draw(self) -> None:
+        now = Snapshot.of(self._show.session)
+        self.page.show("state", drawing.state_primitives(now))
+        self.page.show("readings", drawing.reading_primitives(now))
+        hidden = self._contest and not by_hand(now.action)
+        self.page.show("next", [] if hidden else drawing.next_primitives(now))
+        self.page.say("bars", panel.bars(now))
+        self.page.say("told", panel.steps(self._lines))
+        self._say(self._note)
+
+    def _say(self, note: str) -> None:
+        now = Snapshot.of(self._show.session)
+        waits = self._mode == "paused" and now.action is not None
+        help_ = (YOUR_TURN if self._contest else HELP) if waits else ""
+        self.page.say("status", panel.status(now, note, help_, self._rival.standing(len(now.steps))))
+
+    def _end(self, words: Sequence[str], table: str = "") -> None:
+        self.page.say("status", panel.verdict(Snapshot.of(self._show.session), words, table))

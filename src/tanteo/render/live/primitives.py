@@ -1,0 +1,162 @@
+"""What a picture is made of: meshes, lines, dots, arrows and labels; ellipsoids and the hand. World frame, metres.
+
+Each has a name, unique in a picture, and a layer by which it can be hidden; without one it is always shown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from trimesh.convex import convex_hull
+from trimesh.creation import icosphere
+
+from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms, Vectors
+from tanteo.hand import Body
+from tanteo.parts import Surface, mesh_edges
+
+Colour = tuple[int, int, int]
+"""Red, green, blue, 0 to 255."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """A surface: vertices ``(V, 3)`` in its own frame, ``T`` in the world, and triangles ``(T, 3)``; opacity 0 to 1."""
+
+    name: str
+    vertices: FloatArray
+    triangles: IntArray
+    colour: Colour
+    opacity: float = 1.0
+    T: Transforms = field(default_factory=lambda: np.eye(4))
+    layer: str = ""
+
+    def same_shape(self, other: Primitive) -> bool:
+        """Whether the other is the same but for where it stands and how clear it is."""
+        return (
+            isinstance(other, Mesh)
+            and self.vertices is other.vertices
+            and self.triangles is other.triangles
+            and self.colour == other.colour
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lines:
+    """Straight lines ``(n, 2, 3)`` in their own frame, ``T`` in the world, so many pixels wide."""
+
+    name: str
+    segments: FloatArray
+    colour: Colour
+    width: float = 1.5
+    T: Transforms = field(default_factory=lambda: np.eye(4))
+    layer: str = ""
+
+    def same_shape(self, other: Primitive) -> bool:
+        """Whether the other is the same but for where it stands."""
+        return isinstance(other, Lines) and self.segments is other.segments and self.colour == other.colour
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dots:
+    """Points ``(n, 3)``, all of one size [m] and shape, ``circle``, ``diamond`` or ``square``."""
+
+    name: str
+    points: Vectors
+    colour: Colour
+    size: float
+    shape: str = "circle"
+    layer: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arrow:
+    """An arrow with a shaft of some radius [m]."""
+
+    name: str
+    start: Vectors
+    end: Vectors
+    colour: Colour
+    radius: float
+    layer: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Label:
+    """Words at a place ``(3,)``."""
+
+    name: str
+    text: str
+    place: Vectors
+    layer: str = ""
+
+
+Primitive = Mesh | Lines | Dots | Arrow | Label
+
+
+_SHARP = np.cos(np.radians(25.0))
+"""Triangles that meet at a larger angle make an edge."""
+
+_DASHES = 24
+"""Most dashes of a line."""
+
+
+def _faces(mesh: Any) -> tuple[FloatArray, IntArray]:
+    return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
+
+
+def ball(subdivisions: int = 2) -> tuple[FloatArray, IntArray]:
+    """A sphere of radius 1: vertices ``(V, 3)`` and triangles ``(T, 3)``."""
+    return _faces(icosphere(subdivisions))
+
+
+def ellipsoids(points: Vectors, covariances: Covariances, sds: float) -> tuple[FloatArray, IntArray]:
+    """Surfaces at so many standard deviations about points, as one mesh."""
+    vertices, triangles = ball(1)
+    variances, axes = np.linalg.eigh(covariances)
+    stretched = axes * (sds * np.sqrt(np.maximum(variances, 1e-12)))[:, None, :]
+    # a mirrored frame would turn the surface inside out
+    stretched[np.linalg.det(axes) < 0, :, 0] *= -1
+    placed = points[:, None] + vertices @ np.swapaxes(stretched, 1, 2)
+    return joined([(v, triangles) for v in placed])
+
+
+def hand_mesh(body: Body) -> tuple[FloatArray, IntArray]:
+    """The hand as smooth solids: spheres that stand in one line along its z are one of them."""
+    columns: dict[tuple[float, ...], list[int]] = {}
+    for k, (centre, blind) in enumerate(zip(body.centres, body.blind, strict=True)):
+        columns.setdefault((*np.round(centre[:2], 6).tolist(), float(blind)), []).append(k)
+    unit = ball()[0]
+    return joined(
+        [
+            _faces(convex_hull((body.centres[rows, None] + body.radii[rows, None, None] * unit).reshape(-1, 3)))
+            for rows in columns.values()
+        ]
+    )
+
+
+def joined(meshes: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
+    """Meshes as one."""
+    if not meshes:
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    starts = np.cumsum([0, *(len(v) for v, _ in meshes)])
+    vertices, triangles = zip(*meshes, strict=True)
+    return np.concatenate(vertices), np.concatenate([t + k for t, k in zip(triangles, starts, strict=False)])
+
+
+def outline(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Edges of a mesh at which its surface turns sharply, or ends ``(n, 2, 3)``."""
+    edges, normals = mesh_edges(triangles), Surface(vertices, triangles).normals
+    sharp = np.sum(normals[edges.left] * normals[edges.right], axis=1) < _SHARP
+    return np.asarray(vertices[edges.ends[sharp | edges.rims]])
+
+
+def dashed(starts: Vectors, ends: Vectors, dash: float) -> FloatArray:
+    """Lines in dashes ``(n, 2, 3)`` with equal gaps; longer ones where a line would have very many."""
+    out = [np.zeros((0, 2, 3))]
+    for a, b in zip(starts, ends, strict=True):
+        count = int(np.clip(np.linalg.norm(b - a) / (2 * dash), 1, _DASHES))
+        shares = (np.arange(count)[:, None] + [0.0, 0.5]) / count
+        out.append(a + shares[..., None] * (b - a))
+    return np.concatenate(out)

@@ -1,0 +1,29 @@
+"""The session of a scene file, to be shown: with its hand, or with a laser that is simply where it is wanted."""
+
+from __future__ import annotations
+
+from tanteo.hand import Scene
+from tanteo.io import SceneFile, furniture_of, session_of
+from tanteo.planning import Session, Start, Stop, policy_named
+from tanteo.render.live.shows import Show, hand_show, laser, probe_show, simulated
+
+
+def scene_show(scene: SceneFile, start: Start, stop: Stop, policy: str = "information", *, bare: bool = False) -> Show:
+    """The session of a scene, ready to begin.
+
+    Args:
+        scene: The scene; its seed is that of the session and of all errors.
+        start: Where the parts may be.
+        stop: When to end.
+        policy: Name of the policy.
+        bare: No hand, but a laser that is simply where it is wanted.
+    """
+    truth = tuple(s for s in scene.scene.solids if s not in scene.furniture)
+    if bare:
+        probe, sensing = laser(scene.workspace)
+        session = Session(start, probe, sensing, policy_named(policy), stop, scene.seed)
+        furniture = Scene.of(scene.furniture).surface if scene.furniture else None
+        read = simulated(Scene.of(truth).surface, furniture, scene.seed)
+        return probe_show(session, read, truth, scene.furniture)
+    session, robot, rules = session_of(scene, start, stop, policy)
+    return hand_show(session, robot, rules, truth, scene.furniture, furniture_of(scene), scene.cell.robot)

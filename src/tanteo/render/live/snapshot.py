@@ -1,0 +1,190 @@
+"""A session at one moment, frozen, so that it can be drawn at any time after; and how it ended, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
+from tanteo.hand import Solid
+from tanteo.parts import Surface
+from tanteo.planning import Action, Done, SensingState, Session, Step
+from tanteo.render.html.shapes import Shapes, shapes_of
+from tanteo.render.html.words import headline, length
+
+RIVAL_LAYERS = ("rival 1", "rival 2", "rival 3")
+"""Layers of what else it may be, the likeliest first."""
+
+_MODES, _PARTS = 6, 1 + len(RIVAL_LAYERS)
+"""Most modes that are drawn, and most parts of which they are."""
+
+_SHOWN = 0.01
+"""Least probability of a mode that is drawn, the likeliest apart."""
+
+_DECIDED = 0.5
+"""Probability of a part that is likelier than all else."""
+
+_FITS = 4.0
+"""A reading farther from the surface than so many standard deviations does not fit."""
+
+BY_HAND = "it was chosen by hand"
+"""Why a reading is made that a person chose."""
+
+
+def by_hand(action: Action | None) -> bool:
+    """Whether a person chose it."""
+    return action is not None and action.why == BY_HAND
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """What is known, and what comes next.
+
+    Attributes:
+        state: what is known.
+        steps: what each telling told.
+        action: the next reading; None if there is none.
+        shapes: the features that labelled readings make; None without any.
+    """
+
+    state: SensingState
+    steps: tuple[Step, ...]
+    action: Action | None
+    shapes: Shapes | None = None
+
+    @classmethod
+    def of(cls, session: Session) -> Snapshot:
+        """A session as it is now."""
+        now = cls(session.state, session.steps, session.asked)
+        return replace(now, shapes=sensed_shapes(session, now.size))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parts in the order of the session's start."""
+        return tuple(target.part.name for target in self.state.start.targets)
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the largest part [m]."""
+        return max(target.part.diagonal for target in self.state.start.targets)
+
+    @property
+    def order(self) -> IntArray:
+        """The parts, the likeliest first ``(P,)``."""
+        return np.argsort(-self.state.of_parts(), kind="stable")
+
+    @property
+    def decided(self) -> bool:
+        """Whether one part is likelier than all else."""
+        return bool(self.state.of_parts().max(initial=0.0) > _DECIDED)
+
+    @property
+    def places(self) -> tuple[int, int]:
+        """Places sensed so far: those that the policy chose, and those that the person did."""
+        own = sum(by_hand(step.action) for step in self.steps)
+        return len(self.steps) - own, own
+
+    def drawn_modes(self) -> IntArray:
+        """Modes that are drawn, the likeliest first: some of each of the likeliest parts."""
+        b = self.state
+        if not len(b.weights):
+            return np.zeros(0, dtype=np.int64)
+        order = np.argsort(-b.weights, kind="stable")
+        shown = order[np.isin(b.part[order], self.order[:_PARTS]) & (b.weights[order] >= _SHOWN)]
+        return np.asarray(shown[:_MODES] if len(shown) else order[:1])
+
+    def layer(self, mode: int) -> str:
+        """Layer of a mode: none for the one that is always drawn, the likeliest pose of the likeliest part."""
+        rank = self.rank(int(self.state.part[mode]))
+        if rank:
+            return RIVAL_LAYERS[rank - 1]
+        own = np.where(self.state.part == self.state.part[mode], self.state.weights, -1.0)
+        return "" if mode == int(np.argmax(own)) else "overlays"
+
+    def rank(self, part: int) -> int:
+        """Place of a part in the order of probability, 0 for the likeliest."""
+        return int(np.flatnonzero(self.order == part)[0])
+
+    def wrong(self) -> BoolArray:
+        """Which of the readings that met something do not fit the likeliest mode ``(n,)``."""
+        b = self.state
+        if b.touches is None or not len(b.touches):
+            return np.zeros(0, dtype=bool)
+        if not len(b.weights):
+            return np.ones(len(b.touches), dtype=bool)
+        return np.asarray(np.abs(self._distances()) > _FITS)
+
+    def _distances(self) -> FloatArray:
+        """Of the readings from the surface of the likeliest mode, in their standard deviations ``(n,)``."""
+        b = self.state
+        assert b.touches is not None
+        k, touches = int(np.argmax(b.weights)), b.touches
+        R, p = b.poses[k][:3, :3], b.poses[k][:3, 3]
+        near = b.target(k).surface.closest((touches.points - p) @ R)
+        normals = b.target(k).surface.normals[near.triangles] @ R.T
+        shared = touches.shared_jacobian @ np.swapaxes(touches.shared_jacobian, 1, 2)
+        variances = np.einsum("ni,nij,nj->n", normals, touches.covs + shared, normals)
+        return np.asarray((near.distances - touches.radii) / np.sqrt(variances))
+
+
+def ending_words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterator[str]:
+    """The answer and why it ended; how far the truth is from it."""
+    yield headline(session.answer())
+    yield done.why
+    if len(session.state.weights) and truth:
+        yield f"No place of the true surface is farther from it than {length(apart(session, truth))}."
+
+
+def apart(session: Session, truth: Sequence[Solid]) -> float:
+    """Largest distance of corners of the truth from the surface of the likeliest mode, and the reverse [m]."""
+    b = session.state
+    k = int(np.argmax(b.weights))
+    target, T = b.target(k), b.poses[k]
+    starts = np.cumsum([0, *(len(s.vertices) for s in truth)])
+    vertices = np.concatenate([s.vertices for s in truth])
+    triangles = np.concatenate([s.triangles + n for s, n in zip(truth, starts, strict=False)])
+    there = Surface(vertices, triangles).closest(SE3.apply(T, target.part.vertices)).distances
+    back = target.surface.closest(SE3.apply(SE3.inverse(T), vertices)).distances
+    return float(max(there.max(), back.max()))
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a run came out.
+
+    Attributes:
+        places: that were sensed.
+        part: the likeliest; empty if none explains the readings.
+        probability: of it.
+        corner_sd: largest corner sd [m].
+        off: how far the truth is from it [m].
+    """
+
+    places: int
+    part: str
+    probability: float
+    corner_sd: float
+    off: float
+
+
+def result(session: Session, truth: Sequence[Solid]) -> Result:
+    """What a session came to, and how far that is from the truth."""
+    now, b = Snapshot.of(session), session.state
+    if not len(b.weights):
+        return Result(len(now.steps), "", 0.0, np.nan, np.nan)
+    best = int(now.order[0])
+    sd = now.steps[-1].corner_sd if now.steps else np.nan
+    return Result(
+        len(now.steps), now.names[best], float(b.of_parts()[best]), sd, apart(session, truth) if truth else np.nan
+    )
+
+
+def sensed_shapes(session: Session, size: float) -> Shapes | None:
+    """The features that the labelled readings of a session make, beside something of a size [m]; None without any."""
+    readings = session.readings
+    if readings is None or not any(readings.features):
+        return None
+    return shapes_of(session.sensing.measured(readings), size, session.sensing.tolerance)

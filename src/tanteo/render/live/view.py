@@ -1,0 +1,178 @@
+"""The live page of a session or of a record, step by step: puts player and page together."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.errors import MissingExtraError
+from tanteo.geometry import SE3
+from tanteo.geometry.typing import Vectors
+from tanteo.planning import POLICIES, Session
+from tanteo.render.live import drawing, panel
+from tanteo.render.live.player import Page, Player
+from tanteo.render.live.shows import Show
+from tanteo.render.live.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from tanteo.hand import Hand, HandReading
+    from tanteo.planning import Start
+    from tanteo.render.live.page import LivePage
+
+
+def moments(session: Session) -> list[Snapshot]:
+    """What was known before the first reading and after every telling; each with the question that came next.
+
+    Args:
+        session: as it was read from its record; it is told again, and stays as it is.
+    """
+    again = Session(session.start, session.probe, session.sensing, session.policy, session.stop, session.seed)
+    again.significance = session.significance
+    told = session.observations
+    following = [*(one.action for one in told), session.asked]
+    now = [Snapshot.of(again)]
+    for one in told:
+        again.resume([one])
+        now.append(Snapshot.of(again))
+    pairs = zip(now, following, strict=True)
+    return [replace(n, steps=session.steps[:k], action=a) for k, (n, a) in enumerate(pairs)]
+
+
+def show_moment(page: Page, all_moments: Sequence[Snapshot], k: int) -> None:
+    """Draw one of them."""
+    now = all_moments[k]
+    page.show("state", drawing.state_primitives(now))
+    page.show("readings", drawing.reading_primitives(now))
+    page.show("next", drawing.next_primitives(now))
+    page.say("status", panel.status(now, f"After step {k} of {len(all_moments) - 1} of the record."))
+    page.say("bars", panel.bars(now))
+    page.say("told", panel.steps([panel.step_line(m) for m in all_moments[1 : k + 1]]))
+
+
+NEEDS_VISER = "the live page: expected viser, got none installed. Install it: pip install 'tanteo[viewer]'."
+
+
+def play(
+    make: Callable[[int, str], Show], seed: int, policy: str, *, port: int = 8080, ready: Callable[[str], None]
+) -> None:
+    """Open the page and play on it until the process is interrupted.
+
+    Args:
+        make: a show from seed and policy; always the same one for the same.
+        seed: of the first show.
+        policy: of it.
+        port: of the page on this machine; the next free one is taken.
+        ready: told where the page is.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+    first = make(seed, policy)
+    middle, size = extent(first.session.start, first.hand)
+    page = _opened(port, middle, size if first.hand else size + 0.5 * first.session.probe.standoff)
+    player = Player(make, page, seed, policy)
+    page.session_controls(player.commands.put, tuple(POLICIES), policy, seed, hand=first.hand is not None)
+    ready(page.url)
+    try:
+        player.run()
+    finally:
+        page.stop()
+
+
+def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) -> None:
+    """Open the page of a record, with a slider, until the process is interrupted.
+
+    Args:
+        session: as it was read from its record.
+        port: of the page on this machine; the next free one is taken.
+        ready: told where the page is.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+    page = _opened(port, *extent(session.start))
+    wanted: queue.SimpleQueue[int] = queue.SimpleQueue()
+    every = moments(session)
+    page.record_controls(wanted.put, len(every) - 1, hand=False)
+    show_moment(page, every, len(every) - 1)
+    ready(page.url)
+    try:
+        while True:
+            try:
+                show_moment(page, every, wanted.get(timeout=0.5))
+            except queue.Empty:
+                continue
+    finally:
+        page.stop()
+
+
+@contextmanager
+def follow(session: Session, *, port: int = 8080, ready: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
+    """A page of a session that something else carries out: it shows, and nothing on it moves anything.
+
+    Gives a function that draws the session as it is then, with a note, and chooses what is asked next; the page is
+    there until the block ends.
+
+    Args:
+        session: what is known and asked.
+        port: of the page on this machine; the next free one is taken.
+        ready: told where the page is.
+
+    Raises:
+        MissingExtraError: viser is not installed.
+    """
+    page = _opened(port, *extent(session.start))
+    lines = list[str]()
+
+    def draw(note: str) -> None:
+        session.ask()
+        now = Snapshot.of(session)
+        if len(now.steps) > len(lines):
+            lines.append(panel.step_line(now))
+        page.show("state", drawing.state_primitives(now))
+        page.show("readings", drawing.reading_primitives(now))
+        page.show("next", drawing.next_primitives(now))
+        page.say("status", panel.status(now, note))
+        page.say("bars", panel.bars(now))
+        page.say("told", panel.steps(lines))
+
+    page.looking_controls()
+    draw("")
+    ready(page.url)
+    try:
+        yield draw
+    finally:
+        page.stop()
+
+
+def _opened(port: int, middle: Vectors, size: float) -> LivePage:
+    try:
+        from tanteo.render.live.page import LivePage  # needs the extra viewer
+    except ModuleNotFoundError as error:
+        if error.name != "viser":
+            raise
+        raise MissingExtraError(NEEDS_VISER) from None
+    return LivePage(port, middle, size)
+
+
+def extent(start: Start, hand: tuple[Hand, HandReading] | None = None) -> tuple[Vectors, float]:
+    """Middle and size of where the parts may be, and of the hand above them [m]."""
+    parts = [start.targets[k].part for k in start.part]
+    middles = np.stack([SE3.apply(T, part.centroid) for part, T in zip(parts, start.Ts, strict=True)])
+    middle, size = np.asarray(start.weights @ middles), max(part.diagonal for part in parts)
+    if hand is None:
+        return middle, size
+    body, T = hand[0].body, hand[1].T_world_hand
+    centres = SE3.apply(T, body.centres)
+    seen = np.concatenate([centres - body.radii[:, None], centres + body.radii[:, None], middle[None] - size / 2])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    return (low + high) / 2, max(size, _FILLED * float((high - low).max()))
+
+
+_FILLED = 0.8
+"""Size of what a picture shows, by the height of the hand above the parts: the eye is aslant and sees it shorter."""

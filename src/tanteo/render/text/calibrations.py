@@ -1,0 +1,147 @@
+"""A calibration in words and tables: beams, noise, planes, coverage, outliers."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.render.text.layout import PLAIN, Layout, printable
+
+if TYPE_CHECKING:
+    from tanteo.geometry.typing import FloatArray
+    from tanteo.sensors import BeamFit, Calibration, Outlier
+
+_MOST_OUTLIERS = 12
+_RANGES, _ANGLE_STEP = 6, 15.0
+
+
+def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layout = PLAIN) -> list[str]:
+    """What was estimated, on which planes, and at which ranges and incidences.
+
+    Args:
+        found: What was estimated.
+        verbose: All outliers, and not only the first.
+        layout: Where they are shown.
+    """
+    readings = int(np.sum(found.log.station >= 0))
+    planes = f"{len(found.planes)} plane{'s' if len(found.planes) > 1 else ''}"
+    head = f"{found.status}: {readings} readings at {len(found.log)} places on {planes}"
+    lines = [layout.bold(head), f"  {printable(found.message)}"]
+    for beam in found.beams:
+        lines += ["", *_beam_lines(beam, layout)]
+    lines += ["", *_plane_table(found, layout), "", *_coverage_table(found, layout)]
+    return [*lines, "", *_outlier_lines(found.outliers, verbose=verbose)]
+
+
+def _beam_lines(beam: BeamFit, layout: Layout) -> list[str]:
+    T, sds = beam.T_hand_beam, np.sqrt(np.diag(beam.cov))
+    # spread of the origin along the hand's axes; the turn about the beam means nothing
+    R = T[:3, :3]
+    spread = np.sqrt(np.diag(R @ beam.cov[:3, :3] @ R.T))
+    tilt = math.degrees(math.hypot(sds[3], sds[4]) / math.sqrt(2))
+    law = beam.repeats.law
+    place = _with_sd(beam.place_sds, beam.place_cov, (1e3, 100.0, math.degrees(1.0)))
+    lines = [
+        layout.bold(f"sensor {printable(beam.name)}, in the hand's frame"),
+        f"  beam from   ({_values(1e3 * T[:3, 3], 2)}) mm, sd ({_values(1e3 * spread, 2)}) mm; "
+        "the offset of the ranges is in it",
+        f"  beam along  ({_values(T[:3, 2], 4)}), sd {tilt:.2g} deg about each axis across",
+        f"  scale       reads {1 + beam.scale:.4f} times the range, sd {sds[5]:.2g}",
+        f"  slant       reads {100 * beam.slant:+.2f} % of the range times tan^2 of the incidence more, "
+        f"sd {100 * sds[6]:.2g}",
+        f"  places      sd {place[0]} mm, {place[1]} % of the range, {place[2]} deg across the beam: "
+        "from place to place",
+    ]
+    if beam.repeats.dof:
+        repeats = _with_sd(np.array([law.const, law.prop]), beam.repeats.cov, (1e3, 100.0))
+        lines.append(
+            f"  repeats     sd {repeats[0]} mm, {repeats[1]} % of the range: from reading to reading at one place"
+        )
+    else:
+        lines.append("  repeats     none: how readings of one place differ is in the line above")
+    return [*lines, *(f"  not told    {words}" for words in beam.undetermined)]
+
+
+def _with_sd(sds: FloatArray, cov_of_squares: FloatArray, units: Sequence[float]) -> list[str]:
+    """Standard deviations with their uncertainty; where one is nothing but an upper bound, that (95 percent)."""
+    out = []
+    for sd, variance, unit in zip(sds, np.diag(cov_of_squares), units, strict=True):
+        spread = math.sqrt(max(float(variance), 0.0))
+        if sd**2 > spread:
+            out.append(f"{unit * sd:.3g} +- {unit * spread / (2 * sd):.1g}")
+        else:
+            out.append(f"below {unit * math.sqrt(sd**2 + 1.645 * spread):.2g}")
+    return out
+
+
+def _plane_table(found: Calibration, layout: Layout) -> list[str]:
+    rows = []
+    for plane in found.planes:
+        sds = np.sqrt(np.diag(plane.cov))
+        rows.append(
+            [
+                plane.name,
+                str(plane.stations),
+                f"{1e3 * plane.rms:.2f}",
+                *(f"{v + 0.0:.4f}" for v in plane.T_world_plane[:3, 2]),
+                f"{math.degrees(max(sds[:2])):.2g}",
+                f"{1e3 * float(plane.T_world_plane[:3, 3] @ plane.T_world_plane[:3, 2]):.2f}",
+                f"{1e3 * sds[2]:.2g}",
+            ]
+        )
+    headers = ["plane", "places", "rms mm", "normal x", "y", "z", "sd deg", "offset mm", "sd mm"]
+    return layout.table(headers, rows)
+
+
+def _coverage_table(found: Calibration, layout: Layout) -> list[str]:
+    """How many places there are at each range and incidence."""
+    lines = []
+    for k, beam in enumerate(found.beams):
+        mine = (found.log.beam == k) & found.good
+        if not mine.any():
+            continue
+        d, angles = 1e3 * found.ranges[mine], np.degrees(found.incidences[mine])
+        edges = np.linspace(d.min(), d.max() + 1e-9, _RANGES + 1)
+        tops = np.arange(_ANGLE_STEP, angles.max() + _ANGLE_STEP, _ANGLE_STEP)
+        counts = np.histogram2d(angles, d, bins=[np.r_[0.0, tops], edges])[0].astype(int)
+        headers = [f"places of {beam.name}", *(f"{a:.0f}-{b:.0f} mm" for a, b in pairwise(edges))]
+        rows = [
+            [f"{top - _ANGLE_STEP:.0f}-{top:.0f} deg", *(str(c) if c else "." for c in row)]
+            for top, row in zip(tops, counts, strict=True)
+        ]
+        lines += layout.table(headers, rows)
+    return [*lines, "What is found holds for these ranges and incidences."]
+
+
+def _outlier_lines(outliers: tuple[Outlier, ...], *, verbose: bool) -> list[str]:
+    if not outliers:
+        return ["No reading was set aside."]
+    kinds = Counter(s.reason for s in outliers)
+    lines = ["Set aside: " + ", ".join(f"{_count(n, r)}" for r, n in kinds.items())]
+    shown = outliers if verbose else outliers[:_MOST_OUTLIERS]
+    for s in shown:
+        first, last = printable(s.ids[0]), printable(s.ids[-1])
+        names = first if len(s.ids) == 1 else f"{first} .. {last} ({len(s.ids)})"
+        got, expected = 1e3 * s.reading, 1e3 * s.expected
+        lines.append(f"  {s.reason}: {names} on {printable(s.plane)} read {got:.1f} mm, expected {expected:.1f} mm")
+    if len(shown) < len(outliers):
+        lines.append(f"  ... and {len(outliers) - len(shown)} more (-v shows all)")
+    return lines
+
+
+def _count(n: int, reason: str) -> str:
+    what = "reading" if reason == "unlike its repeats" else "place"
+    return (
+        f"{n} {what}{'s' if n > 1 else ''} {reason}"
+        if reason != "outlier"
+        else f"{n} outlier {what}{'s' if n > 1 else ''}"
+    )
+
+
+def _values(values: FloatArray, digits: int) -> str:
+    return ", ".join(f"{v + 0.0:.{digits}f}" for v in values)

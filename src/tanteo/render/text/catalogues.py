@@ -1,0 +1,40 @@
+"""A catalogue in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from tanteo.render.text.layout import PLAIN, Layout, printable
+
+
+class _Catalogue(Protocol):
+    @property
+    def folder(self) -> object: ...
+    @property
+    def size(self) -> int: ...
+    @property
+    def paths(self) -> Sequence[str]: ...
+    @property
+    def names(self) -> Sequence[str]: ...
+    @property
+    def segments(self) -> Sequence[object]: ...
+    def __len__(self) -> int: ...
+
+
+def catalogue_lines(catalogue: _Catalogue, *, names: bool = False, layout: Layout = PLAIN) -> list[str]:
+    """How many parts a catalogue has, of which files, and how large it is.
+
+    Args:
+        catalogue: One that is open.
+        names: Those of all parts, too.
+        layout: Where they are shown.
+    """
+    count = len(catalogue)
+    lines = [
+        layout.bold(f"{printable(str(catalogue.folder))}: {count} part{'s' * (count != 1)}"),
+        f"  size      {catalogue.size / 1e6:.3g} MB, {catalogue.size / max(count, 1) / 1e3:.3g} kB a part",
+        f"  segments  {len(catalogue.segments)}",
+        f"  of        {printable(', '.join(catalogue.paths))}",
+    ]
+    return lines + [f"  {printable(name)}" for name in catalogue.names] if names else lines

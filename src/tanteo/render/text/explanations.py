@@ -1,0 +1,51 @@
+"""What each reading of a session told, in tables."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from tanteo.render.text.layout import PLAIN, Layout
+from tanteo.words import percent
+
+if TYPE_CHECKING:
+    from tanteo.planning import Added, Direction, Explanation
+
+_NOTABLE = 0.05
+"""Share of the information on a direction from which a reading is named."""
+
+
+def explanation_lines(explanation: Explanation, *, layout: Layout = PLAIN) -> list[str]:
+    """What each reading of a session told, and what the pose rests on."""
+    if not explanation.added:
+        return ["Nothing was told, so there is nothing to explain."]
+    headers = ["reading", "met", "part nats", "pose nats", "corner mm", "likeliest", "P", "what it narrowed most", "to"]
+    lines = [layout.bold("What each reading told:")]
+    lines += layout.table(headers, [_step(a) for a in explanation.added], left=(0, 1, 5, 7), indent=2)
+    if explanation.directions:
+        lines += ["", layout.bold(f"What the pose of {explanation.part} rests on, the worst known direction first:")]
+        headers = ["direction", "corners mm", "readings", "prior pose"]
+        lines += layout.table(headers, [_direction(d) for d in explanation.directions], left=(0, 2), indent=2)
+    return lines
+
+
+def _step(a: Added) -> list[str]:
+    met = ", ".join(dict.fromkeys(a.met)) or "told before"
+    return [
+        ", ".join(a.ids) or "-", met, _number(a.about_part, "{:.2f}"), _number(a.about_pose, "{:.2f}"),
+        _number(1e3 * a.corner_sd, "{:.3g}"), a.part or "unknown object", _share(a.probability),
+        str(a.motion or "-"), _share(a.narrowed),
+    ]  # fmt: skip
+
+
+def _direction(d: Direction) -> list[str]:
+    named = [f"{name} {_share(share)}" for name, share in d.shares if share >= _NOTABLE]
+    return [str(d.motion), f"{1e3 * d.moves:.3g}", ", ".join(named) or "-", _share(d.prior)]
+
+
+def _number(value: float, form: str) -> str:
+    return form.format(value) if math.isfinite(value) else "-"
+
+
+def _share(share: float) -> str:
+    return percent(share) if math.isfinite(share) else "-"

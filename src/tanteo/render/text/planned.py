@@ -1,0 +1,82 @@
+"""Plans in words and tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tanteo.render.text.layout import PLAIN, Layout, printable
+
+if TYPE_CHECKING:
+    from tanteo.geometry.typing import FloatArray, Vectors
+    from tanteo.planning import Discrimination, Plan, Probe
+
+
+def plan_lines(
+    plan: Plan, probe: Probe, before: str, *, anywhere: str = "any side, from below too", layout: Layout = PLAIN
+) -> list[str]:
+    """A plan: what is known before, and the readings one after the other.
+
+    Args:
+        plan: The readings.
+        probe: What makes them.
+        before: What is known of the part's pose, in words.
+        anywhere: What is said of a probe that may come from everywhere.
+        layout: Where they are shown.
+    """
+    worst = plan.feature or "largest corner sd"
+    lines = [
+        layout.bold(printable(plan.message)),
+        f"  sensor      {probe.name}",
+        f"  from        {anywhere if probe.approach is None else _within(probe.approach, probe.cone)}",
+        f"  part        {printable(plan.part)}, {before}: {worst} {1e3 * plan.before:.3g} mm, 1 sd",
+        "",
+    ]
+    rows = [
+        (
+            str(n),
+            _three(1e3 * r.origin, 1),
+            _three(r.direction, 3),
+            _three(1e3 * r.point, 1),
+            r.face,
+            f"{1e3 * r.sd:.3g}",
+            f"{r.within:.3f}",
+            f"{r.within_if_met:.3f}",
+            f"{r.meets:.0%}",
+        )
+        for n, r in enumerate(plan.readings, 1)
+    ]
+    placed = worst if worst.endswith(" sd") else f"{worst} sd"
+    headers = ("", "from (mm)", "along", "meets (mm)", "face", f"{placed} (mm)", "P(within)", "if met", "meets")
+    notes = [
+        "Frame: world. Each row is after its reading. 'P(within)' is over all placements that the part may have,",
+        "'meets' the share of them at which the reading meets its face; sd and 'if met' are where all so far do.",
+    ]
+    return [*lines, *layout.table(headers, rows, left=(4,)), "", *notes] if rows else lines
+
+
+def _within(approach: FloatArray, cone: float) -> str:
+    return f"within {np.degrees(cone):g} deg of the direction ({_three(approach, 3).replace(' ', ', ')})"
+
+
+def _three(values: Vectors, digits: int) -> str:
+    """Three numbers; never minus zero."""
+    return " ".join(f"{v:.{digits}f}" for v in np.round(values, digits) + 0.0)
+
+
+def distinction_lines(found: Discrimination, *, layout: Layout = PLAIN) -> list[str]:
+    """The one reading that discriminates two parts, and what it would tell."""
+    lines = [layout.bold(printable(found.message))]
+    if np.isfinite(found.origin).all():
+        start, way = (_three(v, d).replace(" ", ", ") for v, d in ((1e3 * found.origin, 1), (found.direction, 3)))
+        lines += [
+            f"  from        ({start}) mm along ({way}), in the frame of {printable(found.parts[0])}, to which the "
+            "other was fitted",
+            *(
+                f"  {printable(name):11} {'nothing' if np.isinf(r) else f'{1e3 * r:.2f} mm, sd {1e3 * s:.2f} mm'}"
+                for name, r, s in zip(found.parts, found.ranges, found.sds, strict=True)
+            ),
+            f"  tells       {found.information / np.log(2):.0%} of all there is to tell about which it is",
+        ]
+    return lines

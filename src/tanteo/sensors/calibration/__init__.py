@@ -1,0 +1,5 @@
+"""Calibration of range sensors: beams, noise and outliers from readings of planes at known poses of the hand.
+
+``calibrate(readings)`` needs nothing but the log; the planes are unknown, too. ``calibrated_rig`` makes a rig of what
+was found, and ``plane_angle`` the angle between two of the planes.
+"""

@@ -1,0 +1,181 @@
+"""From a log of planes to beams, noise and outliers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from tanteo.errors import ReadingsError
+from tanteo.geometry.typing import FloatArray
+from tanteo.sensors.calibration.diagnostics import is_lost, status_of, undetermined
+from tanteo.sensors.calibration.fit import Fit, beam_slice, best_fit
+from tanteo.sensors.calibration.geometry import BEAM, PLANE, Prior, make_prior
+from tanteo.sensors.calibration.initial import starts
+from tanteo.sensors.calibration.log import PlaneLog, plane_log
+from tanteo.sensors.calibration.noise import law_cov, place_basis, with_noise_uncertain
+from tanteo.sensors.calibration.result import BeamFit, Calibration, PlaneFit, make_outliers, robot_tilt_cov
+from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
+from tanteo.sensors.readings import Readings
+from tanteo.sensors.rig import Rig
+
+_FEWEST_STATIONS = 4
+"""More parameters than three stations of a plane can never be told."""
+
+_CEILING = 0.9
+"""Share of its largest reading from which on a device that is set aside may just have met nothing."""
+
+_POSE = 5
+"""The first parameters of a beam: where it is."""
+
+_ROUGH, _UNLIKELY = 8.0, 1e-3
+"""Scatter from place to place in that at one place, and probability of where a beam is by its rig, that are doubted."""
+
+_MOST_ASIDE = 0.25
+"""Share of other places set aside beyond which the log is not of these planes, or not of these poses of the hand."""
+
+
+def calibrate(
+    readings: Readings,
+    *,
+    rig: Rig | None = None,
+    sensor: SensorPreset | str | None = None,
+    robot: RobotPreset | str | None = None,
+) -> Calibration:
+    """Estimate beam poses, noise and outliers from ranges of planes, which are unknown, at known poses of the hand.
+
+    All sensors and planes of the log are estimated together, with one beam for each sensor: use one log for each
+    mounting. Noise, the outlier fraction and the geometry are estimated at once; nothing has to be chosen. What the
+    log does not tell keeps the uncertainty that it had before and is named.
+
+    Args:
+        readings: Ranges with sensor and hand pose; rows with one label of kind ``plane`` are on one plane, rows
+            without a label all on one.
+        rig: Where the sensors should be. Its mounting errors are prior knowledge; without a rig there is hardly any.
+        sensor: Preset (or its name) of the sensors that the rig does not have: scale error and cone.
+        robot: Preset (or its name): its absolute error moves the planes, not the beams.
+
+    Raises:
+        ReadingsError: Readings that are no ranges of planes, or too few places.
+        InputError: A sensor that the rig does not have, or an unknown preset.
+
+    Example:
+        >>> log, rig = tanteo.read_readings("readings/plane_log.csv"), tanteo.read_rig("readings/tof_rig.toml")
+        >>> tanteo.calibrate(log, rig=rig).status
+        'calibrated'
+    """
+    sensor = sensor_preset(sensor) if isinstance(sensor, str) else sensor
+    robot = robot_preset(robot) if isinstance(robot, str) else robot
+    if rig is not None:
+        rig.numbers(readings.sensors)
+    log = plane_log(readings, rig)
+    if len(log) < _FEWEST_STATIONS:
+        raise ReadingsError(
+            f"readings: expected ranges from {_FEWEST_STATIONS} poses of the hand or more, got {len(log)}. Take some "
+            "30, turned and moved."
+        )
+    by_rig = None
+    if rig is not None:
+        poses = {s.name: s.T_hand_sensor for s in rig.sensors}
+        by_rig = np.stack([poses[name] for name in log.beams])
+    setups = starts(log, by_rig)
+    priors = [make_prior(log.beams, len(log.planes), rig, sensor, setup) for setup in setups]
+    fit, prior = best_fit(log, setups, priors)
+    return _result(log, fit, prior, robot, rigged=rig is not None)
+
+
+def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *, rigged: bool) -> Calibration:
+    basis = place_basis(log.ranges, fit.prediction.incidences)
+    about = (fit.law, log, 1 - fit.outlier, basis, fit.prediction.jacobian, fit.cov)
+    squares = law_cov(*about)
+    fit = replace(fit, cov=with_noise_uncertain(*about))
+    beams = _beams(log, fit, prior, squares)
+    told = [beam.undetermined for beam in beams]
+    status, message = status_of(log.beams, told, [is_lost(beam.cov) for beam in beams])
+    if disbelieved := _disbelieved(log, fit):
+        status, message = "insufficient", disbelieved
+    if status == "calibrated":
+        message += _doubts(beams, log, fit, prior, rigged=rigged)
+    return Calibration(
+        status=status,
+        message=message,
+        beams=beams,
+        planes=tuple(_plane(log, fit, p, robot) for p in range(len(log.planes))),
+        outliers=make_outliers(log, fit),
+        log=log,
+        ranges=log.ranges,
+        incidences=fit.prediction.incidences,
+        residuals=fit.residuals,
+        sds=np.sqrt(fit.variances),
+        good=fit.outlier <= 0.5,
+        cov=fit.cov,
+    )
+
+
+def _beams(log: PlaneLog, fit: Fit, prior: Prior, squares: FloatArray) -> tuple[BeamFit, ...]:
+    """Each beam with what is not determined of it, and the covariances of its noise law ``squares``."""
+    covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
+    return tuple(
+        BeamFit(
+            name=name,
+            T_hand_beam=fit.setup.T_hand_beams[k],
+            scale=float(fit.setup.scales[k]),
+            slant=float(fit.setup.slants[k]),
+            cov=covs[k],
+            repeats=log.repeats[k],
+            place_sds=np.sqrt(fit.law.squares[k]),
+            place_cov=squares[k],
+            undetermined=undetermined(covs[k], prior.covs[k]),
+        )
+        for k, name in enumerate(log.beams)
+    )
+
+
+def _disbelieved(log: PlaneLog, fit: Fit) -> str:
+    """Why nothing of it is believed; empty if it may be."""
+    if not fit.explains:
+        return (
+            "No beams and planes explain these readings better than chance. Check labels, hand poses and units, and "
+            "take more places on each plane."
+        )
+    inexplicable = (fit.outlier > 0.5) & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
+    if np.mean(inexplicable) > _MOST_ASIDE:
+        return (
+            f"{np.sum(inexplicable)} of {len(inexplicable)} places contradict what the rest says, so that the rest is "
+            "not believed either. Check the labels of the planes, and frame, units and quaternions of the hand poses."
+        )
+    return ""
+
+
+def _doubts(beams: Sequence[BeamFit], log: PlaneLog, fit: Fit, prior: Prior, *, rigged: bool) -> str:
+    """Sentences on what does not go together, though a calibration came of it."""
+    says = ""
+    off = prior.deviation(fit.setup)
+    for k, beam in enumerate(beams):
+        within = float(beam.repeats.law.sigma(float(np.median(log.ranges[log.beam == k]))))
+        if beam.repeats.dof and beam.place_sds[0] > _ROUGH * within:
+            says += (
+                f" From place to place '{beam.name}' scatters {beam.place_sds[0] / within:.0f} times as much as at one "
+                "place: check labels and hand poses."
+            )
+        d, C = off[beam_slice(k)][:_POSE], prior.covs[k][:_POSE, :_POSE]
+        p = float(chdtrc(_POSE, d @ np.linalg.solve(C, d)))
+        if rigged and p < _UNLIKELY:
+            says += (
+                f" '{beam.name}' is {1e3 * np.linalg.norm(d[:3]):.3g} mm and {np.degrees(np.linalg.norm(d[3:])):.2g} "
+                f"deg from where the rig has it, more than it allows (p = {p:.1g}): is it the rig of this log?"
+            )
+    return says
+
+
+def _plane(log: PlaneLog, fit: Fit, p: int, robot: RobotPreset | None) -> PlaneFit:
+    good = (log.plane == p) & (fit.outlier <= 0.5)
+    distances = fit.residuals[good] * np.cos(fit.prediction.incidences[good])
+    at = len(BEAM) * len(log.beams) + len(PLANE) * p
+    T, cov = fit.setup.T_world_planes[p], fit.cov[at : at + 3, at : at + 3]
+    if robot is not None:
+        cov = cov + robot_tilt_cov(T, robot.pos_abs_std, robot.rot_abs_std)
+    rms = float(np.sqrt(np.mean(distances**2))) if good.any() else float("nan")
+    return PlaneFit(log.planes[p], T, cov, rms, int(good.sum()))

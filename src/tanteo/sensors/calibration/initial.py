@@ -1,0 +1,150 @@
+"""Where to start: beams and planes from the log alone, or from a rig; outliers must not matter here.
+
+For a given normal the place of the plane, the origin and the direction of the beam are linear in the readings, so a
+hundred or so normals are tried and those with the least sum of absolute residuals are kept: once with all stations and
+once with the nearer half, because far readings are the first that a device gets wrong, and the most powerful ones.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
+from tanteo.sensors.calibration.geometry import Setup, plane_frame
+from tanteo.sensors.calibration.log import PlaneLog
+
+_NORMALS = 150
+_STARTS = 3
+_PASSES = 12
+_FARTHEST = 0.3
+"""A beam starts about this near to the hand's origin [m]: only to settle what the log leaves open."""
+
+_OPEN = 1e-8
+"""Scatter of points [m^2] across the beams that counts as none."""
+
+
+def starts(log: PlaneLog, T_hand_beams: Transforms | None) -> list[Setup]:
+    """Setups to refine, the best first; one from where the beams are by the rig ``(k, 4, 4)``, if known."""
+    out = [] if T_hand_beams is None else [_setup(log, T_hand_beams, np.ones(len(log), dtype=bool))]
+    lead = int(np.argmax(np.bincount(log.beam)))
+    near = log.ranges <= np.median(log.ranges[log.beam == lead])
+    for use, T_hand_lead in [(take, T) for take in (near | True, near) for T in _lead_beams(log, lead, take)]:
+        Ts = np.broadcast_to(np.eye(4), (len(log.beams), 4, 4)).copy()
+        Ts[lead] = T_hand_lead
+        planes = _planes(log, Ts, (log.beam == lead) & use)
+        for k in range(len(log.beams)):
+            if k != lead:
+                Ts[k] = _other_beam(log, k, planes)
+        out.append(_setup(log, Ts, use))
+    return out
+
+
+def _setup(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Setup:
+    k = len(log.beams)
+    return Setup(Ts, np.zeros(k), np.zeros(k), _planes(log, Ts, use))
+
+
+def _lead_beams(log: PlaneLog, lead: int, use: BoolArray) -> list[Transforms]:
+    """Beams of the sensor with most stations, from the plane that it has most stations on."""
+    mine = (log.beam == lead) & use
+    mine &= log.plane == np.argmax(np.bincount(log.plane[mine]))
+    T, d = log.Ts_world_hand[mine], log.ranges[mine]
+    normals = _hemisphere(_NORMALS)
+    solutions, costs = _beams_for_planes(T, d, normals)
+    best = np.argsort(costs)[:_STARTS]
+    if not np.isfinite(costs[best[0]]):
+        # nothing turns and nothing tells the direction: look along every axis
+        return [plane_frame(axis, np.zeros(3)) for axis in np.concatenate([np.eye(3), -np.eye(3)])]
+    closer = [_closer(normals[i], solutions[i], float(costs[i]), T, d) for i in best if np.isfinite(costs[i])]
+    return [_beam_frame(solution) for _, solution in sorted(closer, key=lambda c: c[0])]
+
+
+def _closer(n: Vectors, solution: FloatArray, cost: float, T: Transforms, d: FloatArray) -> tuple[float, FloatArray]:
+    """Down to the least sum by trying normals around, nearer and nearer."""
+    turn = math.radians(8.0)
+    while turn > math.radians(0.2):
+        x, y = plane_frame(n, np.zeros(3))[:3, :2].T
+        around = n + turn * np.stack([x, y, -x, -y, x + y, x - y, -x - y, y - x])
+        around /= np.linalg.norm(around, axis=1, keepdims=True)
+        solutions, costs = _beams_for_planes(T, d, around)
+        i = int(np.argmin(costs))
+        if costs[i] < cost:
+            n, solution, cost = around[i], solutions[i], float(costs[i])
+        else:
+            turn *= 0.5
+    return cost, solution
+
+
+def _beams_for_planes(T: Transforms, d: FloatArray, normals: Vectors) -> tuple[FloatArray, FloatArray]:
+    """Origin, direction and the plane's offset ``(n, 7)`` for every normal, and the sums of absolute distances.
+
+    A sum is infinite where the direction comes out far from unit length: that is no beam.
+    """
+    n_hand = np.einsum("mji,nj->nmi", T[:, :3, :3], normals)
+    A = np.concatenate([n_hand, d[:, None] * n_hand, np.full((*n_hand.shape[:2], 1), -1.0)], axis=2)
+    x, costs = _least_absolute(A, -normals @ T[:, :3, 3].T)
+    lengths = np.linalg.norm(x[:, 3:6], axis=1)
+    return x, np.where((lengths > 0.5) & (lengths < 2), costs, np.inf)
+
+
+def _least_absolute(A: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Solutions of ``A x = target`` with least absolute residuals, ``(n, m, k)`` and ``(n, m)``, by re-weighting."""
+    ridge = np.diag(np.r_[np.full(3, 1e-6 / _FARTHEST**2), np.full(3, 1e-6), np.full(A.shape[2] - 6, 1e-12)])
+    weights = np.ones(target.shape)
+    x, r = np.zeros(A.shape[::2]), target
+    for _ in range(_PASSES):
+        W = weights / weights.mean(axis=1, keepdims=True)
+        AW = np.swapaxes(A * W[..., None], 1, 2)
+        x = np.linalg.solve(AW @ A + ridge, AW @ target[..., None])[..., 0]
+        r = np.abs(np.einsum("nmk,nk->nm", A, x) - target)
+        weights = 1 / np.maximum(r, 1e-4 + 0.1 * np.median(r, axis=1, keepdims=True))
+    return x, r.sum(axis=1)
+
+
+def _other_beam(log: PlaneLog, k: int, planes: Transforms) -> Transforms:
+    """The beam of another sensor from planes that are known."""
+    mine = log.beam == k
+    T, n = log.Ts_world_hand[mine], planes[log.plane[mine], :3, 2]
+    n_hand = np.einsum("mji,mj->mi", T[:, :3, :3], n)
+    A = np.concatenate([n_hand, log.ranges[mine, None] * n_hand], axis=1)
+    target = np.sum(n * (planes[log.plane[mine], :3, 3] - T[:, :3, 3]), axis=1)
+    solution = _least_absolute(A[None], target[None])[0][0]
+    if np.linalg.norm(solution[3:6]) < 0.1:
+        solution[3:6] = [0.0, 0.0, 1.0]
+    return _beam_frame(solution)
+
+
+def _beam_frame(solution: FloatArray) -> Transforms:
+    return plane_frame(solution[3:6] / np.linalg.norm(solution[3:6]), solution[:3])
+
+
+def _planes(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Transforms:
+    """Planes through the points that the beams met, by least absolute distances, facing the sensors."""
+    T = log.Ts_world_hand @ Ts[log.beam]
+    points = T[:, :3, 3] + log.ranges[:, None] * T[:, :3, 2]
+    out = np.empty((len(log.planes), 4, 4))
+    for p in range(len(log.planes)):
+        mine = (log.plane == p) & use if ((log.plane == p) & use).any() else log.plane == p
+        q, weights = points[mine], np.ones(int(mine.sum()))
+        aim = T[mine, :3, 2].mean(axis=0)
+        # where the points leave the normal open it is against the beams
+        open_ = _OPEN * (aim @ aim * np.eye(3) - np.outer(aim, aim))
+        for _ in range(_PASSES):
+            middle = np.average(q, axis=0, weights=weights)
+            scatter = ((q - middle) * weights[:, None]).T @ (q - middle) / weights.sum()
+            n = np.linalg.eigh(scatter + open_)[1][:, 0]
+            off = np.abs((q - middle) @ n)
+            weights = 1 / np.maximum(off, 1e-4 + 0.1 * np.median(off))
+        towards = -np.sign(aim @ n) or 1.0
+        out[p] = plane_frame(towards * n, middle)
+    return out
+
+
+def _hemisphere(n: int) -> Vectors:
+    """Directions spread evenly over half a sphere (a spiral)."""
+    z = (np.arange(n) + 0.5) / n
+    turn = np.arange(n) * math.pi * (3 - math.sqrt(5))
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)

@@ -1,0 +1,241 @@
+"""A calibration log: ranges of planes at known poses of the hand, gathered by where they were taken; outliers.
+
+A good residual is normal with its own variance; an outlier may be anywhere within the width of what the device can
+report. Nothing has to be chosen: how far off an outlier must be follows from the noise, the width and the estimated
+outlier fraction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import ReadingsError
+from tanteo.features import PLANE
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.sensors.kinds import reading_kind
+from tanteo.sensors.presets import NoiseLaw
+from tanteo.sensors.readings import Readings
+from tanteo.sensors.rig import Rig
+
+_PASSES = 100
+_SETTLED = 1e-9
+
+_LARGEST_SHARE = 0.5
+"""A device whose readings are mostly outliers is not a sensor: the rest must be explained."""
+
+
+def outlier_probabilities(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> FloatArray:
+    """How probable it is that each residual is an outlier.
+
+    Args:
+        residuals: Differences from what is expected [m], ``(n,)``.
+        variances: Of the good ones [m^2], ``(n,)``.
+        width: Of the ranges that the device can report [m]: the density of an outlier is one over it.
+    """
+    good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
+    outlier = 1.0 / np.broadcast_to(width, good.shape)
+    share = 0.5
+    p = np.zeros_like(good)
+    for _ in range(_PASSES):
+        p = share * outlier / (share * outlier + (1 - share) * good)
+        fresh = _share(p)
+        if abs(fresh - share) < _SETTLED:
+            break
+        share = fresh
+    return np.asarray(p)
+
+
+def _share(p: FloatArray) -> float:
+    """Share of outliers: half an outlier and half a good one are added (Jeffreys), and most are good."""
+    return float(min((p.sum() + 0.5) / (len(p) + 1), _LARGEST_SHARE))
+
+
+def mixture_log_likelihood(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> float:
+    """Log likelihood of the residuals under the mixture, at the share that :func:`outlier_probabilities` settles at."""
+    p = outlier_probabilities(residuals, variances, width)
+    share = _share(p)
+    good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
+    return float(np.sum(np.log(share / np.broadcast_to(width, good.shape) + (1 - share) * good)))
+
+
+_FEWEST_REPEATS = 5
+"""Repeats of one place that can tell an outlier one among them."""
+
+_REPEAT_PASSES = 50
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Repeats:
+    """How much readings differ that one sensor took from one place, from reading to reading.
+
+    Attributes:
+        law: Noise along the beam.
+        cov: Of the squares of floor and proportional part ``(2, 2)``; NaN without repeats.
+        dof: Number of differences it was estimated from; 0 without repeats.
+    """
+
+    law: NoiseLaw
+    cov: FloatArray
+    dof: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneLog:
+    """Stations: all the readings of one sensor on one plane with the hand at one pose are one of ``m`` stations.
+
+    Attributes:
+        beams: Names of the sensors.
+        planes: Names of the planes.
+        beam: Number of the sensor of each station, ``(m,)``.
+        plane: Number of its plane, ``(m,)``.
+        Ts_world_hand: Where the hand was, ``(m, 4, 4)``.
+        ranges: Mean of the station's readings without outliers among them [m], ``(m,)``.
+        counts: How many they are, ``(m,)``.
+        station: Station of every reading, -1 for one that was not used, ``(n,)``.
+        is_outlier: Readings that do not belong to the others of their station, ``(n,)``.
+        readings: The readings.
+        values: Their ranges along the beam [m], NaN where there is none, ``(n,)``.
+        repeats: Of every sensor.
+        widths: Width of the ranges that each sensor can report [m], as far as the log shows it, ``(k,)``.
+        largest: Largest range that each sensor reported [m], ``(k,)``.
+    """
+
+    beams: tuple[str, ...]
+    planes: tuple[str, ...]
+    beam: IntArray
+    plane: IntArray
+    Ts_world_hand: Transforms
+    ranges: FloatArray
+    counts: IntArray
+    station: IntArray
+    is_outlier: BoolArray
+    readings: Readings
+    values: FloatArray
+    repeats: tuple[Repeats, ...]
+    widths: FloatArray
+    largest: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.ranges)
+
+
+def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
+    """Gather readings by sensor, plane and pose of the hand.
+
+    Rows with one label of kind ``plane`` were taken on one plane; rows without label all on one. Rows of status
+    ``none`` say nothing here and are left out.
+
+    Args:
+        readings: Ranges with sensor and hand pose.
+        rig: Knows which sensors report the distance along their optical axis instead of along the beam.
+
+    Raises:
+        ReadingsError: No range among the readings, a range without sensor or hand, or a reading of an edge or vertex.
+    """
+    used = _usable(readings)
+    beams, beam = _numbered(readings.sensors, used)
+    planes, plane = _numbered(readings.features, used)
+    rows = np.flatnonzero(used)
+    keys = np.concatenate([np.stack([beam, plane], axis=1), readings.Ts_world_hand[rows, :3].reshape(-1, 12)], axis=1)
+    _, first, station = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(np.argsort(first))
+    station, first = order[station.ravel()], np.sort(first)
+    cosines = {s.name: s.axis_cosine for s in rig.sensors} if rig is not None else {}
+    d = readings.ranges[rows] / np.array([cosines.get(name, 1.0) for name in beams])[beam]
+    outliers, repeats = np.zeros(len(rows), dtype=bool), []
+    for k in range(len(beams)):
+        mine = beam == k
+        law, outliers[mine] = _repeat_noise(d[mine], station[mine], np.ptp(d[mine]))
+        repeats.append(law)
+    counts = np.bincount(station[~outliers], minlength=len(first))
+    full_station, full_stray = np.full(len(readings), -1), np.zeros(len(readings), dtype=bool)
+    full_station[rows], full_stray[rows] = station, outliers
+    values = np.full(len(readings), np.nan)
+    values[rows] = d
+    return PlaneLog(
+        beams=beams,
+        planes=tuple(name or "plane" for name in planes),
+        beam=beam[first],
+        plane=plane[first],
+        Ts_world_hand=readings.Ts_world_hand[rows[first]],
+        ranges=np.bincount(station[~outliers], weights=d[~outliers], minlength=len(first)) / counts,
+        counts=counts,
+        station=full_station,
+        is_outlier=full_stray,
+        readings=readings,
+        values=values,
+        repeats=tuple(repeats),
+        widths=np.array([max(np.ptp(d[beam == k]), 1e-3) for k in range(len(beams))]),
+        largest=np.array([d[beam == k].max() for k in range(len(beams))]),
+    )
+
+
+def _usable(readings: Readings) -> BoolArray:
+    used = ~readings.is_free
+    for i in np.flatnonzero(used):
+        name = readings.ids[i]
+        if np.isnan(readings.ranges[i]) or not readings.sensors[i] or not readings.has_hand[i]:
+            raise ReadingsError(
+                f"reading '{name}': expected a range with its sensor and the hand's pose, got less. Fill in range_mm, "
+                "sensor and the hand_ columns."
+            )
+        if reading_kind(readings.kinds[i]).feature is not PLANE:
+            raise ReadingsError(
+                f"kind of reading '{name}': expected plane, got {readings.kinds[i]}. Calibrate on flat surfaces."
+            )
+    if not used.any():
+        raise ReadingsError("readings: expected ranges of a plane, got none. Log some with the hand at many poses.")
+    return used
+
+
+def _numbered(names: tuple[str, ...], used: BoolArray) -> tuple[tuple[str, ...], IntArray]:
+    mine = [name for name, take in zip(names, used, strict=True) if take]
+    known = {name: i for i, name in enumerate(dict.fromkeys(mine))}
+    return tuple(known), np.array([known[name] for name in mine], dtype=np.int64)
+
+
+def _repeat_noise(d: FloatArray, station: IntArray, width: float) -> tuple[Repeats, BoolArray]:
+    """The law of the differences within stations, and the readings that are outliers among their repeats."""
+    _, local = np.unique(station, return_inverse=True)
+    counts = np.bincount(local)
+    outliers = np.zeros(len(d), dtype=bool)
+    if counts.max() < 2:
+        return Repeats(NoiseLaw.of(0.0), np.full((2, 2), np.nan), 0), outliers
+    rows = [np.flatnonzero(local == s) for s in range(len(counts))]
+    medians = np.array([np.median(d[r]) for r in rows])
+    squares, cov = np.zeros(2), np.full((2, 2), np.nan)
+    for _ in range(_REPEAT_PASSES):
+        left = np.bincount(local[~outliers], minlength=len(counts)).astype(np.float64)
+        sums = np.bincount(local[~outliers], weights=d[~outliers], minlength=len(counts))
+        means = np.where(left > 0, sums / np.maximum(left, 1), medians)
+        within = (d - means[local])[~outliers] ** 2
+        scatter = np.bincount(local[~outliers], weights=within, minlength=len(counts)).astype(np.float64)
+        squares, cov = _growth(scatter, np.maximum(left - 1.0, 0.0), means)
+        away = d - medians[local]
+        variance = squares[0] + squares[1] * medians[local] ** 2
+        told = counts[local] >= _FEWEST_REPEATS
+        fresh = told & (outlier_probabilities(away, np.maximum(variance, 1e-18), max(width, 1e-3)) > 0.5)
+        if (fresh == outliers).all():
+            break
+        outliers = fresh
+    kept = np.bincount(local[~outliers], minlength=len(counts))
+    return Repeats(NoiseLaw.of(*np.sqrt(squares)), cov, int(np.maximum(kept - 1, 0).sum())), outliers
+
+
+def _growth(scatter: FloatArray, dof: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """``scatter_i ~ (a + b d_i^2) chi2(dof_i)`` by maximum likelihood, ``a, b >= 0``; and the covariance of both."""
+    told = dof > 0
+    scatter, dof = scatter[told], dof[told]
+    basis = np.stack([np.ones(len(scatter)), d[told] ** 2], axis=1)
+    pooled = max(scatter.sum() / dof.sum(), 1e-18)
+    squares = np.array([pooled, 0.0]) if len(scatter) < 3 else np.array([0.5, 0.5 / np.mean(d[told] ** 2)]) * pooled
+    for _ in range(200 if len(scatter) >= 3 else 1):
+        variance = basis @ squares
+        # Fisher scoring by multiplication: stays positive, and raises the likelihood
+        ratio = (basis.T @ (scatter / variance**2)) / (basis.T @ (dof / variance))
+        squares = squares * np.sqrt(ratio) if len(scatter) >= 3 else squares
+    variance = basis @ squares
+    information = basis.T @ (0.5 * (dof / variance**2)[:, None] * basis)
+    return squares, np.asarray(np.linalg.pinv(information, rcond=1e-14, hermitian=True))

@@ -1,0 +1,202 @@
+"""What a calibration found: beams, noise, planes and outliers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tanteo.errors import InputError
+from tanteo.geometry import SO3, freeze
+from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
+from tanteo.sensors.calibration.fit import Fit
+from tanteo.sensors.calibration.log import PlaneLog, Repeats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BeamFit:
+    """One sensor.
+
+    Attributes:
+        name: Of the sensor.
+        T_hand_beam: Its beam on the hand, ``(4, 4)``: leaves the origin along +z. The offset of its ranges is in the
+            origin: along the beam the two are one number.
+        scale: It reads ``1 + scale`` times the range.
+        slant: It reads ``slant tan^2(incidence)`` of the range more on an oblique surface.
+        cov: Of ``x y z``, turns about x and y (body error at the beam [m, rad]), scale and slant, ``(7, 7)``.
+        repeats: From reading to reading at one place.
+        place_sds: From place to place: floor [m], per range, and across the beam per range, ``(3,)``.
+        place_cov: Of the squares of ``place_sds``, ``(3, 3)``.
+        undetermined: What the log does not tell about it, in words; empty if it tells all.
+    """
+
+    name: str
+    T_hand_beam: Transforms
+    scale: float
+    slant: float
+    cov: Covariances
+    repeats: Repeats
+    place_sds: FloatArray
+    place_cov: FloatArray
+    undetermined: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self, "T_hand_beam", "cov", "place_sds", "place_cov")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneFit:
+    """One plane.
+
+    Attributes:
+        name: Its label.
+        T_world_plane: A frame on it with z along the normal, towards the sensors.
+        cov: Of tilts about x and y and shift along z [rad, m], with the robot's error, ``(3, 3)``.
+        rms: Of the distances of the stations that are no outliers [m].
+        stations: How many these are.
+    """
+
+    name: str
+    T_world_plane: Transforms
+    cov: Covariances
+    rms: float
+    stations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Outlier:
+    """Readings that do not belong to the rest.
+
+    Attributes:
+        ids: Names of the readings, all of one place.
+        sensor: That read them.
+        plane: That they were taken on.
+        reading: What it read, in the mean [m].
+        expected: What the calibration or the other readings of the place expect [m].
+        reason: ``saturated``, ``outlier`` or ``unlike its repeats``.
+    """
+
+    ids: tuple[str, ...]
+    sensor: str
+    plane: str
+    reading: float
+    expected: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """Everything that a log of planes says of the sensors.
+
+    Attributes:
+        status: ``calibrated``; ``insufficient`` where neither log nor rig tells where a beam is, or where a quarter of
+            the places contradict the rest.
+        message: One sentence for a person.
+        beams: The sensors.
+        planes: The planes.
+        outliers: Readings that were set aside.
+        log: The stations.
+        ranges: Of the stations [m], ``(m,)``.
+        incidences: Of the stations [rad], ``(m,)``.
+        residuals: Ranges less what is predicted [m], ``(m,)``.
+        sds: What is expected of the residuals [m], ``(m,)``.
+        good: Stations that are no outliers, ``(m,)``.
+        cov: Of all parameters (7 a beam, then 3 a plane) without the robot's absolute error.
+    """
+
+    status: str
+    message: str
+    beams: tuple[BeamFit, ...]
+    planes: tuple[PlaneFit, ...]
+    outliers: tuple[Outlier, ...]
+    log: PlaneLog
+    ranges: FloatArray
+    incidences: FloatArray
+    residuals: FloatArray
+    sds: FloatArray
+    good: BoolArray
+    cov: Covariances
+
+    def __post_init__(self) -> None:
+        freeze(self, "ranges", "incidences", "residuals", "sds", "cov")
+
+    def number_of(self, plane: str) -> int:
+        """Number of a plane by its label.
+
+        Raises:
+            InputError: No such plane.
+        """
+        names = [p.name for p in self.planes]
+        if plane not in names:
+            raise InputError(f"plane: expected one of {', '.join(names)}, got '{plane}'. Name a label of the log.")
+        return names.index(plane)
+
+
+def plane_angle(a: Calibration, plane_a: str, b: Calibration, plane_b: str) -> tuple[float, float]:
+    """Angle between two planes, from 0 to 90 degrees [rad], and its standard deviation.
+
+    Planes of one calibration share beams and robot, so that much of their errors cancels; planes of two are
+    independent, each with the robot's error of its own run.
+
+    Args:
+        a: Calibration of the first plane.
+        plane_a: Its label.
+        b: Calibration of the second; may be the same.
+        plane_b: Its label.
+
+    Raises:
+        InputError: No such plane.
+    """
+    i, j = a.number_of(plane_a), b.number_of(plane_b)
+    Ra, Rb = a.planes[i].T_world_plane[:3, :3], b.planes[j].T_world_plane[:3, :3]
+    cosine = float(Ra[:, 2] @ Rb[:, 2])
+    # tilting about x moves the normal towards -y, about y towards +x
+    ga = np.array([-Ra[:, 1] @ Rb[:, 2], Ra[:, 0] @ Rb[:, 2]])
+    gb = np.array([-Rb[:, 1] @ Ra[:, 2], Rb[:, 0] @ Ra[:, 2]])
+    if a is b:
+        at = [7 * len(a.beams) + 3 * k for k in (i, j)]
+        rows = np.r_[at[0], at[0] + 1, at[1], at[1] + 1]
+        g = np.r_[ga, gb]
+        variance = g @ a.cov[np.ix_(rows, rows)] @ g
+    else:
+        variance = ga @ a.planes[i].cov[:2, :2] @ ga + gb @ b.planes[j].cov[:2, :2] @ gb
+    sine = math.sqrt(max(1 - cosine**2, 0.0))
+    angle = math.atan2(sine, abs(cosine))
+    # where the planes are parallel the angle is the length of a tilt: its spread, not a derivative
+    return angle, math.sqrt(variance) / sine if sine > 1e-6 else math.sqrt(variance + np.trace(a.planes[i].cov[:2, :2]))
+
+
+def make_outliers(log: PlaneLog, fit: Fit) -> tuple[Outlier, ...]:
+    """Stations that miss their plane, and readings that miss their station, with what speaks against them."""
+    out = []
+    ids = np.array(log.readings.ids, dtype=object)
+    for s in np.flatnonzero(fit.outlier > 0.5).tolist():
+        reading, expected, ceiling = log.ranges[s], fit.prediction.ranges[s], log.largest[log.beam[s]]
+        # it should have read more than it ever did, and read what it reads at most
+        saturated = expected - ceiling > ceiling - reading
+        rows = (log.station == s) & ~log.is_outlier
+        reason = "saturated" if saturated else "outlier"
+        out.append(_stray(log, s, tuple(ids[rows]), float(reading), float(expected), reason))
+    for row in np.flatnonzero(log.is_outlier).tolist():
+        s = int(log.station[row])
+        here = float(log.values[row])
+        out.append(_stray(log, s, (ids[row],), here, float(log.ranges[s]), "unlike its repeats"))
+    return tuple(out)
+
+
+def _stray(log: PlaneLog, s: int, ids: tuple[str, ...], reading: float, expected: float, reason: str) -> Outlier:
+    return Outlier(ids, log.beams[log.beam[s]], log.planes[log.plane[s]], reading, expected, reason)
+
+
+def robot_tilt_cov(T_world_plane: Transforms, pos_sd: float, rot_sd: float) -> FloatArray:
+    """What an absolute error of the robot adds to a plane's covariance over tilts and shift, ``(3, 3)``.
+
+    The error moves the world about its origin (``math.md`` section 6), and the plane with it.
+    """
+    R, p = T_world_plane[:3, :3], T_world_plane[:3, 3]
+    J = np.zeros((3, 6))
+    J[:2, 3:] = R.T[:2]
+    J[2, :3] = R[:, 2]
+    J[2, 3:] = R[:, 2] @ -SO3.hat(p)
+    return np.asarray(J @ np.diag(np.repeat([pos_sd**2, rot_sd**2], 3)) @ J.T)

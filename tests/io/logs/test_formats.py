@@ -1,0 +1,191 @@
+"""Each format, from a small sample of our own: the same four points, whoever wrote them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from log_cases import CASES, MM, PCD_HEAD, PLY_HEAD, POSES, UP, P, R, console, fanuc, krl, rows, save
+from tanteo.errors import InputError, ReadingsError, UnitError
+from tanteo.io import FORMATS, Contents, read_readings, recognise
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_same_points_whoever_wrote_them(tmp_path, case):
+    name, content, said = CASES[case]
+    path = save(tmp_path, content)
+    found = recognise(Contents(path.read_bytes()))
+    assert (found.name if found else "csv") == name
+    readings = read_readings(path, **said)
+    np.testing.assert_allclose(readings.points, P / 1000, atol=2e-7)
+    assert len(set(readings.ids)) == 4
+    again = read_readings(path, format=name, **said)
+    np.testing.assert_array_equal(again.points, readings.points)
+
+
+@pytest.mark.parametrize("case", ["fusion", "xyzijk", "dmis", "qif", "csv of XYZIJK"])
+def test_vectors_out_of_the_material_are_approached_against(tmp_path, case):
+    _, content, said = CASES[case]
+    path = save(tmp_path, content)
+    readings = read_readings(path, **said)
+    np.testing.assert_allclose(readings.directions, -UP, atol=1e-6)
+    assert any("--direction ijk" in note for note in readings.notes)
+    turned = read_readings(path, direction="ijk", **said)
+    np.testing.assert_allclose(turned.directions, UP, atol=1e-6)
+    down = read_readings(path, direction="down", **said)
+    np.testing.assert_allclose(down.directions, [[0, 0, -1]] * 4, atol=1e-6)
+
+
+def test_vectors_that_point_inwards_are_asked_about(tmp_path):
+    away = P - P.mean(axis=0)
+    inwards = -away / np.linalg.norm(away, axis=1, keepdims=True)
+    path = save(tmp_path, rows(np.c_[P, inwards]))
+    with pytest.raises(ReadingsError, match="--direction ijk; otherwise"):
+        read_readings(path, units="mm")
+    np.testing.assert_allclose(read_readings(path, units="mm", direction="-ijk").directions, -inwards, atol=1e-5)
+
+
+@pytest.mark.parametrize("case", ["fanuc", "kuka", "abb", "ur"])
+def test_positions_of_robots_are_poses_with_a_tool(tmp_path, case):
+    _, content, said = CASES[case]
+    path = save(tmp_path, content)
+    readings = read_readings(path, **said)
+    np.testing.assert_allclose(readings.Ts_world_hand, POSES, atol=2e-6)
+    assert any("--tool" in note for note in readings.notes)
+    tipped = read_readings(path, tool="0,0,100mm", direction="tool", **said)
+    np.testing.assert_allclose(tipped.points, P / 1000 + 0.1 * R[:, :, 2], atol=2e-6)
+    np.testing.assert_allclose(tipped.directions, R[:, :, 2], atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("case", "notes"),
+    [
+        ("grbl", ["1 probe made no contact"]),
+        ("linuxcnc with a rotary axis", ["Axis A was at 90"]),
+        ("fusion", ["1 nominal point without"]),
+        ("dmis", ["1 feature of other kinds"]),
+        ("qif", ["1 feature of other kinds"]),
+        ("fanuc", ["1 position in joints"]),
+        ("kuka", ["1 position in axes, relative or of home"]),
+        ("asc with colours and normals", ["3 of 9 columns were left out", "--normal-sd"]),
+        ("bcnc xyz", ["taken as points of the surface"]),
+        ("csv of a spreadsheet", ["decimal commas"]),
+    ],
+)
+def test_what_was_left_out_is_said(tmp_path, case, notes):
+    _, content, said = CASES[case]
+    got = read_readings(save(tmp_path, content), **said).notes
+    for note in notes:
+        assert any(note in one for one in got), got
+
+
+@pytest.mark.parametrize(
+    ("case", "said", "message"),
+    [
+        (
+            "linuxcnc",
+            {},
+            "expected --units and --radius with a LinuxCNC probe log (PROBEOPEN), got none. Use",
+        ),
+        ("linuxcnc", MM, "expected --radius with a LinuxCNC"),
+        ("grbl", {}, "Use --radius 1.5mm (of the tip's ball; 0mm of a sharp tip)"),
+        ("ply", {}, "expected --units with a PLY point cloud, got none. Use --units mm."),
+        ("csv without units", {}, "Add it, or use --units mm."),
+        ("qif", {"units": "in"}, "expected lengths in mm, as the file says, got --units in"),
+        ("fusion", {"units": "mm", "radius": 0.001}, "got 1.5 mm in the file and --radius"),
+        ("pcd", {"units": "mm", "direction": "ijk"}, "expected vectors I J K"),
+        ("bcnc", {"units": "mm", "direction": "up"}, "got it in the file and --direction"),
+        ("asc with names", {"units": "mm", "normal_sd": 2.0}, "expected from"),
+        ("ur", {"radius": 0.0, "hand": np.eye(4)}, "got its own columns and --hand"),
+        ("dmis", {"tool": [0, 0, 0.1]}, "expected --tool with poses of the hand"),
+    ],
+)
+def test_what_is_lacking_or_too_much_is_named(tmp_path, case, said, message):
+    _, content, _ = CASES[case]
+    with pytest.raises(InputError) as caught:
+        read_readings(save(tmp_path, content), **said)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (rows(np.c_[P, np.arange(24).reshape(4, 6)]), "expected axis A to stand still"),
+        ("[PRB:1,2,3:0]\n", "expected at least one probe move with contact"),
+        ("[PRB:1,2,x:1]\n", "line 1: expected finite numbers of a probe report, got 'x'"),
+        ("G800 N1 X0. Y0. Z0. I0. J0. K1.\n", "Export the results of the measurement, not the program"),
+        ("UNITS/MM\nFILNAM/'A'\nFA(C)=FEAT/CIRCLE,CART,0,0,0,0,0,1,5\n", "got 1 feature of other kinds"),
+        ('<QIFDocument xmlns="q"></QIFDocument>', "expected measured points"),
+        ("<QIFDocument><a></QIFDocument>", "expected well-formed XML"),
+        ("<!DOCTYPE x><QIFDocument/>", "without DTD"),
+        ("/PROG A\n/POS\nP[1]{\n GP1:\n UF : 0,\n J1= 0 deg\n};\n", "expected Cartesian positions"),
+        (fanuc().replace("UF : 1", "UF : 0", 1), "expected positions in one user frame, got UF 0, 1"),
+        (krl().replace("BASE_NO 2", "BASE_NO 3", 1), "expected positions in one base"),
+        ("DEFDAT A\nDECL E6AXIS X={A1 0,A2 0}\n", "expected Cartesian positions"),
+        ("p[92.3, 0, 0, 0, 0, 90]\n", "are these degrees"),
+        ("p[0.1, 0, 0, 4, 4, 4]\n", "expected a rotation vector of at most a full turn"),
+        ("p[0.1, 0, 0]\np[1,2,3,4,5,6]", "line 2: expected 3 numbers"),
+        ("ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\n", "expected a header that ends"),
+        (PLY_HEAD.format("ascii") + "end_header\n1 2 3\n", "expected 4 points, got 1 lines"),
+        (PLY_HEAD.format("ascii").replace("double y", "double q") + "end_header\n1 2 3\n", "expected properties"),
+        (PCD_HEAD.format("binary_compressed"), "pcl_convert_pcd_ascii_binary"),
+        (PCD_HEAD.format("ascii").replace("COUNT 1", "COUNT 99999999999999"), "expected a COUNT of up to"),
+        (PCD_HEAD.format("ascii").replace("POINTS 4", "POINTS 999999999999999999"), "points, got 0 bytes"),
+        (PCD_HEAD.format("binary").replace("POINTS 4", "POINTS 99999999999"), "expected 99999999999 points"),
+        ("1 2 3\n4 5\n", "got '1 2 3'"),
+    ],
+)  # fmt: skip
+def test_malformed_logs_are_refused(tmp_path, content, message):
+    path = save(tmp_path, content)
+    with pytest.raises(InputError) as caught:
+        read_readings(path, units="mm" if "p[" not in content else None, radius=0.001)
+    assert str(caught.value).startswith(str(path))
+    assert message in str(caught.value) or "expected a header" in str(caught.value)
+
+
+def test_millimetres_that_were_called_metres_are_refused(tmp_path):
+    with pytest.raises(UnitError, match="got one at 600 m: are these millimetres"):
+        read_readings(save(tmp_path, rows(10 * P)), units="m")
+
+
+def test_inches_of_the_console(tmp_path):
+    path = save(tmp_path, "$13=1\n[PRB:1.000,2.000,3.000:1]\n")
+    np.testing.assert_allclose(read_readings(path, radius=0.001).points, [[0.0254, 0.0508, 0.0762]])
+    silent = save(tmp_path, "[PRB:1.000,2.000,3.000:1]\n")
+    assert "taken as millimetres" in read_readings(silent, radius=0.001).notes[0]
+    np.testing.assert_allclose(read_readings(silent, radius=0.001, units="in").points[:, 0], [0.0254])
+
+
+def test_a_dense_cloud_is_drawn_from(tmp_path):
+    cloud = np.random.default_rng(0).uniform(-50, 50, (5000, 3))
+    path = save(tmp_path, rows(cloud))
+    some = read_readings(path, units="mm", max_points=300)
+    assert len(some) == 300
+    assert "300 of 5,000 readings are used" in some.notes[-1]
+    np.testing.assert_array_equal(some.points, read_readings(path, units="mm", max_points=300).points)
+    assert len(read_readings(path, units="mm")) == 5000
+
+
+def test_a_viewpoint_gives_the_direction(tmp_path):
+    path = save(tmp_path, rows(P))
+    readings = read_readings(path, units="mm", direction="from:0,0,500mm")
+    looked = P - [0, 0, 500]
+    np.testing.assert_allclose(readings.directions, looked / np.linalg.norm(looked, axis=1, keepdims=True), atol=1e-9)
+
+
+def test_normals_count_when_their_spread_is_stated(tmp_path):
+    path = save(tmp_path, CASES["ply binary"][1])
+    readings = read_readings(path, units="mm", normal_sd=0.1)
+    np.testing.assert_allclose(readings.normals, UP, atol=1e-6)
+    np.testing.assert_allclose(readings.normal_sds, 0.1)
+    assert np.isnan(read_readings(path, units="mm").normal_sds).all()
+
+
+def test_an_unknown_format_lists_all(tmp_path):
+    with pytest.raises(InputError, match=r"expected one of csv, ply, .*Did you mean 'grbl'"):
+        read_readings(save(tmp_path, console()), format="gbrl")
+
+
+def test_the_table_of_formats_says_what_each_is():
+    assert all(row.name == name and row.words for name, row in FORMATS.builtin.items())
+    assert issubclass(UnitError, InputError)

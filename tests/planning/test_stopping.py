@@ -1,0 +1,138 @@
+"""How near the truth is said to be, against sampling of another kind."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import entr
+
+from bare_scenes import SENSORS, no_paths, scene
+from sensing_scenes import log_densities, rough
+from tanteo.geometry import SE3
+from tanteo.parts import read_part
+from tanteo.planning import (
+    Start,
+    Stop,
+    around,
+    at_pose,
+    begin,
+    chance_within,
+    corner_distances,
+    largest_corner_sd,
+    update,
+)
+from tanteo.posterior import Priors, corner_sd, prepare
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+
+
+@pytest.mark.parametrize("n", [2, 4])
+def test_chance_to_be_within_is_that_of_importance_sampling(n):
+    """Samples of the prior pose, weighed by the readings' likelihood; a coarse sensor, a broad posterior."""
+    target, coarse, rng = (
+        prepare(read_part(PARTS / "wedge.step")),
+        replace(SENSORS[1], sd=4e-3),
+        np.random.default_rng(n),
+    )
+    start = rough([target], (0.01, 0.08))
+    touches = scene(target, start.Ts[0], coarse, n, rng)[0]
+    state = update(begin(start), touches, no_paths())
+    Ts = start.Ts[0] @ SE3.exp((np.linalg.cholesky(start.covariances[0]) @ rng.normal(size=(40000, 6, 1)))[..., 0])
+    log = log_densities(touches, target, start.priors, Ts)
+    w = np.exp(log - log.max())
+    off = corner_distances(state, 0, Ts)
+    for tolerance in (0.008, 0.015, 0.025):
+        expected = w @ (off <= tolerance) / w.sum()
+        known = state.of_parts().sum()
+        assert chance_within(state, tolerance) / known == pytest.approx(expected, abs=0.06)
+
+
+def test_poses_that_symmetry_makes_equal_are_no_way_apart():
+    target = prepare(read_part(PARTS / "square_post.step"))
+    start = at_pose(target, SE3.exp(np.array([0.1, 0.2, 0, 0.3, 0.2, 0.1])), 1e-6 * np.eye(6))
+    images = start.Ts[0] @ target.part.symmetry.Ts
+    assert len(images) > 1
+    np.testing.assert_allclose(corner_distances(begin(start), 0, images), 0.0, atol=1e-9)
+    moved = images @ SE3.exp(np.array([2e-3, 0, 0, 0, 0, 0]))
+    np.testing.assert_allclose(corner_distances(begin(start), 0, moved), 2e-3, atol=1e-9)
+
+
+def test_the_worst_corner_is_that_of_poses_that_part_may_have():
+    """Two poses 20 mm and 10 degrees apart, at 0.7 and 0.3, against samples of both; one alone has its own."""
+    target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(5)
+    Ts = np.stack([np.eye(4), SE3.exp(np.array([0.02, 0, 0, 0, 0, np.radians(10)]))])
+    C = np.diag([1e-3, 2e-3, 1e-3, 0.02, 0.03, 0.01]) ** 2
+    start = Start(
+        (target,), np.zeros(2, dtype=int), Ts, np.stack([C, 2 * C]), np.array([0.7, 0.3]), Priors(noise_factor=1.0)
+    )
+    mode = rng.choice(2, 200_000, p=[0.7, 0.3])
+    xi = rng.normal(size=(len(mode), 6)) * np.sqrt(np.diag(C)) * np.sqrt(1.0 + mode)[:, None]
+    corners = np.stack(np.meshgrid(*target.part.box.T), axis=-1).reshape(8, 3)
+    at = SE3.apply((Ts[mode] @ SE3.exp(xi))[:, None], corners)
+    drawn = max(np.linalg.eigvalsh(np.cov(at[:, k].T)).max() for k in range(8)) ** 0.5
+    assert largest_corner_sd(begin(start)) == pytest.approx(drawn, rel=0.01)
+    alone = at_pose(target, Ts[0], C)
+    assert largest_corner_sd(begin(alone)) == pytest.approx(corner_sd(target.part, C))
+
+
+def test_symmetric_poses_are_one_for_the_largest_corner_sd():
+    target = prepare(read_part(PARTS / "square_post.step"))
+    Ts, C = target.part.symmetry.Ts, 1e-6 * np.eye(6)
+    n = len(Ts)
+    start = Start((target,), np.zeros(n, dtype=int), Ts, np.tile(C, (n, 1, 1)), np.ones(n), Priors(noise_factor=1.0))
+    assert largest_corner_sd(begin(start)) == pytest.approx(corner_sd(target.part, C), rel=1e-6)
+
+
+def test_only_what_is_known_but_for_none_of_these_is_confirmed():
+    """Before the first reading nothing but the start is known: a part at a pose, each axis to about a millimetre."""
+    target = prepare(read_part(PARTS / "wedge.step"))
+    known = begin(at_pose(target, np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2))
+    state, most_likely_none = replace(known, unknown=0.4), replace(known, unknown=0.51)
+    assert Stop(0.9).confirms(state)
+    assert not Stop(0.9).confirms(most_likely_none)
+    assert not Stop(probability=None, tolerance=0.02).confirms(state)
+    assert Stop(0.9, tolerance=0.02).confirms(state)
+    assert not Stop(0.9, tolerance=5e-4).confirms(state)  # which part is known, where is not
+    assert Stop(0.9, max_measurements=5).confirms(state)
+    assert not Stop(0.9, max_measurements=3).confirms(
+        state
+    )  # a third of the unknown object would be left, and a quarter may be
+    twins = replace(begin(around([target, target], np.eye(4), np.eye(6))), unknown=0.4)
+    assert not Stop(0.9).confirms(twins)
+
+
+def test_what_little_is_left_is_worth_as_many_readings():
+    """Two parts at 0.98 and 0.02: 0.098 nats are left to know, which ten readings of 0.01 tell and nine do not."""
+    target = prepare(read_part(PARTS / "wedge.step"))
+    start = around([target, target], np.eye(4), np.diag(np.repeat([1e-3, 1e-3], 3)) ** 2)
+    state = replace(begin(replace(start, weights=np.array([0.98, 0.02]))), unknown=0.0)
+    assert entr([0.98, 0.02]).sum() == pytest.approx(0.098, abs=1e-4)
+    assert Stop(0.99).settles(state, 0.01, 10)
+    assert not Stop(0.99).settles(state, 0.01, 9)
+    assert not Stop(0.99).settles(state, 0.0019, 10**6)  # no longer an expectation but its noise
+    assert Stop(0.99, tolerance=0.02).settles(state, 0.01, 10)
+    assert not Stop(0.99, tolerance=5e-4).settles(state, 0.01, 10)  # the place is missing, of either
+    assert not Stop(0.99).settles(replace(state, unknown=0.5), 0.01, 10)
+
+
+def test_a_part_is_nowhere_near_where_another_is_said_to_be():
+    target = prepare(read_part(PARTS / "wedge.step"))
+    twins = replace(begin(around([target, target], np.eye(4), 1e-6 * np.eye(6))), unknown=0.1)
+    assert chance_within(twins, 0.1) == pytest.approx(0.45)
+
+
+def test_where_the_posterior_is_not_normal_draws_say_how_near():
+    """All samples are put on the best pose: what is not normal is there then, however wide its covariance."""
+    target, rng = prepare(read_part(PARTS / "wedge.step")), np.random.default_rng(2)
+    start = rough([target], (0.01, 0.08))
+    touches = scene(target, start.Ts[0], replace(SENSORS[1], sd=4e-3), 2, rng)[0]
+    state = update(begin(start), touches, no_paths())
+    bent = np.array([not mode.normal for mode in state.modes])
+    drawn = np.unique(state.draws.mode)
+    here = replace(state, draws=replace(state.draws, Ts=np.tile(state.poses[0], (len(state.draws.Ts), 1, 1))))
+    assert bent[0]
+    assert chance_within(state, 1e-6) == 0.0
+    assert chance_within(here, 1e-6) == pytest.approx(state.weights[drawn][bent[drawn]].sum())

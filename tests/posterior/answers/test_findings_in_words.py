@@ -1,0 +1,93 @@
+"""Every kind of finding is put into words, with no, one and many readings."""
+
+import dataclasses
+import json
+import re
+import typing
+
+import pytest
+
+from tanteo.io import recognition_document
+from tanteo.posterior import Answer
+from tanteo.words import Finding, findings, message_of, sentence
+
+CONCRETE = [
+    kind
+    for kind in vars(findings).values()
+    if isinstance(kind, type) and issubclass(kind, Finding) and hasattr(kind, "kind")
+]
+
+
+def value(name, hint, count):
+    """Return a plausible value of a field, with as many names or numbers as there are readings."""
+    if hint is bool:
+        return count != 1
+    if hint is int:
+        return count
+    if hint is float:
+        return 1.25e-3
+    if hint is str:
+        return "Check it." if name == "advice" else f"{name} a"
+    if "sets" in name:
+        return tuple((f"{k}", f"{k}b") for k in range(count))
+    if name in ("others", "on"):
+        return tuple((f"thing {k}", 0.5 if name == "others" else k + 1) for k in range(count))
+    if name == "volumes":
+        return (1e-4, 2e-4) if count else ()
+    if name == "sides":
+        return ((0.1, 0.05, 0.02), (0.1, 0.05, 0.04)) if count else ()
+    if name in ("answers", "place", "heights"):
+        return ("wedge", "block") if name == "answers" else (1e-3 * count, 0.02)
+    if name in ("distances", "lengths"):
+        return tuple(1e-3 * (k + 1) for k in range(count))
+    if name == "worst":
+        return findings.WorstReading("7", 4.2) if count else None
+    if name == "units":
+        return findings.UnitsQuestion(0.2, 2, 210.0, ("mm",)) if count else None
+    assert "tuple[str, ...]" in str(hint), (name, hint)
+    return tuple(f"{name} {k}" for k in range(count))
+
+
+def made(kind, count):
+    hints = typing.get_type_hints(kind)
+    return kind(**{one.name: value(one.name, hints[one.name], count) for one in dataclasses.fields(kind)})
+
+
+@pytest.mark.parametrize("count", [0, 1, 12])
+@pytest.mark.parametrize("kind", CONCRETE, ids=lambda kind: kind.__name__)
+def test_every_kind_has_words(kind, count):
+    words = sentence(made(kind, count))
+    if kind is findings.WholeMismatch and not count:  # nothing contradicts, and the answer has none
+        assert words == ""
+        return
+    assert words[-1] in ".?)"
+    assert not re.search(r"\bnan\b|  |\(\)|, and [,.]|\b1 readings\b|: [.,]|: and", words), words
+
+
+def test_kinds_have_names_and_roles():
+    assert len(CONCRETE) > 40
+    for kind in CONCRETE:
+        assert kind.role in typing.get_args(findings.Role)
+    verdicts = [kind.kind for kind in CONCRETE if kind.role == "verdict"]
+    assert len(set(verdicts)) == len(verdicts)
+
+
+def test_a_message_has_all_but_the_questions():
+    found = findings.Located("wedge", float("nan"), 1e-4), findings.MirrorQuestion("wedge", 0.999)
+    answer = Answer("recognized", found, (), 0.0)
+    assert answer.message == message_of(found) == "wedge, located to 0.1 mm (largest corner sd)."
+    more = answer.adding(findings.ThinnedReadings(1000, 5000))
+    assert more.message.startswith(f"{answer.message} 1,000 of the 5,000 readings")
+    assert more.findings[:2] == found
+
+
+def test_documents_have_the_numbers_behind_the_words():
+    scatter = findings.Scatter(2.5, 1.8, 3.4, findings.WorstReading("7", 4.2))
+    document = recognition_document(Answer("unknown", (findings.NoPart(), scatter), (), 1.0))
+    assert json.dumps(document)
+    assert document["findings"][0] == {
+        "kind": "no_part", "role": "verdict", "message": sentence(findings.NoPart()), "values": {},
+    }  # fmt: skip
+    assert document["findings"][1]["values"] == {
+        "scale": 2.5, "low": 1.8, "high": 3.4, "worst": {"reading": "7", "sds": 4.2, "normal": False}, "part": "",
+    }  # fmt: skip

@@ -1,0 +1,87 @@
+"""Units that were mixed up are guessed, and only then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bare_scenes import surface_points
+from tanteo import Readings, locate, read_part
+from tanteo.parts import Surface
+from tanteo.posterior import Scale, about_directions, about_spread, about_units
+
+PARTS = Path(__file__).parents[2] / "examples" / "parts"
+UNITS = {"mm": 1e-3, "m": 1.0, "um": 1e-6, "in": 0.0254}
+
+
+@pytest.mark.parametrize("meant", UNITS)
+@pytest.mark.parametrize("said", UNITS)
+@pytest.mark.parametrize("size", [0.02, 0.2, 1.0])
+def test_the_right_unit_of_the_columns_is_among_the_guesses(meant, said, size):
+    """Beside a part whose file says its unit."""
+    question = about_units(Scale(0.6 * size * UNITS[said] / UNITS[meant], (size,), said, ""))
+    if meant == said:
+        assert question is None
+    else:
+        assert question.kind == "units"
+        assert f"columns in {meant} (x_{meant})" in question.message
+        assert "--units" not in question.message
+
+
+@pytest.mark.parametrize("meant", ["mm", "in"])
+@pytest.mark.parametrize("said", UNITS)
+def test_the_right_unit_of_the_parts_is_among_the_guesses(meant, said):
+    """Beside readings whose columns might be wrong as well."""
+    question = about_units(Scale(0.12, (0.2 * UNITS[said] / UNITS[meant],), "mm", said))
+    words = "" if question is None else question.message
+    assert (f"--units {meant}" in words) == (meant != said)
+
+
+def test_sizes_are_named():
+    words = about_units(Scale(210.0, (0.2,), "m", "")).message
+    assert words == "The part is 0.2 m wide and the readings span about 210 m. Did you mean columns in mm (x_mm)?"
+
+
+@pytest.mark.parametrize("span", [0.0, 0.05, 0.19, 0.23])
+def test_readings_that_fit_and_none_at_all_ask_nothing(span):
+    assert about_units(Scale(span, (0.2, 3.0), "mm", "mm")) is None
+
+
+def test_a_difference_that_no_unit_explains_asks_nothing():
+    assert about_units(Scale(0.2 * 150, (0.2,), "mm", "")) is None
+
+
+@pytest.mark.parametrize(
+    ("sd", "words"), [(0.05, "50 mm, which is 25% of the largest"), (5e-8, "finer than any sensor")]
+)
+def test_a_noise_of_another_unit_is_noticed(sd, words):
+    found = about_spread(np.tile(sd**2 * np.eye(3), (4, 1, 1)), Scale(0.1, (0.02, 0.2), "mm", ""))
+    assert found.kind == "spread"
+    assert words in found.message
+
+
+def test_the_noise_of_a_sensor_is_none():
+    for sd in (1e-6, 5e-5, 0.01):
+        assert not about_spread(np.tile(sd**2 * np.eye(3), (4, 1, 1)), Scale(0.1, (0.2,), "mm", ""))
+    assert not about_spread(np.zeros((0, 3, 3)), Scale(0.0, (0.2,), "mm", ""))
+
+
+def test_directions_out_of_the_material_are_noticed():
+    rng = np.random.default_rng(4)
+    out = rng.normal(size=(12, 3))
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    points = np.array([0.4, 0.1, 0.0]) + 0.05 * out
+    assert "Did you mean the opposite" in about_directions(points, out).message
+    assert about_directions(points, -out) is None
+    assert about_directions(points, np.full((12, 3), np.nan)) is None
+    assert about_directions(points, np.tile([0.0, 0.0, -1.0], (12, 1))) is None  # all from above
+
+
+def test_an_answer_in_python_carries_typed_findings():
+    part, rng = read_part(PARTS / "bracket_left.step"), np.random.default_rng(5)
+    points, normals = surface_points(Surface(part.vertices, part.triangles), 20, rng)
+    for sign, kinds in ((1, ["directions"]), (-1, [])):
+        readings = Readings.from_columns(points=points, directions=sign * normals, sds=np.full(20, 1e-4))
+        assert [one.kind for one in locate(readings, part).findings if one.role == "question"] == kinds

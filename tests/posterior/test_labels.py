@@ -1,0 +1,115 @@
+"""What labels and normals say of an object of which nothing else is known, against sums over random planes and axes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tanteo.factors import surface_points
+from tanteo.geometry import SO3
+from tanteo.posterior.labels import Facets, elsewhere, groups_of
+from tanteo.posterior.one_object import log_level, log_right_angled
+
+RADIUS, SD = 0.1, 5e-3
+
+
+def labelled(points, sd=SD, kind="plane", **more):
+    return surface_points(points, sd, labels=("a",) * len(points), kind=kind, **more)
+
+
+def odds(points):
+    found = elsewhere(points, groups_of(points), RADIUS)
+    return found.log_odds[0], found.facets
+
+
+def any_rotations(rng, n):
+    q = rng.normal(size=(n, 4))
+    return SO3.from_quaternion(q / np.linalg.norm(q, axis=1, keepdims=True))
+
+
+@pytest.mark.parametrize("tilted", [0.0, 0.7])
+def test_points_of_a_plane_are_as_dense_as_the_mean_over_planes(tilted):
+    rng = np.random.default_rng(1)
+    R = SO3.exp(np.array([tilted, 0.2, 0.0]))
+    p = np.column_stack([rng.uniform(-0.05, 0.05, (5, 2)), SD * rng.normal(size=5)]) @ R.T + 0.01
+    toward = np.tile(-R[:, 2], (5, 1))
+    got, _ = odds(labelled(p, directions=toward))
+    u = rng.normal(size=(2_000_000, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    h = rng.uniform(-RADIUS, RADIUS, len(u))
+    log = -0.5 * np.sum(((p @ u.T - h) / SD) ** 2, axis=0) + 5 * np.log(2 * RADIUS / (SD * np.sqrt(2 * np.pi)))
+    log += 5 * np.log(np.maximum(u @ R[:, 2], 1e-9))  # a beam meets a plane by the cosine of its incidence
+    mean, error = np.exp(log).mean(), np.exp(log).std() / np.sqrt(len(log))
+    assert error < 0.1 * mean
+    assert np.exp(got) == pytest.approx(0.5 * mean + 0.5, rel=0.15 + 4 * error / mean)
+
+
+def test_points_in_no_plane_are_outliers():
+    rng = np.random.default_rng(2)
+    got, facets = odds(labelled(rng.uniform(-0.05, 0.05, (6, 3)), sd=1e-4))
+    assert got == pytest.approx(np.log(0.5))
+    assert len(facets) == 0
+
+
+def test_an_edge_and_a_corner_tell_more_than_points_anywhere():
+    rng = np.random.default_rng(3)
+    line = np.outer(np.linspace(-0.04, 0.04, 4), [0.6, 0, 0.8]) + 1e-4 * rng.normal(size=(4, 3))
+    along, facets = odds(labelled(line, sd=1e-4, kind="edge"))
+    assert along > 10
+    assert np.abs(facets.normals[0] @ [0.6, 0, 0.8]) == pytest.approx(1, abs=1e-4)
+    assert odds(labelled(1e-4 * rng.normal(size=(2, 3)), sd=1e-4, kind="vertex"))[0] > 10
+
+
+def test_a_shared_error_that_turns_with_hand_does_not_hide_plane():
+    """Points off by an error of ten times their noise are of a plane still, if the error is known to be shared."""
+    rng = np.random.default_rng(4)
+    R = any_rotations(rng, 8)
+    p = np.column_stack([rng.uniform(-0.05, 0.05, (8, 2)), 1e-4 * rng.normal(size=8)])
+    off, shared_jacobian = np.array([6e-4, -9e-4, 5e-4]), 1e-3 * R
+    seen = labelled(p - R @ off, sd=1e-4)
+    told = labelled(p - R @ off, sd=1e-4)
+    object.__setattr__(told, "shared_jacobian", shared_jacobian)
+    assert odds(told)[0] > odds(seen)[0] + 20
+
+
+def test_a_label_of_very_many_points_is_no_burden():
+    rng = np.random.default_rng(6)
+    p = np.column_stack([rng.uniform(-0.05, 0.05, (20_000, 2)), 1e-4 * rng.normal(size=20_000)])
+    got, facet = odds(labelled(p, sd=1e-4))  # as full matrices of all pairs it would take 3 GB
+    assert np.isfinite(got)
+    assert abs(facet.normals[0, 2]) == pytest.approx(1)
+
+
+def facets(normals, tilt, points=None, sd=1e-4):
+    k = len(normals)
+    covariances = tilt**2 * (np.eye(3) - normals[:, :, None] * normals[:, None])
+    return Facets(normals, covariances, np.zeros((k, 3)) if points is None else points, np.full(k, sd**2))
+
+
+@pytest.mark.parametrize("case", ["right", "one askew", "askew", "parallel"])
+def test_directions_are_as_dense_as_the_mean_over_axes(case):
+    rng, tilt, share = np.random.default_rng(5), 0.08, 0.8
+    R = any_rotations(rng, 1)[0]
+    axes = {
+        "right": [[1, 0, 0], [0, 1, 0], [0, 0, -1]],
+        "one askew": [[1, 0, 0], [0, 1, 0], [0.5, 0.5, 0.7]],
+        "askew": [[1, 0, 0], [0.5, 0.86, 0], [0.3, 0.4, 0.86]],
+        "parallel": [[1, 0, 0], [-1, 0, 0], [1, 0, 0]],
+    }[case]
+    n = np.array(axes, dtype=float) @ R.T + 0.3 * tilt * rng.normal(size=(3, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    frames = any_rotations(rng, 400_000)
+    cosines = np.abs(np.einsum("fia,ki->fka", frames, n))
+    on = 4 * np.pi / 6 * np.exp(-0.5 * (1 - cosines**2) / tilt**2).sum(axis=2) / (2 * np.pi * tilt**2)
+    mean = np.prod(1 - share + share * on, axis=1).mean()
+    assert log_right_angled(facets(n, tilt), share) == pytest.approx(np.log(mean), abs=0.6)
+
+
+def test_a_face_met_again_is_no_coincidence():
+    n = np.tile([0.0, 0, 1], (2, 1))
+    level = facets(n, 1e-2, np.array([[0, 0, 0.02], [0.01, 0, 0.02]]))
+    step = facets(n, 1e-2, np.array([[0, 0, 0.02], [0.01, 0, 0.03]]))
+    across = facets(np.eye(3)[:2], 1e-2, np.array([[0, 0, 0.02], [0.01, 0, 0.02]]))
+    assert log_level(level, RADIUS) > 3
+    assert log_level(step, RADIUS) == pytest.approx(np.log(0.5))
+    assert log_level(across, RADIUS) == 0

@@ -1,0 +1,68 @@
+"""The unknown object: where an object can be of which only readings are known, and how often a part is denied."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
+from tanteo.geometry import SE3
+from tanteo.parts import read_part
+from tanteo.posterior import PosePrior, Priors, identify_points, prepare
+from tanteo.posterior.unknown import whereabouts
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
+
+
+@pytest.mark.parametrize(("n", "reach"), [(1, 0.3), (3, 0.3), (12, 0.3), (100, 0.02), (12, [0.5, 0.02, 0.02])])
+def test_the_places_of_a_ball_that_holds_all_readings(n, reach):
+    """Their volume, against draws; and a normal density as high as the even one."""
+    rng = np.random.default_rng(n)
+    points, radius = np.array([5.0, -7.0, 1.0]) + rng.uniform(-1, 1, (n, 3)) * reach, 0.55
+    where = whereabouts(points, radius)
+    sample_prior = points[0] + radius * rng.uniform(-1, 1, (40000, 3))
+    held = np.all(np.linalg.norm(sample_prior[:, None] - points, axis=2) < radius, axis=1)
+    assert where.volume == pytest.approx((2 * radius) ** 3 * held.mean(), rel=0.06)
+    assert (2 * np.pi * where.sd**2) ** 1.5 == pytest.approx(where.volume)
+
+
+def test_readings_that_need_more_room_have_it():
+    """A larger unknown object: its ball is a fifth larger than that of its readings, wherever they are."""
+    points = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    where = whereabouts(points, 0.1)
+    np.testing.assert_allclose(where.middle, 0.0, atol=0.1)
+    assert 4 / 3 * np.pi * 0.2**3 < where.volume < 4 / 3 * np.pi * 0.7**3
+
+
+@pytest.mark.parametrize("far", [0.2, 2.0, 50.0])
+@pytest.mark.parametrize("known", [False, True])
+def test_a_far_stray_does_not_make_none_of_these_more_probable(far, known):
+    """A metre or fifty: it is off the part, and of an unknown object it says as little."""
+    target, rng = prepare(read_part(EXAMPLES / "bracket_left.step")), np.random.default_rng(3)
+    T = box_centred_pose(rng)
+    p, _ = surface_points(target, 12, rng)
+    points = SE3.apply(T, p) + 1e-3 * rng.normal(size=p.shape)
+    points[0, 0] += far
+    middle = SE3.apply(T, target.part.centroid)
+    pose = PosePrior(box=np.stack([middle - 0.1, middle + 0.1])) if known else None
+    priors = Priors(radius=target.part.radius, pose=pose)
+    answer = identify_points(touches_of(points, 1e-3), no_paths(), [target], priors=priors)
+    assert answer.unknown_probability < 0.05
+    assert answer.hypotheses[0].outliers == ("0",)
+
+
+@pytest.mark.slow
+def test_a_part_that_is_there_is_rarely_denied():
+    """Of scenes of the part the mean of P(none) is at most the odds of its prior; within three standard errors."""
+    target, denied = prepare(read_part(EXAMPLES / "hex_spacer.step")), []
+    for seed in range(8):
+        rng = np.random.default_rng((31, seed))
+        n, T = int(rng.integers(14, 25)), box_centred_pose(rng)
+        p, _ = surface_points(target, n, rng)
+        touches = touches_of(SE3.apply(T, p) + 3e-3 * rng.normal(size=p.shape), 3e-3)
+        priors = Priors(radius=target.part.radius)
+        denied.append(identify_points(touches, no_paths(), [target], priors=priors).unknown_probability)
+    assert np.mean(denied) < 0.053 + 3 * np.std(denied) / np.sqrt(len(denied))
+    assert np.median(denied) < 0.1

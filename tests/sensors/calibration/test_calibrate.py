@@ -1,0 +1,226 @@
+"""Calibration against simulation: NEES of beams, planes and angles, noise laws, and what a rig of it promises."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from plane_scenes import PLACE, REPEAT, joined, random_hands, ranges_to, simulated_log
+from tanteo.geometry import SE3, SO3
+from tanteo.sensors import Readings, calibrate, calibrated_rig, measure, plane_angle
+from tanteo.sensors.calibration.geometry import Setup, predict
+from tanteo.sensors.calibration.log import plane_log
+
+RUNS, STATIONS, FRESH = 24, 25, 8
+
+
+def mean_in_interval(values, dof, slack=1.0):
+    """The mean of ``len(values)`` chi-squares lies where it should with 99.9 percent; ``slack`` stretches the model."""
+    low, high = chi2.ppf([0.0005, 0.9995], dof * len(values)) / len(values)
+    return low < np.mean(values) / slack < high
+
+
+def test_jacobian_against_differences():
+    rng = np.random.default_rng(0)
+    planes = SE3.exp(rng.normal(size=(2, 6)))
+    beams = SE3.exp(0.2 * rng.normal(size=(2, 6)))
+    hands = [random_hands(rng, 6, p, b) for p in planes for b in beams]
+    logs = [
+        simulated_log(rng, b, p, h, repeats=1, name=f"s{j}", label=f"p{i}")
+        for (i, j, p, b), h in zip([(i, j, planes[i], beams[j]) for i in (0, 1) for j in (0, 1)], hands, strict=True)
+    ]
+    log = plane_log(joined(*logs))
+    setup = Setup(beams, np.array([0.02, -0.03]), np.array([0.01, -0.02]), planes)
+    J, h = predict(setup, log).jacobian, 1e-6
+    for k, e in enumerate(np.eye(setup.size)):
+        numeric = (predict(setup.moved(h * e), log).ranges - predict(setup.moved(-h * e), log).ranges) / (2 * h)
+        np.testing.assert_allclose(J[:, k], numeric, atol=1e-8)
+
+
+def errors_of(beam, T_true, scale, slant):
+    """In the fitted beam's frame; the spin about the beam means nothing."""
+    R = beam.T_hand_beam[:3, :3]
+    origin = R.T @ (T_true[:3, 3] - beam.T_hand_beam[:3, 3])
+    aim = R.T @ T_true[:3, 2]
+    # the origin may slide along the beam: both are compared at the true beam's own offset
+    return np.r_[origin, -aim[1], aim[0], scale - beam.scale, slant - beam.slant]
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """Two planes at right angles, one sensor, nothing known before; and fresh readings measured by the rig."""
+    out = {
+        "beam": [],
+        "plane": [],
+        "angle": [],
+        "repeat": [],
+        "variance": [],
+        "fresh": [],
+        "outliers": 0,
+        "status": set(),
+    }
+    for k in range(RUNS):
+        rng = np.random.default_rng(100 + k)
+        floor = SE3.exp(rng.normal(size=6) * [0.3, 0.3, 0.3, 2, 2, 2])
+        wall = floor @ SE3.from_parts(SO3.exp(np.array([np.pi / 2, 0, 0])), np.array([0.0, 0.3, 0]))
+        T = SE3.exp(np.r_[0.05 * rng.normal(size=3), rng.normal(size=3) * [0.3, 0.3, 1]])
+        scale, slant = 0.01 * rng.normal(), 0.01 * rng.normal()
+        hands = [random_hands(rng, STATIONS, plane, T) for plane in (floor, wall)]
+        log = joined(
+            simulated_log(rng, T, floor, hands[0], scale=scale, slant=slant, label="floor"),
+            simulated_log(rng, T, wall, hands[1], scale=scale, slant=slant, label="wall"),
+        )
+        found = calibrate(log)
+        beam = found.beams[0]
+        e = errors_of(beam, T, scale, slant)
+        out["beam"].append(e @ np.linalg.solve(beam.cov, e))
+        for fit, plane in zip(found.planes, (floor, wall), strict=True):
+            n = fit.T_world_plane[:3, :3].T @ plane[:3, 2]
+            assert n[2] > 0.9  # towards the sensors
+            q = np.array([-n[1], n[0], (plane[:3, 3] - fit.T_world_plane[:3, 3]) @ plane[:3, 2]])
+            out["plane"].append(q @ np.linalg.solve(fit.cov, q))
+        angle, sd = plane_angle(found, "floor", found, "wall")
+        out["angle"].append(((angle - np.pi / 2) / sd) ** 2)
+        e = np.array([float(beam.repeats.law.const), float(beam.repeats.law.prop)]) ** 2 - np.square(REPEAT)
+        out["repeat"].append(e @ np.linalg.solve(beam.repeats.cov, e))
+        d, tan2 = found.ranges, np.tan(found.incidences) ** 2
+        true = PLACE[0] ** 2 + (PLACE[1] * d) ** 2 * 1 + (PLACE[2] * d) ** 2 * tan2
+        out["variance"].append(np.mean((found.sds**2 - (REPEAT[0] ** 2 + (REPEAT[1] * d) ** 2) / 4) / true))
+        out["fresh"].append(fresh_nees(rng, found, T, scale, slant, floor))
+        out["outliers"] += len(found.outliers)
+        out["status"].add(found.status)
+    return out
+
+
+def fresh_nees(rng, found, T, scale, slant, plane):
+    """Distances of fresh points from the true plane, against the covariance that the calibrated rig promises."""
+    hands = random_hands(rng, FRESH, plane, T)
+    log = simulated_log(rng, T, plane, hands, scale=scale, slant=slant, repeats=1)
+    m = measure(log, rig=calibrated_rig(found))
+    e = (m.points - plane[:3, 3]) @ plane[:3, 2]
+    N = np.kron(np.eye(FRESH), plane[:3, 2])
+    return e @ np.linalg.solve(N @ m.joint_cov() @ N.T, e)
+
+
+# the noise is estimated from some 37 degrees of freedom, so that chi-squares are F times their number
+F = 37 / 35
+
+
+@pytest.mark.slow
+def test_beams_are_as_uncertain_as_they_say(runs):
+    assert runs["status"] == {"calibrated"}
+    assert mean_in_interval(runs["beam"], 7, F)
+
+
+@pytest.mark.slow
+def test_planes_and_their_angle_are_as_uncertain_as_they_say(runs):
+    assert mean_in_interval(runs["plane"], 3, F)
+    assert mean_in_interval(runs["angle"], 1, F)
+
+
+@pytest.mark.slow
+def test_noise_of_repeats_is_found_with_its_covariance(runs):
+    assert mean_in_interval(runs["repeat"], 2)
+
+
+@pytest.mark.slow
+def test_noise_of_places_is_neither_too_small_nor_too_large(runs):
+    """By restricted likelihood: the parameters of the setup do not eat the variance."""
+    spread = np.std(runs["variance"]) / np.sqrt(RUNS)
+    assert abs(np.mean(runs["variance"]) - 1) < 3.3 * spread
+    assert spread < 0.1
+
+
+@pytest.mark.slow
+def test_a_rig_of_it_promises_what_it_keeps(runs):
+    """A slant is kept as noise, which is more than it is at most incidences: the promise may be too modest by a bit."""
+    mean = np.mean(runs["fresh"]) / FRESH
+    low, high = chi2.ppf([0.0005, 0.9995], FRESH * RUNS) / (FRESH * RUNS)
+    assert 0.75 * low < mean < F * high
+
+
+@pytest.mark.slow
+def test_good_readings_are_hardly_ever_called_outliers(runs):
+    assert runs["outliers"] <= RUNS * 2 * STATIONS // 200
+
+
+def scene(seed, n=40, **options):
+    rng = np.random.default_rng(seed)
+    plane = SE3.exp(rng.normal(size=6) * [0.3, 0.3, 0.3, 2, 2, 2])
+    T = SE3.exp(np.r_[0.05 * rng.normal(size=3), 0.2 * rng.normal(size=3)])
+    return rng, plane, T, random_hands(rng, n, plane, T, **options)
+
+
+def with_ranges(log, ranges):
+    return Readings.from_columns(
+        ranges=ranges, sensors=log.sensors, Ts_world_hand=log.Ts_world_hand, features=log.features, kinds=log.kinds,
+        ids=log.ids,
+    )  # fmt: skip
+
+
+def test_saturated_readings_are_found_and_named():
+    """A device that stops at 450 mm: the places beyond it are named, and the beam is as good as without them."""
+    rng, plane, T, hands = scene(1, near=0.1, far=0.7)
+    log = simulated_log(rng, T, plane, hands, place=(5e-4, 0, 0), repeat=(1e-3, 0))
+    ceiling = 0.45
+    clipped = with_ranges(log, np.minimum(log.ranges, ceiling))
+    found = calibrate(clipped)
+    truth = ranges_to(plane, hands @ T)[0] > ceiling + 0.01
+    assert truth.sum() >= 8
+    named = {s.ids[0].split(".")[0] for s in found.outliers if s.reason == "saturated"}
+    assert {f"eye{i + 1}" for i in np.flatnonzero(truth)} <= named
+    assert all(s.reason == "saturated" for s in found.outliers)
+    assert np.linalg.norm(found.beams[0].T_hand_beam[:2, 3] - T[:2, 3]) < 4e-3
+    assert found.planes[0].rms < 1e-3
+
+
+def test_strays_among_repeats_are_found():
+    rng, plane, T, hands = scene(2)
+    log = simulated_log(rng, T, plane, hands, repeats=12)
+    ranges = np.array(log.ranges)
+    ranges[[3, 100, 200]] += [0.04, -0.03, 0.08]
+    found = calibrate(with_ranges(log, ranges))
+    single = {s.ids[0] for s in found.outliers if s.reason == "unlike its repeats"}
+    assert {log.ids[i] for i in (3, 100, 200)} <= single
+    assert len(found.outliers) <= 5
+
+
+def test_two_sensors_share_the_plane():
+    rng, plane, T, hands = scene(3, n=30)
+    other = T @ SE3.exp(np.array([0.05, 0.02, 0, 0.1, -0.1, 0]))
+    log = joined(
+        simulated_log(rng, T, plane, hands, name="left"), simulated_log(rng, other, plane, hands, name="right")
+    )
+    found = calibrate(log)
+    assert [b.name for b in found.beams] == ["left", "right"]
+    for beam, true in zip(found.beams, (T, other), strict=True):
+        e = errors_of(beam, true, 0.0, 0.0)
+        assert e @ np.linalg.solve(beam.cov, e) < chi2.ppf(0.999, 7) * 1.2
+
+
+def test_the_robot_s_error_moves_planes_and_not_beams():
+    rng, plane, T, hands = scene(4)
+    log = simulated_log(rng, T, plane, hands)
+    plain, with_robot = calibrate(log), calibrate(log, robot="ur_ros_nominal_dh")
+    np.testing.assert_array_equal(plain.beams[0].cov, with_robot.beams[0].cov)
+    more = with_robot.planes[0].cov - plain.planes[0].cov
+    np.testing.assert_allclose(np.diag(more)[:2], 0.005**2, rtol=1e-9)
+    world = SE3.exp(np.array([[0, 0, 0, 3e-5, 0, 0], [0, 0, 4e-5, 0, 0, 0], [0, 0, 0, 0, 0, 5e-5]]))
+    moved = world @ with_robot.planes[0].T_world_plane
+    assert more[2, 2] > 0.005**2 * 0.99
+    assert np.isfinite(moved).all()
+    # planes of one run share the robot, planes of two do not
+    assert plane_angle(with_robot, "plane", plain, "plane")[1] > 0.005
+
+
+def test_plane_tilt_by_the_robot_against_differences():
+    from tanteo.sensors.calibration.result import robot_tilt_cov
+
+    rng = np.random.default_rng(5)
+    T = SE3.exp(rng.normal(size=6))
+    h, columns = 1e-6, []
+    for e in np.eye(6):
+        local = SE3.log(SE3.inverse(T) @ SE3.exp(h * e) @ T) / h
+        columns.append([local[3], local[4], local[2]])
+    J = np.array(columns).T
+    C = np.diag(np.repeat([4e-6, 9e-6], 3))
+    np.testing.assert_allclose(robot_tilt_cov(T, 2e-3, 3e-3), J @ C @ J.T, rtol=1e-4, atol=1e-12)
