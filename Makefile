@@ -105,7 +105,7 @@ wheel-test: wheel
 	"$$there/venv/bin/python" -m pip --disable-pip-version-check install --quiet -c constraints.txt dist/tanteo-*.whl && \
 	cd "$$there" && venv/bin/python -c "import sys, tanteo._core as core; assert core.__file__.startswith(sys.prefix); print(core.version())" && \
 	! find venv -path '*/tanteo/*' -name '*.[ch]pp' | grep . && \
-	venv/bin/tanteo identify $(CURDIR)/examples/readings/bracket_left.csv --parts $(CURDIR)/src/tanteo/demo/parts --units mm
+	venv/bin/tanteo identify $(CURDIR)/examples/readings/bracket_left.csv --parts $(CURDIR)/src/tanteo/bench/demo/parts --units mm
 
 # the core watched for bad accesses and undefined behaviour, in an environment that sees the packages of $(VENV)
 sanitize: build/sanitize/.done

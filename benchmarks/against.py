@@ -22,7 +22,7 @@ from against_scenes import ROWS
 from common import Table, machine
 
 ROOT = Path(__file__).resolve().parents[1]
-FILES = ROOT / "examples" / "parts", ROOT / "src" / "tanteo" / "demo" / "parts"
+FILES = ROOT / "examples" / "parts", ROOT / "src" / "tanteo" / "bench" / "demo" / "parts"
 BRACKET = ROOT.parent / "shared" / "data" / "bracket" / "bracket.stl"
 CACHE = Path.home() / ".cache" / "tanteo-against"
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")

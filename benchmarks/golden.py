@@ -39,7 +39,7 @@ from tanteo.geometry import SE3
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "tests" / "golden" / "answers.json.gz"
-EXAMPLES, DEMO = ROOT / "examples" / "parts", ROOT / "src" / "tanteo" / "demo" / "parts"
+EXAMPLES, DEMO = ROOT / "examples" / "parts", ROOT / "src" / "tanteo" / "bench" / "demo" / "parts"
 SEED = 1991
 
 ROWS = {

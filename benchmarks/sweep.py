@@ -28,7 +28,7 @@ import tanteo
 from tanteo.posterior import DEFAULTS, identify_points
 
 ROOT = Path(__file__).resolve().parents[1]
-EXAMPLES, DEMO = ROOT / "examples" / "parts", ROOT / "src" / "tanteo" / "demo" / "parts"
+EXAMPLES, DEMO = ROOT / "examples" / "parts", ROOT / "src" / "tanteo" / "bench" / "demo" / "parts"
 ROWS = "touch", "hard_walls", "labelled", "prior"
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from tanteo import read_parts
 
 HERE = Path(__file__).parent
-DEMO = HERE.parent / "src" / "tanteo" / "demo"
+DEMO = HERE.parent / "src" / "tanteo" / "bench" / "demo"
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 (DEMO / "parts").mkdir(exist_ok=True)

@@ -12,7 +12,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from rendered import slab_thing, table_camera
-from tanteo.catalogue import rests
+from tanteo.catalogue import stable_poses
 from tanteo.geometry import SE3, SO3
 from tanteo.io import write_image
 from tanteo.parts import read_part
@@ -63,7 +63,7 @@ def main():
             part = read_part(HERE / "parts" / f"{part_name}.step")
             T = (
                 SE3.from_parts(SO3.axis_rotation(2, np.radians(yaw)), np.array([x, y, 0.0]))
-                @ rests(part)[k].T_table_part
+                @ stable_poses(part)[k].T_table_part
             )
             drawn.append(thing(part, T, paint))
             numbers = [*(1e3 * T[:3, 3]), *SO3.as_quaternion(T[:3, :3])]

@@ -30,7 +30,7 @@ SAYS = {
     "03_two_features": ["plane_angle", "upright 12 mm thick", "possible", "rejected"],
     "04_shared_errors": [
         "times as much as stated",
-        "If an error that all of them share is behind it",
+        "If a shared error causes it",
         "0.3 mm: recognized",
     ],
     "05_uncertain_frames": ["a to b, from the base", "chi2"],

@@ -89,7 +89,7 @@ def test_a_path_through_the_part_is_named_with_how_far(steps, labels):
     beside = start + 1.0, d
     readings = sensed(low, T, np.argsort(-low.planes.areas)[:7], [beside, (start, d)], rng, labels)
     answer = identify(readings, [low])
-    says = f"{readings.ids[-1]} (it ends {1e3 * (LENGTH - met):.2g} mm further)."
+    says = f"{readings.ids[-1]} (by {float(f'{1e3 * (LENGTH - met):.2g}'):.0f} mm)."
     assert f"blocks 1 of 2 paths on which nothing was met: {says}" in answer.message
 
 

@@ -53,7 +53,7 @@ def test_a_noise_of_which_nobody_said_any_is_told(sd):
     points = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), 40), corners[rows]) + sd * rng.normal(size=(40, 3))
     answer = tanteo.locate(tanteo.Readings.from_columns(points=points), part)
     assert answer.status == "recognized"
-    assert "No standard deviation was stated; the readings tell" in answer.message
+    assert "No standard deviation is stated. The estimate from the readings is" in answer.message
     assert 0.6 * sd < 1e-4 * answer.best.noise_scale[0] < 1.6 * sd
 
 

@@ -51,7 +51,7 @@ def replay(wedge, folder):
 
 def reading_cad(wedge, folder):
     shutil.copy(ROOT / "examples" / "parts" / "wedge.step", folder / "bracket.step")
-    mesh = next((ROOT / "src" / "tanteo" / "demo" / "parts").glob("wedge.stl"))
+    mesh = next((ROOT / "src" / "tanteo" / "bench" / "demo" / "parts").glob("wedge.stl"))
     (folder / "parts").mkdir()
     for name in ("bracket.stl", "extra.stl", "parts/one.stl"):
         shutil.copy(mesh, folder / name)
@@ -128,7 +128,7 @@ GIVEN = {
 }
 """What the code of a page takes as given."""
 
-ELSEWHERE = {"README": "tests/test_readme.py", "CONTRIBUTING": "tests/test_extending.py", "view": "tests/viewer"}
+ELSEWHERE = {"README": "tests/test_readme.py", "CONTRIBUTING": "tests/test_extending.py", "view": "tests/render/live"}
 """Pages whose code runs there."""
 
 

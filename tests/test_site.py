@@ -104,7 +104,7 @@ def test_the_site(tmp_path, with_notebooks, request):
         assert not with_notebooks or [w for w in words if w not in shown] == [], name
         assert f"{name}.ipynb" in shown
     assert broken_links(tmp_path, pages) == []
-    assert "tanteo.sensors.measuring" in pages["build/api/tanteo.sensors.html"]
+    assert "tanteo.sensors.measure" in pages["build/api/tanteo.sensors.html"]
     assert 'href="../build/api/tanteo.sensors.html"' in pages["docs/api.html"]
     assert "url=docs/index.html" in pages["index.html"]
     with contextlib.suppress(pytest.skip.Exception):  # the rest needs a browser

@@ -16,19 +16,18 @@ ROOT = Path(__file__).parents[1]
 MOST = {
     "iterative pose fits": 2,
     "iterative pose fits in C++": 1,
-    "tuned numbers in inference": 138,
     "tuned numbers in vision": 212,
-    "tuned numbers in posterior": 60,
+    "tuned numbers in posterior": 173,
     "kinds asked for in C++": 0,
     "files that ask for kinds in C++": 0,
     "kinds asked for in Python": 2,
     "files that ask for kinds in Python": 1,
-    "code lines of Python in the judged packages": 9950,
+    "code lines of Python in the judged packages": 10182,
     "code lines of C++": 9530,
 }
 """Largest accepted figures: the numbers may fall."""
 
-ENTERED = 81
+ENTERED = 80
 """Largest accepted number of files that the second call of ``identify`` enters."""
 
 

@@ -16,11 +16,15 @@ from lazy_loader import attach_stub
 
 __version__ = "0.1.0"
 
-_attribute, __dir__, __all__ = attach_stub(__name__, __file__)
-__all__ += ["__version__"]
+_attribute, _, _names = attach_stub(__name__, __file__)
+__all__ = sorted([*_names, "__version__"])
 
 
 def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module 'tanteo' has no attribute {name!r}; it has {', '.join(__all__)}")
     return _attribute(name)
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

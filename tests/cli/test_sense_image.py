@@ -57,7 +57,7 @@ def test_an_image_that_shows_nothing_is_an_answer(sense, tmp_path, json_too):
         document = json.loads(out)
         assert (document["status"], document["hypotheses"], document["unknown_probability"]) == ("unknown", [], 1.0)
     else:
-        assert out.startswith("unknown: the image shows no part on the table")
+        assert out.startswith("unknown: The image shows no part on the table")
 
 
 @pytest.mark.parametrize(

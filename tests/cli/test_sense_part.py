@@ -29,7 +29,7 @@ def test_it_ends_with_name_place_and_cost_in_words(sense, tmp_path):
     assert out.endswith(f"report written: {report}\n")
     page = report.read_text(encoding="utf-8")
     assert all(
-        words in page for words in ("It is bracket_left", "How it went", "Least clearance", "all readings share")
+        words in page for words in ("bracket_left, located to", "How it went", "Least clearance", "all readings share")
     )
     assert out.startswith("bracket_left at x ")
     assert "Enough: it is bracket_left (P " in out

@@ -13,7 +13,7 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.io import load_record, read_camera, read_image, read_marks, read_prior, read_rig, read_scene
-from tanteo.parts.whole import DOCUMENT, read_whole
+from tanteo.parts import DOCUMENT, read_whole
 
 READERS = {
     "rig.toml": read_rig, "scene.toml": read_scene, "prior.toml": read_prior, "marks.csv": read_marks,

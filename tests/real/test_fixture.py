@@ -72,6 +72,6 @@ def test_the_share_of_the_tip_in_the_worst_corner(target, name):
 
 def test_it_says_that_the_tip_and_not_the_touches_limits_expert(located):
     """Of the expert's variance at the corner the tip is more than half; of the novice's, two fifths."""
-    assert "What limits it is not the readings but offset of the tip" in located["expert", True].message
-    assert "Part of it is offset of the tip" in located["novice", True].message
+    assert "Most of the uncertainty is offset of the tip" in located["expert", True].message
+    assert "Part of the uncertainty is offset of the tip" in located["novice", True].message
     assert "offset of the tip" not in located["expert", False].message

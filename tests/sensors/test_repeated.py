@@ -15,7 +15,7 @@ from tanteo.sensors import concatenate, find_repeated, measure
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 POINTS = np.arange(12.0).reshape(4, 3) / 100
-WORDS = "are equal in place, direction and spread, and each counts"
+WORDS = "are equal in place, direction and standard deviation, and each counts"
 
 
 def said(points=POINTS, ids="abcd", **columns):

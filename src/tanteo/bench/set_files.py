@@ -14,7 +14,7 @@ from tanteo.catalogue import read_parts
 from tanteo.errors import InputError
 from tanteo.geometry.typing import Transforms
 from tanteo.io import pose_as_brand, pose_from_brand, read_readings, write_readings
-from tanteo.parts.whole import read_whole
+from tanteo.parts import read_whole
 from tanteo.sensors import Readings
 
 _POSE = ("x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw")

@@ -27,7 +27,7 @@ import numpy as np
 from tanteo.catalogue.archive import FORMAT_VERSION
 from tanteo.catalogue.shaping import SHAPE
 from tanteo.errors import InputError
-from tanteo.parts.whole import RECORD, read_whole
+from tanteo.parts import RECORD, read_whole
 from tanteo.replaced import replaced
 
 MANIFEST, LOCK = "catalogue.json", "catalogue.lock"

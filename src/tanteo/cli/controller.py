@@ -25,12 +25,20 @@ else:  # the parser resolves annotations, and has to load nothing for that
     WorkFrame = Any
 
 
-def _named(option: str, reader: str, text: str) -> Any:
-    """What a reader of ``io`` makes of a word, loaded when there is one."""
+def _controller(text: str) -> str:
+    """Return the name of a controller; ``io`` is loaded when one is given."""
     try:
-        return getattr(io, reader)(text)
+        return io.check_pose_name(text)
     except InputError as error:
-        raise MisuseError(f"{option}: {error}") from None
+        raise MisuseError(f"--as: {error}") from None
+
+
+def _work_frame(text: str) -> WorkFrame:
+    """Return the work frame that a text names; ``io`` is loaded when one is given."""
+    try:
+        return io.parse_work_frame(text)
+    except InputError as error:
+        raise MisuseError(f"--wcs: {error}") from None
 
 
 _output = partial(args.option, rich_help_panel="Output")
@@ -42,14 +50,14 @@ PoseAs = Annotated[
         "CONTROLLER",
         "Print the best pose as this controller writes it: kuka, ur, ros, ... (a wrong name lists all).",
     ),
-    typed.Words(partial(_named, "--as", "check_pose_name")),
+    typed.Words(_controller),
 ]
 Wcs = Annotated[
     WorkFrame | None,
     _output(
         "--wcs", "FRAME", "Print the lines that set this work frame to the pose: G54, fanuc:1, kuka:1, abb:NAME, ..."
     ),
-    typed.Words(partial(_named, "--wcs", "parse_work_frame")),
+    typed.Words(_work_frame),
 ]
 BestGuess = Annotated[
     bool, _output("--best-guess", None, "With --as or --wcs: write the best pose of an ambiguous answer, too.")

@@ -30,6 +30,7 @@ NEEDED = (
     "embreex",
     "manifold3d",
     "trimesh",
+    "lazy-loader",
     "lxml",
     "networkx",
     "msgspec",

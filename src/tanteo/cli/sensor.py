@@ -66,7 +66,7 @@ def show_preset(
     if picture is not None:
         if isinstance(preset, RobotPreset):
             raise MisuseError(f"--picture: expected a range sensor, got the robot '{name}'. Leave it out.")
-        from tanteo.render.pictures import noise_picture
+        from tanteo.render import noise_picture
 
         with files.writing("--picture", picture), misuse():
             noise_picture(preset, picture)
@@ -155,7 +155,7 @@ def fit(
     if write is not None and calibrated:
         _write(found, nominal, unlike, log, write)
     if picture is not None:
-        from tanteo.render.pictures import coverage_picture
+        from tanteo.render import coverage_picture
 
         with files.writing("--picture", picture), misuse():
             coverage_picture(found, picture)

@@ -154,7 +154,7 @@ class Factor(ABC):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredRow:
-    """One row of point measurements, as :func:`tanteo.sensors.measuring` makes them; what was not sensed is None.
+    """One row of point measurements, as :func:`tanteo.sensors.measure` makes them; what was not sensed is None.
 
     Attributes:
         label: name of the feature that it was taken on, ``''`` for none.

@@ -63,6 +63,7 @@ from .poses.images import read_image as read_image
 from .poses.images import write_image as write_image
 from .poses.pose_syntax import parse_pose as parse_pose
 from .poses.pose_text import POSE_NAMES as POSE_NAMES
+from .poses.pose_text import check_pose_name as check_pose_name
 from .poses.pose_text import write_pose as write_pose
 from .poses.poses import pose_as_brand as pose_as_brand
 from .poses.poses import pose_from_brand as pose_from_brand

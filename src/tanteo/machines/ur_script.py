@@ -1,8 +1,8 @@
 """Programs of URScript that the driver of Universal Robots sends, one a motion.
 
-A program watches a digital input while a thread moves, as the probing programs of :mod:`tanteo.machines.programs` do, and writes
-what came of it to output registers that RTDE carries back. Read for it: Universal Robots' Script Manual (``movel``,
-threads, ``write_output_integer_register``).
+A program watches a digital input while a thread moves, as the probing programs of :mod:`tanteo.machines.programs` do,
+and writes what came of it to output registers that RTDE carries back. Read for it: Universal Robots' Script Manual
+(``movel``, threads, ``write_output_integer_register``).
 """
 
 from __future__ import annotations

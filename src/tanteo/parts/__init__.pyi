@@ -47,3 +47,6 @@ from .shapes.revolved import Profiles as Profiles
 from .shapes.revolved import revolved as revolved
 from .shapes.surface import ClosestPoints as ClosestPoints
 from .shapes.surface import Surface as Surface
+from .whole import DOCUMENT as DOCUMENT
+from .whole import RECORD as RECORD
+from .whole import read_whole as read_whole

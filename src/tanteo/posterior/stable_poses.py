@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.catalogue import known_stable_poses
-from tanteo.factors.pose_factor import PoseFactor
+from tanteo.factors import PoseFactor
 from tanteo.geometry import SE3, freeze
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part

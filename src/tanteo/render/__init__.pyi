@@ -42,6 +42,11 @@ from .live.view import follow as follow
 from .live.view import moments as moments
 from .live.view import play as play
 from .live.view import replay as replay
+from .pictures import COLORS as COLORS
+from .pictures import coverage_picture as coverage_picture
+from .pictures import make_figure as make_figure
+from .pictures import noise_picture as noise_picture
+from .pictures import save_figure as save_figure
 from .text.answers import answer_lines as answer_lines
 from .text.answers import prior_words as prior_words
 from .text.calibrations import calibration_lines as calibration_lines

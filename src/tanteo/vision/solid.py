@@ -207,7 +207,7 @@ def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[Visi
         >>> camera = tanteo.read_camera("images/camera.yaml")
         >>> sight = tanteo.see(image, camera, [tanteo.read_part("parts/step_12mm.step")])
         >>> sight.frame, [seen.answer.status for seen in sight.objects]
-        ('camera', ['recognized'])
+        ('camera', ['ambiguous'])
     """
     look = see_anywhere if camera.T_world_camera is None else see_table
     return look(image, camera, parts, top=top)

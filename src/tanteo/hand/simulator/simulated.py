@@ -34,7 +34,7 @@ class Cell:
         max_turn: limit of the hand's angular speed [rad/s]; a faster twist is scaled down as a whole.
         robot: error model of the reported pose; no errors if None.
         cone: number of rays that sample each beam's cone and are blended into one range. With 0, one random ray of the
-            cone is cast per reading, as :func:`~tanteo.sensors.measuring` assumes.
+            cone is cast per reading, as :func:`~tanteo.sensors.measure` assumes.
     """
 
     period: float = 0.01

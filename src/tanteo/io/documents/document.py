@@ -23,7 +23,7 @@ from msgspec import NODEFAULT, Meta
 from tanteo.errors import InputError, UnitError, did_you_mean
 from tanteo.geometry.typing import FloatArray
 from tanteo.io.documents.schema import Numbers, Place, Table, fields_of, is_table, keys_of, numbers_of, show, unwrapped
-from tanteo.parts.whole import read_whole
+from tanteo.parts import read_whole
 
 T = TypeVar("T")
 

@@ -30,7 +30,7 @@ from tanteo.io.poses.camera_layouts import (
     plain,
     region,
 )
-from tanteo.parts.whole import read_whole
+from tanteo.parts import read_whole
 from tanteo.vision import DISTORTION_COUNTS, USUAL_EDGE_SD, Camera, rigid
 
 _FISHEYE = re.compile(r"fisheye|equidistant|kannala|\bomni|\bmei\b|\beucm\b|\bds\b|\bunified\b|\bfov\b")

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.geometry.typing import FloatArray
-from tanteo.parts.whole import RECORD, read_whole
+from tanteo.parts import RECORD, read_whole
 from tanteo.replaced import replaced
 from tanteo.vision import PIXELS, opencv
 

@@ -11,7 +11,7 @@ from tanteo.errors import InputError
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.io.documents.schema import show
 from tanteo.io.readings.units import LENGTH_UNITS
-from tanteo.parts.whole import read_whole
+from tanteo.parts import read_whole
 
 _FORM = "Write u_px,v_px,x_mm,y_mm and, off the table, z_mm."
 

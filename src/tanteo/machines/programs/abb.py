@@ -1,6 +1,6 @@
 r"""Write ABB RAPID programs: ``SearchL\Stop`` with the error ``ERR_WHLSEARCH`` if there is no contact; file as log.
 
-The use of ``SearchL`` follows published programs. ``tests/programs`` checks the syntax with ``rapidchecker``.
+The use of ``SearchL`` follows published programs. ``tests/machines/programs`` checks the syntax with ``rapidchecker``.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, Sensor
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensing:
-    """How readings are made into measurements; as in :func:`tanteo.sensors.measuring`.
+    """How readings are made into measurements; as in :func:`tanteo.sensors.measure`.
 
     Attributes:
         sensor: preset, or its name, of readings without a spread of their own.

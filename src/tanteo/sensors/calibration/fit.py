@@ -19,7 +19,7 @@ _CONTINUED = 3
 _TRUSTED = (0.5, 0.2)
 _SETTLED = 3e-4
 """Squared length of a step, in standard deviations of all parameters together, below which a fit has converged. The
-statistics of ``pytest tests/calibration`` hold with it; with a third of it the same fits take a fifth longer."""
+statistics of ``pytest tests/sensors/calibration`` hold with it; with a third of it the fits take a fifth longer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
