@@ -16,10 +16,6 @@ constexpr size_t MOST_VIEWS = 4096;
 
 constexpr int MOST_COLUMNS = 14;
 
-constexpr int CASES = 2;  // of the error that is common to an edge: as stated, and a larger one
-
-double squared(double x) { return x * x; }
-
 double normal_density(double d, double sd) { return std::exp(-0.5 * d * d / (sd * sd)) / (std::sqrt(2 * PI) * sd); }
 
 }  // namespace
@@ -211,85 +207,70 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
 // W^-1 + b b' is by Woodbury, and its determinant is that of W^-1 times 1 + b' W b.
 void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
                         const int* columns, int count) const {
-    struct Edge {
-        std::vector<const Met*> own;
-        std::vector<double> weights;
-        double draws = 0;
-        std::array<double, CASES> along{}, total{}, chi2{}, probability{};
+    struct Case {
+        double more, log, chi2 = 0, draws = 0;  // more: variance of the common error beyond the stated one [px^2]
+        std::vector<double> gradient, information;
     };
-    const double variances[CASES] = {0, 0.25 * squared(rules.displaced_sd)};
-    const double shares[CASES] = {1 - rules.displaced, rules.displaced};
-    const auto common_error = [&](const Met& one, int k) {
-        return std::sqrt(squared(image->commons[one.at.point]) + variances[k]);
+    const size_t n = slope ? slope->size : 0;
+    const auto empty = [&](double more, double share) {
+        return Case{more, std::log(share), 0, 0, std::vector<double>(n), std::vector<double>(n * n)};
     };
-    std::vector<Edge> edges(part->edges);
+    Case cases[] = {empty(0, 1 - rules.displaced), empty(0.25 * rules.displaced_sd * rules.displaced_sd, rules.displaced)};
+    std::vector<std::vector<const Met*>> edges(part->edges);
     std::vector<char> visible(part->edges);
     for (size_t k = 0; k < all.size(); ++k) {
         if (beside[k]) continue;
         visible[all[k].edge] = 1;
-        if (all[k].at.point >= 0) edges[all[k].edge].own.push_back(&all[k]);
+        if (all[k].at.point >= 0) edges[all[k].edge].push_back(&all[k]);
     }
-    std::array<double, CASES> log{}, weight{};
     for (int e = 0; e < part->edges; ++e) {
         if (!visible[e]) continue;
-        Edge& edge = edges[e];
+        std::vector<const Met*>& own = edges[e];
         sums.astray += std::log(rules.astray);
-        std::vector<const Met*>& own = edge.own;
-        if (own.empty()) {
-            for (double& one : log) one += std::log(rules.astray);
-            continue;
-        }
         std::sort(own.begin(), own.end(), [](const Met* a, const Met* b) { return a->offset < b->offset; });
-        const double median = 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
-        double square = 0;
-        edge.total.fill(1);
-        for (const Met*& one : own) {
-            const double sd = image->sds[one->at.point], d = one->offset;
-            const double usual = sd * sd + squared(image->commons[one->at.point]) + rules.spread * rules.spread;
-            const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(usual);
-            const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;
-            const double w = share / (sd * sd);
-            edge.weights.push_back(w);
-            edge.draws += share;
-            square += w * d * d;
-            for (int k = 0; k < CASES; ++k) {
-                const double b = common_error(*one, k);
-                edge.along[k] += w * b * d;
-                edge.total[k] += w * b * b;
+        const double median = own.empty() ? 0 : 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
+        double stated = 1;
+        for (Case& one_case : cases) {
+            double square = 0, along = 0, total = 1, draws = 0;
+            std::array<double, MOST_COLUMNS> common{};
+            std::vector<double> weights;
+            for (const Met*& one : own) {
+                const double sd = image->sds[one->at.point], b0 = image->commons[one->at.point], d = one->offset;
+                const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b0 * b0 + rules.spread * rules.spread);
+                const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;
+                const double w = share / (sd * sd), b = std::sqrt(b0 * b0 + one_case.more);
+                weights.push_back(w);
+                square += w * d * d;
+                along += w * b * d;
+                total += w * b * b;
+                draws += share;
+                for (int c = 0; slope && c < count; ++c) common[c] += w * b * one->row[c];
             }
-        }
-        for (int k = 0; k < CASES; ++k) {
-            edge.chi2[k] = square - edge.along[k] * edge.along[k] / edge.total[k];
-            const double is_own = (1 - rules.astray) * std::exp(0.5 * (edge.draws - edge.chi2[k])) *
-                                  std::sqrt(edge.total[0] / edge.total[k]);
-            edge.probability[k] = is_own / (is_own + rules.astray);
-            log[k] += std::log(is_own + rules.astray);
+            if (&one_case == cases) stated = total;
+            const double chi2 = square - along * along / total;
+            const double is_own = own.empty() ? 0 : (1 - rules.astray) * std::sqrt(stated / total) * std::exp(0.5 * (draws - chi2));
+            const double probability = is_own / (is_own + rules.astray);
+            one_case.log += std::log(is_own + rules.astray);
+            one_case.chi2 += probability * chi2;
+            one_case.draws += probability * draws;
+            if (!slope) continue;
+            const Slope own_slope{slope->centre, slope->size, one_case.gradient.data(), one_case.information.data()};
+            for (size_t k = 0; k < own.size(); ++k) {
+                const double w = probability * weights[k];
+                own_slope.add(-w * own[k]->offset, w, own[k]->row.data(), columns, count);
+            }
+            own_slope.add(probability * along / total, -probability / total, common.data(), columns, count);
         }
     }
-    double sum = 0;
-    const double most = *std::max_element(log.begin(), log.end());
-    for (int k = 0; k < CASES; ++k) sum += weight[k] = shares[k] * std::exp(log[k] - most);
-    sums.located += most + std::log(sum);
-    for (const Edge& edge : edges) {
-        double whole = 0;
-        for (int k = 0; k < CASES; ++k) {
-            const double probability = weight[k] / sum * edge.probability[k];
-            whole += probability;
-            sums.chi2 += probability * edge.chi2[k];
-            if (!slope || probability == 0) continue;
-            std::array<double, MOST_COLUMNS> common{};
-            for (size_t i = 0; i < edge.own.size(); ++i)
-                for (int c = 0; c < count; ++c)
-                    common[c] += edge.weights[i] * common_error(*edge.own[i], k) * edge.own[i]->row[c];
-            slope->add(probability * edge.along[k] / edge.total[k], -probability / edge.total[k], common.data(), columns,
-                       count);
-        }
-        sums.draws += whole * edge.draws;
-        if (!slope) continue;
-        for (size_t i = 0; i < edge.own.size(); ++i) {
-            const double w = whole * edge.weights[i];
-            slope->add(-w * edge.own[i]->offset, w, edge.own[i]->row.data(), columns, count);
-        }
+    const double most = std::max(cases[0].log, cases[1].log), least = std::min(cases[0].log, cases[1].log);
+    const double located = most + std::log1p(std::exp(least - most));
+    sums.located += located;
+    for (const Case& one : cases) {
+        const double probability = std::exp(one.log - located);
+        sums.chi2 += probability * one.chi2;
+        sums.draws += probability * one.draws;
+        for (size_t k = 0; k < n; ++k) slope->gradient[k] += probability * one.gradient[k];
+        for (size_t k = 0; k < n * n; ++k) slope->information[k] += probability * one.information[k];
     }
 }
 
