@@ -93,7 +93,7 @@ def where_edges_are(groups, met, sds, commons):
 
     All edges of an image are as exact as stated, or each has an error of 0.4 px more.
     """
-    clear, totals = met.inside & ~beside(groups, met), np.log([0.7, 0.3])
+    clear, totals = met.inside & ~beside(groups, met), np.log([0.98, 0.02])
     for g in np.unique(groups[clear]):
         rows = np.flatnonzero(clear & met.hits & (groups == g))
         if not len(rows):

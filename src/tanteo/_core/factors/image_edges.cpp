@@ -215,7 +215,7 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
     const auto empty = [&](double more, double share) {
         return Case{more, std::log(share), 0, 0, std::vector<double>(n), std::vector<double>(n * n)};
     };
-    Case cases[] = {empty(0, 1 - rules.displaced), empty(0.25 * rules.displaced_sd * rules.displaced_sd, rules.displaced)};
+    Case cases[] = {empty(0, 1 - rules.inexact), empty(0.25 * rules.displaced_sd * rules.displaced_sd, rules.inexact)};
     std::vector<std::vector<const Met*>> edges(part->edges);
     std::vector<char> visible(part->edges);
     for (size_t k = 0; k < all.size(); ++k) {

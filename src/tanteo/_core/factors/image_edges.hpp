@@ -26,9 +26,9 @@
 // noise of each edge point, independent over a correlation length, and an error that is common to the edge (its neighbours
 // in the image, the lens) with the standard deviations b_i that are stated. Models and lenses may be worse than stated, for
 // all edges of an image alike: in case 1 every edge has an error of its own more, with the standard deviation s_1 = sigma_a / 2
-// (s_0 = 0). The cases have the probabilities a_0 = 1 - a and a_1 = a. The determinants make edges that are as stated prefer
+// (s_0 = 0). The cases have the probabilities a_0 = 1 - a_1 and a_1. The determinants make edges that are as stated prefer
 // case 0: det C_ek = det W^-1 (1 + b_k' W b_k). With a case of sigma_a, too, poses some pixels off are too probable
-// (tests/execution/test_seen.py). An edge that is another's has the density g,
+// (tests/planning/execution/test_seen.py). An edge that is another's has the density g,
 // relative to that of the part's own with usual noise in case 0. The slope of S is the mean over the cases of their slopes,
 // by their probabilities at the state, and so is its Gauss-Newton information. S_0, a constant about each pose that the image
 // suggests, makes the integral of the whole there that of the first three sums at that pose: the places of
@@ -75,6 +75,7 @@ struct EdgeRules {
     double correlation;                   // noise of edge points is one draw over this length [px]
     double astray;                        // g; 0 leaves S out
     double near;                          // S_0 is that of a pose up to this motion, over the spread of the part's marks
+    double inexact;                       // a_1
 };
 
 // S_0 of poses that are nearest to this one.
