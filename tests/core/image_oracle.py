@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.fitting import motion_scale
-from tanteo.geometry import SE3, SO3
+from tanteo.geometry import SE3
 from tanteo.vision.camera import Camera, project, project_linearized
 from tanteo.vision.edges import CHANNELS, cell_of, channel_of
 
@@ -134,18 +134,17 @@ def normal_equations(met, reach, bias, correlation):
 def refine(s, Ts, starts, priors, rounds, bias, correlation):
     """Robust Gauss-Newton; the priors are on motions by the diagonal or a radian about the middle."""
     T, scale, shown = Ts, motion_scale(DIAGONAL, MIDDLE), None
-    about = SE3.from_parts(np.eye(3), MIDDLE)
+    to_unit = np.linalg.inv(scale)
     for reach, asked in rounds:
         shown = see(s, T, True)[0] if asked else shown
         A, g = normal_equations(meet(s, T, shown, reach), reach, bias, correlation)
-        gap = SE3.inverse(starts @ about) @ T @ about
-        off = np.concatenate([gap[:, :3, 3] / DIAGONAL, SO3.log(gap[:, :3, :3])], axis=1)
+        off = SE3.log(SE3.inverse(starts) @ T) @ to_unit.T
         A = scale.T @ A @ scale + priors
         g = g @ scale - np.einsum("bij,bj->bi", priors, off)
         hold = 1e-6 * np.trace(A, axis1=1, axis2=2)[:, None, None] + 1e-9
         step = np.linalg.solve(A + hold * np.eye(6), g[..., None])[..., 0]
         step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=1), 1e-12))[:, None]
-        T = T @ about @ SE3.from_parts(SO3.exp(step[:, 3:]), DIAGONAL * step[:, :3]) @ SE3.inverse(about)
+        T = T @ SE3.exp(step @ scale.T)
     return T
 
 

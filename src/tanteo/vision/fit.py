@@ -94,8 +94,7 @@ def refine(
         camera: that took the image.
         edges: of the image.
         T_camera_part: pose proposals ``(B, 4, 4)``.
-        prior: information on the motion from the start ``(B, 6, 6)``, that of ``Log(T_start^-1 T)`` for
-            small motions; none if not given.
+        prior: information on ``Log(T_start^-1 T)`` ``(B, 6, 6)``; none if not given.
         start: where the prior puts the part ``(B, 4, 4)``; the pose proposals if not given.
         reaches: how far to look, round by round [px].
     """

@@ -9,6 +9,38 @@ namespace tanteo {
 
 namespace {
 
+// sin t / t, (1 - cos t) / t^2 and (t - sin t) / t^3, and the third of the inverse: (1 - a / (2 b)) / t^2
+struct Terms {
+    double a, b, c, inverse;
+    explicit Terms(double t) {
+        const double t2 = t * t;
+        if (t < 1e-2) {
+            a = 1 - t2 / 6 * (1 - t2 / 20 * (1 - t2 / 42));
+            b = 0.5 - t2 / 24 * (1 - t2 / 30 * (1 - t2 / 56));
+            c = 1.0 / 6 - t2 / 120 * (1 - t2 / 42 * (1 - t2 / 72));
+            inverse = (1 + t2 / 60 * (1 + t2 / 42)) / 12;
+        } else {
+            const double half = std::sin(0.5 * t) / t;
+            a = std::sin(t) / t;
+            b = 2 * half * half;
+            c = (t - std::sin(t)) / (t2 * t);
+            inverse = (1 - a / (2 * b)) / t2;
+        }
+    }
+};
+
+Pose after(const Pose& T, const Vec3& v, const Vec3& w) {  // T exp([v, w])
+    const Terms k(norm(w));
+    const Vec3 wv = cross(w, v);
+    return {T.R * rotation(w), T.R * (v + k.b * wv + k.c * cross(w, wv)) + T.t};
+}
+
+void twist(const Pose& from, const Pose& to, Vec3& v, Vec3& w) {  // log(from^-1 to)
+    w = rotation_vector(transposed(from.R) * to.R);
+    const Vec3 p = into_part(from, to.t), wp = cross(w, p);
+    v = p - 0.5 * wp + Terms(norm(w)).inverse * cross(w, wp);
+}
+
 Pose about(const Pose& T, const Vec3& middle) { return {T.R, T.R * middle + T.t}; }
 
 // One residual of an edge, under a redescending weight (Tukey 1960); shifts are by a length, turns by a radian.
@@ -41,7 +73,7 @@ Pose refined(const EdgeFrame& frame, const Lens& lens, const EdgePoints& points,
             if (met.point >= 0) add_edge(at, met, length, round.reach, errors);
         }
         Vec3 v, w;
-        difference(held, T, {}, v, w);
+        twist(held, T, v, w);
         const double off[6] = {v.x / length, v.y / length, v.z / length, w.x, w.y, w.z};
         for (int i = 0; i < 6; ++i)
             for (int j = 0; j < 6; ++j) {
@@ -56,7 +88,7 @@ Pose refined(const EdgeFrame& frame, const Lens& lens, const EdgePoints& points,
     gauss_newton(static_cast<int>(rounds.size()), equations, [&](const double* step, const double*) {
         const Vec3 v = load(step), w = load(step + 3);
         const double share = std::min(1.0, 0.3 / std::max(std::sqrt(squared(v) + squared(w)), 1e-12));
-        T = moved(T, length * share * v, share * w, {});
+        T = after(T, length * share * v, share * w);
     });
     return {T.R, T.t - T.R * frame.middle};
 }
