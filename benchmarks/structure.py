@@ -449,7 +449,14 @@ def figures(checkout: Checkout, *, trace: bool = True) -> dict[str, int]:
     out["code lines of C++"] = sum(
         cpp_lines(p.read_text()) for p in checkout.src.rglob("*") if p.suffix in (".cpp", ".hpp")
     )
-    return out
+    return out | page_figures(checkout.root)
+
+
+def page_figures(root: Path) -> dict[str, int]:
+    """Return the words of the pages in ``docs``, and the number of decisions that hold, as pages of their own."""
+    pages = sorted((root / "docs").rglob("*.md"))
+    live = [p for p in pages if re.match(r"\d{4}-", p.name) and "*Superseded by [decision" not in p.read_text()]
+    return {"words of docs": sum(len(p.read_text().split()) for p in pages), "live decisions": len(live)}
 
 
 def main() -> None:
