@@ -22,9 +22,6 @@ from tanteo.posterior.answers.part_motions import part_scale, spins
 from tanteo.posterior.problem import PoseMixture
 from tanteo.posterior.settings import DEFAULTS
 
-_DRAWN = DEFAULTS.samples.widely
-"""Number of samples of the densities of a part from which a search starts."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalPoses(PoseFactor):
@@ -33,9 +30,13 @@ class NormalPoses(PoseFactor):
     Attributes:
         mixtures: densities of each part. The weights of a part sum to its probability relative to the prior of the
             parts.
+        count: number of samples of the densities of a part from which a search starts.
+        seed: seed of these samples.
     """
 
     mixtures: Mapping[Part, PoseMixture]
+    count: int = DEFAULTS.samples.widely
+    seed: int = 0
 
     @property
     def is_pose_prior(self) -> bool:
@@ -47,11 +48,11 @@ class NormalPoses(PoseFactor):
         if part not in self.mixtures:
             return np.zeros((0, 4, 4))
         known = self.mixtures[part]
-        rng = np.random.default_rng(_DRAWN)
+        rng = np.random.default_rng(self.seed)
         shares = np.exp(known.log_weights - log_sum(known.log_weights))
-        rows = rng.choice(len(shares), size=_DRAWN, p=shares / shares.sum())
+        rows = rng.choice(len(shares), size=self.count, p=shares / shares.sum())
         L = np.asarray(np.linalg.cholesky(known.covariances))[rows]
-        drawn = known.Ts[rows] @ SE3.exp((L @ rng.normal(size=(_DRAWN, 6, 1)))[..., 0])
+        drawn = known.Ts[rows] @ SE3.exp((L @ rng.normal(size=(self.count, 6, 1)))[..., 0])
         return np.concatenate([known.Ts, drawn])
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:

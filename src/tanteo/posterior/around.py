@@ -77,7 +77,7 @@ def _paths(points: ContactPoints, on_it: BoolArray, own: SearchSettings) -> Free
     off = points.points[~on_it] - points.points[rows][:, None]
     along = np.sum(off * points.directions[rows][:, None], axis=2, keepdims=True)
     beside = np.linalg.norm(off - along * points.directions[rows][:, None], axis=2).min(axis=1)
-    some = points.take(rows[np.argsort(beside, kind="stable")[: own.furniture_rays]])
+    some = points.take(rows[np.argsort(beside, kind="stable")[: own.few_points]])
     margin = np.minimum(own.gate * some.sd, some.reach)
     return FreeRays(
         some.points - some.reach[:, None] * some.directions, some.directions, some.reach, margin,

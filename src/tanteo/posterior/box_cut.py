@@ -9,6 +9,9 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transform
 from tanteo.posterior.sampling.peaks import Objective
 from tanteo.posterior.settings import Settings
 
+_SWEEPS = 50
+"""Numerical: sweeps of coordinate descent in three coordinates, which converges long before unless nearly singular."""
+
 
 def cut_by_box(
     objective: Objective, Ts: Transforms, covariances: Covariances
@@ -49,7 +52,7 @@ def _moments(at: Vectors, S: Covariances, box: Vectors, own: Settings) -> tuple[
     """Return mean ``(3,)`` and covariance ``(3, 3)`` of a normal density inside a box."""
     gate = own.search.gate
     Q = np.asarray(np.linalg.inv(S), dtype=np.float64)
-    top = _likeliest(at, Q, box, own.samples.sweeps)
+    top = _likeliest(at, Q, box)
     slope = Q @ (top - at)
     with np.errstate(divide="ignore"):
         end = np.where((top <= box[0]) | (top >= box[1]), 0.5 * gate**2 / np.abs(slope), np.inf)
@@ -64,10 +67,10 @@ def _moments(at: Vectors, S: Covariances, box: Vectors, own: Settings) -> tuple[
     return mean, ((w[:, None] * (x - mean)).T @ (x - mean)) / w.sum()
 
 
-def _likeliest(at: Vectors, Q: FloatArray, box: Vectors, sweeps: int) -> Vectors:
+def _likeliest(at: Vectors, Q: FloatArray, box: Vectors) -> Vectors:
     """Return the place inside a box that is nearest to another by the information ``Q`` ``(3,)``."""
     x = np.clip(at, *box)
-    for _ in range(sweeps):  # of coordinate descent, which is slow where the information is nearly singular
+    for _ in range(_SWEEPS):  # of coordinate descent, which is slow where the information is nearly singular
         for i in range(3):
             rest = Q[i] @ (x - at) - Q[i, i] * (x[i] - at[i])
             x[i] = np.clip(at[i] - rest / Q[i, i], box[0, i], box[1, i])

@@ -13,7 +13,7 @@ from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts import StoredParts, as_parts
 from tanteo.posterior.answers.whole_object import WholeObject
 from tanteo.posterior.prepared import PreparedPart, prepare
-from tanteo.posterior.settings import DEFAULTS, RaceSettings
+from tanteo.posterior.settings import RaceSettings
 
 
 class Candidates:
@@ -131,10 +131,5 @@ def _signed(prepared: PreparedPart) -> dict[str, Any]:
 
 
 def sizes_of(parts: Any) -> tuple[float, ...]:
-    """Return the diagonals of parts [m]; of very many those that differ by a hundredth."""
-    found = Candidates(parts).diagonals
-    if len(found) <= DEFAULTS.checks.many_parts:
-        return tuple(found.tolist())
-    steps = np.unique(np.rint(100 * np.log(found))) / 100
-    inner = np.exp(steps).clip(found.min(), found.max())
-    return (float(found.min()), *inner.tolist(), float(found.max()))
+    """Return the diagonals of parts [m]."""
+    return tuple(Candidates(parts).diagonals.tolist())

@@ -49,11 +49,6 @@ class GoodnessOfFit:
         """Which points nothing explains ``(n,)``."""
         return np.asarray(~self.belongs & ~self.on_furniture)
 
-    @property
-    def log_noise_factor(self) -> float:
-        """How well the noise was known: log of the factor."""
-        return self.mode.objective.problem.scale_sd
-
     def misfit(self) -> Misfit:
         """Of the points that belong and their normals, against what was stated."""
         belongs, tilts, factors = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.factors
@@ -61,7 +56,7 @@ class GoodnessOfFit:
         across = sum(factor.codimension for factor, on in zip(factors, belongs, strict=True) if on)
         told = 2 * int(np.count_nonzero(tilts[belongs]))
         tilted = float(np.sum(tilts[belongs] ** 2))
-        return Misfit(points, tilted, across + told - 6, self.log_noise_factor, across - 6)
+        return Misfit(points, tilted, across + told - 6, self.mode.objective.problem.scale_sd, across - 6)
 
     def told_beside(self, rows: FloatArray) -> float:
         """How many states not the points tell but priors (of shared errors, of the pose by ``rows``) or nothing.
@@ -92,10 +87,10 @@ def _free(mode: Mode, information: FloatArray) -> Tangents:
     part, own = mode.prepared.part, mode.objective.problem.settings.samples
     scale, known = part_scale(part), spins(part)
     told = without_spins(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
-    if mode.maxima > 1 and mode.ess >= own.told:  # each maximum by itself seems to hold what all together leave free
+    if mode.maxima > 1 and mode.ess >= own.shape:  # each maximum by itself seems to hold what all together leave free
         return weak_motions(told, scale, fixed=known)
     free = weak_motions(information, scale, fixed=known)
-    if len(free) == len(known) or mode.ess < own.told:
+    if len(free) == len(known) or mode.ess < own.shape:
         return free
     held = weak_motions(told, scale, own.held, fixed=known)
     return held if len(held) < len(free) else free

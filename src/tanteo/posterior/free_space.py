@@ -13,9 +13,12 @@ from tanteo.geometry import SO3
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 from tanteo.posterior.answers.part_motions import observed_covariance
 from tanteo.posterior.prepared import PreparedPart
-from tanteo.posterior.settings import DEFAULTS
+from tanteo.posterior.settings import DEFAULTS, Settings
 
-_AROUND = np.linspace(0, 2 * np.pi, DEFAULTS.checks.path_turns, endpoint=False)
+_DIRECTIONS = 8
+"""Numerical: directions across a ray in which it is moved; between two of them the offset is 8 % less than stated."""
+
+_AROUND = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
 """Directions across a ray in which it is moved [rad]."""
 
 
@@ -46,7 +49,12 @@ def _passed(free: FreeRays, Ts: Transforms, z: FloatArray, part: PreparedPart) -
 
 
 def gone_through(
-    free: FreeRays, T: Transforms, covariance: Covariances, shared: SharedGiven | None, part: PreparedPart
+    free: FreeRays,
+    T: Transforms,
+    covariance: Covariances,
+    shared: SharedGiven | None,
+    part: PreparedPart,
+    settings: Settings = DEFAULTS,
 ) -> FloatArray:
     """How far before its end each path should have met the part ``(m,)`` [m]; zero for those that may have passed it.
 
@@ -56,6 +64,7 @@ def gone_through(
         covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad].
         shared: the whitened errors that move the paths, given the pose; None if nothing does.
         part: the part.
+        settings: settings, of which the extent of an error counts.
     """
     out = np.zeros(len(free))
     if not len(free):
@@ -66,19 +75,24 @@ def gone_through(
     rows = np.flatnonzero(passed[0] < 0.5)
     if len(rows):
         met = hits[0, rows]
-        sure = _surely(free.take(rows), T, covariance, shared, part, met)
+        sure = _surely(free.take(rows), T, covariance, shared, part, met, settings.search.reach_sds)
         out[rows[sure]] = (free.lengths[rows] - met)[sure]
     return out
 
 
 def _surely(
-    free: FreeRays, T: Transforms, C: Covariances, shared: SharedGiven, part: PreparedPart, met: FloatArray
+    free: FreeRays,
+    T: Transforms,
+    C: Covariances,
+    shared: SharedGiven,
+    part: PreparedPart,
+    met: FloatArray,
+    gate: float,
 ) -> BoolArray:
     """Paths that meet the part also with both off by as much as is likely, to all sides and along them ``(m,)``.
 
     Of a cone all rays have to: its rim is at two of the standard deviations that ``slopes`` say.
     """
-    gate = DEFAULTS.search.reach_sds
     origins, directions = (np.broadcast_to(x, (1, len(free), 3))[0] for x in free.at(shared.mean[None]))
     start, along = (origins - T[:3, 3]) @ T[:3, :3], directions @ T[:3, :3]
     S = _between(free, T, C, shared, part, start + met[:, None] * along, met)

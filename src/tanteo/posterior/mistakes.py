@@ -120,11 +120,6 @@ def _of_angles(R: Rotations) -> Rotations:
     return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
 
 
-def _of_degrees(R: Rotations) -> Rotations:
-    """Rotations by vectors in radians that were read as degrees."""
-    return SO3.exp(np.degrees(SO3.log(R)))
-
-
 _POSES = "Check the columns of the hand's pose."
 
 HANDS = (
@@ -137,7 +132,8 @@ HANDS = (
         _turned(_of_vector)),
     Way(HandConvention, "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES,
         _turned(_of_angles)),
-    Way(HandConvention, "the hand's angles are in radians, not degrees", _POSES, _turned(_of_degrees)),
+    Way(HandConvention, "the hand's angles are in radians, not degrees", _POSES,
+        _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
 )  # fmt: skip
 """Usual mistakes in poses of the hand: most of them throw the readings farther apart than a part is."""
 

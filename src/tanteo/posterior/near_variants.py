@@ -17,7 +17,6 @@ from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.parts import Part
 from tanteo.posterior.details import Details
 from tanteo.posterior.outliers import LEAST_RATE, log_by_rate
-from tanteo.posterior.settings import DEFAULTS
 
 _ONE_FACE = 0.5
 """Share of what is a near variant that differs from it by one face (decision 49)."""
@@ -29,7 +28,10 @@ _LEAST = 1
 """A face is elsewhere if so many readings agree on where; one alone may be an outlier as well, and is weighed so."""
 
 _AT_ONCE = 2_000_000
-"""Pairs of readings that are compared at a time."""
+"""Numerical: pairs of readings that are compared at a time, which bounds the memory."""
+
+_NODES = 12
+"""Numerical: least number of nodes of the Gauss-Legendre quadrature over the displaced fraction of a surface."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +94,7 @@ def log_density_elsewhere(log_on: FloatArray, log_off: FloatArray) -> FloatArray
         log_on: log density of what was sensed at each place if the surface is that of the part ``(S, P)``.
         log_off: if it is elsewhere ``(S, P)``.
     """
-    nodes = max(DEFAULTS.unknown.nodes, int(np.ceil(2 * np.sqrt(log_on.shape[1]))))
+    nodes = max(_NODES, int(np.ceil(2 * np.sqrt(log_on.shape[1]))))
     return log_sum(log_by_rate(log_on, log_off, *_shares(nodes)), axis=0)
 
 

@@ -11,26 +11,30 @@ from tanteo.geometry import SO3, maximize
 from tanteo.geometry.special import log_even, log_sum
 from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 from tanteo.posterior.labels import Facets
-from tanteo.posterior.settings import DEFAULTS
+from tanteo.posterior.settings import DEFAULTS, Settings
+
+_AXIS_STEPS = 3
+"""Numerical: Newton steps from axes of a pair of normals to a maximum; convergence is quadratic."""
 
 
-def log_of_one_object(facets: Facets, share: float, radius: float) -> float:
+def log_of_one_object(facets: Facets, share: float, radius: float, settings: Settings = DEFAULTS) -> float:
     """Log density of facets of one object that people made, over that of facets that know nothing of each other."""
-    return log_right_angled(facets, share) + log_level(facets, radius)
+    return log_right_angled(facets, share, settings) + log_level(facets, radius, settings)
 
 
-def log_level(facets: Facets, radius: float) -> float:
+def log_level(facets: Facets, radius: float, settings: Settings = DEFAULTS) -> float:
     """The same of where they are: a face that looks the same way as one before may be that one.
 
     Args:
         facets: pieces of planes.
         radius: of the object [m].
+        settings: settings of the inference.
     """
     n, total = facets.normals, 0.0
     for k in range(1, len(facets)):
         tilts = facets.covariances[:k] + facets.covariances[k]
         rotated = n[:k] - n[k]
-        alike = np.sum(rotated**2, axis=1) < DEFAULTS.search.reach_sds**2 * np.trace(tilts, axis1=1, axis2=2)
+        alike = np.sum(rotated**2, axis=1) < settings.search.reach_sds**2 * np.trace(tilts, axis1=1, axis2=2)
         alike &= np.isfinite(facets.variances[:k] + facets.variances[k])
         if not alike.any():
             continue
@@ -43,12 +47,13 @@ def log_level(facets: Facets, radius: float) -> float:
     return total
 
 
-def log_right_angled(facets: Facets, share: float) -> float:
+def log_right_angled(facets: Facets, share: float, settings: Settings = DEFAULTS) -> float:
     """The same of their directions, of which a share run along three perpendicular axes.
 
     Args:
         facets: pieces of planes.
         share: of faces along the axes.
+        settings: settings of the inference.
     """
     normals, covariances = facets.normals, facets.covariances
     k = len(normals)
@@ -57,21 +62,21 @@ def log_right_angled(facets: Facets, share: float) -> float:
     none, one = k * np.log1p(-share), np.log(k * share) + (k - 1) * np.log1p(-share)
     tangents = SO3.frame_from_axis(normals, 2)[:, :, :2]
     S = np.swapaxes(tangents, 1, 2) @ covariances @ tangents
-    frames = _axes_of_pairs(normals)
+    frames = _axes_of_pairs(normals, settings.unknown.axis_pairs)
     log, frames = _maximized(frames, tangents, S, normals, share)
     order, kept = np.argsort(-log, kind="stable"), list[int]()
     for i in order:
         turns = np.abs(np.swapaxes(frames[kept], 1, 2) @ frames[i])
-        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(DEFAULTS.unknown.same_axes)):
+        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(settings.unknown.same_axes)):
             kept.append(int(i))
     return float(log_sum([none, one, *log[kept]]))
 
 
-def _axes_of_pairs(normals: Vectors) -> FloatArray:
+def _axes_of_pairs(normals: Vectors, count: int) -> FloatArray:
     """Perpendicular axes through pairs of directions ``(F, 3, 3)``, columns; through one alone of parallel ones."""
     a, b = np.triu_indices(len(normals), 1)
     cosines = np.abs(np.sum(normals[a] * normals[b], axis=1))
-    some = np.argsort(cosines, kind="stable")[: DEFAULTS.unknown.axis_pairs]
+    some = np.argsort(cosines, kind="stable")[:count]
     x, z = normals[a[some]], np.cross(normals[a[some]], normals[b[some]])
     sines = np.linalg.norm(z, axis=1, keepdims=True)
     z = np.where(sines > 0.5, z / np.maximum(sines, 1e-12), SO3.frame_from_axis(x, 0)[..., 2])
@@ -102,6 +107,5 @@ def _maximized(
         log = total.sum(axis=1) + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - np.log(free)
         return H, g, log
 
-    steps = DEFAULTS.unknown.axis_steps
-    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, steps)
+    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, _AXIS_STEPS)
     return evaluate(frames)[2], frames

@@ -23,7 +23,7 @@ from tanteo.posterior.candidates import sizes_of
 from tanteo.posterior.findings import fits_size, scale_of
 from tanteo.posterior.mistakes import HANDS, OTHERS, Way
 from tanteo.posterior.prepared import prepare
-from tanteo.posterior.settings import DEFAULTS
+from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.sensors import Readings, thinned
 from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
@@ -43,7 +43,13 @@ class Ask(Protocol):
 
 
 def about_conventions(
-    answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask, *, placed: bool = False
+    answer: Answer,
+    readings: Readings,
+    parts: Sequence[Part],
+    ask: Ask,
+    *,
+    placed: bool = False,
+    settings: Settings = DEFAULTS,
 ) -> Finding | None:
     """Which usual mistake explains readings that fit no part, or fit badly.
 
@@ -53,55 +59,60 @@ def about_conventions(
         parts: the candidates.
         ask: to ask again, as the answer was asked for.
         placed: whether something is known of the place, which a mirror does not leave as it is.
+        settings: settings of the inference.
     """
-    if not is_bad(answer):
+    if not is_bad(answer, settings):
         return None if placed else _about_image(answer, readings, parts, ask)
     others = [way for way in OTHERS if not (placed and way.finding in (MirrorConvention, UnitsConvention))]
-    if _is_of_size(readings, parts):  # in another unit they would be of a small patch, which fits anywhere
+    if _is_of_size(readings, parts, settings):  # in another unit they would be of a small patch, which fits anywhere
         others = [way for way in others if way.finding is not UnitsConvention]
-    some = thinned(readings, DEFAULTS.search.few_points)
+    some = thinned(readings, settings.search.few_points)
     found = (
-        _about_ways(HANDS, some, parts, ask) or _about_offset(some, parts, ask) or _about_ways(others, some, parts, ask)
+        _about_ways(HANDS, some, parts, ask, settings)
+        or _about_offset(some, parts, ask, settings)
+        or _about_ways(others, some, parts, ask, settings)
     )
     if found is None or len(some) == len(readings):
         return found
     return replace(found, given=len(readings))
 
 
-def _is_of_size(readings: Readings, parts: Sequence[Part]) -> bool:
+def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -> bool:
     """Whether points, where there are some, lie as far apart as those of one of the parts do."""
     points = readings.points[np.isfinite(readings.points).all(axis=1)]
     scale = scale_of(points, parts)
-    return not len(points) or fits_size(scale.span, scale.sizes)
+    return not len(points) or fits_size(scale.span, scale.sizes, settings.checks)
 
 
-def _about_ways(ways: Sequence[Way], readings: Readings, parts: Sequence[Part], ask: Ask) -> Convention | None:
+def _about_ways(
+    ways: Sequence[Way], readings: Readings, parts: Sequence[Part], ask: Ask, settings: Settings
+) -> Convention | None:
     """The first of some ways to read the numbers that makes them fit."""
     for way in ways:
         meant = way.undo(readings)
-        if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts):
+        if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
             continue
         found = None if meant is None else _asked(ask, meant, parts)
-        if found is not None and fits(found):
+        if found is not None and fits(found, settings):
             return way.finding(*_fitting(found), way.words, way.advice)
     return None
 
 
-def is_bad(answer: Answer) -> bool:
+def is_bad(answer: Answer, settings: Settings = DEFAULTS) -> bool:
     """Whether no part explains the readings, or one does but leaves many aside or far off."""
     best = answer.best or (answer.hypotheses[0] if answer.hypotheses else None)
     if answer.status == "unknown" or best is None:
         return answer.status == "unknown"
     readings = len(best.outliers) + len(best.pairings)
-    return best.noise_scale[1] > STATED["typed"] or len(best.pairings) < DEFAULTS.search.explained * readings
+    return best.noise_scale[1] > STATED["typed"] or len(best.pairings) < settings.search.explained * readings
 
 
-def fits(answer: Answer) -> bool:
+def fits(answer: Answer, settings: Settings = DEFAULTS) -> bool:
     """Whether a part explains the readings as well as can be expected."""
     if answer.status not in ("recognized", "ambiguous", "insufficient") or not answer.hypotheses:
         return False
     best = answer.hypotheses[0]
-    return answer.unknown_probability < 0.5 and not is_bad(answer) and best.dof > 0
+    return answer.unknown_probability < 0.5 and not is_bad(answer, settings) and best.dof > 0
 
 
 def _asked(ask: Ask, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
@@ -133,21 +144,21 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
     return MirrorQuestion(part.name, best.probability)
 
 
-def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask) -> OffsetQuestion | None:
+def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask, settings: Settings) -> OffsetQuestion | None:
     """Readings that all fit if the surface is nearer to the sensor, or farther from it, by the same."""
     sd = _OFFSET * max(sizes_of(parts))
     found = _asked(ask, readings, parts, sd)
     for _ in range(_AIMED if _is_bare(readings).any() else 0):
         found = None if found is None else _asked(ask, _aimed(found, readings, parts), parts, sd)
-        if found is not None and fits(found):
+        if found is not None and fits(found, settings):
             break
-    if found is None or not fits(found):
+    if found is None or not fits(found, settings):
         return None
     shared = found.hypotheses[0].shared
     if shared is None or not len(shared.mean):
         return None
     off, spread = sd * float(shared.mean[-1]), sd * float(np.sqrt(shared.covariance[-1, -1]))
-    if abs(off) < DEFAULTS.search.gate * spread:
+    if abs(off) < settings.search.gate * spread:
         return None
     touched = bool(np.any(np.isfinite(readings.points)))
     return OffsetQuestion(*_fitting(found), off, touched)

@@ -13,13 +13,13 @@ JEFFREYS = 0.5
 """First parameter of the beta density of a rate, that of the prior of Jeffreys (1946)."""
 
 LEAST_RATE = 1e-290
-"""Least rate of outliers: no reading tells a smaller one from none, and its logarithm is still a number."""
+"""Numerical: smallest rate of outliers, whose logarithm is still a number."""
 
 _RARE = 1e-3
-"""Mean rate below which a beta density is a gamma density, up to a thousandth."""
+"""Numerical: mean rate below which a gamma density stands for the beta density, with a relative error of as much."""
 
 NODES = 4
-"""Least number of nodes of the quadrature over a rate (decision 35)."""
+"""Numerical: least number of nodes of the Gauss quadrature over a rate (decision 35)."""
 
 
 def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:

@@ -106,10 +106,9 @@ class PartSearch:
         if not len(found):
             return
         objective, settled = self.objective, found.settled
-        rest = objective.settle_and_maximize(
-            np.ascontiguousarray(found.Ts[~settled]), found.sources[~settled],
-            found.keep if found.keep is not None else max(len(found), 1),
-        )  # fmt: skip
+        keep = found.keep if found.keep is not None else max(len(found), 1)
+        Ts, sources = objective.settle(np.ascontiguousarray(found.Ts[~settled]), found.sources[~settled], keep)
+        rest = objective.maximize(Ts, groups=sources)
         near = objective.maximize(np.ascontiguousarray(found.Ts[settled]), groups=found.sources[settled], fine=True)
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
 
@@ -139,17 +138,14 @@ class PartSearch:
     def is_good_fit(self) -> bool:
         """Return whether the best maximum has nearly all points on the part, with noise as it is known."""
         on = self.on_the_part()
-        return not len(on) or (float(on.mean()) > self.settings.explained and not self.is_noisy())
-
-    def is_noisy(self) -> bool:
-        """Return whether the best maximum takes the noise for larger than the factor to which it is known."""
         scaled = self.objective.problem.scale_sd > 0 and len(self.peaks) > 0
-        return scaled and float(self.peaks.zs[0, -1]) > 1
+        is_noisy = scaled and float(self.peaks.zs[0, -1]) > 1
+        return not len(on) or (float(on.mean()) > self.settings.explained and not is_noisy)
 
     def is_doubtful(self) -> bool:
         """Return whether the best maximum has more outliers than expected, which may have hidden a better one."""
         on, rate = self.on_the_part(), self.objective.problem.priors.outlier_rate
-        expected = len(on) * rate + self.settings.unusual_sds * np.sqrt(len(on) * rate)
+        expected = len(on) * rate + self.settings.notable_sds * np.sqrt(len(on) * rate)
         return len(self.peaks) > 0 and float(np.sum(~on)) > (expected if len(on) > self.settings.any_outlier else 0.0)
 
 

@@ -81,7 +81,7 @@ def check_prior(
 def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
     """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
     outliers, n = int(np.sum(one.outliers)), len(one.outliers)
-    if so_many(outliers, n, rate) <= one.mode.objective.problem.settings.checks.outlier_level:
+    if so_many(outliers, n, rate) <= NOTABLE:
         return False
     return one.misfit().p_value > SUSPECT
 

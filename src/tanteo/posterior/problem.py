@@ -12,7 +12,7 @@ from tanteo.factors import ContactPoints, FreeRays, PoseFactor
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior.answers.pose_prior import PosePrior, log_density_within
+from tanteo.posterior.answers.pose_prior import log_density_within
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.around import Around, around, outlier_log_density
 from tanteo.posterior.labels import Elsewhere, elsewhere, groups_of
@@ -120,7 +120,9 @@ class Problem:
             anywhere = 0.0  # the mixture, or the factor, is a density already
         if pose is None:
             return float(anywhere)
-        return float(anywhere + log_density_within(unplaced(pose), self.priors.radius))
+        return float(
+            anywhere + log_density_within(replace(pose, T_world_part=None, covariance=None), self.priors.radius)
+        )
 
     @property
     def factors(self) -> list[tuple[_core.FactorList, Indices]]:
@@ -167,11 +169,6 @@ class Problem:
         back = SE3.inverse(turns)
         means, roots = known.Ts[:, None] @ back, roots[:, None] @ SE3.adjoint(back)
         return means.reshape(-1, 4, 4), roots.reshape(-1, 6, 6), np.repeat(log, len(turns))
-
-
-def unplaced(pose: PosePrior) -> PosePrior:
-    """What is known of the pose but for its normal density."""
-    return replace(pose, T_world_part=None, covariance=None)
 
 
 def _c(values: FloatArray) -> FloatArray:

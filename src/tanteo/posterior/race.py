@@ -23,6 +23,7 @@ import numpy as np
 
 from tanteo.catalogue import widths
 from tanteo.factors import ContactPoints
+from tanteo.geometry.limits import SUSPECT
 from tanteo.geometry.special import log_sum, softmax
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior.candidates import Candidates
@@ -43,7 +44,7 @@ _NONE = float(np.finfo(np.float32).min)
 """Log-evidence of a part of which no maximum was found."""
 
 _ROUND_OFF = 1.02
-"""Mean widths are over 256 directions: the true one is larger by this factor at most."""
+"""Numerical: largest ratio of a mean width over all directions to the mean over 256 of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +124,8 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         return _few(problem, points, candidates, rows)
     near = np.ones(len(rows), dtype=bool) if every else _is_probable(problem, own[rows])
     tables = _by_tables(problem, points, candidates, rows)
-    if not tables.exhaustive and _has_shape(problem, points, tables.planes):
+    # the points on the surface are enough to discriminate parts by their fields
+    if not tables.exhaustive and (np.count_nonzero(~points.centres) >= POSE_DOF - 1 or len(tables.planes.triples)):
         _by_fields(problem, points, candidates, rows, near, tables)
     tables.costs = tables.costs - own[rows]
     found = _promising(problem, rows, tables)
@@ -152,11 +154,6 @@ def _is_probable(problem: Problem, odds: FloatArray) -> BoolArray:
     out = np.ones(len(odds), dtype=bool)
     out[order[np.cumsum(softmax(odds)[order]) <= own.pruned_by_size]] = False
     return out | (odds > odds.max() - own.size_margin)
-
-
-def _has_shape(problem: Problem, points: ContactPoints, planes: SensedPlanes) -> bool:
-    """Return whether the points on the surface are enough to discriminate parts by their fields."""
-    return int(np.count_nonzero(~points.centres)) >= POSE_DOF - 1 or len(planes.triples) > 0
 
 
 @dataclass(slots=True, eq=False)
@@ -243,7 +240,7 @@ def _has_room(problem: Problem, points: ContactPoints, candidates: Candidates, r
     own, rate, n = problem.settings, problem.priors.outlier_rate, len(points)
     if n < 3:
         return np.ones(len(rows), dtype=bool)
-    outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < own.race.outlier_level)
+    outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < SUSPECT)
     if n - outliers < 3:
         return np.ones(len(rows), dtype=bool)
     away = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
@@ -286,9 +283,8 @@ def race(
     if not exhaustive or not max(searches, key=lambda s: s.log_evidence).is_good_fit():
         second = problem.settings.second_pass
         for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
-            if len(live) == 1 or search in _still_active(
-                live, log_unknown, margin / problem.settings.race.estimate_weight
-            ):
+            wide = margin / problem.settings.race.estimate_weight
+            if len(live) == 1 or search in _still_active(live, log_unknown, wide):
                 search.restart(second)
         _pass_on(live)
     live = _still_active(live, log_unknown, margin)
@@ -347,7 +343,7 @@ def _first_pass(
         passes = start_searches(few, parts, [s.rng for s in searches])
         passes = [replace(p, planes=s.planes, known=s.known, exhaustive=s.exhaustive)
                   for p, s in zip(passes, searches, strict=True)]  # fmt: skip
-    effort = problem.settings.race.first_pass
+    effort = problem.settings.first_pass
     if exhaustive or any(Ts is not None for Ts in known):
         effort = replace(effort, pairs=0)
     for one in passes:

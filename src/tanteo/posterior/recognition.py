@@ -130,9 +130,7 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int)
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known,
         exhaustive=chosen.exhaustive,
-        left_out=LeftOut(
-            len(rest), behind, chosen.discount, similar, untried=chosen.bound and not chosen.exhaustive
-        ),
+        left_out=LeftOut(len(rest), behind, chosen.discount, similar, chosen.bound and not chosen.exhaustive),
     )  # fmt: skip
 
 
@@ -141,7 +139,7 @@ def _proposed(problem: Problem, candidates: Candidates, chosen: Active, row: int
     whole, found = problem.priors.whole, chosen.known.get(row)
     proposed = [factor.poses(candidates.prepared(row).part) for factor in problem.pose_factors]
     if whole is not None and whole.outline is not None:
-        proposed.append(whole.outline.poses(candidates.parts, row))
+        proposed.append(whole.outline.poses(candidates.parts, row, problem.settings.search.negligible))
     known = [] if found is None else [found]
     known += [Ts for Ts in proposed if len(Ts)]
     return np.concatenate(known) if known else None

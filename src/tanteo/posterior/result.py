@@ -62,13 +62,11 @@ def _joint_misfit(one: GoodnessOfFit, pose: PosePrior | None) -> Misfit:
     if pose is None or best.p_value > NOTABLE:
         return best
     heavy = np.argsort(-one.mode.weights, kind="stable")[: one.mode.objective.problem.settings.samples.heaviest]
-    others = [_misfit_at(_moved_to(one, T), pose, T) for T in one.mode.Ts[heavy]]
+    others = []
+    for T in one.mode.Ts[heavy]:
+        there = replace(one, at=details_at(one.mode.objective, T[None], one.mode.z[None]))
+        others.append(_misfit_at(there, pose, T))
     return max([best, *(other for other in others if other.dof == best.dof)], key=lambda misfit: misfit.p_value)
-
-
-def _moved_to(one: GoodnessOfFit, T: Transforms) -> GoodnessOfFit:
-    """The same mode with the measurements at another of its poses."""
-    return replace(one, at=details_at(one.mode.objective, T[None], one.mode.z[None]))
 
 
 def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Misfit:
@@ -94,6 +92,6 @@ def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | N
     """Return the point, or sensed normal, that agrees least among those on the part; None if none is far off."""
     off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
-    if off[tilted, i] < one.mode.objective.problem.settings.search.unusual_sds:
+    if off[tilted, i] < one.mode.objective.problem.settings.search.notable_sds:
         return None
     return WorstReading(points.ids[i], float(off[tilted, i]), bool(tilted))

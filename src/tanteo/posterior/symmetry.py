@@ -10,8 +10,8 @@ from tanteo.posterior.answers.part_motions import without_spin
 from tanteo.posterior.prepared import PreparedPart
 
 GAUGE_SD = 0.1
-"""Standard deviation of a turn that symmetry leaves free, about a reference [rad]; the rest of the circle is in
-:func:`log_orbit`. The evidence does not depend on it; of a narrow one samples look normal."""
+"""Numerical: standard deviation of a turn that symmetry leaves free, about a reference [rad]. The evidence does not
+depend on it: :func:`log_orbit` accounts for the rest of the circle. If it is narrow, samples look normal."""
 
 
 def is_held(prepared: PreparedPart, *, named: bool) -> bool:

@@ -42,7 +42,7 @@ def too_little(problem: Problem) -> Finding | None:
     sd = float(np.median(_along(points)))
     if across > sd * np.sqrt(len(points)):
         return None
-    if along > problem.settings.search.unusual_sds * sd * np.sqrt(len(points)):
+    if along > problem.settings.search.notable_sds * sd * np.sqrt(len(points)):
         return OnOneLine()
     return NoiseTooLarge(sd, points.tolerance > 0)
 

@@ -12,11 +12,14 @@ from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.one_object import log_of_one_object
 from tanteo.posterior.problem import Problem
-from tanteo.posterior.settings import DEFAULTS
 from tanteo.posterior.unknown_place import log_place_of_unknown
 
 LARGER = 1.2
 """Largest size of an unknown object over that of the ball of its readings (decision 56)."""
+
+
+_BALL_STEPS = 32
+"""Numerical: steps to the middle of the smallest ball; its radius errs by less than 1 / 32, which ``LARGER`` covers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +52,7 @@ def whereabouts(points: Vectors, radius: float) -> Whereabouts:
     away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
     points = points[away <= max(2 * radius, away.min())]
     middle = points.mean(axis=0)
-    for k in range(1, DEFAULTS.unknown.ball_steps):  # Badoiu and Clarkson 2003
+    for k in range(1, _BALL_STEPS):  # Badoiu and Clarkson 2003
         middle = middle + (points[np.argmax(np.sum((points - middle) ** 2, axis=1))] - middle) / (k + 1)
     off = points - middle
     squared = np.sum(off * off, axis=1)
@@ -86,7 +89,9 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
-    shapes = labels.log_odds.sum() + log_of_one_object(labels.facets, priors.right_angled, priors.radius)
+    shapes = labels.log_odds.sum() + log_of_one_object(
+        labels.facets, priors.right_angled, priors.radius, problem.settings
+    )
     return float(problem.log_not_on_part.sum() + place + share + shapes) + problem.log_factors_unknown
 
 

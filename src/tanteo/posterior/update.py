@@ -24,6 +24,7 @@ from tanteo.posterior.proposals import BITS, FactorPoses, PriorSamples
 from tanteo.posterior.proposals.drawn import along_ridge
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.sampling.peaks import Objective, Peaks
+from tanteo.posterior.settings import FEWEST
 
 _EXPECTED = 1.0
 """Log density over that of an outlier that a measurement has at least if its part is roughly where it was expected."""
@@ -87,12 +88,12 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
         return search
     objective, likely = search.objective, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem, rng)
-    if before is not None and likely > own.followed:
+    if before is not None and likely > own.matters:
         Ts, zs = _with_maxima(Ts, zs, before, part)
     _take(search, objective.maximize(Ts, zs, fine=True))
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
-    if likely > own.followed and not search.trusted:
-        _draw(search, own.told)
+    if likely > own.matters and not search.trusted:
+        _draw(search, own.shape)
         search.along = along_ridge(objective, _resampled(modes, search.settings.maximized, rng))
     return search
 
@@ -102,7 +103,7 @@ def _samples(modes: Sequence[Mode], problem: Problem, rng: np.random.Generator) 
     total = max(sum(mode.probability for mode in modes), np.finfo(float).tiny)
     own, Ts, zs = problem.settings.samples, [], []
     for mode in modes:
-        count = own.normal_starts if mode.normal else int(np.ceil(own.told * mode.probability / total))
+        count = 1 if mode.normal else int(np.ceil(own.shape * mode.probability / total))
         ends = (np.arange(count) + rng.uniform()) / count
         rows = np.searchsorted(np.cumsum(mode.weights), ends).clip(0, len(mode.weights) - 1)
         Ts += [mode.T_peak[None], mode.Ts[np.unique(rows)]]
@@ -141,7 +142,7 @@ def _look_widely(search: PartSearch) -> None:
     _draw(search, own.widely)
     search.propose(FactorPoses())
     search.peaks = _found(search.peaks)
-    if len(search.objective.problem.points) >= own.several:
+    if len(search.objective.problem.points) > FEWEST:
         search.restart()
         search.peaks = _found(search.peaks)
 

@@ -10,13 +10,17 @@ import numpy as np
 from tanteo.geometry.special import chi2_survival
 
 _REACH, _STEPS = 4.0, 41
-"""Reach of the sum over the log of the noise scale, in logs of the factor to which it is known, and its terms."""
+"""Numerical: extent of the sum over the log of the noise scale, in logs of the factor to which it is known, and number
+of terms. The density is exp(-16) at the ends."""
 
-_LEAST_TOLD = 0.74
-"""One over the variance of the prior of the noise scale, in those."""
+
+def _prior_information() -> float:
+    """Return one over the variance of the density proportional to exp(-z^4 / 16), the prior of the noise scale."""
+    return math.gamma(0.25) / (4 * math.gamma(0.75))
+
 
 _ENOUGH = 60
-"""Newton steps on a convex function of one number: it converges from anywhere long before."""
+"""Numerical: Newton steps on a convex function of one number, which converges from anywhere long before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +73,7 @@ class Misfit:
         dof, unit, z = max(self.noise_dof, 0.0), self.log_factor, 0.0
         for _ in range(_ENOUGH):
             told = self.noise * math.exp(-2 * unit * z)
-            curved = 2 * told * unit**2 + max(0.75 * z * z, _LEAST_TOLD)
+            curved = 2 * told * unit**2 + max(0.75 * z * z, _prior_information())
             z += max(min(((told - dof) * unit - z**3 / 4) / curved, 1.0), -1.0)
         sd = curved**-0.5
         low, likeliest, high = (math.exp(unit * (z + k * sd)) for k in (-1.96, 0.0, 1.96))

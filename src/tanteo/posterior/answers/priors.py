@@ -32,7 +32,8 @@ class Priors:
         outlier_rate: probability that a sensed feature does not belong to the part; of unlabelled readings the mean of
             a rate that the readings themselves find out (decision 35).
         radius: of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
-        right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
+        right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes (decision
+            62).
         near_variant: of unknown parts, the share that are like one of the catalogue but for some faces; for unlabelled
             readings.
         noise_factor: how well the noise is known: any standard deviation of the readings within this factor of the

@@ -17,18 +17,19 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3, freeze
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.posterior.settings import DEFAULTS
 
 AROUND = 32
-"""Directions of the table in which an outline is told, from x towards y."""
+"""Number of directions of the table in which an outline is measured, from x towards y (decision 83)."""
 
 _PIXELS, _LEAST_SD, _MADE = 0.6, 2e-4, 2e-3
-"""Standard deviation of an outline in a direction: so many pixels, a length [m], and a share of its size, together."""
+"""Standard deviation of an outline in a direction: pixels, a length [m] and a fraction of its size (decision 83)."""
 
 _SHADOW = 0.4
-"""Standard deviation of the length of a shadow, in heights of what throws it."""
+"""Standard deviation of the length of a shadow over the height of what throws it (decision 83)."""
 
 _TOGETHER = 2.0
-"""So many directions err as one, and squares count as much less: with this the true part is the most probable."""
+"""Number of adjacent directions that share one error, by which squares are divided (decision 83)."""
 
 _MOST = 150.0
 """Squares beyond this are alike: the outline is of another part."""
@@ -36,11 +37,9 @@ _MOST = 150.0
 _FITS = 40.0
 """Squares up to which an outline may be a part's: where none is better, the unknown object is as much better."""
 
-_HOPELESS = 12.0
-"""Nats behind the likeliest of all at which a stable pose is not looked for."""
-
-OTHERWISE = 0.05
-"""Share of regions that are not the outline of one part: it is hidden, touches another one, or has the table's grey."""
+MISLEADING = 0.05
+"""Fraction of measurements of a whole object that mislead: the region of an image is not the outline of one part
+(hidden, touching another one, grey as the table), something else was weighed, the box has other axes (decision 83)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,15 +95,15 @@ class SeenOutline:
             self._known[:] = parts, log, np.cumsum(counts), Ts
         return self._known[1], self._known[2]
 
-    def likely(self, parts: Sequence[Any], row: int) -> IntArray:
-        """Numbers of a part's stable poses that may be seen so: the likeliest, and others near the best of all."""
+    def likely(self, parts: Sequence[Any], row: int, gap: float = DEFAULTS.search.negligible) -> IntArray:
+        """Return rows of the stable poses of a part: the likeliest, and others within a gap of the best of all."""
         log, start = self.by_rest(parts)
         own = log[start[row] : start[row + 1]]
-        return np.flatnonzero((own > log.max() - _HOPELESS) | (own == own.max())) if len(own) else np.zeros(0, np.int64)
+        return np.flatnonzero((own > log.max() - gap) | (own == own.max())) if len(own) else np.zeros(0, np.int64)
 
-    def poses(self, parts: Sequence[Any], row: int) -> Transforms:
+    def poses(self, parts: Sequence[Any], row: int, gap: float = DEFAULTS.search.negligible) -> Transforms:
         """Where a part may lie to be seen so, half turned as well, as hulls hardly tell: ``T_world_part (k, 4, 4)``."""
-        which = self.likely(parts, row)
+        which = self.likely(parts, row, gap)
         Ts = self._known[3][self._known[2][row] + which].astype(np.float64)
         about = SE3.from_parts(np.eye(3), np.array([*self.middle, 0.0]))
         half = about @ SE3.from_parts(np.diag([-1.0, -1.0, 1.0]), np.zeros(3)) @ SE3.inverse(about)
@@ -136,7 +135,7 @@ def odds_among(log: FloatArray) -> FloatArray:
     if not len(log):
         return log
     mean = max(float(log_sum(log)), _log(_FITS)) - np.log(len(log))
-    return np.asarray(np.logaddexp(np.log1p(-OTHERWISE) + log - mean, np.log(OTHERWISE)))
+    return np.asarray(np.logaddexp(np.log1p(-MISLEADING) + log - mean, np.log(MISLEADING)))
 
 
 def _log(costs: Any) -> Any:

@@ -12,17 +12,12 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry.limits import check_number
 from tanteo.geometry.typing import FloatArray
-from tanteo.posterior.answers.seen_outline import SeenOutline
+from tanteo.posterior.answers.seen_outline import MISLEADING, SeenOutline
+from tanteo.posterior.settings import DEFAULTS
 from tanteo.words.findings import WholeMismatch
 
 _MADE = 0.01
 """Relative standard deviation of a made part's volume from its CAD: chamfers, threads and coatings are left out."""
-
-_FAR = 4.0
-"""Standard deviations from which on what was measured contradicts a part."""
-
-_OTHERWISE = 0.05
-"""Share of objects whose box is along other axes than that of the CAD file, or of which something was weighed, too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,19 +79,22 @@ class WholeObject:
             out += _or_otherwise(log + 3 * np.log(2 * float(boxes.max())))
         return out
 
-    def mismatch(self, name: str, volume: float, sides: FloatArray) -> WholeMismatch | None:
+    def mismatch(
+        self, name: str, volume: float, sides: FloatArray, gate: float = DEFAULTS.search.gate
+    ) -> WholeMismatch | None:
         """Return how mass or sides contradict a part; None where they do not.
 
         Args:
             name: name of the part.
             volume: volume of the part [m^3]; 0 if it does not close.
             sides: sides of its box ``(3,)`` [m].
+            gate: deviation from which a measurement contradicts the part [standard deviations].
         """
         volumes: tuple[float, ...] = ()
         boxes: tuple[tuple[float, ...], ...] = ()
-        if self.volume is not None and volume > 0 and abs(np.log(self.volume / volume)) > _FAR * self._relative_sd:
+        if self.volume is not None and volume > 0 and abs(np.log(self.volume / volume)) > gate * self._relative_sd:
             volumes = self.volume, float(volume)
-        if self.sides is not None and np.abs(np.sort(sides) - np.sort(self.sides)).max() > _FAR * self.side_sd:
+        if self.sides is not None and np.abs(np.sort(sides) - np.sort(self.sides)).max() > gate * self.side_sd:
             boxes = tuple(tuple(map(float, np.sort(box)[::-1])) for box in (self.sides, sides))
         return WholeMismatch(name, volumes, boxes) if volumes or boxes else None
 
@@ -115,7 +113,7 @@ class WholeObject:
 
 def _or_otherwise(log: FloatArray) -> FloatArray:
     """Log odds where a share of what was measured is of something else."""
-    return np.asarray(np.logaddexp(np.log1p(-_OTHERWISE) + log, np.log(_OTHERWISE)))
+    return np.asarray(np.logaddexp(np.log1p(-MISLEADING) + log, np.log(MISLEADING)))
 
 
 def _positive(name: str, value: float) -> None:

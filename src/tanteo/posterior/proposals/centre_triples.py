@@ -18,7 +18,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.parts import Part
 from tanteo.posterior.prepared import PreparedPart
-from tanteo.posterior.proposals.pose_seeds import spread_out
+from tanteo.posterior.sampling.peaks import spread_out
 from tanteo.posterior.settings import SearchSettings
 
 

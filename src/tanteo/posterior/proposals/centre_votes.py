@@ -18,8 +18,9 @@ from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.centre_triples import sensed_sizes
 from tanteo.posterior.proposals.plane_votes import cost_margin
-from tanteo.posterior.proposals.pose_seeds import Seeds, spread_out
+from tanteo.posterior.proposals.pose_seeds import Seeds
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes
+from tanteo.posterior.sampling.peaks import spread_out
 from tanteo.posterior.settings import DEFAULTS, SearchSettings, Settings
 
 _COLUMNS = ("axes", "planes", "rounds")
@@ -111,7 +112,7 @@ def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatA
     elsewhere = outlier_log_density(own, problem.priors) + np.where(own.oriented, np.log(4 * np.pi), 0.0)
     return np.asarray(
         (peak - elsewhere + np.log1p(-rate) - np.log(rate)).clip(
-            problem.settings.search.cost_least, problem.settings.search.cost_most
+            problem.settings.search.cost_least, problem.settings.search.negligible
         )
     )
 

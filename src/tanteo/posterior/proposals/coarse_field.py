@@ -61,7 +61,7 @@ class _Evaluation:
         self.radii = np.ascontiguousarray(points.radii[spread])
         self.behind = np.inf if thorough else own.negligible
         more = own.few_points / len(spread)  # few points discriminate poses less well
-        self.stepped = int(min(more, 3.0) * own.coarse_poses) * (own.thorough if thorough else 1)
+        self.stepped = int(min(more, 3.0) * own.few_points) * (own.thorough if thorough else 1)
 
     def at_parts(
         self, table: Mapping[str, Any], rows: Indices, best: float

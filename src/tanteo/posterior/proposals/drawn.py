@@ -142,7 +142,7 @@ def along_ridge(objective: Objective, Ts: Transforms) -> Peaks:
     x = _core.offsets(Ts[some[0]], np.ascontiguousarray(Ts[some]), shape.centre)
     information = np.array(information[some])
     curved = np.linalg.inv(objective.of_pose(information[:1])[0])
-    if np.einsum("ni,ij,nj->n", x, np.linalg.inv(curved), x).max() < own.same_sds**2:
+    if np.einsum("ni,ij,nj->n", x, np.linalg.inv(curved), x).max() < own.notable_sds**2:
         return Peaks.none(objective.problem.states)
     information[:, :6, :6] += np.linalg.inv(np.cov(x.T) + curved) / own.ridge_piece**2
     rest = np.full(len(some), -np.inf), np.zeros(len(some), dtype=np.int64)

@@ -161,7 +161,7 @@ def _having(
     rows = np.concatenate(found)
     has = np.zeros(n, dtype=bool)
     has[rows] = True
-    return None if np.count_nonzero(has) > own.vote_share * n else has
+    return None if 2 * np.count_nonzero(has) > n else has
 
 
 def _height(own: SearchSettings, first: FloatArray, second: FloatArray) -> tuple[float, float]:

@@ -9,21 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
-from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Vectors
+from tanteo.geometry.typing import BoolArray, FloatArray, Indices
 from tanteo.posterior.settings import SearchSettings
-
-
-def spread_out(p: Vectors, count: int) -> IntArray:
-    """Rows of points that are far from each other, the farthest from their middle first."""
-    if not len(p):
-        return np.zeros(0, dtype=np.int64)
-    chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
-    nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(p)):
-        nearest[chosen[-1]] = -1.0
-        chosen.append(int(np.argmax(nearest)))
-        nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
-    return np.array(chosen)
 
 
 class Seeds:
@@ -59,7 +46,7 @@ class Seeds:
     def _error(self, seed: tuple[int, ...]) -> float | None:
         """About how far off the pose may be at the farthest reading [m]; None where a seed does not fix it."""
         held = [k for k in seed if k < self.count]
-        ways = [(self._plane(k)[:3], self._plane(k)[7]) for k in seed if k >= self.count]
+        ways = [(plane[:3], plane[7]) for plane in (self.planes[k - self.count] for k in seed if k >= self.count)]
         if len(held) == 3:
             return self._of_three(held)
         if len(seed) == 2:  # the axis of a centre instead of a plane
@@ -74,9 +61,6 @@ class Seeds:
             if size > max(self.settings.independent, self.settings.gate * tilt)
             else None
         )
-
-    def _plane(self, k: int) -> FloatArray:
-        return np.asarray(self.planes[k - self.count])
 
     def _of_three(self, held: list[int]) -> float | None:
         """Heights along the axes are not known, so that they tell a tilt badly."""

@@ -14,13 +14,14 @@ from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes
 from tanteo.posterior.sampling.peaks import Objective, Peaks
-from tanteo.posterior.settings import DEFAULTS, Effort
+from tanteo.posterior.settings import Effort
 
-BITS = DEFAULTS.search.sources
-"""Number of independent sources that are counted apart: bits of a whole number."""
+BITS = 60
+"""Numerical: number of independent sources that are counted separately, as bits of a 64-bit number. A maximum that four
+of them found counts as surely found, so that more bits change no count that matters."""
 
-EXHAUSTIVE = (1 << DEFAULTS.search.often) - 1
-"""Sources of poses that are all that measurements allow: as many as make a maximum surely found."""
+EXHAUSTIVE = (1 << BITS) - 1
+"""Sources of poses that are all that the measurements allow: every source, so that their maximum is surely found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

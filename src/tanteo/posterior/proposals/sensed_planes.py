@@ -140,7 +140,7 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     sds = np.hypot(factor * planes.sds[some], shared)
     alone = np.array([len(planes.rows[k]) == 1 for k in some], dtype=bool)
     most = _without_face(problem, points, planes, factor)[some].clip(
-        own.cost_least, np.where(alone, own.cost_point, own.cost_most)
+        own.cost_least, np.where(alone, own.cost_point, own.negligible)
     )
     rows = np.column_stack(
         [

@@ -55,5 +55,5 @@ class Compared:
     def is_normal(self) -> bool:
         """Whether the weights are nearly those of a normal density, as far as they tell."""
         squares = float(self.weights @ self.weights)
-        told = squares > 0 and self.weights.sum() ** 2 >= self.settings.told * squares
+        told = squares > 0 and self.weights.sum() ** 2 >= self.settings.shape * squares
         return told and float(self.rest @ self.rest) < self.settings.share * squares

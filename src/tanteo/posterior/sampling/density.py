@@ -50,12 +50,5 @@ class Density:
         log += self.log_constant
         if is_held(prepared, named=objective.named):
             log += log_gauge(prepared, Ts, self.T)
-        pose = objective.problem.priors.pose
-        if pose is not None and pose.box is not None:
-            log[~in_box(pose, prepared.part, Ts)] = -np.inf
+        log[~in_box(objective.problem.priors.pose, prepared.part, Ts)] = -np.inf
         return log, zs
-
-    def is_possible(self, T: Transforms) -> bool:
-        """Whether a pose ``(4, 4)`` is in the box, if there is one."""
-        pose = self.objective.problem.priors.pose
-        return pose is None or pose.box is None or bool(in_box(pose, self.objective.prepared.part, T[None])[0])

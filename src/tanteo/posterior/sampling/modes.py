@@ -11,6 +11,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.special import chi2_quantile
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.posterior.answers.pose_prior import in_box
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.sampling.compared import Compared
 from tanteo.posterior.sampling.peaks import Objective
@@ -69,7 +70,7 @@ def modes_of(sampler: Sampler) -> list[Mode]:
     W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
     sums = W.sum(axis=0)
     common = W.T @ sampler.shares
-    together = (common > sampler.settings.overlap * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
+    together = (common > sampler.settings.share * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]
     together |= _in_one_valley(sampler, np.flatnonzero(sampled))
@@ -146,13 +147,13 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     curved = from_centre(objective, objective.of_pose(peaks.information[best]))
     xi, w, rest = SE3.log(SE3.inverse(T_peak) @ Ts), w[keep], region.rest[keep]
     mean = np.zeros(6)
-    if len(rows) == 1 or not sampler.density.is_possible(T_peak):
+    if len(rows) == 1 or not in_box(objective.problem.priors.pose, objective.prepared.part, T_peak[None])[0]:
         mean = rest @ xi / region.mass
         T = T_peak @ SE3.exp(mean)
         xi = SE3.log(SE3.inverse(T) @ Ts)
     expected = region.expected * (curved + np.outer(mean, mean))
     told = ((rest[:, None] * xi).T @ xi + expected) / region.mass
-    covariance = _covariance(told, curved, region.ess, sampler.settings.narrowest)
+    covariance = _covariance(told, curved, region.ess, sampler.settings.share)
     if not region.is_normal or objective.problem.scale_sd > 0:
         covariance = covariance * _beyond_normal(xi, w, covariance)
     return Mode(

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import ContactPoints
-from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms
+from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.symmetry import folded, gauge_information, is_held
@@ -62,14 +62,20 @@ def spread_rows(points: ContactPoints, count: int) -> Indices:
     some = np.arange(min(2 * count, len(points)))
     some = some * len(points) // max(len(some), 1)
     p = points.points[some]
-    if len(p) <= count:
-        return some.astype(np.int32)
+    return (some if len(p) <= count else some[spread_out(p, count)]).astype(np.int32)
+
+
+def spread_out(p: Vectors, count: int) -> IntArray:
+    """Return rows of points that are far from each other, the farthest from their middle first."""
+    if not len(p):
+        return np.zeros(0, dtype=np.int64)
     chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
     nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
-    while len(chosen) < count:
+    while len(chosen) < min(count, len(p)):
+        nearest[chosen[-1]] = -1.0
         chosen.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
-    return some[chosen].astype(np.int32)
+    return np.array(chosen)
 
 
 def scores_of(
@@ -82,7 +88,7 @@ def scores_of(
 
 
 _ROUNDING = 1e-11
-"""Share of an information that is added to its diagonal: rounding would lose unobserved directions otherwise."""
+"""Numerical: fraction of an information that is added to its diagonal, so that rounding loses no direction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +159,7 @@ class Objective:
     @property
     def same(self) -> float:
         """Squared Mahalanobis distance within which two maxima are one."""
-        return self.problem.settings.search.same_sds**2
+        return self.problem.settings.search.notable_sds**2
 
     @property
     def named(self) -> bool:
@@ -188,11 +194,6 @@ class Objective:
         evidence = logs + 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.regular(information))[1]
         groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups[rows]
         return self.distinct(Peaks(Ts, zs, logs, information, evidence, groups))
-
-    def settle_and_maximize(self, Ts: Transforms, groups: IntArray, keep: int) -> Peaks:
-        """Return the maxima that proposals lead to."""
-        Ts, groups = self.settle(Ts, groups, keep)
-        return self.maximize(Ts, groups=groups)
 
     def regular(self, information: FloatArray) -> FloatArray:
         """Information with a weak prior of the part's own size and of a turn, so that free directions end somewhere."""

@@ -21,6 +21,9 @@ from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.sampling.widths import narrowed, roots
 from tanteo.posterior.settings import POSE_DOF, SampleSettings
 
+_COMPARABLE = 30.0
+"""Numerical: log of the ratio of two masses beyond which the smaller is lost by rounding, 1e-13."""
+
 
 @dataclass(slots=True, eq=False)
 class Sampler:
@@ -111,7 +114,7 @@ class Sampler:
             return self.Ts[:0]
         w = np.exp(self.log_weights - self.log_weights.max())
         rows = np.flatnonzero(w > self.settings.share * w.sum())
-        return self.Ts[rows[np.argsort(-w[rows])][: self.settings.strange]]
+        return self.Ts[rows[np.argsort(-w[rows])]]
 
     def sample(self, counts: IntArray) -> None:
         """So many more samples of each component ``(m,)``; all weights are made anew."""
@@ -189,17 +192,17 @@ class Sampler:
             weights: of the samples in its region, over the largest of all ``(N,)``.
         """
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
-        if not abs(mass) < self.settings.comparable:
+        if not abs(mass) < _COMPARABLE:
             return Compared.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
-        own = np.exp(np.minimum(log - self.log_density, self.settings.comparable))
-        if own[~np.isfinite(self.log_weights)].sum() > self.settings.cut * own.sum():  # a box that ends in it
+        own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
+        if own[~np.isfinite(self.log_weights)].sum() > self.settings.matters * own.sum():  # a box that ends in it
             return Compared.alone(weights, self.settings)
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
         both = Compared(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
-        return both if both.mass > self.settings.left * weights.sum() else Compared.alone(weights, self.settings)
+        return both if both.mass > self.settings.share * weights.sum() else Compared.alone(weights, self.settings)
 
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Log mass and effective samples of each maximum's region ``(m,)``."""

@@ -39,19 +39,18 @@ def _first(sampler: Sampler, log_p: FloatArray) -> IntArray:
     """
     own = sampler.settings
     log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.likely else log_p
-    first = own.first_trusted if sampler.trusted else own.first
-    return np.where(log_p > -own.likely, first, np.where(log_p > -own.rare, own.few, 0))
+    return np.where(log_p > -own.likely, own.first, np.where(log_p > -own.rare, own.few, 0))
 
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
     """Follow ridges where a maximum of a part that matters does not look normal, by its curvature or its samples."""
     masses = [np.logaddexp(s.masses()[0], s.peaks.evidence + s.log_constant) for s in samplers]
     total = float(log_sum([log_none, *(float(log_sum(mass)) for mass in masses)]))
-    for sampler, mass in zip(samplers, masses, strict=True):
-        likely = mass > total + np.log(sampler.settings.region)
-        strange = [k for k in np.flatnonzero(likely) if not sampler.is_normal(int(k))]
-        if sampler.along is not None and len(sampler.along) and strange:
-            sampler.spread(sampler.along, sampler.settings.along)
+    for s, mass in zip(samplers, masses, strict=True):
+        likely = mass > total + np.log(s.settings.region)
+        if s.along is not None and len(s.along) and not all(s.is_normal(int(k)) for k in np.flatnonzero(likely)):
+            # all components of a ridge together have as many samples as a mode needs
+            s.spread(s.along, -(-s.settings.enough // s.objective.problem.settings.search.maximized))
 
 
 def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
@@ -61,7 +60,7 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
         return own.more * (np.arange(len(p)) == np.argmax(sampler.peaks.evidence))
     if sampler.local.any():
         return _wanted_along(sampler, p)
-    need = np.clip(2 * own.enough * p, own.told, own.enough) * (p > own.matters)
+    need = np.clip(2 * own.enough * p, own.shape, own.enough) * (p > own.matters)
     worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / own.most, 1)  # effective samples for each drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, own.first, own.more), 0).astype(np.int64)
     if not want.any():

@@ -27,10 +27,10 @@ def narrowed(
     values, vectors = np.linalg.eigh(covariances / (size[:, None] * size))
     widths, axes = np.sqrt(values.clip(0)), np.swapaxes(vectors, 1, 2) * size
     top = log_at(np.zeros((len(covariances), 1, 6)))[0]
-    for _ in range(own.samples.halvings):
+    for _ in range(np.finfo(np.float64).nmant):
         x = (widths[..., None] * axes)[:, :, None] * np.array([1.0, -1.0])[:, None]
         there = log_at(x.reshape(-1, 12, 6))[0].reshape(-1, 6, 2).max(axis=-1)
-        steep = there < top.reshape(-1, 1) - 0.5 * own.search.same_sds**2
+        steep = there < top.reshape(-1, 1) - 0.5 * own.search.notable_sds**2
         widths = np.where(steep, 0.5 * widths, widths)
         if not steep.any():
             break
