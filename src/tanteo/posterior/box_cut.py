@@ -1,4 +1,4 @@
-"""A normal density of poses that a box cuts: mean and covariance of what is inside of it."""
+"""Moments of normal densities of a pose that a box truncates."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ _SWEEPS = 50
 def cut_by_box(
     objective: Objective, Ts: Transforms, covariances: Covariances
 ) -> tuple[FloatArray, Covariances, BoolArray]:
-    """Normal densities about poses, as far as the box of the prior leaves them.
+    """Return means and covariances of normal densities about poses, truncated by the box of the prior.
 
-    The box bounds where the part's centroid may be. Its three coordinates are normal, cut by the box; the mean and the
-    covariance of those are summed over a grid; the pose follows them by regression (moments of a truncated normal).
+    The box bounds the part's centroid. Its three coordinates have a truncated normal density, whose moments are summed
+    over a grid. The pose follows by regression.
 
     Args:
         objective: the part and the problem.
         Ts: poses ``(m, 4, 4)``.
-        covariances: of motions about the part's centre ``(m, 6, 6)`` [m, rad].
+        covariances: covariances of motions about the part's centre ``(m, 6, 6)`` [m, rad].
 
     Returns:
         Mean motions ``(m, 6)``, covariances, and which of them the box cuts ``(m,)``.

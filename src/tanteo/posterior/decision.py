@@ -1,4 +1,4 @@
-"""The verdict on the parts that were found: its status, what it rests on, and what was not searched."""
+"""Verdict on the searched parts: its status, the findings behind it, and the parts that were not searched."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ from tanteo.words.findings import (
 )
 
 _PATCH = 0.2
-"""Share of the part's size that measurements have to reach over, or the pose to be roughly known, for one answer."""
+"""Smallest extent of the points over the part's size for one answer, unless the pose is roughly known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """The result of a search, before the verdict.
+    """Result of a search, before the verdict.
 
     Attributes:
         candidates: all parts.
-        chosen: those that were searched.
-        posterior: over them.
-        found: the modes with the measurements at each, best first.
-        hypotheses: as many of them as are reported.
-        check: how the prior of the pose agrees.
-        worst: the reading that contradicts the best one most; None if none is far off.
+        chosen: parts that were searched.
+        posterior: posterior over the searched parts.
+        found: goodness of fit of all modes, best first.
+        hypotheses: hypotheses that are reported.
+        check: agreement of the prior pose with the measurements.
+        worst: the reading that contradicts the best hypothesis most; None if no reading is far off.
     """
 
     candidates: Candidates
@@ -123,7 +123,7 @@ def _doubted(findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors)
 
 
 def _close_together(best: GoodnessOfFit) -> bool:
-    """Whether the points are of a small patch, which many a part has twice, and nothing else says where it is."""
+    """Return whether the points are on a small patch, which many parts have twice, and nothing else fixes the pose."""
     problem = best.mode.objective.problem
     known = problem.priors.pose is not None and problem.priors.pose.T_world_part is not None
     placed = known or bool(problem.pose_factors)

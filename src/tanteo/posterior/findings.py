@@ -1,6 +1,6 @@
-"""What is odd about the input: units, spreads, directions, repeats, a stuck sensor, free-space rays through the part.
+"""Findings about the input: units, spreads, directions, repeats, a stuck sensor, free rays through the part.
 
-Each is a typed :class:`tanteo.words.Finding`. Those here cost next to nothing; ``mirror`` searches again.
+Each is a typed :class:`tanteo.words.Finding`. These checks need no search; ``otherwise`` has those that do.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ UNITS = {unit: METRES[unit] for unit in ("mm", "m", "um", "in")}
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Sizes on both sides, and the units that they were read with.
+    """Sizes of readings and parts, and the units with which they were read.
 
     Attributes:
-        span: how far apart the readings are [m].
+        span: extent of the readings [m].
         sizes: diagonals of the parts [m].
         column: unit in the names of the readings' columns; empty if not known.
-        option: unit that was stated for the parts; empty if their files have one of their own.
+        option: stated unit of the parts; empty if their files have their own.
     """
 
     span: float
@@ -56,7 +56,7 @@ class Scale:
 
 
 def scale_of(points: Vectors, parts: Any, column: str = "", option: str = "") -> Scale:
-    """Sizes and units of points ``(n, 3)`` [m] and parts, of a list or a catalogue."""
+    """Return sizes and units of points ``(n, 3)`` [m] and of the parts of a list or a catalogue."""
     span = 2 * float(np.median(_away(points))) if len(points) >= FEWEST else 0.0
     return Scale(span, sizes_of(parts), column, option)
 
@@ -69,14 +69,14 @@ def about_readings(
     parts: Sequence[Part],
     settings: Settings = DEFAULTS,
 ) -> tuple[Finding, ...]:
-    """What is odd about the readings, in the light of an answer.
+    """Return findings about the readings, given an answer.
 
     Args:
-        answer: what the readings are of.
-        readings: what the devices said.
-        measured: what was made of it.
+        answer: the answer from these readings.
+        readings: readings as the devices reported them.
+        measured: measurements made from the readings.
         free: free-space rays.
-        parts: the candidates, prepared or not.
+        parts: candidate parts, prepared or not.
         settings: settings of the inference.
     """
     found: tuple[Finding | None, ...] = (
@@ -91,7 +91,7 @@ def about_readings(
 def about_frames(
     answer: Answer, scale: Scale, measured: PointMeasurements, checks: CheckSettings = DEFAULTS.checks
 ) -> Finding | None:
-    """Of readings of no known part: which unit or direction was probably meant otherwise."""
+    """Return which unit or direction was probably confused; None if the readings are of a known part."""
     if answer.status != "unknown":
         return None
     return (
@@ -120,7 +120,7 @@ def about_units(scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> UnitsQ
 
 
 def about_size(points: Vectors, scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> TooNarrow | None:
-    """Readings that hardly can be of these parts.
+    """Return a finding about readings that are too narrow for these parts; None if they are not.
 
     Raises:
         ReadingsError: the readings are far wider than any part.
@@ -141,7 +141,7 @@ def about_size(points: Vectors, scale: Scale, checks: CheckSettings = DEFAULTS.c
 
 
 def about_spread(covs: Covariances, scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
-    """Standard deviations that no sensor of such parts has; ``covs`` of the readings ``(n, 3, 3)`` [m^2]."""
+    """Return a finding about standard deviations that no sensor has; None if they are plausible."""
     if not len(covs):
         return None
     sd = float(np.median(np.sqrt(np.trace(covs, axis1=1, axis2=2) / 3)))
@@ -151,7 +151,10 @@ def about_spread(covs: Covariances, scale: Scale, checks: CheckSettings = DEFAUL
 
 
 def about_directions(points: Vectors, directions: Vectors, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
-    """Directions ``(n, 3)``, NaN where unknown, most of which lead away from the middle of the points."""
+    """Return a finding about directions most of which point outward; None if they do not.
+
+    Directions are ``(n, 3)``, NaN where unknown; outward is away from the middle of the points.
+    """
     known = np.isfinite(directions).all(axis=1)
     if known.sum() < FEWEST:
         return None
@@ -163,7 +166,7 @@ def about_directions(points: Vectors, directions: Vectors, checks: CheckSettings
 
 
 def about_normals(normals: Vectors, directions: Vectors, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
-    """Sensed normals that point as the sensor looks: into the material."""
+    """Return a finding about sensed normals that point into the material; None if they do not."""
     cosines = np.sum(normals * directions, axis=1)
     known = cosines[np.isfinite(cosines)]
     if len(known) < FEWEST or np.mean(known > 0) <= 1 - checks.outward:
@@ -174,7 +177,7 @@ def about_normals(normals: Vectors, directions: Vectors, checks: CheckSettings =
 def _gone_through(
     answer: Answer, free: FreeRays, ids: Sequence[str], parts: Sequence[Part], settings: Settings
 ) -> FreeSpaceCrossed | None:
-    """Free-space rays that the best answer's part is surely in the way of."""
+    """Return the free-space rays that the part of the best answer surely blocks; None if it blocks none."""
     if not answer.hypotheses or not len(free):
         return None
     best = answer.hypotheses[0]
@@ -190,7 +193,7 @@ def _gone_through(
 def _too_wide(
     answer: Answer, measured: PointMeasurements, parts: Sequence[Part], checks: CheckSettings
 ) -> TooFarApart | None:
-    """That readings of no known part lie farther apart than any part is wide, as millimetres would."""
+    """Return that readings of no known part are farther apart than any part; None if they are not."""
     if answer.status != "unknown" or not len(measured.points):
         return None
     away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
@@ -201,12 +204,12 @@ def _too_wide(
 
 
 def _away(points: Vectors) -> FloatArray:
-    """Distances from the middle ``(n,)`` [m]."""
+    """Return the distances of points from their middle ``(n,)`` [m]."""
     return np.asarray(np.linalg.norm(points - np.median(points, axis=0), axis=1))
 
 
 def _others(unit: str) -> tuple[str, ...]:
-    """The unit itself and what else it might be; itself alone where it was not a choice."""
+    """Return the unit and the units with which it may be confused; itself alone if it was not a choice."""
     return (unit, *(u for u in UNITS if u != unit)) if unit else (unit,)
 
 

@@ -1,6 +1,6 @@
-"""What facets say of an object that is not the part: those that people make have faces that are alike.
+"""Joint model of the surfaces of an unknown object: made objects have parallel and perpendicular faces.
 
-Most have faces along three perpendicular axes, catalogue or not, and several that are one plane.
+Most objects have faces along three perpendicular axes, and several faces in one plane.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ _AXIS_STEPS = 3
 
 
 def log_of_one_object(facets: Facets, share: float, radius: float, settings: Settings = DEFAULTS) -> float:
-    """Log density of facets of one object that people made, over that of facets that know nothing of each other."""
+    """Return the log density of facets of one made object over that of independent facets."""
     return log_right_angled(facets, share, settings) + log_level(facets, radius, settings)
 
 
 def log_level(facets: Facets, radius: float, settings: Settings = DEFAULTS) -> float:
-    """The same of where they are: a face that looks the same way as one before may be that one.
+    """Return the log density of the places of facets: parallel facets may be of one plane.
 
     Args:
         facets: pieces of planes.
-        radius: of the object [m].
+        radius: radius of the object [m].
         settings: settings of the inference.
     """
     n, total = facets.normals, 0.0
@@ -48,11 +48,11 @@ def log_level(facets: Facets, radius: float, settings: Settings = DEFAULTS) -> f
 
 
 def log_right_angled(facets: Facets, share: float, settings: Settings = DEFAULTS) -> float:
-    """The same of their directions, of which a share run along three perpendicular axes.
+    """Return the log density of directions, a fraction of which run along three perpendicular axes.
 
     Args:
         facets: pieces of planes.
-        share: of faces along the axes.
+        share: fraction of the faces along the axes.
         settings: settings of the inference.
     """
     normals, covariances = facets.normals, facets.covariances
@@ -73,7 +73,10 @@ def log_right_angled(facets: Facets, share: float, settings: Settings = DEFAULTS
 
 
 def _axes_of_pairs(normals: Vectors, count: int) -> FloatArray:
-    """Perpendicular axes through pairs of directions ``(F, 3, 3)``, columns; through one alone of parallel ones."""
+    """Return perpendicular axes through pairs of directions, as columns ``(F, 3, 3)``.
+
+    Of two parallel directions, the axes run through one.
+    """
     a, b = np.triu_indices(len(normals), 1)
     cosines = np.abs(np.sum(normals[a] * normals[b], axis=1))
     some = np.argsort(cosines, kind="stable")[:count]
@@ -86,7 +89,7 @@ def _axes_of_pairs(normals: Vectors, count: int) -> FloatArray:
 def _maximized(
     frames: FloatArray, tangents: FloatArray, S: Covariances, normals: Vectors, share: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Axes at their peaks and the log of the integral about each, over the density of any directions."""
+    """Return axes at the maxima, and log integrals about them over the density of uniform directions."""
     free = 8 * np.pi**2 / 24  # attitudes of a body, of which 24 have the same axes
     W, log_det = np.linalg.inv(S), np.linalg.slogdet(S)[1]
 

@@ -1,7 +1,7 @@
-"""Were the readings meant otherwise? Where they fit no part, usual mistakes are undone one by one and asked again.
+"""Checks of conventions: if the readings fit no part, undo usual mistakes one by one and search again.
 
-A mistake of convention moves everything by far, and only one way of reading the numbers makes them fit. What fits is
-named, never applied: only the person who made the file knows what it means.
+A mistake of convention moves everything far, so only one interpretation of the numbers fits. The finding names it and
+never applies it: only the author of the file knows what the numbers mean.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
 
 _OFFSET = 0.03
-"""Standard deviation of a common offset that nobody stated, over the size of the largest part: a ball's radius."""
+"""Standard deviation of an unstated common offset, such as a ball's radius, over the size of the largest part."""
 
 _AIMED = 3
-"""Times that touches without a direction get one from the pose, which is known the better then."""
+"""Number of iterations in which touches without a direction get one from the pose."""
 
 
 class Ask(Protocol):
-    """Which of the parts readings are of; ``bias_sd``: of an error along all approach directions [m]."""
+    """Function that searches again; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
 
     def __call__(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
-        """The answer."""
+        """Return the answer."""
 
 
 def about_conventions(
@@ -51,14 +51,14 @@ def about_conventions(
     placed: bool = False,
     settings: Settings = DEFAULTS,
 ) -> Finding | None:
-    """Which usual mistake explains readings that fit no part, or fit badly.
+    """Return the usual mistake that explains readings that fit no part, or fit badly; None if there is none.
 
     Args:
-        answer: what the readings are of as they were read.
+        answer: answer from the readings as they were read.
         readings: the readings.
         parts: the candidates.
-        ask: to ask again, as the answer was asked for.
-        placed: whether something is known of the place, which a mirror does not leave as it is.
+        ask: function that searches again, with the options of the answer.
+        placed: whether the pose has a prior, which a mirrored part would not satisfy.
         settings: settings of the inference.
     """
     if not is_bad(answer, settings):
@@ -87,7 +87,7 @@ def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -
 def _about_ways(
     ways: Sequence[Way], readings: Readings, parts: Sequence[Part], ask: Ask, settings: Settings
 ) -> Convention | None:
-    """The first of some ways to read the numbers that makes them fit."""
+    """Return the first interpretation of the numbers that fits; None if there is none."""
     for way in ways:
         meant = way.undo(readings)
         if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
@@ -116,7 +116,7 @@ def fits(answer: Answer, settings: Settings = DEFAULTS) -> bool:
 
 
 def _asked(ask: Ask, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
-    """The answer; None for a question that cannot be asked, which takes nothing from the first answer."""
+    """Return the answer; None for an invalid question, which leaves the first answer as it is."""
     try:
         return ask(readings, parts) if bias_sd is None else ask(readings, parts, bias_sd=bias_sd)
     except TanteoError:
@@ -130,7 +130,7 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
 
 
 def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> MirrorQuestion | None:
-    """Readings, some of which do not fit a part, that all fit its mirror image."""
+    """Return that all readings fit the mirror image of a part, if some do not fit the part; None if not."""
     if np.isfinite(readings.Ts_world_hand).any() or answer.best is None or not answer.best.outliers:
         return None
     part = part_named(parts, answer.best.part)
@@ -145,7 +145,7 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
 
 
 def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask, settings: Settings) -> OffsetQuestion | None:
-    """Readings that all fit if the surface is nearer to the sensor, or farther from it, by the same."""
+    """Return that all readings fit if the surface is nearer to the sensor or farther by one distance."""
     sd = _OFFSET * max(sizes_of(parts))
     found = _asked(ask, readings, parts, sd)
     for _ in range(_AIMED if _is_bare(readings).any() else 0):
@@ -165,13 +165,13 @@ def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask, settings:
 
 
 def _is_bare(readings: Readings) -> BoolArray:
-    """Touches with neither direction nor normal ``(n,)``: an offset of theirs is noise, until the pose is known."""
+    """Return which touches have neither direction nor normal ``(n,)``: for them an offset is noise at first."""
     aimed = np.isfinite(readings.directions).all(axis=1) | np.isfinite(readings.normals).all(axis=1)
     return np.asarray(~aimed & np.isfinite(readings.points).all(axis=1))
 
 
 def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Readings:
-    """Touches with neither, as if they had come along the normal of the best answer's part."""
+    """Return touches without direction with the normal of the best answer's part as approach direction."""
     bare = _is_bare(readings)
     if not answer.hypotheses:
         return readings

@@ -1,4 +1,4 @@
-"""The search for one part, round by round: initial poses, maxima, and the sources that led to each."""
+"""Search for one part in rounds: initial poses, maxima, and the sources that led to each."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from tanteo.posterior.symmetry import log_orbit
 
 @dataclass(slots=True, eq=False)
 class PartSearch:
-    """The search for one part, round by round.
+    """Search for one part in rounds.
 
     Attributes:
-        objective: leads from poses to maxima.
+        objective: maximizes the posterior of the part from initial poses.
         pairs: pairs of points from which proposals are made, a few each round.
         rng: generator of all draws.
         peaks: maxima so far.
         planes: planes that labels and sensed normals show.
         restarts: number of rounds so far.
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
-        trusted: whether the region of its maximum was normal before the last measurement.
+        trusted: whether the mode was normal before the last measurement.
         known: poses that earlier stages found; None without.
         exhaustive: whether these are all poses that the measurements allow.
         log_odds: log odds of the part by its global properties (mass, size, outline).
@@ -54,12 +54,12 @@ class PartSearch:
 
     @property
     def settings(self) -> SearchSettings:
-        """Numbers of the search."""
+        """Return the settings of the search."""
         return self.objective.problem.settings.search
 
     @property
     def log_evidence(self) -> float:
-        """Log-evidence of all maxima, symmetric poses included, relative to what the core leaves out of the prior."""
+        """Return the log-evidence of all maxima and their symmetric images, without constant factors of the prior."""
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
     def log_rare(self, times: int | None = None) -> float:

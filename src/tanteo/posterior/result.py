@@ -1,4 +1,4 @@
-"""From a mode of the posterior to a hypothesis: pose, covariance, what is unobserved, which measurements do not fit."""
+"""Hypotheses from modes: pose, covariance, unobserved directions, outliers."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from tanteo.words.findings import WorstReading
 
 
 def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | None = None) -> Hypothesis:
-    """The hypothesis: the pose of the mode with the covariance of its samples.
+    """Return the hypothesis of a mode: its pose with the covariance of its samples.
 
     Args:
         points: the measurements.
         one: the mode.
-        pose: what was known of it beforehand; the joint test asks whether the measurements agree with that, too.
+        pose: prior of the pose; the joint test also checks agreement with it.
     """
     mode, part, belongs = one.mode, one.mode.prepared.part, one.belongs
     free, distances = one.free, one.at.distances[0]
@@ -54,9 +54,9 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
 
 
 def _joint_misfit(one: GoodnessOfFit, pose: PosePrior | None) -> Misfit:
-    """Of measurements, shared errors and what was known of the pose: at the maximum, or where a sample agrees more.
+    """Return the misfit of measurements, shared errors and prior at the maximum, or at a sample that fits better.
 
-    A density is not highest where squares are least: where a prior bends a region, they may be far apart.
+    The maximum of a density is not the minimum of the squares. If a prior bends a region, they may be far apart.
     """
     best = _misfit_at(one, pose, one.mode.T_peak)
     if pose is None or best.p_value > NOTABLE:
@@ -80,7 +80,7 @@ def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Mis
 
 
 def _shared_given(mode: Mode) -> SharedGiven | None:
-    """The shared errors given the pose that is the answer; None without any."""
+    """Return the shared errors given the pose of the answer; None without any."""
     D = mode.objective.problem.points.shared_jacobian.shape[2]
     if not D:
         return None

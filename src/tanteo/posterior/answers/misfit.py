@@ -1,4 +1,4 @@
-"""How badly measurements fit, where their noise is known to a factor only: p-value, and the scale that they tell."""
+"""Goodness of fit where the noise is known up to a factor: p-value and estimated noise scale."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _ENOUGH = 60
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """Squared distances of measurements from where they should be, in stated standard deviations.
+    """Squared residuals of measurements, in stated standard deviations.
 
     Attributes:
-        noise: of what the noise scale scales.
-        rest: of all else: sensed normals, shared errors, the prior of the pose.
-        dof: degrees of freedom of both; none or fewer where nothing was checked.
-        log_factor: log of the factor to which the noise was known; 0 if exactly.
-        noise_dof: degrees of freedom of the first alone: measurements less the states that they tell.
+        noise: sum of the squares that the noise scale divides.
+        rest: sum of all other squares: sensed normals, shared errors, the prior of the pose.
+        dof: degrees of freedom of both; 0 or less if nothing was checked.
+        log_factor: log of the factor to which the noise is known; 0 if it is exactly as stated.
+        noise_dof: degrees of freedom of ``noise`` alone: measurements less the states that they determine.
     """
 
     noise: float
@@ -43,12 +43,12 @@ class Misfit:
 
     @property
     def chi2(self) -> float:
-        """The joint squared Mahalanobis distance, with the noise as stated."""
+        """Return the joint squared Mahalanobis distance with the noise as stated."""
         return self.noise + self.rest
 
     @property
     def p_value(self) -> float:
-        """How often measurements fit as badly or worse, the noise being within what was known of it (Box 1980)."""
+        """Return the probability of a fit as bad or worse, averaged over the prior of the noise scale (Box 1980)."""
         if self.dof <= 0:
             return 1.0
         if self.log_factor == 0:
@@ -59,14 +59,14 @@ class Misfit:
         return float(weights @ p / weights.sum())
 
     def beside(self, rest: float, dof: int, told: float = 0.0) -> Misfit:
-        """The same with more that the noise scale does not scale, and that tells so many of the states."""
+        """Return the misfit with further squares that the noise scale does not divide."""
         return replace(self, rest=self.rest + rest, dof=self.dof + dof, noise_dof=self.noise_dof + told)
 
     def noise_scale(self) -> tuple[float, float, float]:
-        """Times the stated noise that the measurements have: the likeliest, and from where to where with 95 %.
+        """Return the estimated noise over the stated one: the mode, and both ends of its 95 % interval.
 
-        The states that the measurements tell take as many degrees of freedom; the prior is flat within the factor, and
-        ends soon beyond it.
+        The states that the measurements determine take as many degrees of freedom. The prior is flat within the factor
+        and falls steeply beyond it.
         """
         if self.log_factor == 0:
             return 1.0, 1.0, 1.0
