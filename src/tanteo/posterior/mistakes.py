@@ -1,4 +1,4 @@
-"""Usual mistakes in readings files, and how each is undone: conventions of poses, signs, units, a mirror."""
+"""Usual mistakes of convention in readings files, and functions that undo them."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from tanteo.words.findings import (  # fmt: skip
 )
 
 _MIRROR = np.array([1.0, 1.0, -1.0])
-"""One mirror stands for all: whichever axes are exchanged or reversed, the rest is a turn, which is searched."""
+"""Representative of all mirrors: whichever axes are exchanged or reversed, the rest is a rotation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """Another way to read the numbers.
+    """Another interpretation of the numbers.
 
     Attributes:
         finding: type of the finding.
-        words: what would have been meant, after "if".
-        advice: what to do.
-        undo: the readings as they would have been meant; None where it says nothing of them.
+        words: interpretation in words, after "if".
+        advice: what the user should do.
+        undo: function that returns the readings in this interpretation; None where it does not apply.
     """
 
     finding: type[Convention]
@@ -43,7 +43,7 @@ class Way:
 
 
 def _turned(change: Callable[[Rotations], Rotations]) -> Callable[[Readings], Readings | None]:
-    """Readings whose hands have another attitude."""
+    """Return a function that changes the attitude of the hand."""
 
     def undo(readings: Readings) -> Readings | None:
         def turned(Ts: Transforms) -> Transforms:
@@ -57,7 +57,7 @@ def _turned(change: Callable[[Rotations], Rotations]) -> Callable[[Readings], Re
 
 
 def _with_hands(readings: Readings, change: Callable[[Transforms], Transforms]) -> Readings | None:
-    """Readings with other poses of the hand; None where no range depends on them."""
+    """Return readings with other poses of the hand; None if no range depends on them."""
     known = np.isfinite(readings.Ts_world_hand).all(axis=(1, 2)) & np.isfinite(readings.ranges)
     if not known.any():
         return None
@@ -67,7 +67,7 @@ def _with_hands(readings: Readings, change: Callable[[Transforms], Transforms]) 
 
 
 def _reversed(name: str) -> Callable[[Readings], Readings | None]:
-    """Readings with the opposite of a direction; None where none has one."""
+    """Return a function that reverses a direction; it returns None where no reading has one."""
 
     def undo(readings: Readings) -> Readings | None:
         values = getattr(readings, name)
@@ -103,7 +103,7 @@ def _order(places: int) -> Callable[[Rotations], Rotations]:
 
 
 def _of_vector(R: Rotations) -> Rotations:
-    """Rotations by vectors whose numbers were read as roll, pitch and yaw; of both solutions the one below a turn."""
+    """Return rotations by vectors that were read as roll, pitch, yaw; of two solutions the one below a full turn."""
     pitch = np.arcsin(np.clip(-R[:, 2, 0], -1, 1))
     roll, yaw = np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
     one = np.stack([roll, pitch, yaw], axis=-1)
@@ -115,14 +115,9 @@ def _of_vector(R: Rotations) -> Rotations:
 
 
 def _of_angles(R: Rotations) -> Rotations:
-    """Rotations by roll, pitch and yaw whose numbers were read as a rotation vector."""
+    """Return rotations by roll, pitch and yaw that were read as a rotation vector."""
     roll, pitch, yaw = np.moveaxis(SO3.log(R), -1, 0)
     return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
-
-
-def _of_degrees(R: Rotations) -> Rotations:
-    """Rotations by vectors in radians that were read as degrees."""
-    return SO3.exp(np.degrees(SO3.log(R)))
 
 
 _POSES = "Check the columns of the hand's pose."
@@ -137,9 +132,10 @@ HANDS = (
         _turned(_of_vector)),
     Way(HandConvention, "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES,
         _turned(_of_angles)),
-    Way(HandConvention, "the hand's angles are in radians, not degrees", _POSES, _turned(_of_degrees)),
+    Way(HandConvention, "the hand's angles are in radians, not degrees", _POSES,
+        _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
 )  # fmt: skip
-"""Usual mistakes in poses of the hand: most of them throw the readings farther apart than a part is."""
+"""Usual mistakes in poses of the hand. Most of them spread the readings wider than a part."""
 
 OTHERS = (
     Way(DirectionsConvention, "the directions (dx, dy, dz) are reversed",
