@@ -24,7 +24,7 @@ from tanteo.posterior.findings import fits_size, scale_of
 from tanteo.posterior.mistakes import HANDS, OTHERS, Way
 from tanteo.posterior.prepared import prepare
 from tanteo.posterior.settings import DEFAULTS
-from tanteo.sensors import Readings, thinned
+from tanteo.sensors import Column, Readings, thinned
 from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
 
@@ -70,7 +70,7 @@ def about_conventions(
 
 def _is_of_size(readings: Readings, parts: Sequence[Part]) -> bool:
     """Whether points, where there are some, lie as far apart as those of one of the parts do."""
-    points = readings.points[np.isfinite(readings.points).all(axis=1)]
+    points = readings.points.values
     scale = scale_of(points, parts)
     return not len(points) or fits_size(scale.span, scale.sizes)
 
@@ -120,7 +120,7 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
 
 def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> MirrorQuestion | None:
     """Readings, some of which do not fit a part, that all fit its mirror image."""
-    if np.isfinite(readings.Ts_world_hand).any() or answer.best is None or not answer.best.outliers:
+    if readings.Ts_world_hand.given.any() or answer.best is None or not answer.best.outliers:
         return None
     part = part_named(parts, answer.best.part)
     if part is None:
@@ -149,14 +149,13 @@ def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask) -> Offset
     off, spread = sd * float(shared.mean[-1]), sd * float(np.sqrt(shared.covariance[-1, -1]))
     if abs(off) < DEFAULTS.search.gate * spread:
         return None
-    touched = bool(np.any(np.isfinite(readings.points)))
+    touched = bool(readings.points.given.any())
     return OffsetQuestion(*_fitting(found), off, touched)
 
 
 def _is_bare(readings: Readings) -> BoolArray:
     """Touches with neither direction nor normal ``(n,)``: an offset of theirs is noise, until the pose is known."""
-    aimed = np.isfinite(readings.directions).all(axis=1) | np.isfinite(readings.normals).all(axis=1)
-    return np.asarray(~aimed & np.isfinite(readings.points).all(axis=1))
+    return np.asarray(readings.points.given & ~readings.directions.given & ~readings.normals.given)
 
 
 def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Readings:
@@ -168,6 +167,5 @@ def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Reading
     part = part_named(parts, best.part)
     surface, T = prepare(part).surface, best.T_world_part
     found = surface.closest(SE3.apply(SE3.inverse(T), readings.points[bare]))
-    directions = np.array(readings.directions)
-    directions[bare] = -surface.normals[found.triangles] @ T[:3, :3].T
-    return replace(readings, directions=directions)
+    inwards = Column(bare, -surface.normals[found.triangles] @ T[:3, :3].T)
+    return replace(readings, directions=inwards.coalesce(readings.directions))
