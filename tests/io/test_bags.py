@@ -27,7 +27,7 @@ def test_ranges_are_placed_at_their_stamps(kind, tmp_path):
     assert np.allclose(readings.directions, Ts[:, :3, 0], atol=1e-6)
     expected = Ts[:, :3, 3] + np.array([0.2, 0.0, 0.3])[:, None] * Ts[:, :3, 0]
     assert np.allclose(readings.points, expected, atol=1e-6)
-    assert np.allclose(readings.ranges, [0.2, np.nan, 0.3], equal_nan=True)
+    assert np.allclose(readings.ranges.filled(np.nan), [0.2, np.nan, 0.3], equal_nan=True)
     assert readings.max_ranges[1] == pytest.approx(0.5)
     notes = " ".join(readings.notes)
     assert "taken from /range" in notes
@@ -123,7 +123,7 @@ def test_damaged_recordings_are_read_as_far_as_they_hold(kind, tmp_path):
     readings = read_readings(path)
     n = len(readings)
     assert 500 < n < 3000
-    assert {tuple(p) for p in readings.points.tolist()} < {tuple(p) for p in before.points.tolist()}
+    assert {tuple(p) for p in readings.points[:].tolist()} < {tuple(p) for p in before.points[:].tolist()}
     assert "is damaged" in readings.notes[0]
     assert "are lost" in readings.notes[0]
 
@@ -194,7 +194,7 @@ def test_a_clock_that_was_set_back_makes_stamps_doubtful(tmp_path):
     late = [(*row[:2], row[2] + 5, row[3]) for row in recording.rows[-6:]]  # the recorder has another clock
     recording.rows[-6:] = late
     readings = read_readings(recording.write(tmp_path))
-    assert readings.ranges.tolist() == pytest.approx([0.2])
+    assert readings.ranges[:].tolist() == pytest.approx([0.2])
     assert any("set back by 1.5 s" in note for note in readings.notes)
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Rotations, Transforms
 from tanteo.parts import METRES
-from tanteo.sensors import Readings
+from tanteo.sensors import Column, Readings
 from tanteo.words import HANDED
 from tanteo.words.findings import (  # fmt: skip
     Convention,
@@ -58,30 +59,33 @@ def _turned(change: Callable[[Rotations], Rotations]) -> Callable[[Readings], Re
 
 def _with_hands(readings: Readings, change: Callable[[Transforms], Transforms]) -> Readings | None:
     """Return readings with other poses of the hand; None if no range depends on them."""
-    known = np.isfinite(readings.Ts_world_hand).all(axis=(1, 2)) & np.isfinite(readings.ranges)
-    if not known.any():
+    hands = readings.Ts_world_hand
+    ranged = readings.ranges.given[hands.given]
+    if not ranged.any():
         return None
-    Ts = np.array(readings.Ts_world_hand)
-    Ts[known] = change(Ts[known])
-    return replace(readings, Ts_world_hand=Ts)
+    Ts = np.array(hands.values)
+    Ts[ranged] = change(Ts[ranged])
+    return replace(readings, Ts_world_hand=hands.map(lambda _: Ts))
 
 
 def _reversed(name: str) -> Callable[[Readings], Readings | None]:
     """Return a function that reverses a direction; it returns None where no reading has one."""
 
     def undo(readings: Readings) -> Readings | None:
-        values = getattr(readings, name)
-        return replace(readings, **{name: -values}) if np.isfinite(values).any() else None
+        column: Column = getattr(readings, name)
+        changed: dict[str, Any] = {name: column.map(np.negative)}
+        return replace(readings, **changed) if column.given.any() else None
 
     return undo
 
 
 def _mirrored(readings: Readings) -> Readings | None:
-    if np.isfinite(readings.Ts_world_hand).any():
+    if readings.Ts_world_hand.given.any():
         return None
-    return replace(
-        readings, **{name: getattr(readings, name) * _MIRROR for name in ("points", "directions", "normals")}
+    points, directions, normals = (
+        column.map(lambda v: v * _MIRROR) for column in (readings.points, readings.directions, readings.normals)
     )
+    return replace(readings, points=points, directions=directions, normals=normals)
 
 
 def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
@@ -89,10 +93,13 @@ def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
     factor = METRES[unit] / METRES[read]
 
     def undo(readings: Readings) -> Readings | None:
-        Ts = np.array(readings.Ts_world_hand)
+        Ts = np.array(readings.Ts_world_hand.values)
         Ts[:, :3, 3] *= factor
-        names = "points", "ranges", "max_ranges", "radii"
-        return replace(readings, Ts_world_hand=Ts, **{name: factor * getattr(readings, name) for name in names})
+        return replace(
+            readings, Ts_world_hand=readings.Ts_world_hand.map(lambda _: Ts), radii=factor * readings.radii,
+            points=readings.points.map(lambda v: factor * v), ranges=readings.ranges.map(lambda r: factor * r),
+            max_ranges=readings.max_ranges.map(lambda r: factor * r),
+        )  # fmt: skip
 
     return undo
 

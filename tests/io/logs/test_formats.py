@@ -178,7 +178,7 @@ def test_normals_count_when_their_spread_is_stated(tmp_path):
     readings = read_readings(path, units="mm", normal_sd=0.1)
     np.testing.assert_allclose(readings.normals, UP, atol=1e-6)
     np.testing.assert_allclose(readings.normal_sds, 0.1)
-    assert np.isnan(read_readings(path, units="mm").normal_sds).all()
+    assert not read_readings(path, units="mm").normal_sds.given.any()
 
 
 def test_an_unknown_format_lists_all(tmp_path):

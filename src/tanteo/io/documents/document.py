@@ -24,6 +24,7 @@ from tanteo.errors import InputError, UnitError, did_you_mean
 from tanteo.geometry.typing import FloatArray
 from tanteo.io.documents.schema import Numbers, Place, Table, fields_of, is_table, keys_of, numbers_of, show, unwrapped
 from tanteo.parts import read_whole
+from tanteo.sensors import Column
 
 T = TypeVar("T")
 
@@ -125,6 +126,8 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
         return raw
     if origin in (Union, types.UnionType):
         return _one_of(kinds, raw, place, name, factor)
+    if hint is Column:
+        return Column.from_rows(_array(raw, np.float64, numbers, place, name, factor))
     if is_table(hint):
         return table(hint, raw, place.inside(name))
     if origin is Mapping:

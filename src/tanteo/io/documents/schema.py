@@ -17,6 +17,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.io.readings.units import ANGLE_UNITS, LENGTH_UNITS
+from tanteo.sensors import Column
 
 _UNITS: Mapping[str, Mapping[str, float]] = {
     "length": LENGTH_UNITS, "angle": ANGLE_UNITS, "time": {"ms": 1e-3, "s": 1.0}, "rate": {"hz": 1.0},
@@ -264,6 +265,8 @@ def as_plain(value: Any) -> Any:
     Args:
         value: table, data class, array or plain value.
     """
+    if isinstance(value, Column):
+        return as_plain(value.filled(np.nan))
     if is_dataclass(value) or isinstance(value, Table):
         return {name: as_plain(getattr(value, name)) for name in fields_of(cast(Any, type(value)))}
     if isinstance(value, np.ndarray | np.generic):
