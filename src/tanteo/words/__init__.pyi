@@ -10,4 +10,5 @@ from .sentences import headline_of as headline_of
 from .sentences import message_of as message_of
 from .sentences import sentence as sentence
 from .sentences import size_advice as size_advice
+from .sentences.hand import acquisition_message as acquisition_message
 from .sentences.images import touch_words as touch_words

@@ -12,6 +12,7 @@ import pytest
 from tanteo.geometry import SE3
 from tanteo.render import Advance, AnswerNow, Choose, Click, Contest, Go, Pause, Player, Quit, Restart
 from tanteo.render.live import drawing
+from tanteo.words.findings import ChosenByUser
 from viewer_scenes import TRUE, Person, maker
 
 
@@ -80,7 +81,7 @@ def test_steps_and_pauses_change_nothing(targets, went):
 def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     person, (session, alone) = play(maker(targets), from_above(0.06, 0.02), Go(), Quit())
     first, *others = (step.action for step in session.steps)
-    assert [a.why == "it was chosen by hand" for a in (first, *others)] == [True, *[False] * len(others)]
+    assert [isinstance(a.reason, ChosenByUser) for a in (first, *others)] == [True, *[False] * len(others)]
     # where it was pointed at: the click's ray was vertical, and so is what it met
     np.testing.assert_allclose(first.origin[:2], SE3.apply(TRUE, [0.06, 0.02, 0.0])[:2], atol=5e-3)
     assert first.direction[2] < -0.95
@@ -140,7 +141,7 @@ def test_in_a_contest_the_places_are_the_persons(targets, went):
     wants = [Contest(), look(Advance()), *here, look(AnswerNow()), Quit()]
     person, (_, mine, planned) = play(maker(targets, tolerance=1e-5), *wants)
     assert arrows == [0, 0, 0, 0]
-    assert [step.action.why for step in mine.steps] == ["it was chosen by hand"] * 2
+    assert [step.action.reason for step in mine.steps] == [ChosenByUser()] * 2
     assert any("the places are yours: click" in said for said in person.said)
     assert any("The planner after 1: " in said and "sure, largest corner sd" in said for said in person.said)
     _, (alone,) = play(maker(targets, tolerance=1e-5), Go(), Quit())

@@ -18,6 +18,7 @@ from tanteo.render import Snapshot, probe_show
 from tanteo.render.live.commands import picked
 from tanteo.render.live.shows import NOISE, simulated
 from tanteo.sensors import Readings, measure
+from tanteo.words.findings import ChosenByUser
 from viewer_scenes import TRUE, maker
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -25,7 +26,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 def down(x, y, number=1):
     """A reading straight down from 200 mm."""
-    return Action(number, np.array([x, y, 0.2]), DOWN, 0.3, 0.1, "part", "face 1", np.nan, "")
+    return Action(number, np.array([x, y, 0.2]), DOWN, 0.3, 0.1, "part", "face 1", np.nan, ChosenByUser())
 
 
 @pytest.fixture(scope="module")

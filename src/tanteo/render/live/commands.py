@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import IntArray, Vectors
 from tanteo.planning import Action, Candidates, Probe, SensingState, Session, has_room, within_cone
-from tanteo.render.live.snapshot import BY_HAND
+from tanteo.words.findings import ChosenByUser
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number
     name = part.faces[face].name if face >= 0 else "a place beside it"
     return Action(
         number, ways.origins[0], ways.directions[0], probe.max_range, float(ways.ranges[0]), part.name, name, np.nan,
-        BY_HAND,
+        ChosenByUser(),
     )  # fmt: skip
 
 

@@ -36,6 +36,7 @@ from tanteo.render.live.contest import Rival
 from tanteo.render.live.primitives import Primitive
 from tanteo.render.live.shows import Show
 from tanteo.render.live.snapshot import Snapshot, by_hand, ending_words, result
+from tanteo.words.findings import EndedByUser
 
 _FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
 """Seconds between two pictures of a moving hand; between two places without a hand in real time; of one wait."""
@@ -111,7 +112,7 @@ class Player:
             return self._show.run(self)
         except Left as left:
             if isinstance(left.how, AnswerNow):
-                return Done(False, "It was ended here.")
+                return Done(False, (EndedByUser(),))
             raise
 
     def _begin(self) -> None:

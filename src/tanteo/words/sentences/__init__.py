@@ -1,6 +1,17 @@
 """Sentences of findings: what is found, its value, and what to do."""
 
-from tanteo.words.sentences import causes, images, input_checks, pairings, sessions, too_little, verdicts
+from tanteo.words.sentences import (
+    causes,
+    hand,
+    images,
+    input_checks,
+    pairings,
+    plans,
+    reasons,
+    sessions,
+    too_little,
+    verdicts,
+)
 from tanteo.words.sentences.base import details_of, headline_of, message_of, sentence
 from tanteo.words.sentences.input_checks import HANDED, size_advice
 
@@ -8,11 +19,14 @@ __all__ = [
     "HANDED",
     "causes",
     "details_of",
+    "hand",
     "headline_of",
     "images",
     "input_checks",
     "message_of",
     "pairings",
+    "plans",
+    "reasons",
     "sentence",
     "sessions",
     "size_advice",
