@@ -15,7 +15,7 @@ from tanteo.machines.protocol import ContactError, RefusedError, Sensed, Stopped
 from tanteo.machines.safe import SafeMachine
 from tanteo.machines.ways import Ways
 from tanteo.planning import Action, Done, Session, Step, largest_corner_sd
-from tanteo.words.findings import BeamsFree, NoFreePath, Stated
+from tanteo.words.findings import BeamsFree, NoClearPath, Stated
 
 _REFUSED = 25
 """Questions in a row that the machine cannot answer before the run ends."""
@@ -78,7 +78,7 @@ def probe_part(
         watch(turn)
         in_vain = in_vain + 1 if turn.step is None else 0
         if stopped or in_vain >= _REFUSED:
-            end = Stated(stopped) if stopped else NoFreePath("machine", last=True)
+            end = Stated(stopped) if stopped else NoClearPath("machine", last=True)
             return Probed(Done(False, (end,)), tuple(turns), stopped, resumed)
     return Probed(action, tuple(turns), "", resumed)
 

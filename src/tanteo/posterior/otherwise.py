@@ -83,7 +83,7 @@ def _about_ways(ways: Sequence[Way], readings: Readings, parts: Sequence[Part], 
             continue
         found = None if meant is None else _asked(ask, meant, parts)
         if found is not None and fits(found):
-            return way.finding(*_fitting(found), way.words, way.advice)
+            return way.finding(*_fitting(found), way.mistake)
     return None
 
 

@@ -67,9 +67,9 @@ class ActionTable(Table, frozen=True, kw_only=True, eq=False):
         if action is None:
             return None
         names = [name for name in cls.__struct_fields__ if name not in ("at", "why", "reason")]
-        stored = None
-        if action.reason.kind in REASONS:
-            stored = {"kind": action.reason.kind, "values": as_plain(action.reason)}
+        reason = action.reason
+        known = type(reason) in REASONS.values()
+        stored = {"kind": reason.kind, "values": as_plain(reason)} if known else None
         values = {name: getattr(action, name) for name in names}
         return cls(at=HERE, why=action.reason.message, reason=stored, **values)
 

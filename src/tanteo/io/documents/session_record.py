@@ -219,9 +219,10 @@ def resumed(
                 progress(k, len(record.observations))
             yield one.observation()
 
+    asked = None if record.asked is None else record.asked.action()
+    refused = [one.action() for one in record.refused]
     try:
-        asked = None if record.asked is None else record.asked.action()
-        session.resume(observations(), asked, [one.action() for one in record.refused], record.questions)
+        session.resume(observations(), asked, refused, record.questions)
     except InputError as error:
         raise InputError(f"{record.source}, observations[{len(session.steps)}]: {error}") from None
     return session

@@ -22,7 +22,7 @@ from tanteo.planning.session.values import Done, Step
 from tanteo.planning.state import SensingState
 from tanteo.sensors import RobotPreset
 from tanteo.words import Finding, message_of
-from tanteo.words.findings import BeamsFree, FurnitureMet, NoEcho, NoFreePath, NothingToAcquire
+from tanteo.words.findings import BeamsFree, FurnitureMet, NoClearPath, NoEcho, NothingToAcquire
 
 _TRIED = 4
 """Number of approach poses per beam for which a path is planned."""
@@ -138,7 +138,7 @@ def sense_part(
         watch(visits[-1])
         in_vain = in_vain + 1 if visits[-1].step is None else 0
         if in_vain >= _REFUSED:
-            action = Done(False, (NoFreePath("hand", last=True),))
+            action = Done(False, (NoClearPath("hand", last=True),))
             break
     return Executed(action, tuple(visits))
 
@@ -156,7 +156,7 @@ class _Run:
         stops = self._way(action)
         if stops is None:
             self.session.refuse(action)
-            return (), None, (NoFreePath("hand"),)
+            return (), None, (NoClearPath("hand"),)
         motions = self._go(stops)
         if action.acquires:
             return self._acquire(action, motions)

@@ -13,8 +13,8 @@ from tanteo.hand import Solid
 from tanteo.parts import Surface
 from tanteo.planning import Action, Done, SensingState, Session, Step
 from tanteo.render.html.shapes import Shapes, shapes_of
-from tanteo.render.html.words import headline, length
-from tanteo.words.findings import ChosenByUser
+from tanteo.render.html.words import headline
+from tanteo.words.findings import ChosenByUser, TruthWithin
 
 RIVAL_LAYERS = ("rival 1", "rival 2", "rival 3")
 """Layers of what else it may be, the likeliest first."""
@@ -133,7 +133,7 @@ def ending_words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterat
     yield headline(session.answer())
     yield done.message
     if len(session.state.weights) and truth:
-        yield f"No place of the true surface is farther from it than {length(apart(session, truth))}."
+        yield TruthWithin(apart(session, truth)).message
 
 
 def apart(session: Session, truth: Sequence[Solid]) -> float:

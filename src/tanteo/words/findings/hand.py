@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from tanteo.words.findings.base import Finding
 
@@ -402,7 +402,7 @@ class PlaceBeside(Finding):
 
     kind: ClassVar[str] = "place_beside"
     sds: float
-    shape: str
+    shape: Literal["line", "circle"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -486,7 +486,7 @@ class RimMetRarely(Finding):
 
     kind: ClassVar[str] = "rim_met_rarely"
     count: int
-    cause: str
+    cause: Literal["few", "spread", "open", "alone"]
     angle: float
 
 

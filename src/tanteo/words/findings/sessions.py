@@ -129,15 +129,15 @@ class NoPlaceReached(Finding):
 
 
 @dataclass(frozen=True, slots=True)
-class NoFreePath(Finding):
-    """Hand or machine has no free path to one reading, or to many readings in succession.
+class NoClearPath(Finding):
+    """Hand or machine has no clear path to one reading, or to many readings in succession.
 
     Attributes:
         device: what moves, ``hand`` or ``machine``.
         last: whether the run ends because of it.
     """
 
-    kind: ClassVar[str] = "no_free_path"
+    kind: ClassVar[str] = "no_clear_path"
     device: str
     last: bool = False
 

@@ -1,10 +1,12 @@
 """Sentences of findings: what is found, its value, and what to do."""
 
 from tanteo.words.sentences import (
+    calibrations,
     causes,
     hand,
     images,
     input_checks,
+    live,
     pairings,
     plans,
     reasons,
@@ -17,12 +19,14 @@ from tanteo.words.sentences.input_checks import HANDED, size_advice
 
 __all__ = [
     "HANDED",
+    "calibrations",
     "causes",
     "details_of",
     "hand",
     "headline_of",
     "images",
     "input_checks",
+    "live",
     "message_of",
     "pairings",
     "plans",

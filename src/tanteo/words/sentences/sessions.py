@@ -76,10 +76,13 @@ def _(one: f.NoPlaceReached) -> Words:
 
 
 @words_of.register
-def _(one: f.NoFreePath) -> Words:
+def _(one: f.NoClearPath) -> Words:
     if one.last:
-        return f"The {one.device} finds no free path to the readings that are worth making.", "Clear some space for it."
-    return f"There is no free path for the {one.device}.", ""
+        return (
+            f"The {one.device} finds no clear path to the readings that are worth making.",
+            "Clear some space for it.",
+        )
+    return f"There is no clear path for the {one.device}.", ""
 
 
 @words_of.register
