@@ -41,6 +41,7 @@ check: $(VENV)/.test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python benchmarks/language.py
 
 # pyright finds a package where it is installed, not where an editable one is imported from
 types: $(VENV)/.test

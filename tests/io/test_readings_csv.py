@@ -9,7 +9,6 @@ import pytest
 from tanteo.errors import InputError, ReadingsError, UnitError
 from tanteo.geometry import SE3, SO3
 from tanteo.io import pose_as_brand, read_readings, write_readings
-from tanteo.io.readings import readings_csv
 from tanteo.sensors import Readings
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -203,7 +202,7 @@ def test_pipes_are_refused(tmp_path):
 
 
 def test_the_line_is_right_in_a_later_chunk(tmp_path, monkeypatch):
-    monkeypatch.setattr(readings_csv, "CHUNK", 10)
+    monkeypatch.setattr("tanteo.io.readings.readings_csv.CHUNK", 10)
     rows = [f"r{i},{i},2,3" for i in range(57)]
     rows[43] = "r43,oops,2,3"
     path = file(tmp_path, "# one\nid,x_mm,y_mm,z_mm\n" + "\n".join(rows))
