@@ -142,7 +142,7 @@ def test_a_log_that_does_not_tell_ends_with_3_and_writes_nothing(run, tmp_path):
     result = run("sensor", "fit", log, "--write", out)
     assert result.code == 3
     assert result.out.startswith("insufficient")
-    assert "not told" in result.out
+    assert "undetermined" in result.out
     assert "was not written" in result.err
     assert not out.exists()
     quiet = run("sensor", "fit", log, "--json")

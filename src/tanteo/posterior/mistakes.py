@@ -12,7 +12,6 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Rotations, Transforms
 from tanteo.parts import METRES
 from tanteo.sensors import Column, Readings
-from tanteo.words import HANDED
 from tanteo.words.findings import (  # fmt: skip
     Convention,
     DirectionsConvention,
@@ -32,14 +31,12 @@ class Way:
 
     Attributes:
         finding: type of the finding.
-        words: interpretation in words, after "if".
-        advice: what the user should do.
-        undo: function that returns the readings in this interpretation; None where it does not apply.
+        mistake: name of the other convention.
+        undo: function that returns the readings in this convention; None where it does not apply.
     """
 
     finding: type[Convention]
-    words: str
-    advice: str
+    mistake: str
     undo: Callable[[Readings], Readings | None]
 
 
@@ -127,32 +124,32 @@ def _of_angles(R: Rotations) -> Rotations:
     return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
 
 
-_POSES = "Check the columns of the hand's pose."
+def _of_degrees(R: Rotations) -> Rotations:
+    """Return the rotations of vectors in radians that were read as degrees."""
+    return SO3.exp(np.degrees(SO3.log(R)))
+
 
 HANDS = (
-    Way(HandConvention, "the hand's quaternions are in the order x y z w", _POSES, _turned(_order(1))),
-    Way(HandConvention, "the hand's quaternions are in the order w x y z", _POSES, _turned(_order(-1))),
-    Way(HandConvention, "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
+    Way(HandConvention, "quaternion_xyzw", _turned(_order(1))),
+    Way(HandConvention, "quaternion_wxyz", _turned(_order(-1))),
+    Way(HandConvention, "pose_inverted",
         lambda readings: _with_hands(readings, SE3.inverse)),
-    Way(HandConvention, "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
-    Way(HandConvention, "the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES,
+    Way(HandConvention, "rotation_transposed", _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Way(HandConvention, "rotation_vector",
         _turned(_of_vector)),
-    Way(HandConvention, "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES,
+    Way(HandConvention, "roll_pitch_yaw",
         _turned(_of_angles)),
-    Way(HandConvention, "the hand's angles are in radians, not degrees", _POSES,
-        _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
+    Way(HandConvention, "radians", _turned(_of_degrees)),
 )  # fmt: skip
 """Usual mistakes in poses of the hand. Most of them spread the readings wider than a part."""
 
 OTHERS = (
-    Way(DirectionsConvention, "the directions (dx, dy, dz) are reversed",
-        "They are meant to point into the material, as the sensor looks or the tip moves.", _reversed("directions")),
-    Way(NormalsConvention, "the normals (nx, ny, nz) are reversed",
-        "The normals are meant to point out of the material.", _reversed("normals")),
-    Way(UnitsConvention, "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer("in", "mm")),
-    Way(UnitsConvention, "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer("mm", "in")),
-    Way(UnitsConvention, "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer("mm", "m")),
-    Way(UnitsConvention, "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer("m", "mm")),
-    Way(MirrorConvention, "they are seen in a mirror", HANDED, _mirrored),
+    Way(DirectionsConvention, "directions_reversed", _reversed("directions")),
+    Way(NormalsConvention, "normals_reversed", _reversed("normals")),
+    Way(UnitsConvention, "inches_not_millimetres", _longer("in", "mm")),
+    Way(UnitsConvention, "millimetres_not_inches", _longer("mm", "in")),
+    Way(UnitsConvention, "millimetres_not_metres", _longer("mm", "m")),
+    Way(UnitsConvention, "metres_not_millimetres", _longer("m", "mm")),
+    Way(MirrorConvention, "mirrored", _mirrored),
 )  # fmt: skip
 """Other usual mistakes."""

@@ -94,7 +94,7 @@ def _about_ways(
             continue
         found = None if meant is None else _asked(ask, meant, parts)
         if found is not None and fits(found, settings):
-            return way.finding(*_fitting(found), way.words, way.advice)
+            return way.finding(*_fitting(found), way.mistake)
     return None
 
 

@@ -16,6 +16,7 @@ from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
 from tanteo.posterior import goodness_of_fit, what_limits
 from tanteo.sensors import Column, PointMeasurements, Readings
+from tanteo.words.findings import SharedErrorLimits
 
 _TURNED, _STILL = 0.3, 0.1
 """Where directions differ by so much [rad] and hands by such a share of it, the hand is not turned to the approach."""
@@ -54,13 +55,12 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
     return ahead
 
 
-def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> str:
-    """A sentence on the shared error that limits the answer; empty if none does."""
+def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> SharedErrorLimits | None:
+    """Return the shared error that limits the answer, or None."""
     if readings is None or not state.modes:
-        return ""
+        return None
     measured = measured_by(sensing, probe, readings)
-    found = what_limits(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
-    return "" if found is None else found.message
+    return what_limits(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
 
 
 def measured_by(sensing: Sensing, probe: Probe, readings: Readings) -> PointMeasurements:

@@ -19,6 +19,8 @@ from tanteo.planning.session.action import Action
 from tanteo.planning.state import SensingState
 from tanteo.planning.whole import WholeFeature
 from tanteo.sensors import Column, Readings
+from tanteo.words import Finding
+from tanteo.words.findings import MostInformation, RepeatedNames
 
 _OF_A_QUESTION = re.compile(r"a\d+")
 """Names of readings that answer questions."""
@@ -33,7 +35,7 @@ def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
     part, expected = context.state.target(int(c.mode[k])).part, float(c.ranges[k] - _short(context, k))
     return Action(
         number, c.origins[k], c.directions[k], context.probe.max_range, expected, part.name,
-        part.faces[c.face[k]].name, choice.gain, choice.why, context.probe.radius,
+        part.faces[c.face[k]].name, choice.gain, choice.reason, context.probe.radius,
     )  # fmt: skip
 
 
@@ -41,10 +43,9 @@ def whole_action(state: SensingState, one: WholeFeature, gain: float, number: in
     """The question of that number that has a feature acquired whole."""
     down = -one.T_world_feature[:3, 2]
     expected = float((one.T_world_feature[:3, 3] - one.origin) @ down)
-    why = f"it is expected to tell {gain:.2f} nats about part and pose"
     return Action(
-        number, one.origin, down, 2 * expected, expected, state.target(one.mode).part.name, one.name, gain, why,
-        acquires=one.kind,
+        number, one.origin, down, 2 * expected, expected, state.target(one.mode).part.name, one.name, gain,
+        MostInformation(gain), acquires=one.kind,
     )  # fmt: skip
 
 
@@ -97,8 +98,8 @@ def answers(readings: Readings, action: Action) -> bool:
     return bool(np.any(there & (turned <= _LIKE) & ~others))  # a reading without direction counts as along the question
 
 
-def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, str]:
-    """The readings that are new, named so that no name comes twice; and what was done about names."""
+def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, tuple[Finding, ...]]:
+    """Return the new readings with unique names, or None without any, and a remark on repeated names."""
     known = {name: (r, k) for r in before for k, name in enumerate(r.ids)}
     taken = {*known, *readings.ids}
     keep, names = list[int](), list[str]()
@@ -115,15 +116,12 @@ def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readin
             renamed.append(new)
         keep.append(k)
         names.append(new)
-    notes = [f"{', '.join(again)}: told before"] if again else []
-    notes += (
-        [f"{', '.join(corrected)}: told before with other errors, radius or normal, which hold"] if corrected else []
-    )
-    notes += [f"{', '.join(renamed)}: named anew, as the name was taken"] if renamed else []
+    some = again or corrected or renamed
+    remarks = (RepeatedNames(tuple(again), tuple(corrected), tuple(renamed)),) if some else ()
     if not keep:
-        return None, "; ".join(notes)
+        return None, remarks
     fresh = readings if len(keep) == len(readings) else readings.take(np.array(keep))
-    return fresh if not renamed else replace(fresh, ids=tuple(names)), "; ".join(notes)
+    return fresh if not renamed else replace(fresh, ids=tuple(names)), remarks
 
 
 _WHERE = "points", "directions", "ranges", "Ts_world_hand", "max_ranges", "is_free"
