@@ -113,7 +113,7 @@ WORDS = {
     r"stranger|strangers": "unknown object",
     r"unkind|honest|honesty|honestly": "calibrated",
     r"anew": "again",
-    r"amongst|whilst|thereof|therein|hence|thus": "among, while, so",
+    r"amongst|whilst|thereof|therein": "among, while, of it, in it",
     r"thing|things": "name the object",
 }
 """Words that plain technical English avoids in this field, and what to write instead."""
@@ -171,7 +171,7 @@ OPTIONS = (
 _WORD = re.compile(rf"(?<![\w`.-])(?:{'|'.join(WORDS)})(?![\w`]|-[a-z]|\()", re.IGNORECASE)
 _FRAGMENT = re.compile(rf"\b(?:{'|'.join(FRAGMENTS)})\b", re.IGNORECASE)
 _ALLOWED = re.compile(r"door opener|closed world|look-up table", re.IGNORECASE)
-_CODE = re.compile(r"``.*?``|`[^`]*`|:\w+:`[^`]*`|\]\([^)]*\)|https?://\S+|\$[^$]*\$", re.DOTALL)
+_CODE = re.compile(r"\$\$.*?\$\$|``.*?``|`[^`]*`|:\w+:`[^`]*`|\]\([^)]*\)|https?://\S+|\$[^$]*\$", re.DOTALL)
 _PARTS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 
 
@@ -394,7 +394,7 @@ def main() -> None:
         for name, count in sorted(Counter(group_of(one.path) for one in found).items()):
             print(f"{count:5d} {name}")
     else:
-        print(*found, sep="\n")
+        print("".join(f"{one}\n" for one in found), end="")
     sys.exit(bool(found) and not options.counts)
 
 
