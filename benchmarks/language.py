@@ -69,17 +69,15 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/bench",
     #
-    "docs",
+    "docs/decisions/0087-an-image-is-a-factor-of-the-one-posterior.md",
     #
-    "README.md",
+    "docs/notebooks",
     #
-    "CHANGELOG.md",
+    "docs/pictures",
+    #
+    "docs/conf.py",
     #
     "ARCHITECTURE.md",
-    #
-    "CONTRIBUTING.md",
-    #
-    "Makefile",
     #
     "examples",
     #
@@ -303,6 +301,10 @@ def findings(path: Path) -> list[Finding]:
         found = cpp_findings(source)
     elif path.suffix == ".pyi":
         found = ((n, m) for line, text in _comments(source) for n, m in ((line + k, w) for k, w in words_of(text)))
+    elif path.name == "Makefile":
+        found = page_findings(
+            "\n".join(line.lstrip("# ") if line.startswith("#") else "" for line in source.splitlines())
+        )
     else:
         found = page_findings(source)
     out = [Finding(name, line, text) for line, text in found]
@@ -361,7 +363,9 @@ def files(paths: list[Path]) -> Iterator[Path]:
     listed = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()
     for name in sorted(set(listed)):
         path = ROOT / name
-        if path.is_file() and (path.suffix in (".py", ".pyi", ".cpp", ".hpp", ".md") or path.name == "Makefile"):
+        if path.is_file() and (
+            path.suffix in (".py", ".pyi", ".cpp", ".hpp", ".md", ".rst") or path.name == "Makefile"
+        ):
             yield path
 
 
