@@ -200,7 +200,7 @@ worker.main()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit it")
-def test_a_limit_counts_processor_time_and_not_how_busy_the_machine_is(folder, monkeypatch):
+def test_a_busy_machine_does_not_shorten_the_time_limit(folder, monkeypatch):
     from tanteo.catalogue import pool
 
     monkeypatch.setattr(pool, "LEAST_SECONDS", 0.5)

@@ -254,7 +254,7 @@ def test_topics_are_of_recordings_only(tmp_path):
         read_readings(tmp_path / "r.csv", world="base")
 
 
-def test_a_message_without_a_field_of_its_type_is_refused_by_name():
+def test_a_message_without_a_field_is_refused_by_name():
     messages = io.RosMessages(kinds={"/range": io.RANGE})
     stamp = SimpleNamespace(sec=1, nanosec=0)
     header = SimpleNamespace(stamp=stamp, frame_id="tof")

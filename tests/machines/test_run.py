@@ -174,7 +174,7 @@ def test_a_line_that_was_cut_was_never_read(tmp_path, block):
         '{"question": 1, "start_m": [0, 0, 0], "direction": [0, 0, -1], "distance_m": -1, "reach_m": 0.05}',
     ],
 )
-def test_a_journal_line_that_is_no_reading_is_refused_with_its_number(tmp_path, row):
+def test_a_journal_line_without_a_reading_is_refused(tmp_path, row):
     journal = Journal(tmp_path / "run.json")
     journal.path.write_text(f"{row}\n\n")
     with pytest.raises(InputError, match="line 1: expected a reading"):

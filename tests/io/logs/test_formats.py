@@ -195,7 +195,7 @@ ENDS = {"fusion": "END", "dmis": "ENDFIL", "fanuc": "/END", "kuka": "ENDDAT", "a
 
 
 @pytest.mark.parametrize("case", ENDS)
-def test_a_log_without_its_end_says_so_and_one_that_ends_in_a_number_is_refused(tmp_path, case):
+def test_a_log_that_breaks_off_is_noted_or_refused(tmp_path, case):
     _, content, options = CASES[case]
     whole = content if ENDS[case] in content.split() else f"{content}{ENDS[case]}\n"
     notes = read_readings(save(tmp_path, whole), **options).notes
@@ -216,7 +216,7 @@ def test_an_excerpt_without_a_start_needs_no_end(tmp_path):
     assert not any("cut off" in note for note in read_readings(save(tmp_path, poses), radius=0.0).notes)
 
 
-def test_a_height_map_that_broke_off_keeps_its_grid_lines_out_of_the_points(tmp_path):
+def test_an_interrupted_height_map_keeps_its_grid(tmp_path):
     grid = "0 20 3\n0 10 2\n-5 5 100\n"
     points = [(x, y, -1.5) for y in (0, 10) for x in (0, 10, 20)]
     for count in (6, 4):
