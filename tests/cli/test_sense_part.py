@@ -189,5 +189,5 @@ def test_a_record_that_cannot_be_written_does_not_cost_answer(sense, tmp_path, m
     code, out, err = sense("--max-measurements", "2", "--record", str(tmp_path / "r.json"))
     assert code == 1
     assert out.startswith(("bracket_", "ambiguous", "insufficient"))
-    assert err.count("disk full. Choose another folder. Sensing goes on.") == 1
+    assert err.count("disk full. Choose another folder. Sensing continues.") == 1
     assert err.count("error: --record") == 1
