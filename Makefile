@@ -13,6 +13,7 @@ VENV   ?= .venv
 BIN     = $(VENV)/bin
 TESTS   = -m "not slow"
 PIP     = $(BIN)/python -m pip --disable-pip-version-check
+WORKERS = $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 # The core is built with tools in $(VENV), in a folder that stays, so that building again compiles only what changed.
 CORE    = CMakeLists.txt $(wildcard src/tanteo/_core/*.cpp src/tanteo/_core/*.hpp src/tanteo/_core/*/*.cpp src/tanteo/_core/*/*.hpp)
@@ -52,10 +53,10 @@ types: $(VENV)/.test
 	venv/bin/python -c 'import json, sys; score = json.load(sys.stdin)["typeCompleteness"]["completenessScore"]; \
 	print(f"{score:.1%} of the symbols have types"); sys.exit(score < 0.99)'
 
-# every worker is a process of its own: more threads than that only wait for each other; screenshots stay in build
+# A worker is a process of one thread. Some tests wait, so there is one worker more than processors. Screenshots stay in build.
 unit: $(VENV)/.test
 	PATH="$(abspath $(BIN)):$$PATH" TANTEO_SCREENSHOTS="$(CURDIR)/build/screenshots" \
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal $(TESTS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
 # LinuxCNC's interpreter is unpacked, not installed
 OTHERS = $(abspath $(VENV))/others

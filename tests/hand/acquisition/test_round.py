@@ -44,6 +44,7 @@ def test_a_plain_face_has_no_bore():
     assert "no bore" in got.message
 
 
+@pytest.mark.slow
 def test_a_slot_is_no_bore():
     mesh = plate(slot(0.012, 0.024))
     got, _ = sensed("circle", round_task(np.random.default_rng(2), radius=0.012, standoff=0.02, mesh=mesh, wrong=NEAR))
