@@ -111,7 +111,7 @@ def test_readings_in_inches_are_named():
     part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/bracket_left.step")
     readings = tanteo.read_readings(Path(__file__).parents[1] / "examples/readings/bracket_left.csv")
     columns = {name: getattr(readings, name) for name in ("directions", "sds", "features", "kinds")}
-    wrong = tanteo.Readings.from_columns(points=readings.points / 25.4, **columns)
+    wrong = tanteo.Readings.from_columns(points=readings.points[:] / 25.4, **columns)
     assert "units" in [one.kind for one in tanteo.locate(wrong, part).findings]
 
 

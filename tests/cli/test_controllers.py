@@ -139,7 +139,7 @@ def test_a_planned_program_finds_the_part_again(run, models, tmp_path, controlle
     got = run(*PLAN, "--pose-prior", PRIOR, "--program", controller)
     assert got.code == 0
     assert got.out.startswith("(tanteo plan")
-    assert "readings bring all corners" in got.err
+    assert "readings place all corners" in got.err
     T_expected = SE3.from_parts(SO3.axis_rotation(2, np.radians(33)), np.array([0.42, -0.13, 0.035]))
     total = 0.0
     for seed in range(3):

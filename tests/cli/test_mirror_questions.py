@@ -116,7 +116,7 @@ def test_normals_that_point_into_the_material_are_asked_about(run, tmp_path):
             "\n".join(["x_mm,y_mm,z_mm,dx,dy,dz,nx,ny,nz,normal_sd_deg,sd_mm", *[f"{x},1,0.1" for x in lines]])
         )
         result = run("locate", file, "--part", part.source)
-        assert ("normals are meant to point out of the material" in result.err) == said
+        assert ("normals have to point out of the material" in result.err) == said
 
 
 @pytest.mark.parametrize(("left_aside", "asked"), [((), True), (("3",), False)])

@@ -34,7 +34,7 @@ def test_it_ends_with_name_place_and_cost_in_words(run, tmp_path):
         words in page for words in ("bracket_left, located to", "How it went", "Least clearance", "all readings share")
     )
     assert out.startswith("bracket_left at x ")
-    assert "Enough: it is bracket_left (P " in out
+    assert "The goal is reached. It is bracket_left (" in out
     readings = read_readings(record)
     assert f"  cost        {len(readings)} readings, " in out
     assert "clearance" in out
@@ -71,7 +71,7 @@ def test_json_is_one_document_and_the_record_gives_it_again(sense, tmp_path):
 def test_what_is_not_reached_exits_with_three(sense):
     code, out, _ = sense("--max-measurements", "1", "--tolerance", "1mm")
     assert code == 3
-    assert "1 readings were asked for at most" not in out
+    assert "1 were allowed" not in out
     assert "1 reading was asked for at most" in out
 
 
