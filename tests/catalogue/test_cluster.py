@@ -28,7 +28,8 @@ def fatal(k):
 def wrong(k):
     raise ZeroDivisionError("of its own")
 def listening(k):
-    rows = [line.split() for name in ("tcp", "tcp6") for line in open(f"/proc/net/{name}")]
+    from pathlib import Path
+    rows = [line.split() for name in ("tcp", "tcp6") for line in Path(f"/proc/net/{name}").read_text().splitlines()]
     return sorted(row[1] for row in rows if row[3] == "0A")
 """
 
