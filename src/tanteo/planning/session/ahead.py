@@ -14,7 +14,7 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.session.values import Sensing
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
-from tanteo.posterior import goodness_of_fit, what_limits
+from tanteo.posterior import dominant_shared_error, goodness_of_fit
 from tanteo.sensors import PointMeasurements, Readings
 
 _TURNED, _STILL = 0.3, 0.1
@@ -59,7 +59,7 @@ def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: Sen
     if readings is None or not state.modes:
         return ""
     measured = measured_by(sensing, probe, readings)
-    found = what_limits(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
+    found = dominant_shared_error(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
     return "" if found is None else found.message
 
 

@@ -26,14 +26,14 @@ _MIRROR = np.array([1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """Another interpretation of the numbers.
+class Mistake:
+    """Usual mistake of convention in readings.
 
     Attributes:
         finding: type of the finding.
-        words: interpretation in words, after "if".
+        words: what the author meant, after "if".
         advice: what the user should do.
-        undo: function that returns the readings in this interpretation; None where it does not apply.
+        undo: function that returns the readings without the mistake; None where it does not apply.
     """
 
     finding: type[Convention]
@@ -123,29 +123,29 @@ def _of_angles(R: Rotations) -> Rotations:
 _POSES = "Check the columns of the hand's pose."
 
 HANDS = (
-    Way(HandConvention, "the hand's quaternions are in the order x y z w", _POSES, _turned(_order(1))),
-    Way(HandConvention, "the hand's quaternions are in the order w x y z", _POSES, _turned(_order(-1))),
-    Way(HandConvention, "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
+    Mistake(HandConvention, "the hand's quaternions are in the order x y z w", _POSES, _turned(_order(1))),
+    Mistake(HandConvention, "the hand's quaternions are in the order w x y z", _POSES, _turned(_order(-1))),
+    Mistake(HandConvention, "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
         lambda readings: _with_hands(readings, SE3.inverse)),
-    Way(HandConvention, "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
-    Way(HandConvention, "the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES,
+    Mistake(HandConvention, "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Mistake(HandConvention, "the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES,
         _turned(_of_vector)),
-    Way(HandConvention, "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES,
+    Mistake(HandConvention, "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES,
         _turned(_of_angles)),
-    Way(HandConvention, "the hand's angles are in radians, not degrees", _POSES,
+    Mistake(HandConvention, "the hand's angles are in radians, not degrees", _POSES,
         _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
 )  # fmt: skip
 """Usual mistakes in poses of the hand. Most of them spread the readings wider than a part."""
 
 OTHERS = (
-    Way(DirectionsConvention, "the directions (dx, dy, dz) are reversed",
+    Mistake(DirectionsConvention, "the directions (dx, dy, dz) are reversed",
         "They are meant to point into the material, as the sensor looks or the tip moves.", _reversed("directions")),
-    Way(NormalsConvention, "the normals (nx, ny, nz) are reversed",
+    Mistake(NormalsConvention, "the normals (nx, ny, nz) are reversed",
         "The normals are meant to point out of the material.", _reversed("normals")),
-    Way(UnitsConvention, "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer("in", "mm")),
-    Way(UnitsConvention, "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer("mm", "in")),
-    Way(UnitsConvention, "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer("mm", "m")),
-    Way(UnitsConvention, "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer("m", "mm")),
-    Way(MirrorConvention, "they are seen in a mirror", HANDED, _mirrored),
+    Mistake(UnitsConvention, "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer("in", "mm")),
+    Mistake(UnitsConvention, "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer("mm", "in")),
+    Mistake(UnitsConvention, "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer("mm", "m")),
+    Mistake(UnitsConvention, "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer("m", "mm")),
+    Mistake(MirrorConvention, "they are seen in a mirror", HANDED, _mirrored),
 )  # fmt: skip
 """Other usual mistakes."""
