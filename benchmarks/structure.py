@@ -458,7 +458,22 @@ def figures(checkout: Checkout, *, trace: bool = True) -> dict[str, int]:
     out["code lines of C++"] = sum(
         cpp_lines(p.read_text()) for p in checkout.src.rglob("*") if p.suffix in (".cpp", ".hpp")
     )
-    return out
+    return out | page_figures(checkout.root)
+
+
+def page_words(page: str) -> int:
+    """Return the number of words of a page in Markdown, without code blocks, formulas and targets of links."""
+    text = re.sub(r"^```.*?^```$", "", page, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\$\$.*?\$\$|\$[^$\n]*\$", " ", text, flags=re.DOTALL)
+    text = re.sub(r"\]\([^)\s]*\)", "]", text)
+    return sum(bool(re.search("[A-Za-z]", word)) for word in text.split())
+
+
+def page_figures(root: Path) -> dict[str, int]:
+    """Return the words of the pages in ``docs``, and the number of decisions with a page of their own."""
+    pages = sorted((root / "docs").rglob("*.md"))
+    live = [page for page in pages if re.match(r"\d{4}-", page.name)]
+    return {"words of docs": sum(page_words(page.read_text()) for page in pages), "live decisions": len(live)}
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ MOST = {
     "kinds asked for in Python": 2,
     "files that ask for kinds in Python": 1,
     "code lines of Python in the judged packages": 10182,
-    "code lines of C++": 9530,
+    "code lines of C++": 9550,
 }
 """Largest accepted figures: the numbers may fall."""
 

@@ -127,7 +127,7 @@ def identify(
             measured, parts, tolerance=tolerance, significance=significance, top=top, seed=seed, placed=placed,
             seconds=time.perf_counter() - start,
         )  # fmt: skip
-    points = as_contact_points(measured, tolerance, readings.ranges[measured.rows])
+    points = as_contact_points(measured, tolerance, readings.ranges.take(measured.rows))
     rays = as_free_rays(measured, tolerance)
     elapsed = time.perf_counter() - start
     all_factors = (*factors, *_factors(views, measured.points, parts, priors))
@@ -215,7 +215,7 @@ def _with_noise_factor(
         return priors
     if unstated is not None:
         return replace(priors, noise_factor=STATED["unstated"])
-    typed = sd is not None or bool(np.isfinite(readings.sds).any()) or sensor is None
+    typed = sd is not None or bool(readings.sds.given.any()) or sensor is None
     return replace(priors, noise_factor=STATED["typed" if typed else "preset"])
 
 

@@ -176,7 +176,7 @@ def test_what_is_known_of_the_whole_is_looked_at_first(catalogue):
     assert (odds[list(chosen.known)] > 0).all()  # the others are not looked at
     assert chosen.discount < -2
     everything = candidate_pruning.screen(question(points, every), every, odds, every=True)
-    assert (everything.aside, 41 in everything.rows) == (0, True)
+    assert (everything.pruned_by_properties, 41 in everything.rows) == (0, True)
 
 
 def test_a_part_is_found_though_the_whole_object_misleads(catalogue):

@@ -210,9 +210,7 @@ def _beginning(path: str) -> str:
         return text_file.read(20_000)
 
 
-def _questioned(
-    answer: posterior.Answer, given: Given, ask: posterior.Search, *, placed: bool
-) -> posterior.Answer:
+def _questioned(answer: posterior.Answer, given: Given, ask: posterior.Search, *, placed: bool) -> posterior.Answer:
     """The answer with what was probably meant otherwise as its last finding, of which a person is warned."""
     if given.doubted:
         return answer

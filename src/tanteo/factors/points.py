@@ -11,7 +11,7 @@ import numpy as np
 from tanteo import _core
 from tanteo.factors.factor import Factor, MeasuredRow, SensedDirection, compile_factors, factor_class
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Indices, IntArray, Vectors
-from tanteo.sensors import PointMeasurements
+from tanteo.sensors import Column, PointMeasurements
 
 _BESIDE, _ALONG = 1e-3, float(np.cos(np.radians(1)))
 """Readings are of one beam if they are no farther beside each other [m], and by the cosine of their directions."""
@@ -207,14 +207,14 @@ def surface_points(
 
 
 def as_contact_points(
-    measured: PointMeasurements, tolerance: float = 0.0, reach: FloatArray | None = None
+    measured: PointMeasurements, tolerance: float = 0.0, reach: Column | None = None
 ) -> ContactPoints:
     """Return measurements as factors; beams are a little blunt (decision 54).
 
     Args:
         measured: points in the world.
         tolerance: standard deviation of the made surface against its CAD [m].
-        reach: known length of the free-space ray before each point ``(n,)`` [m]: the range of a beam.
+        reach: lengths of the free-space rays before the points ``(n,)`` [m]: the ranges of beams.
 
     Raises:
         InputError: a ball's contact with an edge or corner, which may be anywhere on it.
@@ -224,7 +224,7 @@ def as_contact_points(
     # how a device came to a centre tells nothing of it
     directions = np.where(on_surface[:, None], np.nan_to_num(measured.directions), 0.0)
     covs = _blunt(independent, directions) + tolerance**2 * np.eye(3)
-    reach = np.zeros(len(measured)) if reach is None else np.where(on_surface, np.nan_to_num(reach), 0.0)
+    lengths = np.zeros(len(measured)) if reach is None else reach.only(on_surface).filled(0.0)
     normal_sds = np.nan_to_num(measured.normal_sds, nan=np.pi)
     factors = list[Factor]()
     for k, kind in enumerate(measured.kinds):
@@ -233,7 +233,7 @@ def as_contact_points(
             measured.features[k], kind, points[k], covs[k], float(radii[k]),
             directions[k] if directions[k].any() else None,
             SensedDirection(measured.normals[k], float(normal_sds[k])) if sensed else None,
-            float(reach[k]), measured.sizes[k], measured.material_sides[k],
+            float(lengths[k]), measured.sizes[k], measured.material_sides[k],
         )  # fmt: skip
         factors.append(factor_class(kind).from_row(row))
     return ContactPoints(

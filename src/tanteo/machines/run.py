@@ -15,6 +15,7 @@ from tanteo.machines.protocol import ContactError, RefusedError, Sensed, Stopped
 from tanteo.machines.safe import SafeMachine
 from tanteo.machines.ways import Ways
 from tanteo.planning import Action, Done, Session, Step, largest_corner_sd
+from tanteo.words.findings import BeamsFree, NoClearPath, Stated
 
 _REFUSED = 25
 """Questions in a row that the machine cannot answer before the run ends."""
@@ -77,8 +78,8 @@ def probe_part(
         watch(turn)
         in_vain = in_vain + 1 if turn.step is None else 0
         if stopped or in_vain >= _REFUSED:
-            why = stopped or "The machine finds no way to the places that are worth it: give it more room."
-            return Probed(Done(False, why), tuple(turns), stopped, resumed)
+            end = Stated(stopped) if stopped else NoClearPath("machine", last=True)
+            return Probed(Done(False, (end,)), tuple(turns), stopped, resumed)
     return Probed(action, tuple(turns), "", resumed)
 
 
@@ -120,7 +121,7 @@ class _Run:
             if self.sensed is not None:  # it stopped on the way back: the reading was made, and it counts
                 self._tell(action, self.sensed)
             raise
-        return Turn(action, sensed, self._tell(action, sensed), "" if sensed.met else "nothing met")
+        return Turn(action, sensed, self._tell(action, sensed), "" if sensed.met else BeamsFree().message)
 
     def _tell(self, action: Action, sensed: Sensed) -> Step:
         step = self.session.tell(reading_of(action, sensed), action)

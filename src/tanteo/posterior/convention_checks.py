@@ -24,7 +24,7 @@ from tanteo.posterior.conventions import HANDS, OTHERS, Mistake
 from tanteo.posterior.findings import fits_size, scale_of
 from tanteo.posterior.prepared import prepare
 from tanteo.posterior.settings import DEFAULTS, Settings
-from tanteo.sensors import Readings, thinned
+from tanteo.sensors import Column, Readings, thinned
 from tanteo.words import Finding
 from tanteo.words.findings import Convention, MirrorConvention, MirrorQuestion, OffsetQuestion, UnitsConvention
 
@@ -79,7 +79,7 @@ def about_conventions(
 
 def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -> bool:
     """Whether points, where there are some, lie as far apart as those of one of the parts do."""
-    points = readings.points[np.isfinite(readings.points).all(axis=1)]
+    points = readings.points.values
     scale = scale_of(points, parts)
     return not len(points) or fits_size(scale.span, scale.sizes, settings.checks)
 
@@ -94,7 +94,7 @@ def _about_ways(
             continue
         found = None if meant is None else _asked(ask, meant, parts)
         if found is not None and fits(found, settings):
-            return way.finding(*_fitting(found), way.words, way.advice)
+            return way.finding(*_fitting(found), way.mistake)
     return None
 
 
@@ -131,7 +131,7 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
 
 def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Search) -> MirrorQuestion | None:
     """Return that all readings fit the mirror image of a part, if some do not fit the part; None if not."""
-    if np.isfinite(readings.Ts_world_hand).any() or answer.best is None or not answer.best.outliers:
+    if readings.Ts_world_hand.given.any() or answer.best is None or not answer.best.outliers:
         return None
     part = part_named(parts, answer.best.part)
     if part is None:
@@ -160,14 +160,13 @@ def _about_offset(readings: Readings, parts: Sequence[Part], ask: Search, settin
     off, spread = sd * float(shared.mean[-1]), sd * float(np.sqrt(shared.covariance[-1, -1]))
     if abs(off) < settings.search.gate * spread:
         return None
-    touched = bool(np.any(np.isfinite(readings.points)))
+    touched = bool(readings.points.given.any())
     return OffsetQuestion(*_fitting(found), off, touched)
 
 
 def _is_bare(readings: Readings) -> BoolArray:
     """Return which touches have neither direction nor normal ``(n,)``: for them an offset is noise at first."""
-    aimed = np.isfinite(readings.directions).all(axis=1) | np.isfinite(readings.normals).all(axis=1)
-    return np.asarray(~aimed & np.isfinite(readings.points).all(axis=1))
+    return np.asarray(readings.points.given & ~readings.directions.given & ~readings.normals.given)
 
 
 def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Readings:
@@ -179,6 +178,5 @@ def _aimed(answer: Answer, readings: Readings, parts: Sequence[Part]) -> Reading
     part = part_named(parts, best.part)
     surface, T = prepare(part).surface, best.T_world_part
     found = surface.closest(SE3.apply(SE3.inverse(T), readings.points[bare]))
-    directions = np.array(readings.directions)
-    directions[bare] = -surface.normals[found.triangles] @ T[:3, :3].T
-    return replace(readings, directions=directions)
+    inwards = Column(bare, -surface.normals[found.triangles] @ T[:3, :3].T)
+    return replace(readings, directions=inwards.coalesce(readings.directions))

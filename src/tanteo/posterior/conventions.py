@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Rotations, Transforms
 from tanteo.parts import METRES
-from tanteo.sensors import Readings
-from tanteo.words import HANDED
+from tanteo.sensors import Column, Readings
 from tanteo.words.findings import (  # fmt: skip
     Convention,
     DirectionsConvention,
@@ -31,14 +31,12 @@ class Mistake:
 
     Attributes:
         finding: type of the finding.
-        words: what the author meant, after "if".
-        advice: what the user should do.
-        undo: function that returns the readings without the mistake; None where it does not apply.
+        mistake: name of the other convention.
+        undo: function that returns the readings in this convention; None where it does not apply.
     """
 
     finding: type[Convention]
-    words: str
-    advice: str
+    mistake: str
     undo: Callable[[Readings], Readings | None]
 
 
@@ -58,30 +56,33 @@ def _turned(change: Callable[[Rotations], Rotations]) -> Callable[[Readings], Re
 
 def _with_hands(readings: Readings, change: Callable[[Transforms], Transforms]) -> Readings | None:
     """Return readings with other poses of the hand; None if no range depends on them."""
-    known = np.isfinite(readings.Ts_world_hand).all(axis=(1, 2)) & np.isfinite(readings.ranges)
-    if not known.any():
+    hands = readings.Ts_world_hand
+    ranged = readings.ranges.given[hands.given]
+    if not ranged.any():
         return None
-    Ts = np.array(readings.Ts_world_hand)
-    Ts[known] = change(Ts[known])
-    return replace(readings, Ts_world_hand=Ts)
+    Ts = np.array(hands.values)
+    Ts[ranged] = change(Ts[ranged])
+    return replace(readings, Ts_world_hand=hands.map(lambda _: Ts))
 
 
 def _reversed(name: str) -> Callable[[Readings], Readings | None]:
     """Return a function that reverses a direction; it returns None where no reading has one."""
 
     def undo(readings: Readings) -> Readings | None:
-        values = getattr(readings, name)
-        return replace(readings, **{name: -values}) if np.isfinite(values).any() else None
+        column: Column = getattr(readings, name)
+        changed: dict[str, Any] = {name: column.map(np.negative)}
+        return replace(readings, **changed) if column.given.any() else None
 
     return undo
 
 
 def _mirrored(readings: Readings) -> Readings | None:
-    if np.isfinite(readings.Ts_world_hand).any():
+    if readings.Ts_world_hand.given.any():
         return None
-    return replace(
-        readings, **{name: getattr(readings, name) * _MIRROR for name in ("points", "directions", "normals")}
+    points, directions, normals = (
+        column.map(lambda v: v * _MIRROR) for column in (readings.points, readings.directions, readings.normals)
     )
+    return replace(readings, points=points, directions=directions, normals=normals)
 
 
 def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
@@ -89,10 +90,13 @@ def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
     factor = METRES[unit] / METRES[read]
 
     def undo(readings: Readings) -> Readings | None:
-        Ts = np.array(readings.Ts_world_hand)
+        Ts = np.array(readings.Ts_world_hand.values)
         Ts[:, :3, 3] *= factor
-        names = "points", "ranges", "max_ranges", "radii"
-        return replace(readings, Ts_world_hand=Ts, **{name: factor * getattr(readings, name) for name in names})
+        return replace(
+            readings, Ts_world_hand=readings.Ts_world_hand.map(lambda _: Ts), radii=factor * readings.radii,
+            points=readings.points.map(lambda v: factor * v), ranges=readings.ranges.map(lambda r: factor * r),
+            max_ranges=readings.max_ranges.map(lambda r: factor * r),
+        )  # fmt: skip
 
     return undo
 
@@ -120,32 +124,32 @@ def _of_angles(R: Rotations) -> Rotations:
     return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
 
 
-_POSES = "Check the columns of the hand's pose."
+def _of_degrees(R: Rotations) -> Rotations:
+    """Return the rotations of vectors in radians that were read as degrees."""
+    return SO3.exp(np.degrees(SO3.log(R)))
+
 
 HANDS = (
-    Mistake(HandConvention, "the hand's quaternions are in the order x y z w", _POSES, _turned(_order(1))),
-    Mistake(HandConvention, "the hand's quaternions are in the order w x y z", _POSES, _turned(_order(-1))),
-    Mistake(HandConvention, "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
+    Mistake(HandConvention, "quaternion_xyzw", _turned(_order(1))),
+    Mistake(HandConvention, "quaternion_wxyz", _turned(_order(-1))),
+    Mistake(HandConvention, "pose_inverted",
         lambda readings: _with_hands(readings, SE3.inverse)),
-    Mistake(HandConvention, "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
-    Mistake(HandConvention, "the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES,
+    Mistake(HandConvention, "rotation_transposed", _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Mistake(HandConvention, "rotation_vector",
         _turned(_of_vector)),
-    Mistake(HandConvention, "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES,
+    Mistake(HandConvention, "roll_pitch_yaw",
         _turned(_of_angles)),
-    Mistake(HandConvention, "the hand's angles are in radians, not degrees", _POSES,
-        _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
+    Mistake(HandConvention, "radians", _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
 )  # fmt: skip
 """Usual mistakes in poses of the hand. Most of them spread the readings wider than a part."""
 
 OTHERS = (
-    Mistake(DirectionsConvention, "the directions (dx, dy, dz) are reversed",
-        "They are meant to point into the material, as the sensor looks or the tip moves.", _reversed("directions")),
-    Mistake(NormalsConvention, "the normals (nx, ny, nz) are reversed",
-        "The normals are meant to point out of the material.", _reversed("normals")),
-    Mistake(UnitsConvention, "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer("in", "mm")),
-    Mistake(UnitsConvention, "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer("mm", "in")),
-    Mistake(UnitsConvention, "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer("mm", "m")),
-    Mistake(UnitsConvention, "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer("m", "mm")),
-    Mistake(MirrorConvention, "they are seen in a mirror", HANDED, _mirrored),
+    Mistake(DirectionsConvention, "directions_reversed", _reversed("directions")),
+    Mistake(NormalsConvention, "normals_reversed", _reversed("normals")),
+    Mistake(UnitsConvention, "inches_not_millimetres", _longer("in", "mm")),
+    Mistake(UnitsConvention, "millimetres_not_inches", _longer("mm", "in")),
+    Mistake(UnitsConvention, "millimetres_not_metres", _longer("mm", "m")),
+    Mistake(UnitsConvention, "metres_not_millimetres", _longer("m", "mm")),
+    Mistake(MirrorConvention, "mirrored", _mirrored),
 )  # fmt: skip
 """Other usual mistakes."""

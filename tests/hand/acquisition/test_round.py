@@ -10,6 +10,7 @@ from bore_scenes import plate, round_error, round_task, slot, solid, whole_covar
 from felt_scenes import gripper
 from tanteo.errors import InputError
 from tanteo.hand import RoundGuess, Rules, SimulatedHand, clearances, features_of, sense_circle, sense_cylinder
+from tanteo.words.findings import OtherRim
 
 SENSE = {"circle": sense_circle, "cylinder": sense_cylinder}
 NEAR = 0.004, 0.05, 0.1
@@ -56,7 +57,7 @@ def test_a_bore_of_another_size_is_another_bore():
     task = replace(task, guess=replace(task.guess, radius=0.011, radius_share=0.04))
     got, _ = sensed("circle", task)
     assert got.status == "unclear"
-    assert "radius is expected" in got.message
+    assert isinstance(got.finding, OtherRim)
 
 
 @pytest.mark.parametrize("wrong", [{"radius": 0.0}, {"radius": np.nan}, {"radius": 0.01, "radius_share": 1.5}])
