@@ -18,7 +18,7 @@ from tanteo.planning.samples import draw
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin
 from tanteo.planning.utility import about_mode
-from tanteo.posterior import PreparedPart, Priors, Problem, corner_moves, identify_points, prepare_all, settle
+from tanteo.posterior import PreparedPart, Priors, Problem, corner_moves, identify_points, prepare_all, refine_poses
 from tanteo.words.findings import NoPlaceReached, ReadingDiscriminates
 
 _PLACES = 60
@@ -171,8 +171,8 @@ def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
         return SE3.from_parts(np.eye(3), first.part.centroid - second.part.centroid)[None]
     Ts = np.stack([h.T_world_part for h in answer.hypotheses])
     problem = Problem(touches, FreeRays.none(), priors)
-    Ts = settle(problem, second, Ts, sd * _FITTED)  # the places are exact: no noise put one beside its face
-    close = settle(problem, second, np.concatenate([Ts, np.eye(4)[None]]), sd * _CLOSER)
+    Ts = refine_poses(problem, second, Ts, sd * _FITTED)  # the places are exact: no noise put one beside its face
+    close = refine_poses(problem, second, np.concatenate([Ts, np.eye(4)[None]]), sd * _CLOSER)
     off = second.surface.closest(SE3.apply(SE3.inverse(close)[:, None], points)).distances
     share = np.mean(off < _SAME, axis=1)
     return _distinct(second, np.concatenate([Ts, close[share > share.max() - _AS_MUCH]]))

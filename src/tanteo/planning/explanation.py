@@ -21,7 +21,7 @@ from tanteo.posterior import (
     information_by_point,
     motion_of,
     observed_covariance,
-    spins,
+    symmetry_motions,
 )
 from tanteo.words import Motion
 
@@ -132,7 +132,7 @@ def _met(state: SensingState) -> dict[str, str]:
     if state.touches is None or not state.modes:
         return {} if state.touches is None else dict.fromkeys(state.touches.ids, "nothing of it")
     one = goodness_of_fit(state.modes[0])
-    rows = zip(state.touches.ids, face_names(one), one.belongs, strict=True)
+    rows = zip(state.touches.ids, face_names(one), one.inliers, strict=True)
     return {i: n if ok else "nothing of it" for i, n, ok in rows}
 
 
@@ -197,7 +197,7 @@ def _directions(state: SensingState) -> tuple[Direction, ...]:
     J = corner_moves(part)
     L = np.linalg.cholesky(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
     values, vectors = np.linalg.eigh(L.T @ observed_covariance(part, state.covariances[0]) @ L)
-    out, count = [], 6 - len(spins(part))
+    out, count = [], 6 - len(symmetry_motions(part))
     for variance, u in zip(values[::-1][:count], vectors.T[::-1][:count], strict=True):
         xi = np.linalg.solve(L.T, u)
         total, each = float(xi @ mode.information[:6, :6] @ xi), (own @ xi) @ xi

@@ -14,7 +14,7 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.planning.places import Places, check_feature, places_of
 from tanteo.planning.samples import even_normals
 from tanteo.planning.state import SensingState
-from tanteo.posterior import observed_covariance, without_spin
+from tanteo.posterior import observed_covariance, without_symmetric_rotation
 from tanteo.words.findings import GoalReached
 
 _SAMPLES = 2048
@@ -226,7 +226,7 @@ def _moved(state: SensingState, k: int, Ts: FloatArray, places: Places) -> tuple
     part = state.target(k).part
     gaps = SE3.inverse(state.poses[k] @ part.symmetry.Ts)[:, None] @ Ts
     if part.symmetry.continuous:
-        gaps = without_spin(part, gaps)
+        gaps = without_symmetric_rotation(part, gaps)
     R, t = gaps[..., :3, :3], gaps[..., :3, 3]
     moved = (R - np.eye(3)) @ places.points.T + t[..., None]  # (..., 3, K): sums over three in a row are slow
     if places.feature is not None:

@@ -14,7 +14,7 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.session.values import Sensing
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
-from tanteo.posterior import goodness_of_fit, what_limits
+from tanteo.posterior import dominant_shared_error, goodness_of_fit
 from tanteo.sensors import Column, PointMeasurements, Readings
 from tanteo.words.findings import SharedErrorLimits
 
@@ -60,7 +60,7 @@ def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: Sen
     if readings is None or not state.modes:
         return None
     measured = measured_by(sensing, probe, readings)
-    return what_limits(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
+    return dominant_shared_error(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
 
 
 def measured_by(sensing: Sensing, probe: Probe, readings: Readings) -> PointMeasurements:

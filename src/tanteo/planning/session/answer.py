@@ -140,7 +140,7 @@ def p_of_start(state: SensingState) -> float:
 
 def _worst(points: ContactPoints, best: GoodnessOfFit, prior_p: float) -> WorstReading | None:
     """The reading that contradicts the likeliest hypothesis most, unless the prior pose contradicts it more."""
-    contradicted = best.misfit().beside(0.0, len(best.free)).p_value < prior_p
+    contradicted = best.misfit().with_more(0.0, len(best.free)).p_value < prior_p
     return worst_reading(points, best) if contradicted else None
 
 

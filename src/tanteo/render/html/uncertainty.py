@@ -14,7 +14,7 @@ import numpy as np
 from tanteo.features import shared_root
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import corner_moves, part_scale, prior_rows, spins
+from tanteo.posterior import corner_moves, part_scale, prior_rows, symmetry_motions
 from tanteo.render.html.contacts import Contacts, Sensed
 
 _KNOWN = 0.3
@@ -143,7 +143,7 @@ def _assumed(terms: Mapping[str, _Term]) -> _Spread:
 def _observed(H: FloatArray, variances: FloatArray, part: Part) -> FloatArray:
     """Basis ``(6, k)`` of the motions that the rows resist and that no symmetry excuses [m, rad]."""
     scale = part_scale(part)
-    rows, turns = H @ scale / np.sqrt(variances)[:, None], spins(part)
+    rows, turns = H @ scale / np.sqrt(variances)[:, None], symmetry_motions(part)
     rows = rows - rows @ turns.T @ turns
     values, vectors = np.linalg.eigh(rows.T @ rows)
     return np.asarray(scale @ vectors[:, values > 1 / _KNOWN**2])
