@@ -96,7 +96,9 @@ def test_the_reading_for_twins_meets_each_where_it_says(wedge, near_wedge):
     assert len(scene_of(page)["readings"]["names"]) == 1
     assert len(base64.b64decode(scene_of(page)["free"])) == 2 * 3 * 4
     nowhere = replace(found, origin=np.full(3, np.nan), ranges=np.full(2, np.nan), information=0.0)
-    assert "No reading tells wedge from near_wedge." in distinction_page(nowhere, [wedge, near_wedge], TOUCH, RUN)
+    assert "No reading discriminates wedge and near_wedge." in distinction_page(
+        nowhere, [wedge, near_wedge], TOUCH, RUN
+    )
 
 
 def test_a_scale_has_room_for_all_and_lines_that_can_be_read():

@@ -29,12 +29,16 @@ def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe,
         run: Where it comes from.
     """
     first, second = found.parts
-    title = f"One reading tells {first} from {second}." if found.tells else f"No reading tells {first} from {second}."
+    title = (
+        f"One reading tells {first} from {second}."
+        if found.discriminates
+        else f"No reading tells {first} from {second}."
+    )
     there = bool(np.isfinite(found.origin).all())
     legend = [("beam", "the reading"), ("dot", "where it meets the one and the other")] if there else []
     layers = [Layer("readings", "where it meets"), Layer("beams", "the reading"), Layer("names", "names")]
     shown = picture(layers if there else [], [], legend)
-    chip, status = ("✓ planned", "recognized") if found.tells else ("✕ not discriminated", "unknown")
+    chip, status = ("✓ planned", "recognized") if found.discriminates else ("✕ not discriminated", "unknown")
     front = Front(title, chip, status, found.message, shown, _side(found, probe, run))
     sections = [_reading(found)] if there else []
     sections.append(rerun_section(run.command, f"{run.made_by}."))

@@ -25,13 +25,13 @@ def cell_lines(check: CellCheck, *, layout: Layout = PLAIN) -> list[str]:
     lines = [layout.bold(printable(head))]
     for error in check.errors:
         lines += _lines(error)
-    for one, other, r in check.alike:
+    for one, other, r in check.correlated:
         lines.append(printable(f"  not told from each other: {one}, {other} (correlation {r:.2f})"))
     return [*lines, "", _next(check)]
 
 
 def _lines(error: CellError) -> list[str]:
-    words = "" if error.told > _UNKNOWN else "; the readings say next to nothing of it"
+    words = "" if error.explained > _UNKNOWN else "; the readings say next to nothing of it"
     verdict = "  CONTRADICTED" if error.contradicted else ""
     return [
         printable(f"  {_meaning(error)}: p {error.p_value:.2g}{verdict}{words}"),
