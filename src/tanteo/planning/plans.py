@@ -40,7 +40,7 @@ _BETTER = 10.0
 """Factor of a hypothetical better prior, to test whether the prior prevents the goal."""
 
 _LESS_STEADY = (0.8, 0.95), (0.5, 0.9)
-"""Fractions of the placements at which a reading must meet its face and have clearance, if stricter ones do not suffice."""
+"""Fractions of the placements at which a reading must meet its face, and be clear, if stricter ones do not suffice."""
 
 _WORTH = 0.02
 """Least increase of the probability by such readings, if they do not suffice either."""

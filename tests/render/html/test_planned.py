@@ -56,7 +56,7 @@ def test_its_words_table_and_curves_say_the_same(planned, wedge):
     assert "tolerance, 0.2 mm" in page
     assert "wanted, 95.0 %" in page
     last = planned.readings[-1]
-    assert "All corners within the tolerance then, wherever the part lies" in page
+    assert "All corners within the tolerance then, over all placements" in page
     assert f"<dd>{percent(last.within)}</dd>" in page
     assert f"as in {percent(planned.all_meet)} of the placements" in page
     assert f"<td>{percent(last.within_if_met)}</td>" in page
@@ -73,7 +73,7 @@ def test_a_plan_that_cannot_be_made_is_a_page_too(planned, wedge):
     none = replace(planned, readings=(), reached=False, findings=(NoPlaceReached(("wedge",)),))
     page = plan_page(none, wedge, TOUCH, 2e-4, 0.95, RUN)
     assert "No plan for wedge keeps the tolerance." in page
-    assert "What each reading brings" not in page
+    assert "Result of each reading" not in page
     assert scene_of(page)["parts"][0]["name"] == "wedge"
 
 
