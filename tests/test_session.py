@@ -148,9 +148,11 @@ def known_by(how, action):
         "beam": whole,
         "free": action.read(np.inf, name="mine"),
         "touch": Readings.from_columns(whole.points, ids=["mine"], directions=whole.directions),
-        "name": Readings.from_columns(whole.points + 1e-3, ids=[action.name]),
+        "name": Readings.from_columns(whole.points[:] + 1e-3, ids=[action.name]),
         "one of several": concatenate([free_beam("beside"), whole]),
-        "rounded": replace(whole, points=whole.points.round(7), directions=whole.directions + 1e-7),
+        "rounded": replace(
+            whole, points=whole.points.map(lambda p: p.round(7)), directions=whole.directions.map(lambda d: d + 1e-7)
+        ),
     }[how]
 
 
@@ -169,7 +171,7 @@ def test_a_reading_of_another_beam_answers_only_by_word(targets):
     across = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
     behind, askew = action.origin - 0.01 * n, n + 0.3 * across
     others = [
-        replace(one, points=one.points + 0.3 * action.expected * across, ids=("beside",)),
+        replace(one, points=one.points.map(lambda p: p + 0.3 * action.expected * across), ids=("beside",)),
         replace(one, directions=(askew / np.linalg.norm(askew))[None], ids=("askew",)),
         Readings.from_columns(behind[None], ids=["behind"], directions=n[None]),
         replace(one, ids=("a7",)),
@@ -177,7 +179,7 @@ def test_a_reading_of_another_beam_answers_only_by_word(targets):
     for other in others:
         assert session.tell(other).action is None
         assert session.asked is action
-    far = replace(one, points=one.points + 0.3 * action.expected * across, ids=("said",))
+    far = replace(one, points=one.points.map(lambda p: p + 0.3 * action.expected * across), ids=("said",))
     assert session.tell(far, action).action is action
     assert session.asked is None
 
@@ -188,8 +190,8 @@ def test_a_hand_that_is_not_quite_where_it_was_sent_has_answered(targets):
     for aside in (None, 0.02):
         action = session.ask()
         one = action.read(action.expected)
-        turned = None if aside is None else one.directions + np.array([[0.0, aside, 0.0]])
-        told = Readings.from_columns(one.points + 2e-3, ids=[f"probe {action.number}"], directions=turned)
+        turned = None if aside is None else one.directions[:] + np.array([[0.0, aside, 0.0]])
+        told = Readings.from_columns(one.points[:] + 2e-3, ids=[f"probe {action.number}"], directions=turned)
         assert session.tell(told).action is action
         assert session.ask() is not action
 
@@ -578,7 +580,7 @@ def test_a_part_that_was_moved_is_said_to_have_been(targets):
         if session.count == 6:
             T = start.Ts[0] @ SE3.exp(np.array([0.003, 0.003, 0.003, 0, 0, 0]))
         session.tell(action.read(max(true_range(targets[2], T, action) + 3e-4 * rng.normal(), 1e-6)))
-    assert "did the part or the sensor move?" in session.answer().message
+    assert "Did the part or the sensor move?" in session.answer().message
 
 
 @pytest.mark.parametrize("of_the_object", [False, pytest.param(True, marks=pytest.mark.slow)])

@@ -104,7 +104,7 @@ def test_large_files_are_tasks_of_their_own(tmp_path, monkeypatch):
 def test_a_catalogue_is_the_same_whoever_read_its_parts(parts, tmp_path, monkeypatch):
     here = build_catalogue(parts, tmp_path / "here", unit="mm", workers=0)
     monkeypatch.setattr(spreading, "SMALL", 1000)  # several tasks
-    for count in (1, 3):
+    for count in (2,):
         out = tmp_path / f"by{count}"
         there = build_catalogue(parts, out, unit="mm", scheduler=f"local:{count}")
         assert (there.parts, there.read) == (here.parts, here.read) == (19, 19)

@@ -29,13 +29,13 @@ class ReplayMachine:
     """
 
     def __init__(self, readings: Readings, name: str) -> None:
-        known = ~np.isnan(readings.directions).any(axis=1) & ~np.isnan(readings.points).any(axis=1)
+        known = readings.directions.given & readings.points.given
         if not known.any():
             raise InputError(f"{name}: expected touches with directions, got none. Say --direction when it is read.")
         self._readings = readings.take(np.flatnonzero(known))
         self.left = list(range(len(self._readings)))
-        away = np.nan_to_num(self._readings.ranges[0], nan=_BEFORE)
-        self._place = self._readings.points[0] - away * self._readings.directions[0]
+        self._ranges = self._readings.ranges.filled(_BEFORE)
+        self._place = self._readings.points[0] - self._ranges[0] * self._readings.directions[0]
         self._stopped = False
         self.facts = Facts(f"log {name}", guarded=False)
 
@@ -89,7 +89,7 @@ class ReplayMachine:
         if all_.is_free[k]:
             self._place = np.array(all_.points[k])
             return Sensed(self._place, way, np.inf, reach, spent)
-        distance = min(float(np.nan_to_num(all_.ranges[k], nan=_BEFORE)), reach)
+        distance = min(float(self._ranges[k]), reach)
         self._place = np.array(all_.points[k])
         return Sensed(self._place - distance * way, way, distance, reach, spent)
 

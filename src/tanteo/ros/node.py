@@ -209,7 +209,7 @@ class RosNode:
             pose = io.pose_message(answer.best.T_world_part, answer.best.covariance, stamp, world)
             self._send("~/pose", pose)
         placed = [io.Placed(self.parts[h.part], h.T_world_part, h.probability) for h in answer.hypotheses]
-        points = None if readings is None else readings.points[~np.isnan(readings.points).any(axis=1)]
+        points = None if readings is None else readings.points.values
         self._send("~/hypotheses", io.marker_message(placed, points, stamp, world))
         self.heard(answer)
         if self.settings.once and answer.status == "recognized":

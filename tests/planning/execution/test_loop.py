@@ -44,7 +44,7 @@ def test_the_same_seed_gives_the_same_run(targets):
         session = unknown_session(unknown, max_measurements=3)
         run(unknown, session)
         ends.append(session)
-    np.testing.assert_array_equal(ends[0].readings.ranges, ends[1].readings.ranges)
+    np.testing.assert_array_equal(*(end.readings.ranges.filled(np.nan) for end in ends))
     np.testing.assert_array_equal(ends[0].state.poses, ends[1].state.poses)
 
 

@@ -170,8 +170,7 @@ SIGNS_OF_VISER = (".mantine-CloseButton-root", ".mantine-ActionIcon-root")
 """Its own buttons, which have a picture and no name."""
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("query", ["", "&darkMode"], ids=["light", "dark"])
+@pytest.mark.parametrize(("size", "query"), [("desk", ""), ("phone", "&darkMode")], ids=["light-desk", "dark-phone"])
 def test_the_controls_can_be_read_named_and_reached(open_page, size, query):
     watched = open_page(size, query)
     page = watched.page

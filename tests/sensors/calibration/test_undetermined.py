@@ -99,7 +99,7 @@ def test_readings_without_noise_are_met_exactly():
 def test_distance_along_the_axis_is_turned_into_range_along_beam():
     rng = np.random.default_rng(7)
     log = simulated_log(rng, T, PLANE, random_hands(rng, 40, PLANE, T))
-    along = Readings.from_columns(ranges=0.8 * log.ranges, sensors=log.sensors, Ts_world_hand=log.Ts_world_hand)
+    along = Readings.from_columns(ranges=0.8 * log.ranges[:], sensors=log.sensors, Ts_world_hand=log.Ts_world_hand)
     rig = rig_of((5e-3, 0.05), axis_cosine=0.8)
     assert abs(calibrate(along, rig=rig).beams[0].scale) < 0.01
     assert calibrated_rig(calibrate(along, rig=rig), rig=rig).sensors[0].axis_cosine == 0.8

@@ -15,7 +15,7 @@ from tanteo.io.documents.part_files import PartFile
 from tanteo.io.documents.schema import Place, Table, as_plain
 from tanteo.planning import Action, Observation, Probe, Sensing, Stop
 from tanteo.posterior import Priors
-from tanteo.sensors import Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
+from tanteo.sensors import Column, Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.words import Finding, message_of
 from tanteo.words.findings import REASONS, Stated
 
@@ -125,7 +125,7 @@ class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
         ids = value(tuple[str, ...], raw.get("ids"), replace(place, table=raw), "ids")
         blank = made(Readings.from_columns, {"points": np.zeros((len(ids), 3))}, str(place))
         columns = {f.name: getattr(blank, f.name) for f in fields(Readings)}
-        return table(Readings, raw, place, columns | {"points": np.full_like(blank.points, np.nan)})
+        return table(Readings, raw, place, columns | {"points": Column.empty(len(ids), (3,))})
 
 
 class SensingTable(Table, frozen=True, kw_only=True, eq=False):

@@ -104,20 +104,20 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
     enough = bool(stop.reached(state))
     least = _least(stop, float(state.of_parts().max(initial=0.0)) if enough else 1.0)
     prior_p = p_of_start(state)
-    status, findings = verdict(
+    status, finding = verdict(
         hypotheses, state.unknown, significance,
         worst=_worst(touches, found[0], prior_p), shares=shares, prior_p=prior_p, least=least, known=enough,
     )  # fmt: skip
     placed = stop.tolerance is not None and (enough or stop.chance(state) >= CONFIDENCE)
     if status == "ambiguous" and (placed or enough):
         status = "recognized" if placed else "ambiguous"
-        findings = (_in_some_pose(hypotheses[0], state, stop, shares),)
+        finding = _in_some_pose(hypotheses[0], state, stop, shares)
     more = (
         face_elsewhere(touches, found[0], state.unknown, start.priors),
         WiderPrior() if status == "unknown" and prior_p < significance else None,
         moved_meanwhile(state),
     )
-    findings = (*findings, *(one for one in more if one is not None))
+    findings = (finding, *(one for one in more if one is not None))
     return Answer(status, findings, hypotheses, state.unknown, seed=seed, significance=significance)
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from tanteo.geometry import SE3
 from tanteo.planning.candidates import Candidates
@@ -17,7 +18,7 @@ from tanteo.planning.context import Choice, DecisionContext
 from tanteo.planning.session.action import Action
 from tanteo.planning.state import SensingState
 from tanteo.planning.whole import WholeFeature
-from tanteo.sensors import Readings
+from tanteo.sensors import Column, Readings
 from tanteo.words import Finding
 from tanteo.words.findings import MostInformation, RepeatedNames
 
@@ -85,13 +86,15 @@ def answers(readings: Readings, action: Action) -> bool:
     if action.name in readings.ids:
         return True
     far = action.expected if 0 < action.expected < np.inf else action.max_range  # the expected range may be missing
-    near, away = _LIKE * far, readings.points - action.origin
+    near, away = _LIKE * far, readings.points.filled(action.origin) - action.origin
     along = away @ action.direction
     beside = np.linalg.norm(away - along[:, None] * action.direction, axis=1)
-    turned = np.linalg.norm(readings.directions - action.direction, axis=1)
-    there = np.where(readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0))
+    turned = np.linalg.norm(readings.directions.filled(action.direction) - action.direction, axis=1)
+    there = readings.points.given & np.where(
+        readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0)
+    )
     others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids], dtype=bool)
-    return bool(np.any(there & ~(turned > _LIKE) & ~others))  # an unknown direction, NaN, does not count
+    return bool(np.any(there & (turned <= _LIKE) & ~others))  # a reading without direction counts as along the beam
 
 
 def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, tuple[Finding, ...]]:
@@ -135,7 +138,13 @@ def _bearers(known: dict[str, tuple[Readings, int]], name: str) -> list[tuple[Re
 
 
 def _equal(columns: Sequence[str], a: Readings, i: int, b: Readings, j: int) -> bool:
+    """Return whether two readings have the same sensor, and equal values in some columns."""
     return a.sensors[i] == b.sensors[j] and all(
-        np.array_equal(getattr(a, name)[i], getattr(b, name)[j], equal_nan=getattr(a, name).dtype != bool)
-        for name in columns
+        np.array_equal(_cell(a, name, i), _cell(b, name, j)) for name in columns
     )
+
+
+def _cell(readings: Readings, name: str, row: int) -> npt.ArrayLike:
+    """Return the value of one reading in a column; an empty array if it has none."""
+    column = getattr(readings, name)
+    return column.take([row]).values if isinstance(column, Column) else column[row]

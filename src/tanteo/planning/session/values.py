@@ -75,7 +75,7 @@ class Sensing:
         """
         beam = None if probe is None or probe.contact else probe
         measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
-        touches = as_contact_points(measured, self.tolerance, readings.ranges[measured.rows]).with_places()
+        touches = as_contact_points(measured, self.tolerance, readings.ranges.take(measured.rows)).with_places()
         free = as_free_rays(measured, self.tolerance)
         return touches, free if beam is None else free.up_to(beam.max_incidence)
 
