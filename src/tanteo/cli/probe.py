@@ -105,7 +105,7 @@ def probe(options: Options, machine: MachineOptions) -> None:
                 _write(words, lines or words.text(answer, [part]), done, safe)
         stay(live=options.live)
     if options.report is not None:
-        facts = [("Machine", safe.facts.name), ("Reason of the end", done.end.message)]
+        facts = [("Machine", safe.facts.name), ("Reason for the end", done.end.message)]
         files.report_session(options.report, session, *facts, as_json=options.json)
     leave(decided=answer.status == "recognized" and done.end.reached and not machine.dry_run)
 
