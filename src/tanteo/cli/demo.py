@@ -41,7 +41,7 @@ def demo(
 
     One part of twelve on a table, an image, a laser, and an answer with its spread.
     """
-    from tanteo.bench import tell
+    from tanteo.bench import run_demo
 
     if live and report != REPORT:
         raise MisuseError("--report: expected without --live, which writes none, got both. Leave one out.")
@@ -49,7 +49,7 @@ def demo(
         _play(seed, show=not no_open)
         return
     files.check_report(report)
-    story = tell(say, seed)
+    story = run_demo(say, seed)
     facts = [("Corner farthest off the truth", f"{1e3 * story.off:.2f} mm")]
     if story.needed is not None:
         facts += zip(("Readings needed in many tries", "At random places"), story.needed, strict=True)

@@ -81,8 +81,8 @@ def read_obj(path: Path, label: str) -> tuple[FloatArray, IntArray]:
                 f"{label}: expected an OBJ file, got '{line.strip()[:40]}' in line {number}. Export it again."
             ) from None
     if not rings:
-        held = "surfaces or curves of splines" if other & {"curv", "surf", "curv2"} else "vertices alone"
-        got = held if rows else "no vertices"
+        content = "surfaces or curves of splines" if other & {"curv", "surf", "curv2"} else "vertices alone"
+        got = content if rows else "no vertices"
         raise PartError(f"{label}: expected faces (lines that begin with f), got {got}. Export it as a mesh.")
     try:
         vertices = np.array(rows, dtype=np.float64).reshape(-1, 3)
@@ -112,7 +112,7 @@ def _triangles(vertices: FloatArray, rings: list[IntArray], label: str) -> IntAr
 
 
 def _of_polygon(vertices: FloatArray, ring: IntArray) -> list[tuple[int, ...]]:
-    """Return a fan from the first corner that sees all others, otherwise a general triangulation."""
+    """Return a fan from the first corner if the polygon is star-shaped about it, otherwise a general triangulation."""
     points = vertices[ring]
     normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
     for shift in range(len(ring)):
