@@ -53,11 +53,7 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/sensors",
     #
-    "src/tanteo/machines",
-    #
     "src/tanteo/hand",
-    #
-    "src/tanteo/cli",
     #
     "src/tanteo/features",
     #

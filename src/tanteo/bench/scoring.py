@@ -13,7 +13,7 @@ from tanteo.bench.sets import BenchScene, BenchSet, Placement
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import without_spin
+from tanteo.posterior import without_symmetric_rotation
 
 SURE = 0.9
 """Probability of one answer from which it is given as the answer."""
@@ -104,7 +104,7 @@ def squared_error(part: Part, one: Placement, truth: Transforms) -> tuple[float,
     gaps = SE3.inverse(np.asarray(one.T_world_part)) @ (truth @ part.symmetry.Ts)
     dof = 6
     if part.symmetry.continuous:
-        gaps, dof = without_spin(part, gaps), 3 if part.symmetry.spherical else 5
+        gaps, dof = without_symmetric_rotation(part, gaps), 3 if part.symmetry.spherical else 5
     xi = SE3.log(gaps)
     return float(np.einsum("si,ij,sj->s", xi, _information(one.covariance), xi).min()), dof
 
@@ -221,7 +221,7 @@ def _images(part: Part, T: Transforms, truth: Transforms) -> Transforms:
     """The pose as all that symmetry makes the same, a continuous turn undone as far as it can be."""
     images = np.asarray(T) @ part.symmetry.Ts
     if part.symmetry.continuous:
-        images = truth @ without_spin(part, SE3.inverse(truth) @ images)
+        images = truth @ without_symmetric_rotation(part, SE3.inverse(truth) @ images)
     return images
 
 

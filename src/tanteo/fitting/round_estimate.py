@@ -35,7 +35,7 @@ class RoundEstimate:
         fit: frames, with ``P`` and ``shared_jacobian`` over the kind's rows and the size as last row.
         size: radius [m] or half angle [rad] ``(*batch,)``.
         rival: size of another feature that fits about equally well ``(*batch,)``; NaN if there is none.
-        settled: whether the iteration converged ``(*batch,)``.
+        converged: whether the iteration converged ``(*batch,)``.
         condition: smallest eigenvalue of the information scaled to unit diagonal ``(*batch,)``; zero if the points
             leave a direction free.
         frame_gain: derivatives of frame and size by a prior frame ``(*batch, m, m - 1)``.
@@ -44,7 +44,7 @@ class RoundEstimate:
     fit: Estimate
     size: FloatArray
     rival: FloatArray
-    settled: BoolArray
+    converged: BoolArray
     condition: FloatArray
     frame_gain: FloatArray
 
@@ -182,7 +182,7 @@ def solved(
     dof = _dof(kind, surface, n, sds, size, size_sd, known)
     frame = _NO_FRAME if known is None else known
     D = shared_jacobian.shape[-1] if shared_jacobian.ndim == 3 else 0
-    Ts, sizes, P, gains, frame_gains, off, standardised, chi2, rivals, settled, conditions = _core.fit_rounds(
+    Ts, sizes, P, gains, frame_gains, off, standardised, chi2, rivals, converged, conditions = _core.fit_rounds(
         SURFACES[kind.name], SURFACES[surface.name], _ROWS[kind.name], _rows(points, n, 3), _rows(covs, n, 3, 3),
         _NONE if normals is None else _rows(np.broadcast_to(normals, points.shape), n, 3),
         _NONE if normals is None else _rows(np.broadcast_to(sds, points.shape[:-1]), n),
@@ -196,7 +196,7 @@ def solved(
 
     fit = Estimate(back(Ts), back(P), back(chi2), dof, back(off), back(standardised), back(gains))
     return RoundEstimate(
-        fit, back(sizes), back(rivals), settled.reshape(batch) != 0, back(conditions), back(frame_gains)
+        fit, back(sizes), back(rivals), converged.reshape(batch) != 0, back(conditions), back(frame_gains)
     )
 
 

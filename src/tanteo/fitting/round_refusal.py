@@ -65,7 +65,7 @@ def _with_all_else_known(P: FloatArray) -> FloatArray:
 def observable(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> BoolArray:
     """Whether the points determine each feature of a batch: what :func:`refuse` accepts ``(*batch,)``."""
     beyond = np.maximum.reduce(list(excess(kind, estimate, points)))
-    return np.asarray(estimate.settled & (beyond <= 1) & np.isnan(estimate.rival))
+    return np.asarray(estimate.converged & (beyond <= 1) & np.isnan(estimate.rival))
 
 
 def refuse(kind: FeatureKind, estimate: RoundEstimate, points: Vectors, name: str) -> None:
@@ -79,7 +79,7 @@ def refuse(kind: FeatureKind, estimate: RoundEstimate, points: Vectors, name: st
         first = beyond.size > 1 and beyond.size < np.inf  # a given size would help the rest, too
         worst = _no_size if first else _no_tilt if beyond.tilt > beyond.place else _no_place
         raise DegenerateError(worst(kind, estimate, points, name))
-    if not estimate.settled:
+    if not estimate.converged:
         raise DegenerateError(
             f"{name}: expected points of a {kind.name}, got a fit that does not settle (so far "
             f"{_said(kind, float(estimate.size))}). Look for points of other faces, check their standard deviations, "

@@ -28,7 +28,7 @@ from tanteo.posterior import (
     hypothesis_at,
     part_scale,
     verdict,
-    without_spin,
+    without_symmetric_rotation,
 )
 from tanteo.words.findings import CutShort
 
@@ -137,7 +137,7 @@ def _blocks(candidates: dict[str, Candidates], sensed: Sequence[Feature], choice
 def _squared_gaps(part: Part, T: Transforms, others: Transforms, information: FloatArray) -> FloatArray:
     """Squared Mahalanobis distances from poses ``(F, 4, 4)`` to one, up to the part's symmetry ``(F,)``."""
     gaps = (SE3.inverse(others) @ T) @ part.symmetry.Ts[:, None]
-    xi = SE3.log(without_spin(part, gaps) if part.symmetry.continuous else gaps)
+    xi = SE3.log(without_symmetric_rotation(part, gaps) if part.symmetry.continuous else gaps)
     return np.asarray(np.einsum("sfi,fij,sfj->sf", xi, information[:, :6, :6], xi).min(axis=0))
 
 

@@ -10,8 +10,8 @@ from .answers.part_motions import motion_of as motion_of
 from .answers.part_motions import observed_covariance as observed_covariance
 from .answers.part_motions import part_scale as part_scale
 from .answers.part_motions import point_moves as point_moves
-from .answers.part_motions import spins as spins
-from .answers.part_motions import without_spin as without_spin
+from .answers.part_motions import symmetry_motions as symmetry_motions
+from .answers.part_motions import without_symmetric_rotation as without_symmetric_rotation
 from .answers.pose_prior import PosePrior as PosePrior
 from .answers.pose_prior import Table as Table
 from .answers.pose_prior import in_box as in_box
@@ -33,9 +33,11 @@ from .answers.status import CONFIDENCE as CONFIDENCE
 from .answers.status import doubt as doubt
 from .answers.status import verdict as verdict
 from .answers.whole_object import WholeObject as WholeObject
-from .around import outlier_log_density as outlier_log_density
 from .candidates import Candidates as Candidates
+from .convention_checks import Search as Search
+from .convention_checks import about_conventions as about_conventions
 from .diagnostics import face_elsewhere as face_elsewhere
+from .dominant_error import dominant_shared_error as dominant_shared_error
 from .features import identify_features as identify_features
 from .findings import Scale as Scale
 from .findings import about_directions as about_directions
@@ -50,9 +52,8 @@ from .fit_at_mode import face_names as face_names
 from .fit_at_mode import goodness_of_fit as goodness_of_fit
 from .fit_at_mode import information_by_point as information_by_point
 from .free_space import gone_through as gone_through
-from .limits import what_limits as what_limits
-from .otherwise import Ask as Ask
-from .otherwise import about_conventions as about_conventions
+from .furniture_points import outlier_log_density as outlier_log_density
+from .icp_refinement import refine_poses as refine_poses
 from .part_search import PartSearch as PartSearch
 from .posterior import Posterior as Posterior
 from .posterior import infer as infer
@@ -76,7 +77,6 @@ from .sampling.modes import Mode as Mode
 from .settings import DEFAULTS as DEFAULTS
 from .settings import Effort as Effort
 from .settings import Settings as Settings
-from .settling import settle as settle
 from .stable_poses import OnTable as OnTable
 from .update import on_part as on_part
 from .update import posterior_about as posterior_about

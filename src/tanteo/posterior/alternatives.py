@@ -18,7 +18,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior.answers.part_motions import part_scale, spins
+from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions
 from tanteo.posterior.problem import PoseMixture
 from tanteo.posterior.settings import DEFAULTS
 
@@ -73,7 +73,7 @@ def _root(part: Part, covariance: FloatArray) -> tuple[FloatArray, float]:
 
     Turns about the axis of a part of revolution, or about the centre of a ball, are uniform.
     """
-    rows, S = spins(part), part_scale(part)
+    rows, S = symmetry_motions(part), part_scale(part)
     unit = np.linalg.inv(S)
     keep = (np.eye(6) - rows.T @ rows) @ unit
     values, vectors = np.linalg.eigh(keep @ covariance @ keep.T)

@@ -13,7 +13,7 @@ from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts import StoredParts, as_parts
 from tanteo.posterior.answers.whole_object import WholeObject
 from tanteo.posterior.prepared import PreparedPart, prepare
-from tanteo.posterior.settings import RaceSettings
+from tanteo.posterior.settings import PruningSettings
 
 
 class Candidates:
@@ -82,13 +82,13 @@ class Candidates:
         """Return numbers of some parts by their names."""
         return {self.name(int(row)): float(odds[row]) for row in rows}
 
-    def names_alike(self, part: Any) -> list[str]:
+    def names_of_same_shape(self, part: Any) -> list[str]:
         """Return the names of the parts of the same area and volume, up to single precision."""
         rounding = float(np.finfo(np.float32).resolution)
         same = np.isclose(self._numbers[:, :2], (part.area, part.volume), rtol=rounding, atol=0).all(axis=1)
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
-    def similar(self, prepared: PreparedPart, rows: IntArray, settings: RaceSettings) -> list[int]:
+    def similar(self, prepared: PreparedPart, rows: IntArray, settings: PruningSettings) -> list[int]:
         """Return those of some parts that have nearly the box, centroid, area and volume of a part, nearest first."""
         part = prepared.part
         own = np.r_[part.centroid, part.box.ravel(), np.sqrt(part.area / 6), np.cbrt(part.volume)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
-from tanteo.posterior.around import outlier_log_density
+from tanteo.posterior.furniture_points import outlier_log_density
 from tanteo.posterior.sampling.peaks import Objective
 
 
@@ -25,7 +25,7 @@ class Details:
         log_elsewhere: log density of the points of each label on a surface that is not the part's ``(G,)``.
         log_points: log density of all points together, with labels and outliers ``(S,)``.
         log_there: log density of each point exactly on its most probable face, wherever that face is ``(S, n)``.
-        belongs: inlier probability: the point is on the part ``(S, n)``.
+        inlier_probability: probability that the point is on the part ``(S, n)``.
         distances: signed distance of each point from its most probable face ``(S, n)`` [m].
         per_sd: one over the standard deviation along the normal of that face ``(S, n)`` [1/m].
         tilts: deviation of a sensed normal ``(S, n)`` [standard deviations]; 0 where none was sensed.
@@ -42,7 +42,7 @@ class Details:
     log_elsewhere: FloatArray
     log_points: FloatArray
     log_there: FloatArray
-    belongs: FloatArray
+    inlier_probability: FloatArray
     distances: FloatArray
     per_sd: FloatArray
     tilts: FloatArray
@@ -64,7 +64,7 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
     )
     outlier = outlier_log_density(points, objective.problem.priors)
     with np.errstate(divide="ignore"):
-        around = outlier + np.log(objective.problem.around.over_outlier)
+        around = outlier + np.log(objective.problem.furniture.over_outlier)
         hit = np.logaddexp(np.log(table[..., 0]) + outlier, around)
         there = np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
@@ -72,7 +72,7 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
     of_groups = np.array([outlier[groups == g].sum() for g in range(log_groups.shape[1])])
     return Details(
         hit, np.broadcast_to(np.logaddexp(outlier, around), hit.shape), points.places, groups, log_groups + of_groups,
-        objective.problem.elsewhere.log_odds + of_groups, log_points, there,
+        objective.problem.label_evidence.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64),
     )  # fmt: skip

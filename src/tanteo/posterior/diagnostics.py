@@ -11,7 +11,7 @@ from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
-from tanteo.posterior.outliers import so_many
+from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.words.findings import (  # fmt: skip
     FaceDisplaced,
     LabelsContradicted,
@@ -28,7 +28,7 @@ def mostly_on(best: Hypothesis, unknown: float) -> bool:
     return best.probability < unknown and 0 < len(best.outliers) < len(best.pairings)
 
 
-def not_on_it(best: Hypothesis, unknown: float) -> MostlyOnPart:
+def mostly_on_part(best: Hypothesis, unknown: float) -> MostlyOnPart:
     """Return that the unknown object is more probable than a part that most of the points are on."""
     return MostlyOnPart(best.part, unknown, best.outliers, len(best.outliers) + len(best.pairings))
 
@@ -45,12 +45,12 @@ def against_labels(one: GoodnessOfFit, priors: Priors) -> LabelsContradicted | N
     return LabelsContradicted(one.mode.prepared.part.name, off, n)
 
 
-def left_out(best: Hypothesis, priors: Priors) -> Outliers | None:
+def outlier_finding(best: Hypothesis, priors: Priors) -> Outliers | None:
     """Return the points that are off the part, and whether so many are expected; None if all are on it."""
     outliers, n = len(best.outliers), len(best.outliers) + len(best.pairings)
     if not outliers:
         return None
-    expected = so_many(outliers, n, priors.outlier_rate) > NOTABLE
+    expected = beta_binomial_tail(outliers, n, priors.outlier_rate) > NOTABLE
     return Outliers(best.outliers, best.outlier_distances, n, expected)
 
 
@@ -77,7 +77,7 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
 
 def on_furniture(one: GoodnessOfFit) -> OnFurniture | None:
     """Return how many points are on the furniture; None if none is."""
-    around, on_it = one.mode.objective.problem.around, one.on_furniture
+    around, on_it = one.mode.objective.problem.furniture, one.on_furniture
     counts = [(name, int(np.sum(on_it & (around.which == k)))) for k, name in enumerate(around.names)]
     found = tuple((name, count) for name, count in counts if count)
     return OnFurniture(len(on_it), found) if found else None

@@ -12,7 +12,7 @@ from tanteo.fitting import pose_information, weak_motions
 from tanteo.geometry.typing import FloatArray, Tangents
 from tanteo.parts import Part
 from tanteo.posterior.answers.misfit import Misfit
-from tanteo.posterior.answers.part_motions import part_scale, spins, without_spins
+from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions, without_symmetry
 from tanteo.posterior.details import Details, details_at
 from tanteo.posterior.sampling.modes import Mode, to_origin
 
@@ -34,31 +34,31 @@ class GoodnessOfFit:
     free: Tangents
 
     @property
-    def belongs(self) -> np.ndarray:
+    def inliers(self) -> np.ndarray:
         """Return which points are on the part ``(n,)``."""
-        return np.asarray(self.at.belongs[0] > 0.5)
+        return np.asarray(self.at.inlier_probability[0] > 0.5)
 
     @property
     def on_furniture(self) -> np.ndarray:
         """Return which points are on furniture ``(n,)``: neither on the part nor outliers."""
         problem = self.mode.objective.problem
-        return np.asarray(~self.belongs & (problem.around.over_outlier > problem.priors.outlier_rate))
+        return np.asarray(~self.inliers & (problem.furniture.over_outlier > problem.priors.outlier_rate))
 
     @property
     def outliers(self) -> np.ndarray:
         """Return which points nothing explains ``(n,)``."""
-        return np.asarray(~self.belongs & ~self.on_furniture)
+        return np.asarray(~self.inliers & ~self.on_furniture)
 
     def misfit(self) -> Misfit:
         """Return the squared residuals of the points on the part and of their normals."""
-        belongs, tilts, factors = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.factors
-        points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
-        across = sum(factor.codimension for factor, on in zip(factors, belongs, strict=True) if on)
-        told = 2 * int(np.count_nonzero(tilts[belongs]))
-        tilted = float(np.sum(tilts[belongs] ** 2))
+        inliers, tilts, factors = self.inliers, self.at.tilts[0], self.mode.objective.problem.points.factors
+        points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[inliers] ** 2))
+        across = sum(factor.codimension for factor, on in zip(factors, inliers, strict=True) if on)
+        told = 2 * int(np.count_nonzero(tilts[inliers]))
+        tilted = float(np.sum(tilts[inliers] ** 2))
         return Misfit(points, tilted, across + told - 6, self.mode.objective.problem.scale_sd, across - 6)
 
-    def told_beside(self, rows: FloatArray) -> float:
+    def states_from_priors(self, rows: FloatArray) -> float:
         """Return the number of states that priors or nothing determine instead of the points.
 
         Args:
@@ -76,7 +76,7 @@ def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
     """Evaluate the measurements at the maximum of a mode."""
     part, T = mode.prepared.part, mode.T_peak[None]
     at = details_at(mode.objective, T, mode.z[None])
-    information = without_spins(part, pose_information(mode.information))
+    information = without_symmetry(part, pose_information(mode.information))
     scaled = mode.objective.problem.scale_sd > 0
     stated = details_at(mode.objective, T, np.r_[mode.z[:-1], 0.0][None]) if scaled else at
     return GoodnessOfFit(mode, at, stated.per_sd[0], _free(mode, information))
@@ -85,21 +85,21 @@ def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
 def _free(mode: Mode, information: FloatArray) -> Tangents:
     """Return the motions that nothing constrains, except those that ends of faces constrain nearly as well."""
     part, own = mode.prepared.part, mode.objective.problem.settings.samples
-    scale, known = part_scale(part), spins(part)
-    told = without_spins(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
+    scale, known = part_scale(part), symmetry_motions(part)
+    told = without_symmetry(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
     if mode.maxima > 1 and mode.ess >= own.shape:  # each maximum by itself seems to hold what all together leave free
         return weak_motions(told, scale, fixed=known)
     free = weak_motions(information, scale, fixed=known)
     if len(free) == len(known) or mode.ess < own.shape:
         return free
-    held = weak_motions(told, scale, own.held, fixed=known)
+    held = weak_motions(told, scale, own.edge_held_sd, fixed=known)
     return held if len(held) < len(free) else free
 
 
 def face_names(one: GoodnessOfFit) -> list[str]:
     """Return the name of the element that is nearest to each point."""
     part = one.mode.prepared.part
-    around, furniture = one.mode.objective.problem.around, one.on_furniture
+    around, furniture = one.mode.objective.problem.furniture, one.on_furniture
     names = [_name_of(part, int(f)) for f in one.at.faces[0]]
     return [around.names[around.which[k]] if furniture[k] else name for k, name in enumerate(names)]
 

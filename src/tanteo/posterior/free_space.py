@@ -82,13 +82,7 @@ def gone_through(
 
 
 def _surely(
-    free: FreeRays,
-    T: Transforms,
-    C: Covariances,
-    shared: SharedGiven,
-    part: PreparedPart,
-    met: FloatArray,
-    gate: float,
+    free: FreeRays, T: Transforms, C: Covariances, shared: SharedGiven, part: PreparedPart, met: FloatArray, gate: float
 ) -> BoolArray:
     """Return which paths meet the part even if path and part are off by any probable error ``(m,)``.
 

@@ -44,7 +44,7 @@ class Facets:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Elsewhere:
+class LabelEvidence:
     """Densities of measurements that are not of the part, over those of independent outliers.
 
     Attributes:
@@ -68,7 +68,7 @@ def groups_of(points: ContactPoints) -> IntArray:
     return np.array([number.get(key, -1) for key in keys], dtype=np.int32)
 
 
-def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhere:
+def label_evidence(points: ContactPoints, groups: IntArray, radius: float) -> LabelEvidence:
     """Return the densities of labelled points on an unknown object.
 
     Args:
@@ -97,7 +97,7 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
     columns = (
         zip(*rows, strict=True) if rows else (np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0))
     )
-    return Elsewhere(log_odds, Facets(*(np.array(column) for column in columns)))
+    return LabelEvidence(log_odds, Facets(*(np.array(column) for column in columns)))
 
 
 _Row: TypeAlias = tuple[Vectors, Covariances, Vectors, FloatArray]

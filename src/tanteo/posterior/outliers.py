@@ -41,7 +41,7 @@ def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
     return (1 + x) / 2, w
 
 
-def so_many(outliers: int, n: int, mean: float) -> float:
+def beta_binomial_tail(outliers: int, n: int, mean: float) -> float:
     """Return the probability of at least this number of outliers among ``n`` readings; 0 of any if ``mean`` is 0."""
     if outliers == 0 or mean == 0:
         return float(outliers == 0)

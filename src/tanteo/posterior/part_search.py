@@ -64,7 +64,7 @@ class PartSearch:
 
     def log_rare(self, times: int | None = None) -> float:
         """Return the log-evidence of maxima to which fewer sources led; to be surely found if None."""
-        rare = self.peaks.evidence[self.peaks.times < (self.settings.often if times is None else times)]
+        rare = self.peaks.evidence[self.peaks.times < (self.settings.sure_sources if times is None else times)]
         return self._constant + float(log_sum(rare)) if len(rare) else -np.inf
 
     @property
@@ -105,11 +105,11 @@ class PartSearch:
         """Settle and maximize initial poses, and merge the maxima."""
         if not len(found):
             return
-        objective, settled = self.objective, found.settled
+        objective, refined = self.objective, found.refined
         keep = found.keep if found.keep is not None else max(len(found), 1)
-        Ts, sources = objective.settle(np.ascontiguousarray(found.Ts[~settled]), found.sources[~settled], keep)
+        Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep)
         rest = objective.maximize(Ts, groups=sources)
-        near = objective.maximize(np.ascontiguousarray(found.Ts[settled]), groups=found.sources[settled], fine=True)
+        near = objective.maximize(np.ascontiguousarray(found.Ts[refined]), groups=found.sources[refined], fine=True)
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
 
     def pass_on(self, Ts: Transforms, proposer: Proposer) -> None:
@@ -120,7 +120,7 @@ class PartSearch:
 
     def _take_other_points(self) -> None:
         """Propose from other points, settle on them."""
-        points, others = self.objective.problem.points, self.objective.problem.around.others
+        points, others = self.objective.problem.points, self.objective.problem.furniture.others
         count = self.settings.points
         if len(others) <= count:
             return
@@ -129,11 +129,11 @@ class PartSearch:
 
     def on_the_part(self) -> BoolArray:
         """Return which points the best maximum has on the part ``(m,)``, without those on furniture."""
-        others = self.objective.problem.around.others
+        others = self.objective.problem.furniture.others
         if not len(others) or not len(self.peaks):
             return np.zeros(len(others), dtype=bool)
         best = details_at(self.objective, self.peaks.Ts[:1], self.peaks.zs[:1])
-        return np.asarray(best.belongs[0, others] > 0.5)
+        return np.asarray(best.inlier_probability[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
         """Return whether the best maximum has nearly all points on the part, with noise as it is known."""
@@ -159,7 +159,7 @@ def start_searches(
 ) -> list[PartSearch]:
     """Return searches of several parts; what depends on the points alone is computed once."""
     count = problem.settings.search.points
-    rows, planes = spread(problem, count), sensed_planes(problem, problem.points.take(problem.around.others))
+    rows, planes = spread(problem, count), sensed_planes(problem, problem.points.take(problem.furniture.others))
     pairs, none = far_pairs(problem.points, rows, count), Peaks.none(problem.states)
     out = []
     for part, rng in zip(parts, rngs, strict=True):
@@ -170,7 +170,7 @@ def start_searches(
 
 def spread(problem: Problem, count: int) -> Indices:
     """Return rows of points that are far from each other, without those on furniture."""
-    others = problem.around.others
+    others = problem.furniture.others
     return others[spread_rows(problem.points.take(others), count)].astype(np.int32)
 
 

@@ -9,13 +9,13 @@ import numpy as np
 
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
+from tanteo.posterior.candidate_pruning import Unsearched, missing, prune
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import InitialPoses
-from tanteo.posterior.race import LeftOut, missing, race
 from tanteo.posterior.sampling.modes import Mode, modes_of
 from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.sampling.sampler import Sampler
@@ -37,7 +37,7 @@ class Posterior:
         searches: searches of the parts.
         log_priors: log of the prior probability of these parts ``(P,)``.
         log_anywhere: log-evidence of an unknown object that is like no part, its prior included.
-        left_out: probability of the unknown object that parts without a search may have at most.
+        unsearched: probability of the unknown object that parts without a search may have at most.
     """
 
     problem: Problem
@@ -48,7 +48,7 @@ class Posterior:
     searches: tuple[PartSearch, ...] = field(repr=False)
     log_priors: FloatArray
     log_anywhere: float
-    left_out: float = 0.0
+    unsearched: float = 0.0
 
 
 def infer(
@@ -60,7 +60,7 @@ def infer(
     *,
     known: Sequence[Transforms | None] = (),
     exhaustive: bool = False,
-    left_out: LeftOut | None = None,
+    unsearched: Unsearched | None = None,
 ) -> Posterior:
     """Search, sample and return the posterior.
 
@@ -72,11 +72,11 @@ def infer(
         rng: generator of all draws.
         known: initial poses of each of these parts; None without.
         exhaustive: whether these are all poses that labels and normals allow.
-        left_out: the parts that are not searched.
+        unsearched: the parts that are not searched.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
-    searches, unseen = race(problem, parts, anywhere - prior, rng, known, exhaustive=exhaustive, left_out=left_out)
+    searches, unseen = prune(problem, parts, anywhere - prior, rng, known, exhaustive=exhaustive, unsearched=unsearched)
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
 
 
@@ -189,6 +189,6 @@ def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Gene
     objective, peaks = search.objective, search.peaks
     constant = objective.problem.log_pose_density(objective.prepared) + prior
     constant += log_orbit(objective.prepared, named=objective.named) + search.log_odds
-    some = np.flatnonzero(peaks.evidence + constant > total - objective.problem.settings.search.faint)
+    some = np.flatnonzero(peaks.evidence + constant > total - objective.problem.settings.search.drop_gap)
     some = some if len(some) else np.zeros(1, dtype=np.int64)
     return Sampler(objective, peaks.take(some), rng, constant, search.along, trusted=search.trusted)

@@ -20,9 +20,9 @@ from tanteo.posterior.answers.part_motions import part_scale
 from tanteo.posterior.answers.pose_prior import in_box, prior_rows
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis
-from tanteo.posterior.around import without_pose
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
-from tanteo.posterior.outliers import so_many
+from tanteo.posterior.furniture_points import without_pose
+from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.posterior.posterior import Posterior
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.sampling.peaks import Objective
@@ -81,7 +81,7 @@ def check_prior(
 def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
     """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
     outliers, n = int(np.sum(one.outliers)), len(one.outliers)
-    if so_many(outliers, n, rate) <= NOTABLE:
+    if beta_binomial_tail(outliers, n, rate) <= NOTABLE:
         return False
     return one.misfit().p_value > SUSPECT
 

@@ -14,8 +14,8 @@ from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, T
 from tanteo.parts import Part
 from tanteo.posterior.answers.pose_prior import log_density_within
 from tanteo.posterior.answers.priors import Priors
-from tanteo.posterior.around import Around, around, outlier_log_density
-from tanteo.posterior.labels import Elsewhere, elsewhere, groups_of
+from tanteo.posterior.furniture_points import FurniturePoints, outlier_log_density, weigh_furniture
+from tanteo.posterior.labels import LabelEvidence, groups_of, label_evidence
 from tanteo.posterior.outliers import outlier_rates
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.settings import DEFAULTS, Settings
@@ -48,9 +48,9 @@ class Problem:
         odds: log odds of each part by its global properties, by name; empty without measurements of these.
         pose_factors: measurements of the pose other than points and rays, such as images and functions of a user.
         settings: settings of the inference.
-        around: points that may be on furniture.
+        furniture: points that may be on furniture.
         groups: number of the label of each point ``(n,)``; -1 where it has none.
-        elsewhere: densities of labelled points on surfaces that are not the part's.
+        label_evidence: densities of labelled points on surfaces that are not the part's.
     """
 
     points: ContactPoints
@@ -60,16 +60,16 @@ class Problem:
     odds: Mapping[str, float] = field(default_factory=dict)
     pose_factors: tuple[PoseFactor, ...] = ()
     settings: Settings = DEFAULTS
-    around: Around = field(init=False, repr=False)
+    furniture: FurniturePoints = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
-    elsewhere: Elsewhere = field(init=False, repr=False)
+    label_evidence: LabelEvidence = field(init=False, repr=False)
     _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
         groups = groups_of(self.points)
         object.__setattr__(self, "groups", groups)
-        object.__setattr__(self, "around", around(self.points, self.priors, self.settings.search))
-        object.__setattr__(self, "elsewhere", elsewhere(self.points, groups, self.priors.radius))
+        object.__setattr__(self, "furniture", weigh_furniture(self.points, self.priors, self.settings.search))
+        object.__setattr__(self, "label_evidence", label_evidence(self.points, groups, self.priors.radius))
 
     @property
     def scale_sd(self) -> float:
@@ -94,7 +94,7 @@ class Problem:
     @property
     def log_not_on_part(self) -> FloatArray:
         """Return the log density of each point as an outlier or on furniture ``(n,)``."""
-        return np.asarray(outlier_log_density(self.points, self.priors) + np.log1p(self.around.over_outlier))
+        return np.asarray(outlier_log_density(self.points, self.priors) + np.log1p(self.furniture.over_outlier))
 
     def log_odds(self, part: Part) -> float:
         """Return the log odds of a part by its global properties."""
@@ -135,7 +135,7 @@ class Problem:
         """Return the problem of one part for the core."""
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
-        rays = rays.join(self.around.paths) if len(self.around.paths) else rays
+        rays = rays.join(self.furniture.paths) if len(self.furniture.paths) else rays
         table = self.priors.pose.table if self.priors.pose is not None else None
         lines = np.column_stack(
             [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
@@ -143,7 +143,7 @@ class Problem:
         means, roots, log_weights = self._normals(prepared)
         more = ((0, 0), (0, 0), (0, self.shared_errors - t.shared_jacobian.shape[2]))
         core = _core.make_problem(
-            self.factors, _c(self.around.over_outlier), self.groups, _c(self.elsewhere.log_odds),
+            self.factors, _c(self.furniture.over_outlier), self.groups, _c(self.label_evidence.log_odds),
             _c(np.pad(t.shared_jacobian, more)),
             np.zeros((0, 3, 0)), float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
             _c(np.pad(rays.shared_jacobian, more)), _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),

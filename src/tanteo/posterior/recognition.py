@@ -16,18 +16,18 @@ from tanteo.posterior.answers.pose_prior import PosePrior
 from tanteo.posterior.answers.priors import Priors, sized
 from tanteo.posterior.answers.question import Clock, check_question
 from tanteo.posterior.answers.results import Answer, Hypothesis
-from tanteo.posterior.around import without_pose
+from tanteo.posterior.candidate_pruning import Active, Unsearched, screen
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.decision import Outcome, verdict_of
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
+from tanteo.posterior.furniture_points import without_pose
+from tanteo.posterior.observability_gate import observability_gate
 from tanteo.posterior.posterior import Posterior, infer
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.prior_check import check_prior
 from tanteo.posterior.problem import Problem
-from tanteo.posterior.race import Active, LeftOut, screen
 from tanteo.posterior.result import as_hypothesis, worst_reading
 from tanteo.posterior.settings import DEFAULTS, Settings
-from tanteo.posterior.too_little import too_little
 
 
 def identify_points(
@@ -67,7 +67,7 @@ def identify_points(
         points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors), settings=settings
     )
     clock.lap("prepare")
-    if (few := too_little(problem)) is not None:
+    if (few := observability_gate(problem)) is not None:
         return Answer("insufficient", (few,), (), 1.0, clock.laps(), seed, significance=significance)
     odds = candidates.log_odds(problem.priors.whole)
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
@@ -99,7 +99,7 @@ def _searched(
     problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
     posterior = _answer(problem, candidates, chosen, seed)
-    if chosen.aside and posterior.unknown > 0.5:  # nothing explains the points: what was measured may be of another
+    if chosen.pruned_by_properties and posterior.unknown > 0.5:  # mass or size may be of another object
         chosen = screen(problem, candidates, odds, every=True)
         posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
@@ -121,16 +121,16 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int)
     rest = set(chosen.others.tolist())
 
     def similar(part: PreparedPart) -> list[PreparedPart]:
-        rows = [row for row in candidates.similar(part, chosen.others, problem.settings.race) if row in rest]
+        rows = [row for row in candidates.similar(part, chosen.others, problem.settings.pruning) if row in rest]
         rest.difference_update(rows)
         return [candidates.prepared(row) for row in rows]
 
     centroid = candidates.centroids.mean(axis=0)
-    behind = chosen.left_out if chosen.bound else None
+    behind = chosen.unsearched if chosen.bound else None
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known,
         exhaustive=chosen.exhaustive,
-        left_out=LeftOut(len(rest), behind, chosen.discount, similar, chosen.bound and not chosen.exhaustive),
+        unsearched=Unsearched(len(rest), behind, chosen.discount, similar, chosen.bound and not chosen.exhaustive),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import Transforms
 from tanteo.posterior.answers.hypothesis import hypothesis_at
 from tanteo.posterior.answers.misfit import Misfit
-from tanteo.posterior.answers.part_motions import spins
+from tanteo.posterior.answers.part_motions import symmetry_motions
 from tanteo.posterior.answers.pose_prior import PosePrior, prior_rows
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.details import details_at
@@ -31,7 +31,7 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
         one: the mode.
         pose: prior of the pose; the joint test also checks agreement with it.
     """
-    mode, part, belongs = one.mode, one.mode.prepared.part, one.belongs
+    mode, part, inliers = one.mode, one.mode.prepared.part, one.inliers
     free, distances = one.free, one.at.distances[0]
     covariance, given = mode_covariances(one)
     common, common_given = common_tolerance(points, one)
@@ -44,7 +44,7 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
         free=free,
         probability=mode.probability,
         misfit=misfit,
-        rms=float(np.sqrt(np.mean(distances[belongs] ** 2))) if belongs.any() else 0.0,
+        rms=float(np.sqrt(np.mean(distances[inliers] ** 2))) if inliers.any() else 0.0,
         outliers=tuple(name for name, off in zip(points.ids, one.outliers, strict=True) if off),
         pairings=tuple((i, f) for i, f, off in zip(points.ids, names, one.outliers, strict=True) if not off),
         outlier_distances=tuple(float(d) for d, off in zip(distances, one.outliers, strict=True) if off),
@@ -74,9 +74,9 @@ def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Mis
     known, known_rows = (of[0] for of in prior_rows(pose, part, T[None]))
     errors = z[: one.mode.objective.problem.points.shared_jacobian.shape[2]]
     named = pose is not None and pose.T_world_part is not None  # a prior names one of the spins, too
-    more = len(known) + len(one.free) - (len(spins(part)) if named else 0)
+    more = len(known) + len(one.free) - (len(symmetry_motions(part)) if named else 0)
     rest = float(np.sum(errors**2) + np.sum(known**2))
-    return one.misfit().beside(rest, more, one.told_beside(known_rows))
+    return one.misfit().with_more(rest, more, one.states_from_priors(known_rows))
 
 
 def _shared_given(mode: Mode) -> SharedGiven | None:
@@ -90,7 +90,7 @@ def _shared_given(mode: Mode) -> SharedGiven | None:
 
 def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | None:
     """Return the point, or sensed normal, that agrees least among those on the part; None if none is far off."""
-    off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
+    off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.inliers
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
     if off[tilted, i] < one.mode.objective.problem.settings.search.notable_sds:
         return None

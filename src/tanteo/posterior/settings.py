@@ -57,7 +57,7 @@ class SearchSettings:
         prior_draws: number of draws from the pose prior for each that is refined. Row prior, decision 48.
         prior_widening: standard deviation of these draws over that of the prior. Row hard_prior_6.
         subset: number of draws that are refined by the same subset of the points. Row hard_prior_6.
-        left_out: a subset leaves out one in this number of points. Row hard_prior_6.
+        omitted: a subset leaves out one in this number of points. Row hard_prior_6.
         ridge_piece: standard deviation of a component along a ridge over that of the ridge. Decision 55, row
             hard_prior_3.
         coarse_to_fine: blur of the first maximization over that of proposals. Rows touch, hard_walls.
@@ -70,7 +70,7 @@ class SearchSettings:
         curvature_error: error of a log-evidence by curvature (Laplace) that is allowed for [nats]. Row hard_prior_4.
         steps: largest number of Levenberg-Marquardt steps. Row touch.
         step_gain: gain in log density at which a maximization ends [nats]. Row touch.
-        often: number of independent pairs that lead to a maximum that is surely found: a search misses it with
+        sure_sources: number of independent pairs that lead to a maximum that is surely found: a search misses it with
             probability 2^-often. Good (1953); ``benchmarks/missed.py``.
         missing: probability of rarely found maxima up to which a part is searched enough. ``benchmarks/missed.py``.
         rounds: number of rounds of a search; half as many again while the best pose has unexpected outliers.
@@ -79,16 +79,16 @@ class SearchSettings:
         any_outlier: number of points up to which any outlier makes a pose doubtful. ``benchmarks/missed.py``.
         as_made: standard deviation of the made part from its drawing [m]. Decisions 76, 84.
         tilt_as_made: standard deviation of a made angle from its drawing [rad]. Decision 76.
-        noise_share: assumed log of the noise factor over the log of the factor to which the noise is known.
+        noise_fraction: assumed log of the noise factor over the log of the factor to which the noise is known.
             Decision 76.
         holes: number of holes of the part that the cost of a centre without an axis assumes. Decision 84.
         independent: smallest volume (or sine) of directions that fix an attitude. Decision 76.
         off_line: smallest height of a triangle of centres over its longest side. Decision 84.
         tuples: number of tuples of planes or centres that are tried first; multiples of it limit all sets of sensed
             planes and centres. Decisions 76, 84.
-        loose: cost of a sensed normal on a face that is not a plane, beside its fraction of the area [nats].
+        curved_face_cost: cost of a sensed normal on a face that is not a plane, beside its fraction of the area [nats].
             Decision 76.
-        placed: number of tuples of axes, or of poses of planes, that are tried on one part. Row labelled.
+        max_tuples: number of tuples of axes, or of poses of planes, that are tried on one part. Row labelled.
         wall_slack: distance of a centre beyond the end of its wall over the length of the wall. Decision 84.
         plane_normal_sd: largest standard deviation of a sensed normal that counts as a plane [rad]. Decision 76.
         coarse_areas: number of equal areas of a surface; their spacing is the step of coarse poses. Decision 76.
@@ -104,7 +104,7 @@ class SearchSettings:
     prior_draws: int = 30
     prior_widening: float = 1.2
     subset: int = 8
-    left_out: int = 4
+    omitted: int = 4
     ridge_piece: float = 0.5
     coarse_to_fine: float = 0.25
     scale_step: float = 0.25
@@ -113,20 +113,20 @@ class SearchSettings:
     curvature_error: float = 2.0
     steps: int = 20
     step_gain: float = 1e-3
-    often: int = 4
+    sure_sources: int = 4
     missing: float = 0.02
     rounds: int = 8
     explained: float = 0.9
     any_outlier: int = 20
     as_made: float = 1e-4
     tilt_as_made: float = 0.004
-    noise_share: float = 0.6
+    noise_fraction: float = 0.6
     holes: int = 20
     independent: float = 0.25
     off_line: float = 0.1
     tuples: int = 4
-    loose: float = 1.5
-    placed: int = 1000
+    curved_face_cost: float = 1.5
+    max_tuples: int = 1000
     wall_slack: float = 0.5
     plane_normal_sd: float = 0.1
     coarse_areas: int = 64
@@ -153,7 +153,7 @@ class SearchSettings:
         return 0.5 * self.gate**2
 
     @property
-    def faint(self) -> float:
+    def drop_gap(self) -> float:
         """Log-evidence gap at which a maximum is dropped [nats]."""
         return self.negligible + self.curvature_error
 
@@ -192,7 +192,7 @@ class SearchSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class RaceSettings:
+class PruningSettings:
     """How parts are pruned.
 
     Attributes:
@@ -240,53 +240,58 @@ class SampleSettings:
     Attributes:
         first: number of first samples of a component; effective samples along a ridge of a part that is not the
             likeliest.
-        likely: log-evidence gap within which a maximum gets all first samples [nats].
-        rare: log-evidence gap within which a maximum gets ``few`` samples [nats]: a ridge can have a hundred times the
-            mass that its curvature suggests.
+        full_gap: log-evidence gap within which a maximum gets all first samples [nats]. Flat from 3 to 9: ``python
+            benchmarks/sweep.py samples.full_gap 3 5 9 --rows touch=16 prior=16``.
+        few_gap: log-evidence gap within which a maximum gets ``few`` samples [nats]: a ridge can have a hundred times
+            the mass that its curvature suggests.
         enough: number of effective samples of a mode: the relative standard error of a variance is the square root of
             2 / 300, a twelfth. Decision 61.
-        more: largest number of samples of a component in a later round.
-        most: largest number of samples for one effective sample.
+        more: largest number of samples of a component in a later round. Flat from 300 to 800: ``python
+            benchmarks/sweep.py samples.more 300 400 800 --rows touch=16 prior=16``.
+        most: largest number of samples for one effective sample. Flat from 4 to 16: ``python benchmarks/sweep.py
+            samples.most 4 8 16 --rows touch=16 prior=16``.
         rounds: number of rounds of samples of one part.
-        wider: variance of a first component over the inverse curvature.
-        adapted: variance of an adapted component over that of its samples.
+        inflation: variance of a first component over the inverse curvature. NEES / dof is 1.11 at 1 and 0.99 at 1.3:
+            ``python benchmarks/sweep.py samples.inflation 1 1.3 2 --rows touch=16``.
+        adapted_inflation: variance of an adapted component over that of its samples.
         freedom: degrees of freedom of the Student-t components, which bound the weights.
-        matters: probability from which a mode is sampled until it has enough, and from which its part is tracked;
-            probability of all pruned parts over that of the best that a bound allows. Decision 76.
+        min_probability: probability from which a mode is sampled until it has enough, and from which its part is
+            tracked; probability of all pruned parts over that of the best that a bound allows. Decision 76.
         region: fraction of a part's mass from which a region is compared with a normal density; probability from which
             ridges are sampled.
-        share: fraction of the samples, or of the variance by curvature, below which neither counts; fraction of common
-            samples from which two modes are one. Flat from 0.03 to 0.3: ``python
-            benchmarks/sweep.py samples.share 0.03 0.1 0.3 --rows touch=16 prior=16``.
+        min_fraction: fraction of the samples, or of the variance by curvature, below which neither counts;
+            fraction of common samples from which two modes are one. Flat from 0.03 to 0.3: ``python benchmarks/sweep.py
+            samples.min_fraction 0.03 0.1 0.3 --rows touch=16 prior=16``.
         clip: largest weight of a sample while components adapt, as one over this number of all. Flat from 5 to 60:
             ``python benchmarks/sweep.py samples.clip 5 15 60 --rows touch=16 prior=16``.
         barrier: fall of the log density between two maxima of one region [nats], less than to the border of a region
             of two standard deviations in six directions. ``python benchmarks/sweep.py
             samples.barrier 0 3 9 --rows touch=16 prior=16``.
         path_steps: number of steps of the path between two maxima on which the density has to stay high. Decision 61.
-        held: standard deviation over the part's size up to which samples show that the ends of faces hold a motion.
-            Row hard_walls.
-        doubt: probability of the unknown object from which all parts are searched again. Row session_touch.
+        edge_held_sd: standard deviation over the part's size up to which samples show that the ends of faces hold a
+            motion. Row hard_walls.
+        reopen_probability: probability of the unknown object from which all parts are searched again. Row
+            session_touch.
     """
 
     first: int = 64
-    likely: float = 5.0
-    rare: float = 9.0
+    full_gap: float = 5.0
+    few_gap: float = 9.0
     enough: int = 300
     more: int = 400
     most: int = 8
     rounds: int = 5
-    wider: float = 1.3
-    adapted: float = 1.2
+    inflation: float = 1.3
+    adapted_inflation: float = 1.2
     freedom: float = 4.0
-    matters: float = 5e-3
+    min_probability: float = 5e-3
     region: float = 1e-3
-    share: float = 0.1
+    min_fraction: float = 0.1
     clip: int = 15
     barrier: float = 3.0
     path_steps: int = 4
-    held: float = 0.05
-    doubt: float = 0.2
+    edge_held_sd: float = 0.05
+    reopen_probability: float = 0.2
 
     @property
     def few(self) -> int:
@@ -361,14 +366,14 @@ class Settings:
 
     Attributes:
         search: how poses of one part are proposed and maximized.
-        race: how parts are pruned.
+        pruning: how parts are pruned.
         samples: how modes are sampled.
         unknown: how densities of an unknown object are integrated.
         checks: when readings or an answer raise a finding.
     """
 
     search: SearchSettings = SearchSettings()
-    race: RaceSettings = RaceSettings()
+    pruning: PruningSettings = PruningSettings()
     samples: SampleSettings = SampleSettings()
     unknown: UnknownSettings = UnknownSettings()
     checks: CheckSettings = CheckSettings()
@@ -377,12 +382,12 @@ class Settings:
     def first_pass(self) -> Effort:
         """Effort of a first-pass search, which proposes no pairs where poses are known."""
         own = self.search
-        return Effort(own.points // 2, self.race.first_pass_places, own.kept_per_pair // 2, own.kept)
+        return Effort(own.points // 2, self.pruning.first_pass_places, own.kept_per_pair // 2, own.kept)
 
     @property
     def second_pass(self) -> Effort:
         """Effort of the first round with all points of one of several parts."""
-        return replace(self.search.effort, moved=self.race.leaders, moved_hard=self.race.leaders)
+        return replace(self.search.effort, moved=self.pruning.leaders, moved_hard=self.pruning.leaders)
 
     def changed(self, name: str, value: float) -> Settings:
         """Return the same settings with one field changed.

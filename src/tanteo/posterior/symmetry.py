@@ -6,7 +6,7 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
-from tanteo.posterior.answers.part_motions import without_spin
+from tanteo.posterior.answers.part_motions import without_symmetric_rotation
 from tanteo.posterior.prepared import PreparedPart
 
 GAUGE_SD = 0.1
@@ -37,7 +37,7 @@ def folded(prepared: PreparedPart, Ts: Transforms, references: Transforms, *, na
         return Ts
     images = Ts[:, None] @ turns
     if is_held(prepared, named=named):
-        images = references[0] @ without_spin(part, SE3.inverse(references[0]) @ images)
+        images = references[0] @ without_symmetric_rotation(part, SE3.inverse(references[0]) @ images)
     gaps = SE3.inverse(references)[:, None, None] @ images
     shift = SE3.apply(gaps, prepared.centre) - prepared.centre
     cosine = 0.5 * (np.trace(gaps[..., :3, :3], axis1=-2, axis2=-1) - 1)
@@ -55,7 +55,7 @@ def log_gauge(prepared: PreparedPart, Ts: Transforms, reference: Transforms) -> 
         return np.asarray(-0.5 * np.sum(w * w, axis=-1) / GAUGE_SD**2 - 3 * np.log(GAUGE_SD) - 1.5 * np.log(2 * np.pi))
     assert part.symmetry.axis is not None
     axis = part.symmetry.axis[1]
-    left = without_spin(part, gaps)
+    left = without_symmetric_rotation(part, gaps)
     spin = SE3.log(SE3.inverse(left) @ gaps)[..., 3:] @ axis
     return np.asarray(-0.5 * (spin / GAUGE_SD) ** 2 - np.log(GAUGE_SD) - 0.5 * np.log(2 * np.pi))
 

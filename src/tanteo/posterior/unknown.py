@@ -10,7 +10,7 @@ import numpy as np
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.posterior.answers.priors import Priors
-from tanteo.posterior.one_object import log_of_one_object
+from tanteo.posterior.joint_surface_model import log_joint_surfaces
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.unknown_place import log_place_of_unknown
 
@@ -23,7 +23,7 @@ _BALL_STEPS = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Whereabouts:
+class PossibleCentres:
     """Places where the middle of an unknown object can be if all readings are in its ball.
 
     Attributes:
@@ -42,7 +42,7 @@ class Whereabouts:
         return float(self.volume ** (1 / 3) / np.sqrt(2 * np.pi))
 
 
-def whereabouts(points: Vectors, radius: float) -> Whereabouts:
+def possible_centres(points: Vectors, radius: float) -> PossibleCentres:
     """Return the places of the middle of a ball that contains all readings but distant outliers.
 
     Args:
@@ -61,7 +61,7 @@ def whereabouts(points: Vectors, radius: float) -> Whereabouts:
     radius = max(radius, LARGER * float(np.sqrt(squared[0])))
     along = _directions() @ off.T
     reach = (along + np.sqrt(along**2 + radius**2 - squared)).min(axis=1)  # until a reading leaves the ball
-    return Whereabouts(middle, float(4 / 3 * np.pi * np.mean(reach**3)), radius)
+    return PossibleCentres(middle, float(4 / 3 * np.pi * np.mean(reach**3)), radius)
 
 
 @cache
@@ -82,14 +82,14 @@ def log_anywhere(problem: Problem, centroid: Vectors) -> float:
         problem: measurements and priors.
         centroid: mean centroid of the parts, in their frames ``(3,)`` [m].
     """
-    points, priors, labels = problem.points, problem.priors, problem.elsewhere
+    points, priors, labels = problem.points, problem.priors, problem.label_evidence
     if not len(points):
         return problem.log_factors_unknown
-    where = whereabouts(points.points[problem.around.others], priors.radius)
+    where = possible_centres(points.points[problem.furniture.others], priors.radius)
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
-    shapes = labels.log_odds.sum() + log_of_one_object(
+    shapes = labels.log_odds.sum() + log_joint_surfaces(
         labels.facets, priors.right_angled, priors.radius, problem.settings
     )
     return float(problem.log_not_on_part.sum() + place + share + shapes) + problem.log_factors_unknown

@@ -54,7 +54,7 @@ def update_posterior(
         for p, part in enumerate(parts):
             if p not in searches:
                 searches[p] = start_search(problem, part, rng)
-            _look_widely(searches[p])
+            _search_widely(searches[p])
         after = _weighed(problem, searches, log_priors, anywhere, rng)
     return after
 
@@ -84,11 +84,11 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
         return search
     objective, likely = search.objective, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem, rng)
-    if before is not None and likely > own.matters:
+    if before is not None and likely > own.min_probability:
         Ts, zs = _with_maxima(Ts, zs, before, part)
     _take(search, objective.maximize(Ts, zs, fine=True))
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
-    if likely > own.matters and not search.trusted:
+    if likely > own.min_probability and not search.trusted:
         _draw(search, own.shape)
         search.along = along_ridge(objective, _resampled(modes, search.settings.maximized, rng))
     return search
@@ -132,7 +132,7 @@ def _draw(search: PartSearch, count: int) -> None:
     search.peaks = _found(search.peaks)
 
 
-def _look_widely(search: PartSearch) -> None:
+def _search_widely(search: PartSearch) -> None:
     """Search a part over its whole prior, and by pairs of points if these fix a pose."""
     own = search.objective.problem.settings.samples
     _draw(search, own.widely)
@@ -163,7 +163,7 @@ def _in_doubt(before: Posterior, after: Posterior) -> bool:
     mode has a new outlier, which another pose may explain; or a part has become nearly certain, and the right one may
     be among those that were not searched.
     """
-    if after.unknown > after.problem.settings.samples.doubt or not after.modes:
+    if after.unknown > after.problem.settings.samples.reopen_probability or not after.modes:
         return True
     if _surprising(before, after) or _outliers(after) > _outliers(before):
         return True
@@ -186,7 +186,7 @@ def _outliers(posterior: Posterior) -> int:
 def on_part(mode: Mode) -> BoolArray:
     """Return which points are on the part at the maximum of a mode ``(n,)``."""
     objective: Objective = mode.objective
-    return np.asarray(details_at(objective, mode.T_peak[None], mode.z[None]).belongs[0] > 0.5)
+    return np.asarray(details_at(objective, mode.T_peak[None], mode.z[None]).inlier_probability[0] > 0.5)
 
 
 def probabilities(posterior: Posterior) -> dict[int, float]:

@@ -8,7 +8,7 @@ from tanteo.fitting import SharedGiven, describe_motion
 from tanteo.geometry.typing import Covariances, Tangents, Transforms
 from tanteo.parts import Part
 from tanteo.posterior.answers.misfit import Misfit
-from tanteo.posterior.answers.part_motions import corner_sd, excuse, part_scale, where_to_sense, world_axis
+from tanteo.posterior.answers.part_motions import corner_sd, part_scale, split_by_symmetry, where_to_sense, world_axis
 from tanteo.posterior.answers.results import Hypothesis
 
 
@@ -45,7 +45,7 @@ def hypothesis_at(
         covariance_relative: the covariance given the shared errors; None if nothing is shared.
         shared: shared errors given the pose, whitened; None if nothing is shared.
     """
-    left, observed = excuse(part, free, covariance)
+    left, observed = split_by_symmetry(part, free, covariance)
     motions = tuple(describe_motion(xi, T_world_part, part_scale(part)) for xi in left)
     return Hypothesis(
         part=part.name,
@@ -76,6 +76,6 @@ def hypothesis_at(
 def _advice(part: Part, T_world_part: Transforms, free: Tangents) -> str:
     """Return what to sense for the first free direction that no symmetry explains."""
     for xi in free:
-        if len(excuse(part, xi[None], np.eye(6))[0]):
+        if len(split_by_symmetry(part, xi[None], np.eye(6))[0]):
             return where_to_sense(part, T_world_part, xi)
     return ""

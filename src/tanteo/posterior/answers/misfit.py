@@ -58,7 +58,7 @@ class Misfit:
         p = [chi2_survival(self.noise * math.exp(-2 * self.log_factor * x) + self.rest, self.dof) for x in z]
         return float(weights @ p / weights.sum())
 
-    def beside(self, rest: float, dof: int, told: float = 0.0) -> Misfit:
+    def with_more(self, rest: float, dof: int, told: float = 0.0) -> Misfit:
         """Return the misfit with further squares that the noise scale does not divide."""
         return replace(self, rest=self.rest + rest, dof=self.dof + dof, noise_dof=self.noise_dof + told)
 

@@ -17,7 +17,7 @@ _MOSTLY = 0.9
 """Fraction of the corners' mean square motion from which a motion is called sliding, or turning."""
 
 
-def excuse(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
+def split_by_symmetry(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
     """Return the free directions that the part's symmetry does not explain, and the covariance without the others.
 
     Args:
@@ -25,7 +25,7 @@ def excuse(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangent
         free: motions that no measurement constrains, over :func:`part_scale` ``(k, 6)``.
         covariance: covariance of the pose; along ``free`` that of a uniform density.
     """
-    excused = spins(part)
+    excused = symmetry_motions(part)
     left, observed = [], np.array(covariance)
     for xi in free:
         if np.linalg.norm(xi - excused.T @ (excused @ xi)) > 1e-2:
@@ -41,7 +41,7 @@ def part_scale(part: Part) -> FloatArray:
     return motion_scale(part.diagonal, part.centroid)
 
 
-def spins(part: Part) -> FloatArray:
+def symmetry_motions(part: Part) -> FloatArray:
     """Return an orthonormal basis of the motions of the continuous symmetry over :func:`part_scale` ``(k, 6)``."""
     if not part.symmetry.continuous:
         return np.zeros((0, 6))
@@ -64,17 +64,17 @@ def world_axis(part: Part, T_world_part: Transforms) -> FloatArray | None:
     return np.stack([R @ point + T_world_part[:3, 3], R @ axis])
 
 
-def off_spins(part: Part) -> FloatArray:
+def symmetry_projector(part: Part) -> FloatArray:
     """Return the projector of motions of the pose that removes the continuous symmetry ``(6, 6)`` [m, rad]."""
-    rows, scale = spins(part), part_scale(part)
+    rows, scale = symmetry_motions(part), part_scale(part)
     return np.asarray(scale @ (np.eye(6) - rows.T @ rows) @ np.linalg.inv(scale))
 
 
-def without_spins(part: Part, information: FloatArray) -> FloatArray:
+def without_symmetry(part: Part, information: FloatArray) -> FloatArray:
     """Return information ``(*batch, 6, 6)`` without the continuous symmetry, where facets add a spurious part."""
     if not part.symmetry.continuous:
         return information
-    keep = off_spins(part)
+    keep = symmetry_projector(part)
     return np.asarray(np.swapaxes(keep, -1, -2) @ information @ keep)
 
 
@@ -82,7 +82,7 @@ def observed_covariance(part: Part, covariance: Covariances) -> Covariances:
     """Return the covariance of a pose ``(6, 6)`` without its spread along the continuous symmetry."""
     if not part.symmetry.continuous:
         return covariance
-    keep = off_spins(part)
+    keep = symmetry_projector(part)
     return np.asarray(keep @ covariance @ keep.T)
 
 
@@ -160,7 +160,7 @@ def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
     return f"sense {name} of {part.name}, around ({', '.join(f'{1e3 * v:.0f}' for v in at)}) mm in the world"
 
 
-def without_spin(part: Part, gaps: Transforms) -> Transforms:
+def without_symmetric_rotation(part: Part, gaps: Transforms) -> Transforms:
     """Return relative poses without the rotation that the part's continuous symmetry absorbs."""
     if part.symmetry.spherical:
         centre = part.centroid

@@ -100,7 +100,7 @@ def from_centres(
     found = [_placed(centres, axes, triple) for triple in _triples(centres, settings)]
     Ts = np.concatenate([none, *found])
     Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[: settings.kept]]
-    return _settled(points, core, prepared, axes, Ts) if len(Ts) else none
+    return _refined(points, core, prepared, axes, Ts) if len(Ts) else none
 
 
 def _triples(centres: ContactPoints, settings: SearchSettings) -> list[IntArray]:
@@ -130,9 +130,9 @@ def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
 
     first, second, third = fits(0, 1), fits(0, 2), fits(1, 2)
     a, b = np.nonzero(first)
-    a, b = a[: 20 * axes.settings.placed], b[: 20 * axes.settings.placed]
+    a, b = a[: 20 * axes.settings.max_tuples], b[: 20 * axes.settings.max_tuples]
     pair, c = np.nonzero(second[a] & third[b])
-    picked = np.linspace(0, len(pair) - 1, min(len(pair), axes.settings.placed)).astype(int)
+    picked = np.linspace(0, len(pair) - 1, min(len(pair), axes.settings.max_tuples)).astype(int)
     chosen = axes.ends[np.column_stack([a[pair], b[pair], c])[picked]]
     return _on_axes(p, chosen, axes.settings) if len(chosen) else np.zeros((0, 4, 4))
 
@@ -176,7 +176,7 @@ def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
     return out
 
 
-def _settled(
+def _refined(
     points: ContactPoints, core: _core.Problem, prepared: PreparedPart, axes: Axes, Ts: Transforms
 ) -> Transforms:
     """Refine poses by all points, with scales from the depth of a hole down to the noise.
@@ -195,8 +195,8 @@ def _settled(
     end = 2 * float(np.median(points.sd))
     count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / (2 * axes.settings.scale_step))) + 1)
     scales = np.geomspace(max(deep, end), end, count)
-    settled, _, _ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
-    return np.asarray(settled)
+    refined, _, _ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
+    return np.asarray(refined)
 
 
 def _some(rows: IntArray, count: int) -> IntArray:

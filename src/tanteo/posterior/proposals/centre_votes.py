@@ -13,8 +13,8 @@ import numpy as np
 from tanteo import _core
 from tanteo.factors import ContactPoints
 from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Transforms
-from tanteo.posterior.around import outlier_log_density
 from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.furniture_points import outlier_log_density
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.centre_triples import sensed_sizes
 from tanteo.posterior.proposals.plane_votes import cost_margin
@@ -71,7 +71,7 @@ def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes
     own = points.take(np.flatnonzero(points.centres))
     search = problem.settings.search
     own = own.take(spread_out(own.points, search.compared))
-    factor = float(np.exp(search.noise_share * problem.scale_sd))
+    factor = float(np.exp(search.noise_fraction * problem.scale_sd))
     shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
     sizes, size_sds, sides = sensed_sizes(own)
     codes = _core.landmark_codes()

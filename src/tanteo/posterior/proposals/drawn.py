@@ -85,16 +85,16 @@ class PriorSamples(Proposer):
         third = len(Ts) // 3 + 1
         subsets = np.array_split(np.arange(third, len(Ts)), max((len(Ts) - third) // own.subset, 1))
         found = [InitialPoses(Ts[:third], sources[:third], keep=third)]
-        found += [_settled_by_some(objective, Ts[rows], sources[rows], rng) for rows in subsets]
+        found += [_refined_by_some(objective, Ts[rows], sources[rows], rng) for rows in subsets]
         return InitialPoses.joined(found)
 
 
-def _settled_by_some(objective: Objective, Ts: Transforms, sources: IntArray, rng: np.random.Generator) -> InitialPoses:
+def _refined_by_some(objective: Objective, Ts: Transforms, sources: IntArray, rng: np.random.Generator) -> InitialPoses:
     """Settle poses on the surface by a random subset of the points."""
-    n, fraction = len(objective.rows), objective.problem.settings.search.left_out
+    n, fraction = len(objective.rows), objective.problem.settings.search.omitted
     rows = np.sort(rng.choice(objective.rows, n - n // fraction if n >= fraction else n, replace=False))
-    Ts, sources = replace(objective, rows=rows.astype(np.int32)).settle(Ts, sources, max(len(Ts), 1))
-    return InitialPoses.settled_ones(Ts, sources)
+    Ts, sources = replace(objective, rows=rows.astype(np.int32)).refine(Ts, sources, max(len(Ts), 1))
+    return InitialPoses.refined_poses(Ts, sources)
 
 
 def _best_of_prior(objective: Objective, count: int, rng: np.random.Generator) -> Transforms:
@@ -134,10 +134,10 @@ def along_ridge(objective: Objective, Ts: Transforms) -> Peaks:
         Ts: poses distributed as the ridge was before the last measurements ``(S, 4, 4)``.
     """
     own = objective.problem.settings.search
-    Ts, _ = objective.settle(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
+    Ts, _ = objective.refine(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
     zs, shape = np.zeros((len(Ts), objective.problem.states)), objective.prepared.shape
     logs, _, information = _core.slopes(shape, objective.core, Ts, zs)
-    some = np.flatnonzero(logs > logs.max() - own.faint)
+    some = np.flatnonzero(logs > logs.max() - own.drop_gap)
     if len(some) < 2 * POSE_DOF:
         return Peaks.none(objective.problem.states)
     x = _core.offsets(Ts[some[0]], np.ascontiguousarray(Ts[some]), shape.centre)

@@ -23,7 +23,7 @@ from tanteo.posterior.settings import SearchSettings, Settings
 
 def cost_margin(settings: Settings) -> float:
     """Return the cost behind the best part at which tables prune a part [nats]."""
-    return settings.search.negligible / settings.race.table_weight
+    return settings.search.negligible / settings.pruning.table_weight
 
 
 def on_planes(
@@ -43,7 +43,7 @@ def plane_poses(sensed: SensedPlanes, prepared: PreparedPart, settings: Settings
     poses = dict[int, Transforms]()
     if len(sensed.triples) and sensed.triples[2] >= 0:
         faces = _Faces(
-            [(0, prepared.faces)], np.zeros(1, dtype=np.int64), cost_margin(settings), settings.search.placed
+            [(0, prepared.faces)], np.zeros(1, dtype=np.int64), cost_margin(settings), settings.search.max_tuples
         )
         _by_poses(faces, sensed, np.zeros(1), poses)
     return poses.get(0, np.zeros((0, 4, 4)))
@@ -126,7 +126,7 @@ def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
     """Return costs by pairs alone ``(n,)``: of the planes that have to be of no face, each counted once."""
     n, k = len(table["numbers"]), len(sensed.rows)
     share = np.asarray(table["numbers"])[:, 16]
-    loose = np.where(share > 0, sensed.settings.loose - np.log(np.maximum(share, 1e-300)), np.inf)
+    loose = np.where(share > 0, sensed.settings.curved_face_cost - np.log(np.maximum(share, 1e-300)), np.inf)
     costs, used = np.zeros(n), np.zeros((n, k), dtype=bool)
     loose = np.where(np.diff(np.asarray(table["rounds_start"])) > 0, 0.0, loose)  # or it is of a cylinder
     most = [np.minimum(row[9], loose) if row[11] > 0 else np.full(n, row[9]) for row in sensed.rows]

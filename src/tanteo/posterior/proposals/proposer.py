@@ -32,21 +32,21 @@ class InitialPoses:
         Ts: poses ``T_world_part`` ``(S, 4, 4)``.
         sources: one bit for each independent source that led to a pose, 0 for a pose that no measurement proposed
             ``(S,)``. A maximum to which few sources led shows that others may be missing (Good 1953).
-        settled: which poses are within the noise of a maximum; these are maximized without refinement and blur
+        refined: which poses are within the noise of a maximum; these are maximized without refinement and blur
             ``(S,)``.
         keep: number of the other poses that are maximized after refinement; None for all.
     """
 
     Ts: Transforms
     sources: IntArray
-    settled: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    refined: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     keep: int | None = None
 
     def __post_init__(self) -> None:
         n = len(self.Ts)
-        if not len(self.settled):
-            object.__setattr__(self, "settled", np.zeros(n, dtype=bool))
-        for name, shape in (("Ts", (n, 4, 4)), ("sources", (n,)), ("settled", (n,))):
+        if not len(self.refined):
+            object.__setattr__(self, "refined", np.zeros(n, dtype=bool))
+        for name, shape in (("Ts", (n, 4, 4)), ("sources", (n,)), ("refined", (n,))):
             if np.shape(getattr(self, name)) != shape:
                 raise InputError(f"{name}: expected an array {shape}, got {np.shape(getattr(self, name))}.")
         if not np.isfinite(self.Ts).all():
@@ -68,18 +68,18 @@ class InitialPoses:
     @classmethod
     def exhaustive(cls, Ts: Transforms) -> InitialPoses:
         """Return settled poses that are all that measurements allow."""
-        return cls.settled_ones(Ts, np.full(len(Ts), EXHAUSTIVE, dtype=np.int64))
+        return cls.refined_poses(Ts, np.full(len(Ts), EXHAUSTIVE, dtype=np.int64))
 
     @classmethod
-    def settled_ones(cls, Ts: Transforms, sources: IntArray) -> InitialPoses:
+    def refined_poses(cls, Ts: Transforms, sources: IntArray) -> InitialPoses:
         """Return poses that are within the noise of a maximum."""
         return cls(Ts, sources, np.ones(len(Ts), dtype=bool))
 
     @classmethod
     def joined(cls, each: Sequence[InitialPoses]) -> InitialPoses:
         """Return the poses of several; as many are kept as of the first."""
-        Ts, sources, settled = ([getattr(one, name) for one in each] for name in ("Ts", "sources", "settled"))
-        return cls(np.concatenate(Ts), np.concatenate(sources), np.concatenate(settled), each[0].keep)
+        Ts, sources, refined = ([getattr(one, name) for one in each] for name in ("Ts", "sources", "refined"))
+        return cls(np.concatenate(Ts), np.concatenate(sources), np.concatenate(refined), each[0].keep)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.factors import ContactPoints
 from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Vectors
-from tanteo.posterior.around import outlier_log_density
+from tanteo.posterior.furniture_points import outlier_log_density
 from tanteo.posterior.labels import groups_of
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, SearchSettings
@@ -94,22 +94,19 @@ class SensedPlanes:
     settings: SearchSettings = DEFAULTS.search
 
     @property
-    def _first(self) -> int:
-        """Return the number of triples that are tried first."""
-        return self.settings.tuples // 2
-
-    @property
     def first(self) -> SensedPlanes:
         """Return these planes with the triples that are tried first, and with walls if nothing else fixes the pose."""
         none = np.zeros(0, dtype=np.int32)
-        return replace(self, triples=self.triples[: 3 * self._first], walls=none if self.certain else self.walls)
+        return replace(
+            self, triples=self.triples[: 3 * self.settings.tuples // 2], walls=none if self.certain else self.walls
+        )
 
     @property
     def more(self) -> SensedPlanes:
         """Return these planes with the remaining triples, whose second plane may be a wall, and walls."""
         none = np.zeros(0, dtype=np.int32)
         kept = self.triples.reshape(-1, 3)
-        turned = np.concatenate([kept[self._first :], kept[kept[:, 2] >= 0][:, [0, 2, 1]]])
+        turned = np.concatenate([kept[self.settings.tuples // 2 :], kept[kept[:, 2] >= 0][:, [0, 2, 1]]])
         return replace(self, triples=turned.ravel(), walls=self.walls if self.certain else none)
 
     @property
@@ -132,7 +129,7 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     """Return the planes that labels and normals show, with their noise as large as it may be."""
     own = problem.settings.search
     planes = labelled_planes(points, own)
-    factor = float(np.exp(own.noise_share * problem.scale_sd))
+    factor = float(np.exp(own.noise_fraction * problem.scale_sd))
     some = np.argsort(planes.tilts, kind="stable")[: own.compared]
     normals = planes.normals[some]
     at = planes.middles[some] - planes.radii[some, None] * normals

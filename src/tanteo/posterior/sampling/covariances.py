@@ -8,7 +8,7 @@ from tanteo.factors import ContactPoints
 from tanteo.fitting import covariance_with_free, pose_information, weak_motions
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Tangents
-from tanteo.posterior.answers.part_motions import part_scale, spins, without_spins
+from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions, without_symmetry
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 
 
@@ -16,14 +16,14 @@ def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | Non
     """Return the covariance of the pose, uniform along free directions, and the same given the shared errors."""
     mode, part = one.mode, one.mode.prepared.part
     scale = part_scale(part)
-    whole = without_spins(part, pose_information(mode.information))
+    whole = without_symmetry(part, pose_information(mode.information))
     covariance = _with_free(mode.covariance if mode.ess > 1 else None, whole, one.free, scale)
     if not mode.objective.problem.points.shared_jacobian.shape[2]:
         return covariance, None
-    known = without_spins(part, mode.information[:6, :6])
-    if len(one.free) > len(spins(part)):
+    known = without_symmetry(part, mode.information[:6, :6])
+    if len(one.free) > len(symmetry_motions(part)):
         return covariance, _with_free(None, known, one.free, scale)
-    if len(weak_motions(whole, scale, fixed=spins(part))) > len(one.free):
+    if len(weak_motions(whole, scale, fixed=symmetry_motions(part))) > len(one.free):
         return covariance, covariance  # only samples know it, and they do not part the two
     # by how much the samples differ from the curvature is of the pose, whether the shared errors are known or not
     curved = _with_free(None, whole, one.free, scale)
@@ -63,7 +63,7 @@ def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covaria
     if points.tolerance == 0:
         return np.zeros((6, 6)), np.zeros((6, 6))
     mode, at, part = one.mode, one.at, one.mode.prepared.part
-    n, p, w, per_sd = at.normals[0], at.in_part[0], at.belongs[0], at.per_sd[0]
+    n, p, w, per_sd = at.normals[0], at.in_part[0], at.inlier_probability[0], at.per_sd[0]
     shared = np.einsum("ni,nid->nd", n @ mode.T_peak[:3, :3].T, points.shared_jacobian)
     J = np.concatenate([-n, SO3.cross(n, p), shared], axis=1)
     J = np.pad(J, ((0, 0), (0, len(mode.information) - J.shape[1])))

@@ -13,7 +13,7 @@ from tanteo.geometry.special import chi2_quantile
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
 from tanteo.posterior.answers.pose_prior import in_box
 from tanteo.posterior.prepared import PreparedPart
-from tanteo.posterior.sampling.compared import Compared
+from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.peaks import Objective
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.sampling.widths import roots
@@ -71,7 +71,7 @@ def modes_of(sampler: Sampler) -> list[Mode]:
     W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
     sums = W.sum(axis=0)
     common = W.T @ sampler.shares
-    together = (common > sampler.settings.share * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
+    together = (common > sampler.settings.min_fraction * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]
     together |= _in_one_valley(sampler, np.flatnonzero(sampled))
@@ -142,7 +142,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     T = T_peak = peaks.Ts[best]
     w = W[:, rows].sum(axis=1)
     alone = len(rows) == 1 and w.sum() > sampler.settings.region * W.sum()
-    region = sampler.compared(best, w) if alone else Compared.alone(w, sampler.settings)
+    region = sampler.control_variate(best, w) if alone else ControlVariate.alone(w, sampler.settings)
     keep = w + region.normal > 1e-9 * w.max()
     Ts = folded(objective.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=objective.named)
     curved = from_centre(objective, objective.of_pose(peaks.information[best]))
@@ -154,7 +154,7 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
         xi = SE3.log(SE3.inverse(T) @ Ts)
     expected = region.expected * (curved + np.outer(mean, mean))
     told = ((rest[:, None] * xi).T @ xi + expected) / region.mass
-    covariance = _covariance(told, curved, region.ess, sampler.settings.share)
+    covariance = _covariance(told, curved, region.ess, sampler.settings.min_fraction)
     if not region.is_normal or objective.problem.scale_sd > 0:
         covariance = covariance * _beyond_normal(xi, w, covariance)
     return Mode(

@@ -25,12 +25,12 @@ class Scales:
 
     Attributes:
         blur: error of a proposal: the spacing of surface places, or the noise [m].
-        settle: scales of the refinement steps, from coarse to that of the first maximization [m].
+        refine: scales of the refinement steps, from coarse to that of the first maximization [m].
         blurs: added noise of the maximizations before the last [m].
     """
 
     blur: float
-    settle: FloatArray
+    refine: FloatArray
     blurs: FloatArray
 
 
@@ -50,8 +50,8 @@ def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
     end = max(2 * sd, shared, own.coarse_to_fine * blur)
     count = max(6, int(np.ceil(np.log(1.5 * blur / end) / own.scale_step)) + 1)
     blurs = own.coarse_to_fine * blur * 0.3 ** np.arange(8)
-    settle = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
-    return Scales(blur, settle, np.asarray(blurs[blurs > 2 * sd], dtype=np.float64))
+    refine = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
+    return Scales(blur, refine, np.asarray(blurs[blurs > 2 * sd], dtype=np.float64))
 
 
 def spread_rows(points: ContactPoints, count: int) -> Indices:
@@ -166,12 +166,12 @@ class Objective:
         """Whether a prior names one of several symmetric poses."""
         return self.problem.mixture(self.prepared) is not None
 
-    def settle(self, Ts: Transforms, groups: IntArray, keep: int) -> tuple[Transforms, IntArray]:
+    def refine(self, Ts: Transforms, groups: IntArray, keep: int) -> tuple[Transforms, IntArray]:
         """Move poses onto the surface and keep the best that differ, with the groups that led to each."""
         if not len(Ts):
             return Ts, groups
-        shape, end = self.prepared.shape, float(self.scales.settle[-1])
-        Ts, costs, rows = _core.settle(shape, self.core, self.rows, self.scales.settle, np.ascontiguousarray(Ts))
+        shape, end = self.prepared.shape, float(self.scales.refine[-1])
+        Ts, costs, rows = _core.settle(shape, self.core, self.rows, self.scales.refine, np.ascontiguousarray(Ts))
         order, groups = np.argsort(costs, kind="stable"), groups[rows]
         near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
         Ts = np.ascontiguousarray(Ts[order])
@@ -189,8 +189,9 @@ class Objective:
         zs = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs)
         blurs = np.zeros(0) if fine else self.scales.blurs
         Ts, zs, logs, information, rows = _core.maximize(
-            self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, own.steps, own.step_gain, 2 * own.faint
-        )
+            self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, own.steps, own.step_gain,
+            2 * own.drop_gap,
+        )  # fmt: skip
         evidence = logs + 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.regular(information))[1]
         groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups[rows]
         return self.distinct(Peaks(Ts, zs, logs, information, evidence, groups))
@@ -220,7 +221,7 @@ class Objective:
         if not len(peaks):
             return peaks
         order = np.argsort(-peaks.evidence, kind="stable")
-        order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - self.problem.settings.search.faint]
+        order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - self.problem.settings.search.drop_gap]
         peaks = peaks.take(order)
         peaks = self._folded(peaks)
         information = np.ascontiguousarray(self.of_pose(peaks.information))

@@ -13,13 +13,13 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
-from tanteo.posterior.box_cut import cut_by_box
-from tanteo.posterior.sampling.compared import Compared
+from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.density import Density
 from tanteo.posterior.sampling.mixture import Mixture
 from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.sampling.widths import narrowed, roots
 from tanteo.posterior.settings import POSE_DOF, SampleSettings
+from tanteo.posterior.truncated_normal import truncate_by_box
 
 _COMPARABLE = 30.0
 """Numerical: log of the ratio of two masses beyond which the smaller is lost by rounding, 1e-13."""
@@ -81,8 +81,8 @@ class Sampler:
         Shapes are ``(m, 6)``, ``(m, 6, 6)``, ``(m, D, 6)`` and ``(m,)``.
         """
         H = self.objective.of_pose(peaks.information)
-        covariances = np.asarray(self.settings.wider * np.linalg.inv(H), dtype=np.float64)
-        means, covariances, cut = cut_by_box(self.objective, peaks.Ts, covariances)
+        covariances = np.asarray(self.settings.inflation * np.linalg.inv(H), dtype=np.float64)
+        means, covariances, cut = truncate_by_box(self.objective, peaks.Ts, covariances)
         full = self.objective.regular(peaks.information)
         if full.shape[-1] == 6:
             return means, covariances, np.zeros((len(peaks), 0, 6)), cut
@@ -109,12 +109,12 @@ class Sampler:
         self.local[-len(along) :] = True
         self.sample(count * self.local)
 
-    def strange(self) -> Transforms:
+    def unexplained(self) -> Transforms:
         """Return samples with the weight of a maximum, where the mixture has no component yet."""
         if not np.isfinite(self.log_weights.max()):
             return self.Ts[:0]
         w = np.exp(self.log_weights - self.log_weights.max())
-        rows = np.flatnonzero(w > self.settings.share * w.sum())
+        rows = np.flatnonzero(w > self.settings.min_fraction * w.sum())
         return self.Ts[rows[np.argsort(-w[rows])]]
 
     def sample(self, counts: IntArray) -> None:
@@ -182,10 +182,10 @@ class Sampler:
             mean = own @ x
             off = x - mean
             self.means[k] = trust * mean + (1 - trust) * self.means[k]
-            wide = self.settings.adapted * (own[:, None] * off).T @ off
+            wide = self.settings.adapted_inflation * (own[:, None] * off).T @ off
             self.covariances[k] = trust * wide + (1 - trust) * self.covariances[k]
 
-    def compared(self, k: int, weights: FloatArray) -> Compared:
+    def control_variate(self, k: int, weights: FloatArray) -> ControlVariate:
         """Return the region of a maximum with a normal density of its curvature as control variate.
 
         Args:
@@ -194,16 +194,18 @@ class Sampler:
         """
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
         if not abs(mass) < _COMPARABLE:
-            return Compared.alone(weights, self.settings)
+            return ControlVariate.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
         own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
-        if own[~np.isfinite(self.log_weights)].sum() > self.settings.matters * own.sum():  # a box that ends in it
-            return Compared.alone(weights, self.settings)
+        outside = own[~np.isfinite(self.log_weights)].sum()
+        if outside > self.settings.min_probability * own.sum():  # a box ends in the region
+            return ControlVariate.alone(weights, self.settings)
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
-        both = Compared(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
-        return both if both.mass > self.settings.share * weights.sum() else Compared.alone(weights, self.settings)
+        both = ControlVariate(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
+        enough = both.mass > self.settings.min_fraction * weights.sum()
+        return both if enough else ControlVariate.alone(weights, self.settings)
 
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Return log mass and effective sample size of the region of each maximum ``(m,)``."""
@@ -215,14 +217,14 @@ class Sampler:
         with np.errstate(divide="ignore", invalid="ignore"):
             ess = np.nan_to_num(sums**2 / squares)
             for k in np.flatnonzero(sums > self.settings.region * sums.sum()):
-                one = self.compared(int(k), W[:, k])
+                one = self.control_variate(int(k), W[:, k])
                 sums[k], ess[k] = one.mass, one.ess
             return np.log(sums) + top, ess
 
     def is_normal(self, k: int) -> bool:
         """Whether the region of a maximum is nearly normal, as its curvature says, as far as its samples tell."""
-        top = float(self.log_weights.max())
-        return np.isfinite(top) and self.compared(k, np.exp(self.log_weights - top) * self.shares[:, k]).is_normal
+        top = max(float(self.log_weights.max()), np.finfo(np.float64).min)
+        return self.control_variate(k, np.exp(self.log_weights - top) * self.shares[:, k]).is_normal
 
     def _squared_gaps(self, k: int, information: FloatArray) -> FloatArray:
         """Return squared distances from a maximum to the samples, or to the nearest of their images ``(N,)``."""

@@ -38,8 +38,8 @@ def _first(sampler: Sampler, log_p: FloatArray) -> IntArray:
     The best maximum always gets some. A ridge can have a hundred times the mass that its curvature suggests.
     """
     own = sampler.settings
-    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.likely else log_p
-    return np.where(log_p > -own.likely, own.first, np.where(log_p > -own.rare, own.few, 0))
+    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.full_gap else log_p
+    return np.where(log_p > -own.full_gap, own.first, np.where(log_p > -own.few_gap, own.few, 0))
 
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
@@ -60,13 +60,13 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
         return own.more * (np.arange(len(p)) == np.argmax(sampler.peaks.evidence))
     if sampler.local.any():
         return _wanted_along(sampler, p)
-    need = np.clip(2 * own.enough * p, own.shape, own.enough) * (p > own.matters)
+    need = np.clip(2 * own.enough * p, own.shape, own.enough) * (p > own.min_probability)
     worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / own.most, 1)  # effective samples for each drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, own.first, own.more), 0).astype(np.int64)
     if not want.any():
         return want
     sampler.adapt(np.flatnonzero(want), float(sampler.log_weights.max()))
-    found = sampler.objective.maximize(sampler.strange(), fine=True)
+    found = sampler.objective.maximize(sampler.unexplained(), fine=True)
     new = sampler.objective.unlike(found, sampler.peaks)
     if len(new):
         sampler.add(new)

@@ -20,8 +20,8 @@ from tanteo.parts import Part, mirror_part, part_named
 from tanteo.posterior.answers.priors import STATED
 from tanteo.posterior.answers.results import Answer
 from tanteo.posterior.candidates import sizes_of
+from tanteo.posterior.conventions import HANDS, OTHERS, Mistake
 from tanteo.posterior.findings import fits_size, scale_of
-from tanteo.posterior.mistakes import HANDS, OTHERS, Way
 from tanteo.posterior.prepared import prepare
 from tanteo.posterior.settings import DEFAULTS, Settings
 from tanteo.sensors import Column, Readings, thinned
@@ -35,7 +35,7 @@ _AIMED = 3
 """Number of iterations in which touches without a direction get one from the pose."""
 
 
-class Ask(Protocol):
+class Search(Protocol):
     """Function that searches again; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
 
     def __call__(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
@@ -46,7 +46,7 @@ def about_conventions(
     answer: Answer,
     readings: Readings,
     parts: Sequence[Part],
-    ask: Ask,
+    ask: Search,
     *,
     placed: bool = False,
     settings: Settings = DEFAULTS,
@@ -85,7 +85,7 @@ def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -
 
 
 def _about_ways(
-    ways: Sequence[Way], readings: Readings, parts: Sequence[Part], ask: Ask, settings: Settings
+    ways: Sequence[Mistake], readings: Readings, parts: Sequence[Part], ask: Search, settings: Settings
 ) -> Convention | None:
     """Return the first interpretation of the numbers that fits; None if there is none."""
     for way in ways:
@@ -115,7 +115,7 @@ def fits(answer: Answer, settings: Settings = DEFAULTS) -> bool:
     return answer.unknown_probability < 0.5 and not is_bad(answer, settings) and best.dof > 0
 
 
-def _asked(ask: Ask, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
+def _asked(ask: Search, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
     """Return the answer; None for an invalid question, which leaves the first answer as it is."""
     try:
         return ask(readings, parts) if bias_sd is None else ask(readings, parts, bias_sd=bias_sd)
@@ -129,7 +129,7 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
     return best.part, len(best.pairings), len(best.pairings) + len(best.outliers)
 
 
-def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Ask) -> MirrorQuestion | None:
+def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Search) -> MirrorQuestion | None:
     """Return that all readings fit the mirror image of a part, if some do not fit the part; None if not."""
     if readings.Ts_world_hand.given.any() or answer.best is None or not answer.best.outliers:
         return None
@@ -144,7 +144,7 @@ def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask:
     return MirrorQuestion(part.name, best.probability)
 
 
-def _about_offset(readings: Readings, parts: Sequence[Part], ask: Ask, settings: Settings) -> OffsetQuestion | None:
+def _about_offset(readings: Readings, parts: Sequence[Part], ask: Search, settings: Settings) -> OffsetQuestion | None:
     """Return that all readings fit if the surface is nearer to the sensor or farther by one distance."""
     sd = _OFFSET * max(sizes_of(parts))
     found = _asked(ask, readings, parts, sd)

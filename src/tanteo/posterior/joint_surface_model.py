@@ -17,7 +17,7 @@ _AXIS_STEPS = 3
 """Numerical: Newton steps from axes of a pair of normals to a maximum; convergence is quadratic."""
 
 
-def log_of_one_object(facets: Facets, share: float, radius: float, settings: Settings = DEFAULTS) -> float:
+def log_joint_surfaces(facets: Facets, share: float, radius: float, settings: Settings = DEFAULTS) -> float:
     """Return the log density of facets of one made object over that of independent facets."""
     return log_right_angled(facets, share, settings) + log_level(facets, radius, settings)
 

@@ -11,7 +11,7 @@ from tanteo.posterior.settings import DEFAULTS, POSE_DOF, SampleSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Compared:
+class ControlVariate:
     """Weights of the samples of a region, and of a normal density as control variate.
 
     Attributes:
@@ -29,7 +29,7 @@ class Compared:
     settings: SampleSettings = DEFAULTS.samples
 
     @classmethod
-    def alone(cls, weights: FloatArray, settings: SampleSettings = DEFAULTS.samples) -> Compared:
+    def alone(cls, weights: FloatArray, settings: SampleSettings = DEFAULTS.samples) -> ControlVariate:
         """Return samples without a normal density to compare them with."""
         return cls(weights, np.zeros(len(weights)), 0.0, np.ones(len(weights)), settings)
 
@@ -55,4 +55,4 @@ class Compared:
         """Whether the weights are nearly those of a normal density, as far as they tell."""
         squares = float(self.weights @ self.weights)
         told = squares > 0 and self.weights.sum() ** 2 >= self.settings.shape * squares
-        return told and float(self.rest @ self.rest) < self.settings.share * squares
+        return told and float(self.rest @ self.rest) < self.settings.min_fraction * squares

@@ -13,7 +13,7 @@ _SWEEPS = 50
 """Numerical: sweeps of coordinate descent in three coordinates, which converges long before unless nearly singular."""
 
 
-def cut_by_box(
+def truncate_by_box(
     objective: Objective, Ts: Transforms, covariances: Covariances
 ) -> tuple[FloatArray, Covariances, BoolArray]:
     """Return means and covariances of normal densities about poses, truncated by the box of the prior.

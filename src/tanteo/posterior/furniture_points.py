@@ -15,7 +15,7 @@ from tanteo.posterior.settings import SearchSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Around:
+class FurniturePoints:
     """Points that may be on furniture.
 
     Attributes:
@@ -32,17 +32,17 @@ class Around:
     paths: FreeRays
 
     @property
-    def on_it(self) -> BoolArray:
+    def on_furniture(self) -> BoolArray:
         """Return which points are more probable on furniture than as outliers ``(n,)``."""
         return np.asarray(self.over_outlier >= 1)
 
     @property
     def others(self) -> IntArray:
         """Return the rows of all other points."""
-        return np.flatnonzero(~self.on_it)
+        return np.flatnonzero(~self.on_furniture)
 
 
-def around(points: ContactPoints, priors: Priors, settings: SearchSettings) -> Around:
+def weigh_furniture(points: ContactPoints, priors: Priors, settings: SearchSettings) -> FurniturePoints:
     """Evaluate all furniture, the table included, for every point.
 
     The prior odds of furniture are estimated from the number of points that are more probable there than as outliers.
@@ -51,14 +51,15 @@ def around(points: ContactPoints, priors: Priors, settings: SearchSettings) -> A
     n, log_outlier = len(points), outlier_log_density(points, priors)
     furniture = without_pose(points, priors).furniture
     if not furniture or not n:
-        return Around((), np.zeros(n, dtype=np.int64), np.zeros(n), FreeRays.none())
+        return FurniturePoints((), np.zeros(n, dtype=np.int64), np.zeros(n), FreeRays.none())
     log = np.stack([f.log_density(points.points, points.covs, points.radii, points.directions) for f in furniture])
     over = log.max(axis=0) - log_outlier - np.where(points.oriented, np.log(4 * np.pi), 0.0)
     over = np.where(points.centres, -np.inf, over)  # what stands around has no holes that anybody measures
     count = int(np.sum(over > 0))
     odds = np.log(count + JEFFREYS) - np.log(n - count + JEFFREYS)
     weighed = np.exp(np.minimum(over + odds, 600.0))
-    return Around(tuple(f.name for f in furniture), log.argmax(axis=0), weighed, _paths(points, weighed >= 1, settings))
+    names = tuple(f.name for f in furniture)
+    return FurniturePoints(names, log.argmax(axis=0), weighed, _paths(points, weighed >= 1, settings))
 
 
 def without_pose(points: ContactPoints, priors: Priors) -> Priors:

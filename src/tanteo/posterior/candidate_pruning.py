@@ -27,7 +27,7 @@ from tanteo.geometry.limits import SUSPECT
 from tanteo.geometry.special import log_sum, softmax
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior.candidates import Candidates
-from tanteo.posterior.outliers import so_many
+from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, spread, start_search, start_searches
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
@@ -38,7 +38,7 @@ from tanteo.posterior.proposals.plane_votes import cost_margin, on_planes, voted
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.settings import POSE_DOF
 
-__all__ = ["Active", "LeftOut", "PartSearch", "missing", "race", "screen", "start_search"]
+__all__ = ["Active", "PartSearch", "Unsearched", "missing", "prune", "screen", "start_search"]
 
 _NONE = float(np.finfo(np.float32).min)
 """Log-evidence of a part of which no maximum was found."""
@@ -55,10 +55,10 @@ class Active:
         rows: rows of the parts that are searched ``(m,)``, the most promising first.
         known: initial poses by row.
         behind: cost gap of each part to the best, by tables and fields ``(m,)`` [nats].
-        left_out: log of the evidence of all others at most, over that of the best part; -inf for none.
+        unsearched: log of the evidence of all others at most, over that of the best part; -inf for none.
         others: rows of pruned parts that have room for the points.
         exhaustive: whether the known poses are all that planes and centres allow.
-        aside: number of the others that global properties alone pruned.
+        pruned_by_properties: number of the others that global properties alone pruned.
         discount: mean log odds of the others by global properties, over those of the less promising half of the rows.
         bound: whether gaps are bounds; coarse fields estimate them.
     """
@@ -66,16 +66,16 @@ class Active:
     rows: IntArray
     known: dict[int, Transforms] = field(default_factory=dict)
     behind: FloatArray = field(default_factory=lambda: np.zeros(0))
-    left_out: float = -np.inf
+    unsearched: float = -np.inf
     others: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     exhaustive: bool = False
-    aside: int = 0
+    pruned_by_properties: int = 0
     discount: float = 0.0
     bound: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LeftOut:
+class Unsearched:
     """Parts that are not searched.
 
     Attributes:
@@ -113,7 +113,7 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         odds: log odds of each by its global properties ``(n,)``.
         every: whether to evaluate the fields of all parts, whatever their log odds.
     """
-    points, few = problem.points.take(problem.around.others), problem.settings.race.budget
+    points, few = problem.points.take(problem.furniture.others), problem.settings.pruning.budget
     rows = np.flatnonzero(_is_large_enough(points, candidates))
     too_few_points = len(points) < 3 and not points.centres.any()
     if len(rows) > few and not too_few_points:
@@ -132,7 +132,7 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         return found
     half = found.rows[len(found.rows) // 2 :]
     discount = float(log_sum(odds[found.others]) - log_sum(odds[half]) + np.log(len(half) / len(found.others)))
-    return replace(found, aside=int(np.count_nonzero(~near)), discount=discount)
+    return replace(found, pruned_by_properties=int(np.count_nonzero(~near)), discount=discount)
 
 
 def _few(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> Active:
@@ -149,7 +149,7 @@ def _few(problem: Problem, points: ContactPoints, candidates: Candidates, rows: 
 
 def _is_probable(problem: Problem, odds: FloatArray) -> BoolArray:
     """Return which parts are evaluated on their fields, by their log odds ``(m,)``."""
-    own, order = problem.settings.race, np.argsort(odds, kind="stable")
+    own, order = problem.settings.pruning, np.argsort(odds, kind="stable")
     out = np.ones(len(odds), dtype=bool)
     out[order[np.cumsum(softmax(odds)[order]) <= own.pruned_by_size]] = False
     return out | (odds > odds.max() - own.size_margin)
@@ -168,11 +168,12 @@ class _Costs:
 
 def _by_tables(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> _Costs:
     """Return costs and poses by sensed planes and centres against faces and axes."""
-    own, matters, planes = problem.settings.race, problem.settings.samples.matters, sensed_planes(problem, points)
+    own, planes = problem.settings.pruning, sensed_planes(problem, points)
     found = _Costs(planes, np.zeros(len(rows)))
     if len(planes.triples):
         # poses are needed as far behind the best as all parts beyond could matter together
-        far = max(cost_margin(problem.settings), float(np.log(len(rows) / matters)) / own.table_weight)
+        together = float(np.log(len(rows) / problem.settings.samples.min_probability))
+        far = max(cost_margin(problem.settings), together / own.table_weight)
         found.costs, found.known = on_planes(planes, candidates, rows, far)
         found.exhaustive = bool(found.costs.min() < planes.believed)
     else:
@@ -204,12 +205,15 @@ def _by_fields(
 
 def _promising(problem: Problem, rows: IntArray, found: _Costs) -> Active:
     """Return the parts that are little behind the best, as many as the budget allows, and a bound of the others."""
-    own, margin, matters = problem.settings.race, problem.settings.search.negligible, problem.settings.samples.matters
+    own, margin = problem.settings.pruning, problem.settings.search.negligible
     order = np.argsort(found.costs, kind="stable")
     behind = found.costs[order] - found.costs[order[0]]
     weight, least = (own.table_weight, 1) if found.bound else (own.estimate_weight, own.least)
     rest = np.cumsum(np.exp(-weight * behind)[::-1])[::-1]  # of each and all behind it
-    count = min(int(np.searchsorted(weight * behind, margin)), int(np.searchsorted(-rest, -matters)))
+    count = min(
+        int(np.searchsorted(weight * behind, margin)),
+        int(np.searchsorted(-rest, -problem.settings.samples.min_probability)),
+    )
     if found.bound and not found.exhaustive:
         count = count if count <= own.budget else own.unfixed  # which part it is will stay open
     elif count > own.first_passes:
@@ -239,7 +243,7 @@ def _has_room(problem: Problem, points: ContactPoints, candidates: Candidates, r
     own, rate, n = problem.settings, problem.priors.outlier_rate, len(points)
     if n < 3:
         return np.ones(len(rows), dtype=bool)
-    outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < SUSPECT)
+    outliers = next(k for k in range(n + 1) if beta_binomial_tail(k + 1, n, rate) < SUSPECT)
     if n - outliers < 3:
         return np.ones(len(rows), dtype=bool)
     away = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
@@ -252,7 +256,7 @@ def _has_room(problem: Problem, points: ContactPoints, candidates: Candidates, r
     return np.asarray((diameters >= least[0]) & (_ROUND_OFF * means >= least[1]))
 
 
-def race(
+def prune(
     problem: Problem,
     parts: Sequence[PreparedPart],
     log_unknown: float,
@@ -260,7 +264,7 @@ def race(
     known: Sequence[Transforms | None],
     *,
     exhaustive: bool,
-    left_out: LeftOut | None,
+    unsearched: Unsearched | None,
 ) -> tuple[list[PartSearch], float]:
     """Search parts, each as long as it may matter.
 
@@ -271,18 +275,18 @@ def race(
         rng: generator of all draws.
         known: initial poses of each part; None without.
         exhaustive: whether these are all poses that labels and normals allow.
-        left_out: the parts that are not searched.
+        unsearched: the parts that are not searched.
 
     Returns:
         The searches, and the log-evidence of all parts without a search, at most.
     """
-    left_out, margin = left_out or LeftOut(), problem.settings.search.negligible
-    start = _first_pass(problem, parts, known, rng, left_out.similar, exhaustive=exhaustive)
+    unsearched, margin = unsearched or Unsearched(), problem.settings.search.negligible
+    start = _first_pass(problem, parts, known, rng, unsearched.similar, exhaustive=exhaustive)
     searches, live = start.searches, list(start.live)
     if not exhaustive or not max(searches, key=lambda s: s.log_evidence).is_good_fit():
         second = problem.settings.second_pass
         for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
-            wide = margin / problem.settings.race.estimate_weight
+            wide = margin / problem.settings.pruning.estimate_weight
             if len(live) == 1 or search in _still_active(live, log_unknown, wide):
                 search.restart(second)
         _pass_on(live)
@@ -291,8 +295,8 @@ def race(
     if points.held >= POSE_DOF or 2 * int(points.oriented.sum()) >= POSE_DOF:
         _restart(searches, live, log_unknown)
     searches = searches + start.others
-    top = max([log_unknown if left_out.untried else -np.inf, *(s.log_evidence for s in searches)])
-    return searches, float(log_sum([start.dropped, left_out.log_evidence(top, start.tail)]))
+    top = max([log_unknown if unsearched.untried else -np.inf, *(s.log_evidence for s in searches)])
+    return searches, float(log_sum([start.dropped, unsearched.log_evidence(top, start.tail)]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -328,7 +332,7 @@ def _first_pass(
     The unknown object does not compete yet, because a first pass often misses the pose of the right part.
     """
     others, dropped, tail = list[PartSearch](), -np.inf, -np.inf
-    if len(parts) > problem.settings.race.budget:
+    if len(parts) > problem.settings.pruning.budget:
         parts, known, others, dropped, tail = _prune_by_known_poses(
             problem, parts, known, rng, similar, exhaustive=exhaustive
         )
@@ -348,7 +352,7 @@ def _first_pass(
     for one in passes:
         one.restart(effort)
     _pass_on(passes)
-    margin = problem.settings.search.negligible / problem.settings.race.estimate_weight
+    margin = problem.settings.search.negligible / problem.settings.pruning.estimate_weight
     active = {id(one) for one in _still_active(passes, -np.inf, margin)}
     live = []
     for search, one in zip(searches, passes, strict=True):
@@ -390,7 +394,7 @@ def _prune_by_known_poses(
         Parts and known poses that are searched in full; searches of others near the best; log-evidence of all the rest;
         log of the mean evidence of the less promising half.
     """
-    own, few = problem.settings.race, _with_few_points(problem)
+    own, few = problem.settings.pruning, _with_few_points(problem)
     margin = problem.settings.search.negligible
     found, searches = _from_known_poses(few, parts, known, rng, exhaustive=exhaustive)
     share = len(problem.points) / max(len(few.points), 1)  # all points discriminate parts by as much more
@@ -434,7 +438,7 @@ def _from_known_poses(
     """Return the log-evidence that known poses lead to ``(n,)``, and the searches of parts near the best."""
     own = problem.settings
     found, kept, proposer = np.full(len(parts), _NONE), dict[int, PartSearch](), KnownPoses()
-    together = 4 * own.race.budget  # open at a time, beside those near the best
+    together = 4 * own.pruning.budget  # open at a time, beside those near the best
     for begin in range(0, len(parts), together):
         some = [k for k in range(begin, min(begin + together, len(parts))) if known[k] is not None]
         searches = start_searches(problem, [parts[k] for k in some], common_random_numbers(rng, len(some)))
@@ -442,7 +446,7 @@ def _from_known_poses(
             search.known, search.exhaustive = known[k], exhaustive
             search.propose(proposer)
             found[k], kept[k] = max(search.log_evidence, _NONE), search
-        least = found.max(initial=_NONE) - own.search.negligible / own.race.estimate_weight
+        least = found.max(initial=_NONE) - own.search.negligible / own.pruning.estimate_weight
         for k in [k for k in kept if found[k] < least]:
             kept.pop(k).objective.prepared.close()
     return found, kept
@@ -484,7 +488,7 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
     """Try the best poses of the leading parts on the others: twins and variants share their frames."""
     if len(searches) < 2:
         return
-    leaders = searches[0].objective.problem.settings.race.leaders
+    leaders = searches[0].objective.problem.settings.pruning.leaders
     order = sorted(searches, key=lambda s: -s.log_evidence)[:leaders]
     leading, proposer = [(s, s.peaks.Ts[:1]) for s in order if len(s.peaks)], PosesOfOtherParts()
     for search in searches:

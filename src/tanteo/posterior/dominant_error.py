@@ -9,13 +9,13 @@ import numpy as np
 from tanteo.features import SharedError
 from tanteo.fitting import pose_information
 from tanteo.geometry.typing import FloatArray
-from tanteo.posterior.answers.part_motions import corner_sd, part_scale, without_spins
+from tanteo.posterior.answers.part_motions import corner_sd, part_scale, without_symmetry
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.words.findings import SharedErrorLimits
 
 
-def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
+def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
     """Return the shared error that contributes most to the uncertainty, if it matters; None if not.
 
     Args:
@@ -44,5 +44,5 @@ def _corner_sd(mode: Mode, information: FloatArray) -> float:
     """Return the largest corner sd from the information on all states [m]; symmetries are no error."""
     part = mode.prepared.part
     scale = part_scale(part)
-    unit = scale.T @ without_spins(part, pose_information(information)) @ scale
+    unit = scale.T @ without_symmetry(part, pose_information(information)) @ scale
     return corner_sd(part, scale @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ scale.T)

@@ -10,7 +10,7 @@ from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 
 
-def settle(problem: Problem, part: PreparedPart, Ts: Transforms, scales: FloatArray) -> Transforms:
+def refine_poses(problem: Problem, part: PreparedPart, Ts: Transforms, scales: FloatArray) -> Transforms:
     """Refine poses by robust Gauss-Newton steps of the points to the surface, one step for each scale.
 
     Args:

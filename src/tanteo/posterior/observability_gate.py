@@ -20,13 +20,13 @@ from tanteo.words.findings import (  # fmt: skip
 )
 
 
-def too_little(problem: Problem) -> Finding | None:
+def observability_gate(problem: Problem) -> Finding | None:
     """Return why the points fit any part: too few, on one line, or all noise; None if there is enough."""
     if problem.pose_factors and len(problem.points):  # an image fixes the pose, too
         return None
-    points, named = problem.points.take(problem.around.others), problem.priors.pose is not None
+    points, named = problem.points.take(problem.furniture.others), problem.priors.pose is not None
     if not len(points) and len(problem.points):
-        return AllOnFurniture(len(problem.points), problem.around.names[problem.around.which[0]])
+        return AllOnFurniture(len(problem.points), problem.furniture.names[problem.furniture.which[0]])
     if not len(points):
         return NothingSensed()
     slides = any(isinstance(f, AxisCentre) for f in points.factors)

@@ -26,8 +26,8 @@ _MIRROR = np.array([1.0, 1.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """Another interpretation of the numbers.
+class Mistake:
+    """Usual mistake of convention in readings.
 
     Attributes:
         finding: type of the finding.
@@ -130,26 +130,26 @@ def _of_degrees(R: Rotations) -> Rotations:
 
 
 HANDS = (
-    Way(HandConvention, "quaternion_xyzw", _turned(_order(1))),
-    Way(HandConvention, "quaternion_wxyz", _turned(_order(-1))),
-    Way(HandConvention, "pose_inverted",
+    Mistake(HandConvention, "quaternion_xyzw", _turned(_order(1))),
+    Mistake(HandConvention, "quaternion_wxyz", _turned(_order(-1))),
+    Mistake(HandConvention, "pose_inverted",
         lambda readings: _with_hands(readings, SE3.inverse)),
-    Way(HandConvention, "rotation_transposed", _turned(lambda R: np.swapaxes(R, -1, -2))),
-    Way(HandConvention, "rotation_vector",
+    Mistake(HandConvention, "rotation_transposed", _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Mistake(HandConvention, "rotation_vector",
         _turned(_of_vector)),
-    Way(HandConvention, "roll_pitch_yaw",
+    Mistake(HandConvention, "roll_pitch_yaw",
         _turned(_of_angles)),
-    Way(HandConvention, "radians", _turned(_of_degrees)),
+    Mistake(HandConvention, "radians", _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
 )  # fmt: skip
 """Usual mistakes in poses of the hand. Most of them spread the readings wider than a part."""
 
 OTHERS = (
-    Way(DirectionsConvention, "directions_reversed", _reversed("directions")),
-    Way(NormalsConvention, "normals_reversed", _reversed("normals")),
-    Way(UnitsConvention, "inches_not_millimetres", _longer("in", "mm")),
-    Way(UnitsConvention, "millimetres_not_inches", _longer("mm", "in")),
-    Way(UnitsConvention, "millimetres_not_metres", _longer("mm", "m")),
-    Way(UnitsConvention, "metres_not_millimetres", _longer("m", "mm")),
-    Way(MirrorConvention, "mirrored", _mirrored),
+    Mistake(DirectionsConvention, "directions_reversed", _reversed("directions")),
+    Mistake(NormalsConvention, "normals_reversed", _reversed("normals")),
+    Mistake(UnitsConvention, "inches_not_millimetres", _longer("in", "mm")),
+    Mistake(UnitsConvention, "millimetres_not_inches", _longer("mm", "in")),
+    Mistake(UnitsConvention, "millimetres_not_metres", _longer("mm", "m")),
+    Mistake(UnitsConvention, "metres_not_millimetres", _longer("m", "mm")),
+    Mistake(MirrorConvention, "mirrored", _mirrored),
 )  # fmt: skip
 """Other usual mistakes."""
