@@ -465,11 +465,19 @@ def figures(checkout: Checkout, *, trace: bool = True) -> dict[str, int]:
     return out | page_figures(checkout.root)
 
 
+def page_words(page: str) -> int:
+    """Return the number of words of a page in Markdown, without code blocks, formulas and targets of links."""
+    text = re.sub(r"^```.*?^```$", "", page, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"\$\$.*?\$\$|\$[^$\n]*\$", " ", text, flags=re.DOTALL)
+    text = re.sub(r"\]\([^)\s]*\)", "]", text)
+    return sum(bool(re.search("[A-Za-z]", word)) for word in text.split())
+
+
 def page_figures(root: Path) -> dict[str, int]:
-    """Return the words of the pages in ``docs``, and the number of decisions that hold, as pages of their own."""
+    """Return the words of the pages in ``docs``, and the number of decisions with a page of their own."""
     pages = sorted((root / "docs").rglob("*.md"))
-    live = [p for p in pages if re.match(r"\d{4}-", p.name) and "*Superseded by [decision" not in p.read_text()]
-    return {"words of docs": sum(len(p.read_text().split()) for p in pages), "live decisions": len(live)}
+    live = [page for page in pages if re.match(r"\d{4}-", page.name)]
+    return {"words of docs": sum(page_words(page.read_text()) for page in pages), "live decisions": len(live)}
 
 
 def main() -> None:

@@ -13,7 +13,8 @@ import tanteo
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
-DECISIONS = sorted((ROOT / "docs" / "decisions").glob("*.md"))
+DECISIONS = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
+SUPERSEDED = ROOT / "docs" / "decisions" / "superseded.md"
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\(([^)\s]+)\)")
 FIGURE = re.compile(r"\d[\d,.]*\s?(%|ms|µs|s|milliseconds|microseconds)(?![\w/])")
 COMMAND = re.compile(r"\b(?:python|pytest)\s+((?:examples|benchmarks|tests|docs)/[\w/]+\.py)")
@@ -37,10 +38,6 @@ def anchors(page):
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-SUPERSEDED = "*Superseded by [decision"
-"""Pages that say so name files of their time."""
-
-
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page):
     for target in LINK.findall(prose(page)):
@@ -57,7 +54,7 @@ def test_links_lead_somewhere(page):
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_commands_name_files_that_exist(page):
     text = page.read_text(encoding="utf-8")
-    for file in [] if SUPERSEDED in text else COMMAND.findall(text):
+    for file in COMMAND.findall(text):
         assert (ROOT / file).is_file(), f"{name(page)}: {file}"
 
 
@@ -91,16 +88,23 @@ def test_the_code_map_has_every_room():
 
 
 @pytest.mark.parametrize("page", DECISIONS, ids=name)
-def test_decisions_say_context_choice_and_price(page):
+def test_decisions_have_context_options_choice_and_consequences(page):
     text = page.read_text(encoding="utf-8")
     assert re.match(rf"# {int(page.name[:4])}\. ", text)
-    assert re.findall(r"^\*\*(\w+)\.\*\*", text, re.MULTILINE) == ["Context", "Choice", "Price"]
-    for file in [] if SUPERSEDED in text else re.findall(r"`((?:\w+/)+\w+\.py)`", text):
+    assert re.findall(r"^\*\*(\w+)\.\*\*", text, re.MULTILINE) == [
+        "Context",
+        "Options",
+        "Choice",
+        "Consequences",
+    ]
+    for file in re.findall(r"`((?:\w+/)+\w+\.py)`", text):
         assert any((root / file).is_file() for root in (ROOT, ROOT / "src" / "tanteo")), file
 
 
-def test_decisions_are_numbered_without_a_gap():
-    assert [int(page.name[:4]) for page in DECISIONS] == list(range(1, len(DECISIONS) + 1))
+def test_each_decision_has_a_page_or_a_row():
+    rows = [int(n) for n in re.findall(r"^\| (\d+) \|", SUPERSEDED.read_text(encoding="utf-8"), re.MULTILINE)]
+    numbers = sorted([*rows, *(int(page.name[:4]) for page in DECISIONS)])
+    assert numbers == list(range(1, len(numbers) + 1))
 
 
 def test_the_picture_is_there_and_is_one():

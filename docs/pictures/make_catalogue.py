@@ -1,4 +1,4 @@
-"""Draw ``docs/pictures/catalogue.svg`` from the table "What it takes" in ``docs/catalogue.md``.
+"""Draw ``docs/pictures/catalogue.svg`` from the table "Measured" in ``docs/catalogue.md``.
 
 ``python docs/pictures/make_catalogue.py [folder]``. The picture shows what stands in the table, which
 ``python benchmarks/bench_catalogue.py`` prints, and the slope of each curve.

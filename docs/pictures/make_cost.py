@@ -1,4 +1,4 @@
-"""Draw ``docs/pictures/cost.svg`` from the table "What it costs" in ``docs/surface_search.md``.
+"""Draw ``docs/pictures/cost.svg`` from the table "Cost over points, triangles and parts" in ``docs/benchmarks.md``.
 
 ``python docs/pictures/make_cost.py [folder]``. The picture shows what stands in the table, which
 ``python benchmarks/run.py cost`` prints.
@@ -15,7 +15,7 @@ import numpy as np
 from make_pictures import BLUE, GREEN, GREY, HEIGHT, INK, PAPER, RED, WIDTH, Drawing
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parent / "surface_search.md"
+PAGE = HERE.parent / "benchmarks.md"
 ORANGE = "#b4690e"
 LEFT, GAP, SIDE, TOP, BOTTOM = 74, 92, 318, 84, 390
 """Place of the panels on the page."""

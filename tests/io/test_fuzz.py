@@ -66,8 +66,8 @@ def settle(path):
     n = len(readings)
     assert n > 0
     assert len(set(readings.ids)) == n
-    assert not np.isinf(readings.points).any()
-    assert (readings.has_point | readings.has_hand).all()
+    assert not np.isinf(readings.points.values).any()
+    assert (readings.points.given | readings.Ts_world_hand.given).all()
 
 
 @RELAXED

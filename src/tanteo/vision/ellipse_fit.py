@@ -20,6 +20,9 @@ from tanteo.vision.settings import EDGES, NEWTON_STEPS, SEARCH
 NUMBERS = ("cx", "cy", "Pxx", "Pyy", "Pxy")
 """Definition: numbers of an ellipse, in the order of its covariance."""
 
+_STEPS, _DONE = 40, 1e-9
+"""Numerical: limit of the Levenberg-Marquardt steps, which end before, and squared length of the last step [sd^2]."""
+
 FEWEST = len(NUMBERS) + 1
 """Least number of points of a fit: one more than the ellipse has numbers."""
 
@@ -161,21 +164,29 @@ def _start(pixels: FloatArray) -> FloatArray:
 
 def _fit(pixels: FloatArray, weights: FloatArray, x: FloatArray) -> FloatArray:
     """Return the numbers of the ellipse that fits best, by Levenberg-Marquardt on the distances."""
-    from scipy.optimize import least_squares  # slow to import
-
-    roots = np.sqrt(weights)
-
-    def residuals(numbers: FloatArray) -> FloatArray:
-        if np.linalg.eigvalsh(_matrix(numbers))[0] <= 0:
-            return np.asarray(roots * np.ptp(pixels))  # no ellipse
-        t, normals, _ = _feet(pixels, numbers)
-        return roots * _offsets(pixels, numbers, t, normals)
-
-    def jacobian(numbers: FloatArray) -> FloatArray:
-        t, normals, _ = _feet(pixels, numbers)
-        return np.asarray(-roots[:, None] * _derivatives(t, normals))
-
-    return np.asarray(least_squares(residuals, x, jacobian, method="lm", xtol=1e-12, ftol=1e-15).x)
+    cost, damping = np.inf, 1e-3
+    t, normals, _ = _feet(pixels, x)
+    off = _offsets(pixels, x, t, normals)
+    cost = float(weights @ off**2)
+    for _ in range(_STEPS):
+        J = _derivatives(t, normals)
+        A, g = (J.T * weights) @ J, J.T @ (weights * off)
+        step = np.linalg.solve(A + damping * np.diag(np.diagonal(A)), g)
+        tried = x + step
+        if np.linalg.eigvalsh(_matrix(tried))[0] <= 0.02 * np.linalg.eigvalsh(_matrix(x))[0]:
+            damping *= 10
+            continue
+        t_new, n_new, _ = _feet(pixels, tried)
+        off_new = _offsets(pixels, tried, t_new, n_new)
+        new = float(weights @ off_new**2)
+        if new > cost * (1 + 1e-12):
+            damping *= 10
+            continue
+        small = float(step @ A @ step) < _DONE
+        x, t, normals, off, cost, damping = tried, t_new, n_new, off_new, new, damping * 0.2
+        if small:
+            return x
+    return x
 
 
 def _feet(pixels: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

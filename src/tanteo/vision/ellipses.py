@@ -16,7 +16,7 @@ from tanteo.posterior import DEFAULTS
 from tanteo.vision.camera import Camera, without_distortion
 from tanteo.vision.edges import EdgePoints
 from tanteo.vision.ellipse_fit import FEWEST, Ellipse, fit_ellipse, offsets_from
-from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH, SPACING
+from tanteo.vision.settings import EDGES, EVIDENCE, NEWTON_STEPS, SEARCH, SPACING
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +81,7 @@ def _arcs(pixels: FloatArray, normals: FloatArray) -> list[IntArray]:
 
     tree = cKDTree(pixels)
     bends = _bends(tree.query_pairs(EVIDENCE.shortest, output_type="ndarray"), pixels, normals)
-    side = np.where(np.abs(bends) > 8 * EDGES.floor / EVIDENCE.stretch**2, np.sign(bends), 0.0)
+    side = np.where(np.abs(bends) > 1 / SEARCH.straight, np.sign(bends), 0.0)
     pairs = tree.query_pairs(EDGES.correlation / 2, output_type="ndarray")
     i, j = pairs.T
     gap, middle = pixels[j] - pixels[i], normals[i] + normals[j]
@@ -141,7 +141,7 @@ def _ellipse(pixels: FloatArray, points: EdgePoints, arc: IntArray) -> tuple[Ell
     alone = _fitted(pixels, points, arc)
     outward = float(np.sign(np.sum(points.normals[arc] * offsets_from(alone, pixels[arc])[1])))
     own, ellipse = arc, alone
-    for _ in range(SEARCH.rounds):
+    for _ in range(NEWTON_STEPS):
         before, own = own, _near(pixels, points, ellipse, outward)
         if len(own) < EVIDENCE.stretch:
             break

@@ -142,6 +142,7 @@ class SearchSettings:
         rims: number of ellipses of an image, and of rims of a part, that are tried, largest first.
         alone: number of ellipses that are tried at all turns, without a second ellipse.
         far_ends: number of places at which a segment may end.
+        straight: radius from which a bent edge counts as straight [px].
         loose: standard deviation of the size of an ellipse, relative to it, from which the ellipse is refused. With a
             larger one errors are not normal, and short arcs fit small ellipses as well as large ones.
         scatter: largest chi-square of an ellipse for each degree of freedom.
@@ -162,6 +163,7 @@ class SearchSettings:
     rims: int = 24
     alone: int = 2
     far_ends: int = 5
+    straight: float = 400.0
     loose: float = 0.08
     scatter: float = 5.0
     contradict: float = 0.01

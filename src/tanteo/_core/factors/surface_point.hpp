@@ -7,7 +7,7 @@ namespace tanteo {
 // p(x | pose) = integral over the surface of N(x; y + radius n(y), C) w(n(y)) dA(y): over each flat piece a normal density
 // of the distance from its plane, times the mass of the noise in that plane that falls inside the piece's outline
 // (truncated normal), times the density of the sensed normal. w is 1 / area for points even over the surface, or the
-// cosine of incidence for a beam of known direction. docs/engine.md, "One reading".
+// cosine of incidence for a beam of known direction. docs/math.md, section 15.
 class SurfacePoint final : public OnSurface {
   public:
     void evaluate(const Placement& placement, Components& out) const override;

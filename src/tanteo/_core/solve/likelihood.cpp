@@ -1,5 +1,5 @@
 // All factors together: the combinators outliers, furniture and label groups, then gradient and information over pose,
-// shared errors and noise scale. Rays and priors are in prior.cpp; docs/engine.md has the formulas.
+// shared errors and noise scale. Rays and priors are in prior.cpp; docs/math.md, section 15, has the formulas.
 #include "solve/likelihood.hpp"
 
 #include <cmath>

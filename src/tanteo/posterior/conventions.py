@@ -1,0 +1,155 @@
+"""Usual mistakes of convention in readings files, and functions that undo them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tanteo.geometry import SE3, SO3
+from tanteo.geometry.typing import Rotations, Transforms
+from tanteo.parts import METRES
+from tanteo.sensors import Column, Readings
+from tanteo.words.findings import (  # fmt: skip
+    Convention,
+    DirectionsConvention,
+    HandConvention,
+    MirrorConvention,
+    NormalsConvention,
+    UnitsConvention,
+)
+
+_MIRROR = np.array([1.0, 1.0, -1.0])
+"""Representative of all mirrors: whichever axes are exchanged or reversed, the rest is a rotation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """Usual mistake of convention in readings.
+
+    Attributes:
+        finding: type of the finding.
+        mistake: name of the other convention.
+        undo: function that returns the readings in this convention; None where it does not apply.
+    """
+
+    finding: type[Convention]
+    mistake: str
+    undo: Callable[[Readings], Readings | None]
+
+
+def _turned(change: Callable[[Rotations], Rotations]) -> Callable[[Readings], Readings | None]:
+    """Return a function that changes the attitude of the hand."""
+
+    def undo(readings: Readings) -> Readings | None:
+        def turned(Ts: Transforms) -> Transforms:
+            out = np.array(Ts)
+            out[:, :3, :3] = change(Ts[:, :3, :3])
+            return out
+
+        return _with_hands(readings, turned)
+
+    return undo
+
+
+def _with_hands(readings: Readings, change: Callable[[Transforms], Transforms]) -> Readings | None:
+    """Return readings with other poses of the hand; None if no range depends on them."""
+    hands = readings.Ts_world_hand
+    ranged = readings.ranges.given[hands.given]
+    if not ranged.any():
+        return None
+    Ts = np.array(hands.values)
+    Ts[ranged] = change(Ts[ranged])
+    return replace(readings, Ts_world_hand=hands.map(lambda _: Ts))
+
+
+def _reversed(name: str) -> Callable[[Readings], Readings | None]:
+    """Return a function that reverses a direction; it returns None where no reading has one."""
+
+    def undo(readings: Readings) -> Readings | None:
+        column: Column = getattr(readings, name)
+        changed: dict[str, Any] = {name: column.map(np.negative)}
+        return replace(readings, **changed) if column.given.any() else None
+
+    return undo
+
+
+def _mirrored(readings: Readings) -> Readings | None:
+    if readings.Ts_world_hand.given.any():
+        return None
+    points, directions, normals = (
+        column.map(lambda v: v * _MIRROR) for column in (readings.points, readings.directions, readings.normals)
+    )
+    return replace(readings, points=points, directions=directions, normals=normals)
+
+
+def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
+    """Return a function that takes all lengths for those of another unit than the one that was read."""
+    factor = METRES[unit] / METRES[read]
+
+    def undo(readings: Readings) -> Readings | None:
+        Ts = np.array(readings.Ts_world_hand.values)
+        Ts[:, :3, 3] *= factor
+        return replace(
+            readings, Ts_world_hand=readings.Ts_world_hand.map(lambda _: Ts), radii=factor * readings.radii,
+            points=readings.points.map(lambda v: factor * v), ranges=readings.ranges.map(lambda r: factor * r),
+            max_ranges=readings.max_ranges.map(lambda r: factor * r),
+        )  # fmt: skip
+
+    return undo
+
+
+def _order(places: int) -> Callable[[Rotations], Rotations]:
+    """Return a function that moves all numbers of quaternions on by some places, the last to the front."""
+    return lambda R: SO3.from_quaternion(np.roll(SO3.as_quaternion(R), places, axis=-1))
+
+
+def _of_vector(R: Rotations) -> Rotations:
+    """Return rotations by vectors that were read as roll, pitch, yaw; of two solutions the one below a full turn."""
+    pitch = np.arcsin(np.clip(-R[:, 2, 0], -1, 1))
+    roll, yaw = np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    one = np.stack([roll, pitch, yaw], axis=-1)
+    half = np.pi * np.array([1.0, 1.0, 1.0])
+    other = np.stack([roll, -pitch, yaw], axis=-1) + half
+    other = (other + np.pi) % (2 * np.pi) - np.pi
+    long = np.linalg.norm(one, axis=1) > np.pi
+    return SO3.exp(np.where((long & (np.linalg.norm(other, axis=1) <= np.pi))[:, None], other, one))
+
+
+def _of_angles(R: Rotations) -> Rotations:
+    """Return rotations by roll, pitch and yaw that were read as a rotation vector."""
+    roll, pitch, yaw = np.moveaxis(SO3.log(R), -1, 0)
+    return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
+
+
+def _of_degrees(R: Rotations) -> Rotations:
+    """Return the rotations of vectors in radians that were read as degrees."""
+    return SO3.exp(np.degrees(SO3.log(R)))
+
+
+HANDS = (
+    Mistake(HandConvention, "quaternion_xyzw", _turned(_order(1))),
+    Mistake(HandConvention, "quaternion_wxyz", _turned(_order(-1))),
+    Mistake(HandConvention, "pose_inverted",
+        lambda readings: _with_hands(readings, SE3.inverse)),
+    Mistake(HandConvention, "rotation_transposed", _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Mistake(HandConvention, "rotation_vector",
+        _turned(_of_vector)),
+    Mistake(HandConvention, "roll_pitch_yaw",
+        _turned(_of_angles)),
+    Mistake(HandConvention, "radians", _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
+)  # fmt: skip
+"""Usual mistakes in poses of the hand. Most of them spread the readings wider than a part."""
+
+OTHERS = (
+    Mistake(DirectionsConvention, "directions_reversed", _reversed("directions")),
+    Mistake(NormalsConvention, "normals_reversed", _reversed("normals")),
+    Mistake(UnitsConvention, "inches_not_millimetres", _longer("in", "mm")),
+    Mistake(UnitsConvention, "millimetres_not_inches", _longer("mm", "in")),
+    Mistake(UnitsConvention, "millimetres_not_metres", _longer("mm", "m")),
+    Mistake(UnitsConvention, "metres_not_millimetres", _longer("m", "mm")),
+    Mistake(MirrorConvention, "mirrored", _mirrored),
+)  # fmt: skip
+"""Other usual mistakes."""

@@ -1,0 +1,48 @@
+"""The shared error that contributes most to the uncertainty of an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tanteo.features import SharedError
+from tanteo.fitting import pose_information
+from tanteo.geometry.typing import FloatArray
+from tanteo.posterior.answers.part_motions import corner_sd, part_scale, without_symmetry
+from tanteo.posterior.fit_at_mode import GoodnessOfFit
+from tanteo.posterior.sampling.modes import Mode
+from tanteo.words.findings import SharedErrorLimits
+
+
+def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
+    """Return the shared error that contributes most to the uncertainty, if it matters; None if not.
+
+    Args:
+        one: the answer.
+        shared: shared errors, in the order of the states.
+    """
+    mode, own = one.mode, one.mode.objective.problem.settings.checks
+    information, start = mode.information, 6
+    total, worst, name, source = _corner_sd(mode, information), 0.0, "", ""
+    if corner_sd(mode.prepared.part, mode.covariance) > own.beyond_curvature * total:
+        return None  # the curvature of the maximum says little of how far off the pose may be, or why
+    for error in shared:
+        stop = start + len(error.covariance)
+        known = np.array(information)
+        known[start:stop, start:stop] += 1e12 * np.eye(stop - start)
+        part_of = float(np.sqrt(max(total**2 - _corner_sd(mode, known) ** 2, 0.0)))
+        if part_of > worst:
+            worst, name, source = part_of, error.meaning or error.name, error.name
+        start = stop
+    if worst < own.limiting_share * total:
+        return None
+    return SharedErrorLimits(name, worst, total, float(np.sqrt(total**2 - worst**2)), source)
+
+
+def _corner_sd(mode: Mode, information: FloatArray) -> float:
+    """Return the largest corner sd from the information on all states [m]; symmetries are no error."""
+    part = mode.prepared.part
+    scale = part_scale(part)
+    unit = scale.T @ without_symmetry(part, pose_information(information)) @ scale
+    return corner_sd(part, scale @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ scale.T)

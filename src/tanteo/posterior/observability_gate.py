@@ -1,0 +1,53 @@
+"""Observability gate: measurements that fit any part, because they are too few or all noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tanteo.factors import AxisCentre, ContactPoints
+from tanteo.geometry.typing import FloatArray
+from tanteo.posterior.problem import Problem
+from tanteo.posterior.settings import FEWEST
+from tanteo.words import Finding
+from tanteo.words.findings import (  # fmt: skip
+    AllOnFurniture,
+    NoiseTooLarge,
+    NothingSensed,
+    OneCentre,
+    OnOneLine,
+    TooFewReadings,
+    TwoCentres,
+)
+
+
+def observability_gate(problem: Problem) -> Finding | None:
+    """Return why the points fit any part: too few, on one line, or all noise; None if there is enough."""
+    if problem.pose_factors and len(problem.points):  # an image fixes the pose, too
+        return None
+    points, named = problem.points.take(problem.furniture.others), problem.priors.pose is not None
+    if not len(points) and len(problem.points):
+        return AllOnFurniture(len(problem.points), problem.furniture.names[problem.furniture.which[0]])
+    if not len(points):
+        return NothingSensed()
+    slides = any(isinstance(f, AxisCentre) for f in points.factors)
+    if len(points) == 1 and points.centres.any():
+        return OneCentre(slides)
+    if len(points) == 2 and points.centres.all() and not (named or points.oriented.any()):
+        return TwoCentres(slides)
+    if points.held < FEWEST:
+        return TooFewReadings(len(points))
+    if named or points.oriented.any() or np.count_nonzero(points.centres) > 1:
+        return None
+    along, across = np.linalg.svd(points.points - points.points.mean(axis=0), compute_uv=False)[:2]
+    sd = float(np.median(_along(points)))
+    if across > sd * np.sqrt(len(points)):
+        return None
+    if along > problem.settings.search.notable_sds * sd * np.sqrt(len(points)):
+        return OnOneLine()
+    return NoiseTooLarge(sd, points.tolerance > 0)
+
+
+def _along(points: ContactPoints) -> FloatArray:
+    """Return the standard deviation of each point along its direction, if known ``(n,)``."""
+    along = np.sqrt(np.einsum("ni,nij,nj->n", points.directions, points.covs, points.directions))
+    return np.asarray(np.where(points.directed, along, points.sd))
