@@ -126,7 +126,7 @@ def test_features_pair_with_the_model_s_circle_and_centre():
 
 def test_short_arcs_are_refused_with_the_reason():
     truth = project_circle(CAMERA, T_CAMERA_CIRCLE, RADIUS)
-    with pytest.raises(DegenerateError, match=r"degrees of one: a semi-axis is known to .* Show more"):
+    with pytest.raises(DegenerateError, match=r"degrees of one. A semi-axis is known to .* Show more"):
         fit_ellipse(arc(truth, 40, np.random.default_rng(1)), np.full(60, 0.1))
     with pytest.raises(DegenerateError, match="one line"):
         fit_ellipse(np.stack([np.arange(20.0), 3 * np.arange(20.0)], axis=1), np.full(20, 0.1))

@@ -52,7 +52,7 @@ def shots(catalogue):
 @pytest.fixture
 def many(monkeypatch):
     """Outlines select among more than four parts."""
-    monkeypatch.setattr(outlines, "DEFAULTS", DEFAULTS.changed("race.budget", 4))
+    monkeypatch.setattr(outlines, "DEFAULTS", DEFAULTS.changed("pruning.budget", 4))
 
 
 def whole(shots):
@@ -87,7 +87,7 @@ def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
 
 def test_what_was_not_looked_for_is_said(catalogue, shots, many, monkeypatch):
     """Where all that look alike do not find room, they are as probable as those that did."""
-    monkeypatch.setattr(outlines, "DEFAULTS", outlines.DEFAULTS.changed("race.least", 1))
+    monkeypatch.setattr(outlines, "DEFAULTS", outlines.DEFAULTS.changed("pruning.least", 1))
     monkeypatch.setattr("tanteo.posterior.answers.seen_outline._TOGETHER", 1e4)  # any outline is any part's
     _, shot, _ = next(whole(shots))
     (seen, *_) = see_table(shot.image, shot.camera, catalogue).objects
@@ -117,7 +117,7 @@ def test_an_object_that_leaves_the_image_is_not_narrowed(catalogue, many):
 
 
 def test_many_parts_need_a_table(catalogue, monkeypatch):
-    monkeypatch.setattr("tanteo.vision.solid.DEFAULTS", DEFAULTS.changed("race.least", 10))
+    monkeypatch.setattr("tanteo.vision.solid.DEFAULTS", DEFAULTS.changed("pruning.least", 10))
     with pytest.raises(InputError, match=r"at most 10 where the pose of the camera is unknown.*got 24.*--marks"):
         see_anywhere(np.zeros((480, 640)), table_camera(), catalogue)
 

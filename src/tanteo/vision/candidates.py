@@ -125,7 +125,7 @@ def _with_beside(
 
     Where a shadow or a second edge is next to an edge, edges match at several poses a millimetre apart.
     """
-    keep = np.flatnonzero((c.log > best - DEFAULTS.search.faint) | (c.log == c.log.max()))
+    keep = np.flatnonzero((c.log > best - DEFAULTS.search.drop_gap) | (c.log == c.log.max()))
     Ts, rests = [c.T_camera_part[keep]], [c.rests[keep]]
     for k in np.flatnonzero(c.log > best - SEARCH.likely):
         near = _poses_beside(c.model, int(c.rests[k]), image, T_camera_table, c.T_camera_part[k], table)

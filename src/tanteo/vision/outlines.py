@@ -84,15 +84,15 @@ def narrowed(outline: SeenOutline | None, parts: Sequence[Any]) -> Narrowed:
     """Return the candidate parts of an outline: all if they are few, none if they are many and there is no outline."""
     none = np.zeros(0, dtype=np.int64)
     if outline is None:
-        return Narrowed(np.arange(len(parts)) if len(parts) <= DEFAULTS.race.budget else none, none)
+        return Narrowed(np.arange(len(parts)) if len(parts) <= DEFAULTS.pruning.budget else none, none)
     log = outline.log_likelihood(parts)
     order = np.argsort(-log, kind="stable")
     similar = order[:10]
-    if len(log) <= DEFAULTS.race.budget:
+    if len(log) <= DEFAULTS.pruning.budget:
         return Narrowed(np.arange(len(log)), similar)
     shares = np.exp(log[order] - log[order[0]])
     rest = np.cumsum(shares[::-1])[::-1]  # of each and of all after it
-    count = min(max(int(np.searchsorted(-rest, -np.exp(-SEARCH.likely) * rest[0])), 1), DEFAULTS.race.least)
+    count = min(max(int(np.searchsorted(-rest, -np.exp(-SEARCH.likely) * rest[0])), 1), DEFAULTS.pruning.least)
     left = len(log) - count
     out = float(rest[count]) if left else 0.0
     rests = tuple(outline.likely(parts, int(row)) for row in order[:count])

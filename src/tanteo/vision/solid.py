@@ -60,9 +60,9 @@ def see_anywhere(
         MissingExtraError: OpenCV is not installed.
     """
     parts = check_sight(image, camera, parts)
-    if len(parts) > DEFAULTS.race.least:
+    if len(parts) > DEFAULTS.pruning.least:
         raise InputError(
-            f"parts: expected at most {DEFAULTS.race.least} where the pose of the camera is unknown, got "
+            f"parts: expected at most {DEFAULTS.pruning.least} where the pose of the camera is unknown, got "
             f"{len(parts):,}. Give the pose of the camera over the table (--marks, T_world_camera), or fewer parts."
         )
     models = [prepared(one) for one in parts]
@@ -135,7 +135,7 @@ def propose_anywhere(
         out.append((model, T))
         logs.append(seen.sums(model, T).there)
     best = max((float(log.max()) for log in logs if len(log)), default=0.0)
-    kept = [np.flatnonzero((log > best - DEFAULTS.search.faint) | (log == log.max(initial=-np.inf))) for log in logs]
+    kept = [np.flatnonzero((log > best - DEFAULTS.search.drop_gap) | (log == log.max(initial=-np.inf))) for log in logs]
     return [(model, T[rows]) for (model, T), rows in zip(out, kept, strict=True)], tried
 
 
