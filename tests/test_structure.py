@@ -22,7 +22,7 @@ MOST = {
     "files that ask for kinds in C++": 0,
     "kinds asked for in Python": 2,
     "files that ask for kinds in Python": 1,
-    "code lines of Python in the judged packages": 10182,
+    "code lines of Python in the judged packages": 10178,
     "code lines of C++": 9550,
 }
 """Largest accepted figures: the numbers may fall."""
