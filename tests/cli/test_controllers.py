@@ -182,7 +182,7 @@ def test_programs_are_in_the_document(name, run):
     ("words", "message"),
     [
         (("--program", "linuxnc", "--tip-radius", "1mm", "--sd", "0.1mm"), "Did you mean 'linuxcnc'"),
-        (("--program", "ur", "--sd", "0.1mm"), "--tip-radius: expected the ball of a program's probe"),
+        (("--program", "ur", "--sd", "0.1mm"), "--tip-radius: expected the ball radius of the probe"),
         (("--program", "ur", "--tip-radius", "1mm", "--sensor", "keyence_il300"), "expected a touch probe"),
         (("--feed", "2mm/s", "--sd", "0.1mm"), "--feed: expected with --program"),
         (

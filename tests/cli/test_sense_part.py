@@ -72,7 +72,7 @@ def test_what_is_not_reached_exits_with_three(sense):
     code, out, _ = sense("--max-measurements", "1", "--tolerance", "1mm")
     assert code == 3
     assert "1 were allowed" not in out
-    assert "1 reading was asked for at most" in out
+    assert "The limit of readings is reached: 1 was allowed" in out
 
 
 def test_what_is_assumed_beforehand_can_be_said(sense, tmp_path):
@@ -189,5 +189,5 @@ def test_a_record_that_cannot_be_written_does_not_cost_answer(sense, tmp_path, m
     code, out, err = sense("--max-measurements", "2", "--record", str(tmp_path / "r.json"))
     assert code == 1
     assert out.startswith(("bracket_", "ambiguous", "insufficient"))
-    assert err.count("disk full. Choose another folder. Sensing goes on.") == 1
+    assert err.count("disk full. Choose another folder. Sensing continues.") == 1
     assert err.count("error: --record") == 1

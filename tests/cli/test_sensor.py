@@ -96,7 +96,7 @@ def test_fit_finds_beam_strays_and_coverage(run):
     assert (result.code, result.err) == (0, "")
     for words in (
         "calibrated: 288 readings at 48 places on 2 planes", "the offset of the ranges is in it", "sd deg", "wall",
-        "0-15 deg", "Set aside: 6 places saturated", "saturated: 7 .. 12 (6) on table read 450.0 mm",
+        "0-15 deg", "Excluded: 6 places saturated", "saturated: 7 .. 12 (6) on table read 450.0 mm",
         "holds for these ranges and incidences",
     ):  # fmt: skip
         assert words in result.out

@@ -1,4 +1,4 @@
-"""The single reading that tells one part from another, once the part is located as either of them."""
+"""The best single reading to discriminate two parts, after the object is located as either of them."""
 
 from __future__ import annotations
 
@@ -22,37 +22,38 @@ from tanteo.posterior import PreparedPart, Priors, Problem, corner_moves, identi
 from tanteo.words.findings import NoPlaceReached, ReadingDiscriminates
 
 _PLACES = 60
-"""Places of the one part that the other is laid on."""
+"""Number of points of the first part to which the second one is fitted."""
 
 _AGREE = 0.02
-"""How well, in diagonals of the part."""
+"""Standard deviation of that fit, as a fraction of the part's diagonal."""
 
 _FITTED = np.full(8, 3.0)
-"""Steps of the fit, and the scale from which a place loses its weight [times how well they agree]."""
+"""Robust scales of the successive steps of the fit, as multiples of its standard deviation."""
 
 _CLOSER, _SAME, _AS_MUCH = np.geomspace(3.0, 0.02, 24), 5e-5, 0.05
-"""Steps of the fit by as much surface as can be; what is the same surface then [m]; shares of it that are as much."""
+"""Robust scales of a fit that maximizes the common surface, distance of common points [m], and difference of the common
+fractions that counts as equal."""
 
 _SAMPLES = 48
-"""Poses of each place of each part, by which readings are compared."""
+"""Number of samples for each relative pose of each part."""
 
 _TWINS = 4
-"""Ways of laying it on that are looked at."""
+"""Number of relative poses of the two parts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discrimination:
-    """A reading that discriminates two parts.
+    """Best reading to discriminate two parts.
 
     Attributes:
-        parts: their names.
-        origin: from where to look or move, in the frame of the first part ``(3,)`` [m].
-        direction: in which, unit ``(3,)``.
-        ranges: what it reads if it is the first, and if it is the second [m]; infinite for nothing.
-        sds: standard deviations of these [m].
-        T_first_second: where the second part is then, in the frame of the first ``(4, 4)``.
-        information: about which it is [nats]; ln 2 is all there is.
-        finding: the same in words.
+        parts: names of the parts.
+        origin: start of the beam or motion, frame of the first part ``(3,)`` [m].
+        direction: unit direction, frame of the first part ``(3,)``.
+        ranges: expected range for the first and the second part ``(2,)`` [m]; infinite for a miss.
+        sds: standard deviations of these ranges ``(2,)`` [m].
+        T_first_second: pose of the second part in the frame of the first ``(4, 4)``.
+        information: expected information about the part [nats], at most ln 2.
+        finding: result as a typed finding.
     """
 
     parts: tuple[str, str]
@@ -70,30 +71,30 @@ class Discrimination:
         return self.finding.message
 
     @property
-    def tells(self) -> bool:
-        """Whether it is worth making."""
+    def discriminates(self) -> bool:
+        """Whether the reading is worth making."""
         return self.information >= ReadingDiscriminates.LEAST
 
 
 def discriminate(
     first: PreparedPart | Part, second: PreparedPart | Part, probe: Probe, sd: float = 2e-4, seed: int = 0
 ) -> Discrimination:
-    """The reading that tells most about which of two parts it is, located to ``sd`` at its corners.
+    """Return the reading with the most information about which of two parts is present.
 
-    The second part is where it looks most like the first; it may look like it in several ways, and the reading is that
-    which tells most in the way in which it tells least.
+    The second part is at the pose at which it is most similar to the first. If there are several such poses, the
+    reading maximizes the information of the worst one.
 
     Args:
         first: one part.
-        second: the other.
-        probe: what senses.
-        sd: to which the part is located, at its corners [m].
-        seed: of the places that are tried.
+        second: the other part.
+        probe: sensor model.
+        sd: standard deviation of the located part at its corners [m].
+        seed: seed of the candidate places.
 
     Example:
         >>> left, right = (tanteo.read_part(f"parts/bracket_{side}.step") for side in ("left", "right"))
         >>> found = tanteo.discriminate(left, right, tanteo.probe_of("keyence_il300"))
-        >>> found.tells
+        >>> found.discriminates
         True
     """
     first, second = prepare_all("parts", (first, second))
@@ -117,7 +118,7 @@ def discriminate(
     told = _told(state, candidates, probe, len(twins))
     k = int(np.lexsort((told.sum(axis=0), told.min(axis=0)))[-1])
     twin = int(np.argmin(told[:, k]))
-    here = draw(begin(start), 1)  # the middle of every pose
+    here = draw(begin(start), 1)  # the mean of every mode
     seen = predict(here, candidates.origins[k : k + 1], candidates.directions[k : k + 1], probe)
     rows = [int(np.flatnonzero(here.mode == mode)[0]) for mode in (0, 1 + twin)]
     ranges = seen.ranges[0, rows]
@@ -134,7 +135,7 @@ def discriminate(
 
 
 def _told(state: SensingState, candidates: Candidates, probe: Probe, twins: int) -> FloatArray:
-    """What each reading tells about which part it is, if the second is known to be at each of its places ``(k, C)``."""
+    """Return the information of each reading for each relative pose of the second part ``(k, C)`` [nats]."""
     samples = draw(state, _SAMPLES * (1 + twins))
     predicted = predict(samples, candidates.origins, candidates.directions, probe)
     out = []
@@ -148,7 +149,7 @@ def _told(state: SensingState, candidates: Candidates, probe: Probe, twins: int)
 
 
 def _echoes(state: SensingState, one: Candidates, probe: Probe) -> FloatArray:
-    """How often a reading by a cone has an echo at every mode; 1 for a thin beam."""
+    """Return how often a reading by a cone has an echo at every mode; 1 for a thin beam."""
     if not has_cone(probe):
         return np.ones(len(state.weights))
     samples = draw(state, _SAMPLES * len(state.weights))
@@ -157,10 +158,10 @@ def _echoes(state: SensingState, one: Candidates, probe: Probe) -> FloatArray:
 
 
 def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
-    """Poses of the second part, in the frame of the first, at which it looks most like it ``(k, 4, 4)``.
+    """Return the poses of the second part in the frame of the first at which both are most similar ``(k, 4, 4)``.
 
-    It does so on the whole, all differences shared out over its surface, and with as much of the surface as can be just
-    where the first has it, which puts all the difference in one place: as when it was located by what both have.
+    One criterion distributes the differences over the whole surface. The other maximizes the common surface, so that
+    the differences are in one place, as if the object was located by the common faces.
     """
     points, normals = first.samples[:_PLACES], first.normals[:_PLACES]
     sd = _AGREE * first.part.diagonal
@@ -171,7 +172,7 @@ def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
         return SE3.from_parts(np.eye(3), first.part.centroid - second.part.centroid)[None]
     Ts = np.stack([h.T_world_part for h in answer.hypotheses])
     problem = Problem(touches, FreeRays.none(), priors)
-    Ts = refine_poses(problem, second, Ts, sd * _FITTED)  # the places are exact: no noise put one beside its face
+    Ts = refine_poses(problem, second, Ts, sd * _FITTED)  # the points are exact and need no normal sign check
     close = refine_poses(problem, second, np.concatenate([Ts, np.eye(4)[None]]), sd * _CLOSER)
     off = second.surface.closest(SE3.apply(SE3.inverse(close)[:, None], points)).distances
     share = np.mean(off < _SAME, axis=1)
@@ -179,7 +180,7 @@ def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
 
 
 def _distinct(part: PreparedPart, Ts: Transforms) -> Transforms:
-    """The first of poses that are the same to what the corners of the part's box show."""
+    """Return poses without near duplicates, compared at the corners of the part's box."""
     kept: list[Transforms] = []
     for T in Ts:
         gaps = [corner_moves(part.part) @ SE3.log(SE3.inverse(other) @ T) for other in kept]
@@ -189,6 +190,6 @@ def _distinct(part: PreparedPart, Ts: Transforms) -> Transforms:
 
 
 def located(target: PreparedPart, sd: float) -> Covariances:
-    """A covariance of the pose with about that standard deviation at the corners ``(6, 6)``."""
+    """Return a pose covariance with about a given standard deviation at the corners ``(6, 6)``."""
     J = corner_moves(target.part)
     return np.asarray(sd**2 * 3 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0)))

@@ -1,11 +1,12 @@
-"""Plans: the fewest readings that place a part within a tolerance, known beforehand.
+"""Plans: the smallest set of readings, chosen beforehand, that places a part within a tolerance.
 
-About the expected pose everything is linear: a reading adds information along one direction of the pose. The plan is
-chosen by exchanges (Fedorov) from the last plan with a reading more and from sets drawn at random, for the mean square
-error of the corners, or of the feature, the worst counting most. What readings share does not average out in it: a bias
-is a state of its own, and the robot's absolute error is added at the end. Then placements are drawn from what is known
-beforehand, at each of which only the readings count that meet their faces: readings are exchanged and added until the
-tolerance is kept over all of them.
+Near the expected pose the problem is linear: each reading adds information along one direction of the pose. An exchange
+algorithm (Fedorov 1972) chooses the set. It starts from the previous set with one more reading, and from random sets.
+It minimizes the mean square error of the corners or of the feature, with most weight on the worst point. A bias is a
+state of its own, so that shared errors do not average out, and the robot's absolute error is added at the end.
+
+Then placements of the part are sampled from the prior. At each of them only the readings that meet their faces count.
+Readings are exchanged and added until the tolerance holds over all placements.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ from tanteo.words.findings import (
 )
 
 _BETTER = 10.0
-"""Times better that the start would be known, to see whether it is what stands in the way."""
+"""Factor of a hypothetical better prior, to test whether the prior prevents the goal."""
 
 _LESS_STEADY = (0.8, 0.95), (0.5, 0.9)
-"""Shares of the placements at which a reading must meet its face, and have room, where steadier ones do not do."""
+"""Fractions of the placements at which a reading must meet its face, and be clear, if stricter ones do not suffice."""
 
 _WORTH = 0.02
-"""Chance that those must add, if they do not do either."""
+"""Least increase of the probability by such readings, if they do not suffice either."""
 
 _DOUBTFUL = 0.5
 """Probability of the tolerance, and fraction of placements at which a reading meets its face. A plan with less of both
@@ -52,7 +53,7 @@ _FREE = 0.99
 """Fraction of placements with free starts above which no remark is made."""
 
 _LESS = 0.5, 0.25, 0.1
-"""Clearances that are tried where no place is reached, in stand-offs."""
+"""Clearances to try if no place is reached, as fractions of the stand-off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,17 +61,17 @@ class PlannedReading:
     """One reading of a plan.
 
     Attributes:
-        origin: from where to look or move, world ``(3,)`` [m].
-        direction: in which, unit, world ``(3,)``.
-        point: expected on the surface, world ``(3,)`` [m].
+        origin: start of the beam or motion, world frame ``(3,)`` [m].
+        direction: unit direction, world frame ``(3,)``.
+        point: expected point on the surface, world frame ``(3,)`` [m].
         face: name of the face.
-        covariance: of the pose after it ``(6, 6)``, part frame [m, rad].
-        corner_sd: after it [m].
-        within: chance that all corners, or the feature, are within the tolerance after it, wherever the part turns
-            out to lie: only those of the readings count that meet their faces there.
-        within_if_met: the same if it and all before meet their faces, as the covariance has it.
-        meets: share of the placements at which it meets its face.
-        feature_sd: of the feature that the plan is for, where it is worst known, after it [m]; NaN without one.
+        covariance: covariance of the pose after it, part frame ``(6, 6)`` [m, rad].
+        corner_sd: largest corner sd after it [m].
+        within: probability that the tolerance is kept after it, over all placements; only readings that meet their
+            faces count.
+        within_if_met: the same probability if it and all before meet their faces, as the covariance assumes.
+        meets: fraction of the placements at which it meets its face.
+        feature_sd: largest sd of the plan's feature after it [m]; NaN without a feature.
     """
 
     origin: Vectors
@@ -86,25 +87,25 @@ class PlannedReading:
 
     @property
     def sd(self) -> float:
-        """Of what has to keep the tolerance, where it is worst known [m]."""
+        """Largest sd of the corners or of the feature, whichever has to keep the tolerance [m]."""
         return self.corner_sd if np.isnan(self.feature_sd) else self.feature_sd
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Readings in the order in which they help most.
+    """Planned readings, in the order of their benefit.
 
     Attributes:
         part: name of the part.
         T_world_part: expected pose ``(4, 4)``.
-        readings: the plan.
-        before: standard deviation of the largest corner sd, or of the feature, before the first [m].
-        reached: the tolerance is kept with the confidence wherever the part turns out to lie, by readings that meet
-            their faces at half or more of the placements; also without any, if enough is known before.
+        readings: planned readings.
+        before: largest corner sd, or sd of the feature, before the first reading [m].
+        reached: whether the tolerance is kept with the confidence over all placements, by readings of which each meets
+            its face at half of the placements or more. It is also true if the prior pose suffices.
         findings: what the plan achieves, or why there is none.
-        feature: name of the one that has to keep the tolerance; None for all corners of the part's box.
-        all_meet: share of the placements at which every reading meets its face.
-        room: share of the placements at which all starts, and the ways there, are clear of the part.
+        feature: feature that has to keep the tolerance; None for all corners of the part's box.
+        all_meet: fraction of the placements at which every reading meets its face.
+        room: fraction of the placements at which all starts and approach paths are clear of the part.
     """
 
     part: str
@@ -132,20 +133,20 @@ def plan(
     seed: int = 0,
     feature: str | None = None,
 ) -> Plan:
-    """The fewest readings after which all corners, or a feature, are within a tolerance with a confidence.
+    """Return the smallest set of readings after which all corners, or a feature, keep a tolerance.
 
     Args:
         start: one part at one prior pose (``at_pose``).
-        probe: what senses.
-        tolerance: of the corners of the part's box [m].
-        confidence: with which they keep it, wherever the part turns out to lie.
-        max_measurements: readings at most.
-        seed: of the places that are tried.
+        probe: sensor model.
+        tolerance: largest deviation of the corners of the part's box [m].
+        confidence: least probability that they keep it, over all placements.
+        max_measurements: largest number of readings.
+        seed: seed of the candidate places.
         feature: ``face 3``, ``edge 4`` or ``vertex 2`` to place instead of the corners: a face along its normal, an
-            edge across itself.
+            edge across its direction.
 
     Raises:
-        InputError: more than one part or pose, figures that make no sense, or a feature that the part does not have.
+        InputError: there is more than one part or pose, a number is invalid, or the part lacks the feature.
 
     Example:
         >>> import numpy as np
@@ -183,7 +184,7 @@ def plan(
 def _steadiest(
     start: Start, probe: Probe, tolerance: float, confidence: float, max_measurements: int, seed: int, design: Design
 ) -> tuple[Design, IntArray, bool]:
-    """The problem with readings that are as steady as may be, what is chosen, and whether all of them would do."""
+    """Return the strictest problem that reaches the goal, the chosen readings, and whether all candidates suffice."""
     can = design.best(tolerance)
     chosen = choose(design, tolerance, confidence, max_measurements, can=can >= confidence)
     for steady, room in _LESS_STEADY:
@@ -235,7 +236,7 @@ def _result(
 
 
 def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float) -> Plan:
-    """The plan where enough is known before the first reading."""
+    """Return the plan without readings, if the prior pose suffices."""
     finding = NoReadingNeeded(_goal(design, tolerance), within)
     name, before = design.target.part.name, design.places.sd(design.pose(design.prior))
     return Plan(name, start.Ts[0], (), before, True, (finding,), design.places.feature)

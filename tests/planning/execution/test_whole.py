@@ -53,7 +53,7 @@ def test_where_no_reading_can_be_made_the_bore_is_asked_for(plates, tmp_path):
     action = session.ask()
     assert isinstance(action, Action)
     assert (action.acquires, action.face) == ("circle", "rim of hole 0")
-    assert "whole, as a circle" in action.words
+    assert "as a circle" in action.words
     with pytest.raises(InputError, match="acquired whole"):
         action.read(0.05)
     write_record(session, tmp_path / "s.json")

@@ -186,7 +186,7 @@ class Steering:
         if not self._limits:
             return share, why
         T, body = self.sensed.T_world_hand, self.hand.body
-        room, away = self.rules.workspace.rooms(body.placed(T))
+        room, away = self.rules.workspace.clearances(body.placed(T))
         free = self.loop.gain * np.maximum(room - body.radii[:, None] - self.rules.clearance, 0.0)
         closing = -np.einsum("kmi,ki->km", away, about(body.centres, twist) @ T[:3, :3].T)
         ratio = np.where(closing > free, free / np.where(closing > free, closing, 1.0), 1.0).min(axis=0)

@@ -12,7 +12,7 @@ from tanteo.geometry.typing import BoolArray, Transforms
 from tanteo.hand import SENSE, Hand, Motion, Robot, Rules, go_to
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import approach_poses, feasible, ranked, route
-from tanteo.planning.execution.possible import Possible, Room
+from tanteo.planning.execution.possible import FreeSpace, PossiblePoses
 from tanteo.planning.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
 from tanteo.planning.execution.start import REPEATS
 from tanteo.planning.execution.whole import guess_of, readings_of, standoff_of
@@ -95,8 +95,8 @@ def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingStat
     """
 
     def able(state: SensingState, candidates: Candidates) -> BoolArray:
-        room = Room(hand.body, rules.workspace, Possible.of(state), rules.clearance)
-        return feasible(hand, room, candidates, retreat)
+        space = FreeSpace(hand.body, rules.workspace, PossiblePoses.of(state), rules.clearance)
+        return feasible(hand, space, candidates, retreat)
 
     return able
 
@@ -185,14 +185,14 @@ class _Run:
 
     def _way(self, action: Action) -> list[Transforms] | None:
         hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand
-        room = Room(hand.body, self.rules.workspace, Possible.of(session.state), self.rules.clearance)
+        space = FreeSpace(hand.body, self.rules.workspace, PossiblePoses.of(session.state), self.rules.clearance)
         probe = session.probe
         Ts = approach_poses(hand, action.origin[None], action.direction[None])[0]
-        Ts = Ts[room.allows(Ts)]
+        Ts = Ts[space.allows(Ts)]
         if not len(Ts):
             return None
         ways = (
-            route(hand, room, here, T, probe.retreat)
+            route(hand, space, here, T, probe.retreat)
             for T in ranked(hand, session.state, Ts, here, probe.max_range)[:_TRIED]
         )
         return next((stops for stops in ways if stops is not None), None)
@@ -210,7 +210,7 @@ class _Run:
         """Read at rest and update the session; return the update and remarks on unusual readings."""
         hand = self.robot.hand
         readings = as_readings(hand, rest(self.robot, REPEATS), str(action.number))
-        readings = None if readings is None else of_parts(hand, readings, Possible.of(self.session.state))
+        readings = None if readings is None else of_parts(hand, readings, PossiblePoses.of(self.session.state))
         if readings is None:
             return None, (NoEcho(),)
         remarks: tuple[Finding, ...] = ()

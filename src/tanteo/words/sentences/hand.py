@@ -54,7 +54,7 @@ def _rim_cause(one: f.RimMetRarely) -> str:
 
 @words_of.register
 def _(one: f.AtPose) -> Words:
-    return "The hand is at the pose.", ""
+    return "The hand is at the demanded pose.", ""
 
 
 @words_of.register
