@@ -139,7 +139,7 @@ def look_at(site, browser, folder, with_notebooks):
             assert watched.said == []
             watched.context.close()
     watched = Watched(browser, (site / "docs/index.html").as_uri(), "desk", offline=True, noise=("error",))
-    doors = watched.page.locator(".door")
+    doors = watched.page.locator(".start")
     assert [door.locator("strong").inner_text()[:6] for door in doors.all()] == ["I have", "I have", "I teac"]
     images = watched.page.locator(".gallery img")
     assert images.count() >= 6

@@ -161,7 +161,7 @@ def test_what_the_work_raises_is_raised_here(lent):
 
 
 def test_a_cluster_without_workers_is_told(cluster, monkeypatch):
-    monkeypatch.setattr("tanteo.catalogue.cluster.work.NOBODY", 1.0)
+    monkeypatch.setattr("tanteo.catalogue.cluster.work.LONGEST_WAIT", 1.0)
     with pytest.raises(InputError, match=r"expected a worker at tcp.*Start one"):
         spread(cluster.address, abs, {0: -1}, print)
 

@@ -61,7 +61,7 @@ def test_only_what_is_built_and_supports_nothing_is_the_part(tmp_path):
     resources += f'<object id="3">{mesh(500, 5, 5)}</object>'
     part = read_part(write(tmp_path, model(resources, '<item objectid="1"/><item objectid="2"/>')))
     assert sides(part) == [60, 40, 20]
-    assert part.repairs == ("Left out 1 object of the type support.",)
+    assert part.repairs == ("Excluded 1 object of the type support.",)
     part = read_part(write(tmp_path, model(f'<object id="1">{mesh()}</object>', "")))
     assert part.repairs == ("The file builds nothing: all its objects are taken.",)
 

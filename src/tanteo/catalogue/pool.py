@@ -74,7 +74,7 @@ def seconds_for(path: str) -> float:
 
 def read_in_processes(
     requests: Mapping[int, Request],
-    settle: Callable[[int, Any], None],
+    on_result: Callable[[int, Any], None],
     *,
     workers: int,
     time_limit: float | None = None,
@@ -85,7 +85,7 @@ def read_in_processes(
 
     Args:
         requests: requests by number.
-        settle: function called in this thread with the number and the part, its record if requested, or the error
+        on_result: function called in this thread with the number and the part, its record if requested, or the error
             message.
         workers: number of processes.
         time_limit: time limit for one file [s]; None for one by file size.
@@ -110,7 +110,7 @@ def read_in_processes(
         thread.start()
     try:
         for _ in range(len(requests)):
-            settle(*done.get())
+            on_result(*done.get())
     finally:
         stopped.set()
         for thread in threads:
@@ -133,7 +133,7 @@ def _serve(
             break
         if worker is None:
             worker = _started(command, rules)
-        result, alive = _ask(worker, request, time_limit, rules)
+        result, alive = _send(worker, request, time_limit, rules)
         if not alive:
             _end(worker)
             worker = None
@@ -171,7 +171,7 @@ def _limit(rules: Mapping[str, int], request: Request) -> str:
     return f" (it may use {memory / 1e9:.3g} GB of memory)" if rules["memory"] else ""
 
 
-def _ask(
+def _send(
     worker: subprocess.Popen[bytes], request: Request, time_limit: float | None, rules: Mapping[str, int]
 ) -> tuple[Part | Record | str, bool]:
     """Send one request and return its result, and whether the worker is still usable."""

@@ -49,11 +49,11 @@ def main() -> None:
 
 def _answered(request: Mapping[str, Any], memory: int) -> tuple[bytes, bytes]:
     """Return letter and bytes of a reply."""
-    asked = request["path"], request["unit"], request["name"], memory
+    requested = request["path"], request["unit"], request["name"], memory
     if request["record"]:
-        found = attempt(partial(read_record, request["key"]), *asked)
+        found = attempt(partial(read_record, request["key"]), *requested)
         return (b"E", found.encode()) if isinstance(found, str) else (b"R", record_to_bytes(found))
-    result = attempt(read_part, *asked)
+    result = attempt(read_part, *requested)
     return (b"E", result.encode()) if isinstance(result, str) else (b"P", part_to_bytes(result))
 
 
@@ -73,8 +73,8 @@ def read_record(key: str | None, path: str, *, unit: str | None, name: str) -> R
 def attempt(read: Callable[..., Read], path: str, unit: str | None, name: str, memory: int = 0) -> Read | str:
     """Read one file, and return the part or an error message.
 
-    A bad file affects only itself, whatever its reader raises. This function and ``third_party_reader`` are the only
-    places that catch every exception (``docs/decisions/0067``).
+    A bad file affects only itself, for any exception of its reader. This function and ``third_party_reader`` are the
+    only places that catch every exception (decision 67).
 
     Args:
         read: function that reads a file.

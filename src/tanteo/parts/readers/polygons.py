@@ -80,8 +80,8 @@ def read_obj(path: Path, label: str) -> tuple[FloatArray, IntArray]:
                 f"{label}: expected an OBJ file, got '{line.strip()[:40]}' in line {number}. Export it again."
             ) from None
     if not rings:
-        held = "surfaces or curves of splines" if other & {"curv", "surf", "curv2"} else "vertices alone"
-        got = held if rows else "no vertices"
+        content = "surfaces or curves of splines" if other & {"curv", "surf", "curv2"} else "vertices alone"
+        got = content if rows else "no vertices"
         raise PartError(f"{label}: expected faces (lines that begin with f), got {got}. Export it as a mesh.")
     try:
         vertices = np.array(rows, dtype=np.float64).reshape(-1, 3)
