@@ -13,6 +13,7 @@ VENV   ?= .venv
 BIN     = $(VENV)/bin
 TESTS   = -m "not slow"
 PIP     = $(BIN)/python -m pip --disable-pip-version-check
+WORKERS = $(shell expr $$(getconf _NPROCESSORS_ONLN) + 1)
 
 # The core is built with tools in $(VENV), in a permanent folder, so that a rebuild compiles only changed files.
 CORE    = CMakeLists.txt $(wildcard src/tanteo/_core/*.cpp src/tanteo/_core/*.hpp src/tanteo/_core/*/*.cpp src/tanteo/_core/*/*.hpp)
@@ -53,10 +54,10 @@ types: $(VENV)/.test
 	venv/bin/python -c 'import json, sys; score = json.load(sys.stdin)["typeCompleteness"]["completenessScore"]; \
 	print(f"{score:.1%} of the symbols have types"); sys.exit(score < 0.99)'
 
-# each worker is a process, so more threads would compete; screenshots stay in build
+# each worker is a process of one thread; some tests wait, so one worker more than processors; screenshots stay in build
 unit: $(VENV)/.test
 	PATH="$(abspath $(BIN)):$$PATH" TANTEO_SCREENSHOTS="$(CURDIR)/build/screenshots" \
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal $(TESTS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(TESTS)
 
 # LinuxCNC's interpreter is unpacked, not installed
 OTHERS = $(abspath $(VENV))/others

@@ -53,11 +53,7 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/sensors",
     #
-    "src/tanteo/machines",
-    #
     "src/tanteo/hand",
-    #
-    "src/tanteo/cli",
     #
     "docs/decisions/0087-an-image-is-a-factor-of-the-one-posterior.md",
     #

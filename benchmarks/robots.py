@@ -96,19 +96,19 @@ def block() -> Surface:
     return Surface(corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]))
 
 
-def latency(hurry: float, count: int) -> None:
+def latency(speedup: float, count: int) -> None:
     """What protocol, wrapper and fake add to the time of the motions: of touches, and of touches with the way back.
 
     Args:
-        hurry: how much faster than stated the fake moves; infinite: its motions take no time.
+        speedup: how much faster than stated the fake moves; infinite: its motions take no time.
         count: of touches.
     """
     T = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([0.03, 0.02, 0.0215]))
-    moving = np.isfinite(hurry)
+    moving = np.isfinite(speedup)
     label = f"motions that take {'their time' if moving else 'none'}"
     print(f"\n{label:28} {'touch':>9} {'95 %':>9} {'with way back':>14}")
     for name in MACHINES:
-        with opened(parse_machine(name), World(block(), np.eye(4), 1e-3), T[:3, 3], hurry) as machine:
+        with opened(parse_machine(name), World(block(), np.eye(4), 1e-3), T[:3, 3], speedup) as machine:
             safe, touches, both = SafeMachine(machine, LIMITS), [], []
             safe.move(T)
             for _ in range(count):

@@ -14,7 +14,7 @@ from tanteo.fitting import pose_information
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import exact_faces
 from tanteo.posterior import PreparedPart, without_spin
-from tanteo.sensors import Readings, measure
+from tanteo.sensors import Column, Readings, measure
 
 REACH = 0.3
 """Free path before a beam's hit [m]."""
@@ -196,7 +196,7 @@ def thin_beams(target, T, n, rng, sd=3e-3):
     directions, ranges = d @ T[:3, :3].T, REACH + sd * rng.normal(size=n)
     points = SE3.apply(T, p) + (ranges - REACH)[:, None] * directions
     readings = Readings.from_columns(points, directions=directions, ranges=ranges)
-    return as_contact_points(measure(readings, sd=sd, beam_half_angle=0.0), reach=ranges)
+    return as_contact_points(measure(readings, sd=sd, beam_half_angle=0.0), reach=Column.from_rows(ranges))
 
 
 def box_centred_pose(rng, spread=0.5):

@@ -46,7 +46,7 @@ MISUSES = [
     (lambda r, p: tanteo.identify(r, 3), r"parts: expected parts, got one of type int"),
     (lambda r, p: tanteo.identify(r, []), r"parts: expected at least one part"),
     (lambda r, p: tanteo.identify("a.csv", p), r"readings: expected Readings, got 'a\.csv'.*read_readings"),
-    (lambda r, p: tanteo.identify(r.points, p), r"readings: .*type ndarray.*from_columns"),
+    (lambda r, p: tanteo.identify(r.points[:], p), r"readings: .*type ndarray.*from_columns"),
     (lambda r, p: tanteo.identify(r, p, sd="0.3mm"), r"sd: expected one number \[m\], got '0\.3mm'.*0\.3e-3"),
     (lambda r, p: tanteo.identify(r, p, sd=[1e-4, 2e-4]), r"sd: expected one number"),
     (lambda r, p: tanteo.identify(r, p, tolerance="0.1mm"), r"tolerance: expected one number \[m\]"),
@@ -86,7 +86,7 @@ MISUSES = [
     (lambda r, p: Session(at_pose(p, EYE, LOOSE), "laser"), r"probe: expected Probe, got 'laser'"),
     (lambda r, p: Session(at_pose(p, EYE, LOOSE), probe_of("keyence_il300"), "x"), r"sensing: expected Sensing"),
     (lambda r, p: Session(at_pose(p, EYE, LOOSE), probe_of("keyence_il300"), seed=0.5), r"seed: expected a whole"),
-    (lambda r, p: Session(at_pose(p, EYE, LOOSE), probe_of("keyence_il300")).tell(r.points), r"readings: .*ndarray"),
+    (lambda r, p: Session(at_pose(p, EYE, LOOSE), probe_of("keyence_il300")).tell(r.points[:]), r"readings: .*ndarray"),
 ]
 
 
@@ -143,7 +143,7 @@ def test_the_cache_may_be_below_the_home_folder(monkeypatch, tmp_path):
 @pytest.mark.parametrize("labelled", [False, True])
 def test_millimetres_are_recognised_by_their_span(part, readings, labelled):
     columns = {"features": [f"f{k // 3}" for k in range(12)], "kinds": ["plane"] * 12} if labelled else {}
-    wide = Readings.from_columns(1e3 * readings.points, sds=readings.sds, directions=DOWN, **columns)
+    wide = Readings.from_columns(1e3 * readings.points[:], sds=readings.sds, directions=DOWN, **columns)
     assert "the largest part measures 0.0" in tanteo.identify(wide, part).message
     assert "the largest part measures 0.0" in tanteo.identify(wide, prepare(part)).message
     same = Readings.from_columns(readings.points, sds=readings.sds)

@@ -66,7 +66,7 @@ SAYS = {
     "03_plan_touches_for_a_tolerance": [
         "within 0.2 mm (P = 0.9",
         "every touch met the part",
-        "No number of readings brings",
+        "No number of readings places",
     ],
     "04_the_paper_equation_by_equation": ["mean squared distance 5.9", "with plus 1.0", "corrected; 5 % is right"],
 }

@@ -85,7 +85,7 @@ def show(part, T, readings, C):
     axes = plt.figure(figsize=(8, 6)).add_subplot(projection="3d")
     for a, b in outline(part, T):
         axes.plot(*np.stack([a, b]).T, color="#3d4a57", lw=1)
-    p, d = 1e3 * readings.points, readings.directions
+    p, d = 1e3 * readings.points[:], readings.directions[:]
     axes.quiver(*(p - 25 * d).T, *(25 * d).T, color="#0072b2", arrow_length_ratio=0.3, label="touch")
     for k, q in enumerate(p - 29 * d, 1):
         axes.text(*q, str(k), color="#0072b2")
@@ -180,7 +180,7 @@ for name, found in (("from nowhere", blind), ("with the drawing", helped)):
 # finds it out and is as sure as it should be. A spread that is ten times too small is beyond that: it has to come from
 # a data sheet, or better from a calibration.
 
-proud = Readings.from_columns(readings.points, directions=readings.directions, sds=readings.sds / 3)
+proud = Readings.from_columns(readings.points, directions=readings.directions, sds=readings.sds[:] / 3)
 for name, factor in (("noise taken as exact", 1.0), ("known to a factor of two", None)):
     h = tanteo.locate(proud, clamp, priors=Priors(pose=rough, noise_factor=factor)).hypotheses[0]
     print(f"{name}: without {', '.join(h.outliers) or 'none'}, noise {h.noise_scale[0]:.1f} times the stated; said "

@@ -41,7 +41,7 @@ def test_a_log_and_a_cloud_give_the_answer_of_a_table(run, wedge, tmp_path):
     for path, more in ((log, ["--radius", "0mm"]), (cloud, [])):
         result = run("locate", path, *wedge, *more, "--json")
         np.testing.assert_allclose(located(result), expected, atol=1e-5)
-        assert "--units mm holds for the readings and for the parts" in result.err
+        assert "--units mm applies to the readings and to the parts" in result.err
 
 
 def test_what_a_log_lacks_is_asked_for_before_the_parts_are_read(run, tmp_path):
@@ -89,6 +89,6 @@ def test_a_mesh_is_no_file_of_readings_unless_it_is_said(run, wedge, tmp_path):
     )  # fmt: skip
     refused = run("locate", mesh, *wedge)
     assert refused.code == 1
-    assert "Say --format ply if it is a cloud" in refused.err
+    assert "Use --format ply for a cloud" in refused.err
     taken = run("locate", mesh, *wedge, "--format", "ply")
     assert "It is a mesh of 1 faces: its vertices are taken as points." in taken.err

@@ -32,7 +32,7 @@ def test_what_was_built_is_said(two, capsys):
     assert "2 parts" in out.splitlines()[0]
     assert out.splitlines()[-2:] == ["  block", "  wedge"]
     code, out, _ = run(capsys, "catalogue", "check", two)
-    assert "all as they were written" in out
+    assert "all checksums are correct" in out
 
 
 def test_documents_say_the_same(two, capsys):

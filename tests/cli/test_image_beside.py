@@ -96,7 +96,7 @@ def test_readings_of_another_place_are_refused(run, few, tmp_path):
         (("--image", IMAGE), "--image: expected --camera beside it"),
         (("--image", IMAGE, "--camera", CAMERA), "--camera: expected where the camera stands .* --marks FILE"),
         (("--camera", CAMERA, "--marks", MARKS), "--image: expected an image beside --camera"),
-        ((*SEEN, "--as-published"), "--as-published: expected readings alone"),
+        ((*SEEN, "--as-published"), "--as-published: expected only readings"),
         (
             (*SEEN, "--image", IMAGE, "--image", IMAGE, "--camera", CAMERA),
             r"--camera: expected one for all images or one each \(3\), got 2",

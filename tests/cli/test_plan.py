@@ -58,7 +58,7 @@ def test_where_the_part_roughly_is_can_be_said(run):
 def test_a_tolerance_out_of_reach_exits_with_3(run):
     got = run("plan", "--part", BRACKET, "--tolerance", "0.01mm", "--sd", "1mm", "--max-measurements", "4")
     assert got.code == 3
-    assert "4 readings do not bring" in got.out
+    assert "4 readings do not place" in got.out
 
 
 @pytest.mark.slow

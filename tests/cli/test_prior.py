@@ -101,11 +101,11 @@ def test_misuse(locate, tmp_path, monkeypatch, args, code, message):
 def test_what_is_not_known_for_certain_is_a_warning(locate, corner, tmp_path):
     """An angle convention that nobody looked up; a sensor of which nothing is known, though its name nearly is."""
     warned = locate("--pose-prior", "epson 300,100,20,30,0,0 +- 3mm 3deg")
-    assert "--pose-prior: the angle convention of epson (X Y Z U V W) was not checked" in warned.err
+    assert "--pose-prior: the angle convention of epson (X Y Z U V W) was not verified" in warned.err
     path = tmp_path / "near.toml"
     path.write_text("[pose_prior]\nepson = [300, 100, 20, 30, 0, 0]\nsd_mm = 3\nturn_sd_deg = 3\n")
     warned = locate("--prior", str(path))
-    assert f"{path}, near: the angle convention of epson (X Y Z U V W) was not checked" in warned.err
+    assert f"{path}, near: the angle convention of epson (X Y Z U V W) was not verified" in warned.err
     assert "convention" not in locate("--pose-prior", "kuka 300,100,20,30,0,0 +- 3mm 3deg").err
     rows = corner.read_text().splitlines()
     for name, words in (("vl53l0", "Did you mean 'vl53l0x'?"), ("vl53l0x", ""), ("left", "")):

@@ -47,7 +47,7 @@ def test_a_machine_at_an_address_gets_its_frame(run, cell, kind, frame, tmp_path
     record = ("--record", tmp_path / "run.json", "--wcs", frame, "--write")
     result = probe(run, address, *PROBE, *record, "--travel", "200mm/s", "--feed", "10mm/s")
     assert result.code == 0, result.err
-    assert "read back as it was sent" in result.err
+    assert "the controller reports it" in result.err
     assert result.out.count("G10 L2 P2") == 1
     assert np.allclose(fake.modal.offsets[2], [0.101, 0.099, 0.0005], atol=2e-4)
 
@@ -60,7 +60,7 @@ def test_a_machine_needs_its_probe_and_its_room(run):
 @pytest.mark.parametrize(
     ("machine", "frame", "words"),
     [
-        ("fake:ur", "ur:p", "takes a frame over the wire"),
+        ("fake:ur", "ur:p", "a controller that can set frames"),
         ("fake:grbl", "G54", "as grbl:G54"),
         ("fake:grbl", "G55@G54", "machine coordinates"),
     ],

@@ -135,14 +135,14 @@ def test_a_log_that_does_not_tell_ends_with_3_and_writes_nothing(run, tmp_path):
     one = np.repeat(readings.Ts_world_hand[:1], 60, axis=0)
     one[:, :3, 3] += np.random.default_rng(0).uniform(-0.05, 0.05, (60, 3)) * [1, 1, 0]
     still = Readings.from_columns(
-        ranges=readings.ranges[:60] * 0 + 0.12, sensors=["eye"] * 60, Ts_world_hand=one
+        ranges=np.full(60, 0.12), sensors=["eye"] * 60, Ts_world_hand=one
     )  # fmt: skip
     log, out = tmp_path / "still.csv", tmp_path / "rig.toml"
     write_readings(still, log)
     result = run("sensor", "fit", log, "--write", out)
     assert result.code == 3
     assert result.out.startswith("insufficient")
-    assert "not told" in result.out
+    assert "undetermined" in result.out
     assert "was not written" in result.err
     assert not out.exists()
     quiet = run("sensor", "fit", log, "--json")

@@ -38,7 +38,7 @@ def test_what_the_commands_print_fits(run, parts, terminal, columns):
 
 
 def test_sentences_are_folded_between_words_on_a_terminal_only(capsys, terminal):
-    said = "  part        wedge, with its frame at the world's, to 5 mm and 3 deg (say --pose-prior for another pose)"
+    said = "  part        wedge, with its frame at the world's, to 5 mm and 3 deg (--pose-prior states another pose)"
     printing.emit([said, "short"])
     assert capsys.readouterr().out == f"{said}\nshort\n"
     terminal(40)

@@ -41,7 +41,7 @@ def opened(there, monkeypatch):
     ("options", "message"),
     [
         (("--port", "0"), "--port: expected a number from 1 to 65535, got 0"),
-        ((*SCENE,), "--parts: expected the parts that it may be, got none"),
+        ((*SCENE,), "--parts: expected the candidate parts, got none"),
         ((*PARTS,), "--scene: expected one with --parts, got none"),
         (("record.json", *SCENE, *PARTS), "--scene: expected a record or a scene, got both"),
         (("--policy", "best"), "--policy: expected one of information"),

@@ -25,6 +25,7 @@ def touches(tmp_path):
 def told(run, *words):
     """The warnings of the document, which are those on standard error."""
     result = run(*words, "--json")
+    assert result.out, result.err
     found = json.loads(result.out).get("warnings", [])
     assert [line.removeprefix("warning: ") for line in result.err.splitlines() if line.startswith("warning")] == found
     return found

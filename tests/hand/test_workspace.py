@@ -54,7 +54,7 @@ def test_bounds_and_boxes_in_their_order():
         (True, False, False), (False, True, False), (True, False, False), (False, False, True)
     ]  # fmt: skip
     point = np.array([0.0, 0.2, 0.5])
-    rooms, away = space.rooms(point)
+    rooms, away = space.clearances(point)
     np.testing.assert_allclose(rooms[:3], [0.2, 0.5, 0.8])
     np.testing.assert_allclose(away[:3], [[0, 1, 0], [0, 0, 1], [0, -1, 0]])
     assert rooms[3] == BOX.distances(point)[0]
@@ -88,7 +88,7 @@ def test_no_limits(body):
     space = Workspace.everywhere()
     assert space.limits == ()
     assert np.isinf(space.clear(body, np.eye(4)))
-    assert space.rooms(np.zeros((4, 3)))[0].shape == (4, 0)
+    assert space.clearances(np.zeros((4, 3)))[0].shape == (4, 0)
     assert Workspace.above(0.3).low[2] == 0.3
 
 

@@ -11,8 +11,10 @@ import pytest
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.io import read_camera, read_image, read_marks, write_image
-from tanteo.io.poses.camera_layouts import WRITE_IT
 from tanteo.vision import USUAL_EDGE_SD
+
+WRITE_IT = "Write distortion_coefficients: [k1, k2, p1, p2, k3]"
+"""What each refusal of a distortion advises."""
 
 OPENCV_YAML = """%YAML:1.0
 ---
@@ -391,6 +393,11 @@ def test_how_exact_the_camera_is_may_be_said(tmp_path, line, sd):
         (ROS_INI.replace("0.0 615.0", "0.0 615..0"), ("camera_matrix", "615..0")),
         ("<opencv_storage>" + "<a>" * 5000 + "</a>" * 5000 + "</opencv_storage>", ("levels",)),
         ("a: " + "[" * 5000, ("levels",)),
+        ("a: &-a [x]\nb: [" + "*-a, " * 30 + "]\n", ("references",)),
+        (ROS_YAML + "seen: 2001-13-45\n", ("plain numbers", "month")),
+        (ROS_YAML + "x: !!float y\n", ("plain numbers", "'y'")),
+        (ROS_YAML + f"x: {'9' * 5000}\n", ("plain numbers",)),
+        (ROS_YAML + "image_width: 3\n", ("the key 'image_width' twice",)),
         ('{"a": ' + "[" * 5000, ("levels",)),
         ("{", ("JSON",)),
         ("a: [", ("YAML",)),

@@ -22,7 +22,7 @@ def test_single_rows_of_kind_circle_are_centres(tmp_path):
     readings = read_readings(path)
     assert readings.kinds == ("centre", "centre")
     assert np.allclose(readings.points[0], [0.01, 0.02, -0.002])
-    assert np.isnan(readings.hole_radii).all()
+    assert not readings.hole_radii.given.any()
     assert any("h1, h2" in note and "not used" in note for note in readings.notes)
 
 
@@ -54,7 +54,7 @@ def test_radius_and_side_are_read(tmp_path, column, value):
     readings = read_readings(
         table(tmp_path, f"{head}1,2,3,0.02,a,circle,{value},hole\n4,5,6,0.02,b,circle,,boss\n7,8,9,0.02,,,,\n")
     )
-    assert np.allclose(readings.hole_radii, [7e-3, np.nan, np.nan], equal_nan=True)
+    assert np.allclose(readings.hole_radii.filled(np.nan), [7e-3, np.nan, np.nan], equal_nan=True)
     assert readings.material_sides == ("hole", "boss", "")
     assert readings.kinds == ("centre", "centre", "point")
 
@@ -91,9 +91,9 @@ def test_vectors_of_centres_are_axes(tmp_path):
     text = "x_mm,y_mm,z_mm,i,j,k,sd_mm,feature,kind\n1,2,3,0,0,1,0.1,a,circle\n4,5,6,0,0,1,0.1,,\n"
     readings = read_readings(table(tmp_path, text))
     assert np.allclose(readings.normals[0], [0, 0, 1])
-    assert np.isnan(readings.normals[1]).all()
+    assert not readings.normals.given[1]
     assert readings.normal_sds[0] == pytest.approx(np.radians(1))
-    assert np.isnan(readings.directions[0]).all()
+    assert not readings.directions.given[0]
     assert np.allclose(readings.directions[1], [0, 0, -1])
     assert any("1 degree" in note for note in readings.notes)
 
@@ -112,7 +112,7 @@ def test_centres_are_written_and_read_again(tmp_path):
     again = read_readings(tmp_path / "again.csv")
     assert again.kinds == readings.kinds
     assert again.material_sides == readings.material_sides
-    assert np.allclose(again.hole_radii, readings.hole_radii, equal_nan=True)
+    assert np.allclose(again.hole_radii.filled(np.nan), readings.hole_radii.filled(np.nan), equal_nan=True)
 
 
 DMIS = """UNITS/INCH,ANGDEC
@@ -127,7 +127,7 @@ def test_circles_of_a_dmis_report_are_centres(tmp_path):
     readings = read_readings(table(tmp_path, DMIS))
     assert readings.ids == ("P1", "H1", "B1")
     assert readings.kinds == ("point", "centre", "centre")
-    assert np.allclose(readings.hole_radii, [np.nan, 0.25 * 0.0254, 0.0254], equal_nan=True)
+    assert np.allclose(readings.hole_radii.filled(np.nan), [np.nan, 0.25 * 0.0254, 0.0254], equal_nan=True)
     assert readings.material_sides == ("", "hole", "boss")
     assert np.allclose(readings.points[1], 0.0254 * np.array([1, 2, -0.1]))
     assert np.allclose(readings.directions[0], [0, 0, -1])
@@ -161,9 +161,9 @@ def test_single_rows_of_spheres_and_cones_are_centres_and_apexes(tmp_path):
     for read in (readings, read_readings(tmp_path / "again.csv")):
         assert read.kinds == ("sphere_centre", "apex")
         assert read.material_sides == ("boss", "hole")
-        np.testing.assert_allclose(read.hole_radii, [0.01, np.nan])
-        np.testing.assert_allclose(read.half_angles, [np.nan, np.pi / 4])
-        np.testing.assert_allclose(read.normals, [[np.nan] * 3, [0, 0, 1]])
+        np.testing.assert_allclose(read.hole_radii.filled(np.nan), [0.01, np.nan])
+        np.testing.assert_allclose(read.half_angles.filled(np.nan), [np.nan, np.pi / 4])
+        np.testing.assert_allclose(read.normals.filled(np.nan), [[np.nan] * 3, [0, 0, 1]])
     assert any("the centre of a sphere or the apex of a cone (b, k)" in note for note in readings.notes)
     assert not any("height" in note for note in readings.notes)
 

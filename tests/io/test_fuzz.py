@@ -9,12 +9,21 @@ from hypothesis import strategies as st
 
 from tanteo.errors import InputError, TanteoError
 from tanteo.io import parse_length, read_readings, read_rig
-from tanteo.io.readings.columns import ANGLES, LENGTHS, PLAIN, TEXTS
 
 RELAXED = settings(
     max_examples=100, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
+TEXTS = ("id", "feature", "kind", "sensor", "status", "side")
+LENGTHS = ("x", "y", "z", "radius", "sd", "across_sd", "range", "max", "hand_x", "hand_y", "hand_z", "hole_radius",
+           "hole_diameter")  # fmt: skip
+ANGLES = (
+    "normal_sd",
+    "half_angle",
+    *(f"hand_{name}" for name in ("rx", "ry", "rz", "roll", "pitch", "yaw", *"wprabcote")),
+)
+PLAIN = ("dx", "dy", "dz", "nx", "ny", "nz", "i", "j", "k", *(f"hand_q{axis}" for axis in "wxyz1234"),
+         *(f"hand_r{i}{j}" for i in "123" for j in "123"))  # fmt: skip
 COLUMNS = [
     *TEXTS,
     *PLAIN,
@@ -57,8 +66,8 @@ def settle(path):
     n = len(readings)
     assert n > 0
     assert len(set(readings.ids)) == n
-    assert not np.isinf(readings.points).any()
-    assert (readings.has_point | readings.has_hand).all()
+    assert not np.isinf(readings.points.values).any()
+    assert (readings.points.given | readings.Ts_world_hand.given).all()
 
 
 @RELAXED

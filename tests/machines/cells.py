@@ -41,8 +41,8 @@ def at(x: float, y: float, z: float) -> np.ndarray:
 
 
 @contextmanager
-def grbl_on_a_port(there: World, start: np.ndarray, faults: Faults, hurry: float) -> Iterator[Machine]:
-    fake = GrblFake(there, start, hurry=hurry, faults=faults, offset=np.array([0.1, -0.2, 0.05]), inches=True)
+def grbl_on_a_port(there: World, start: np.ndarray, faults: Faults, speedup: float) -> Iterator[Machine]:
+    fake = GrblFake(there, start, speedup=speedup, faults=faults, offset=np.array([0.1, -0.2, 0.05]), inches=True)
     machine = GrblMachine(SerialLink(fake.terminal()))
     try:
         yield machine
@@ -58,14 +58,14 @@ OWN = "TANTEO_DRIVERS"
 
 @contextmanager
 def driver(
-    name: str, there: World, start=START, faults: Faults = NO_FAULTS, hurry: float = np.inf
+    name: str, there: World, start=START, faults: Faults = NO_FAULTS, speedup: float = np.inf
 ) -> Iterator[Machine]:
     """A driver on its fake."""
     if name == "grbl on a serial port":
-        with grbl_on_a_port(there, start, faults, hurry) as machine:
+        with grbl_on_a_port(there, start, faults, speedup) as machine:
             yield machine
     else:
-        with opened(parse_machine(name), there, start, hurry, faults) as machine:
+        with opened(parse_machine(name), there, start, speedup, faults) as machine:
             yield machine
 
 

@@ -41,7 +41,7 @@ def test_a_motion_ends_where_it_was_sent(machine):
 
 @pytest.mark.parametrize("name", drivers())
 def test_a_fast_motion_is_as_fast_as_asked(name):
-    with driver(name, world(), hurry=1.0) as machine:
+    with driver(name, world(), speedup=1.0) as machine:
         begun = time.monotonic()
         machine.move(at(10, 5, 60), 0.4, SECONDS)  # 24,000 mm/min: no controller reads 2.4e+04
         machine.back(START_POSE, 0.4, SECONDS)
@@ -51,7 +51,7 @@ def test_a_fast_motion_is_as_fast_as_asked(name):
 def test_a_touch_tells_the_way_to_the_contact(machine):
     machine.move(at(10, 5, 30), FAST, SECONDS)
     sensed = machine.sense(DOWN, 0.02, 0.002, 30.0)
-    assert sensed.met
+    assert sensed.hit
     assert sensed.distance == pytest.approx(0.009, abs=3e-6)  # to 20 mm and the ball's radius
     assert np.allclose(sensed.start, [0.01, 0.005, 0.03], atol=2e-6)
     assert machine.status().place[2] == pytest.approx(0.021, abs=3e-6)
@@ -62,14 +62,14 @@ def test_a_touch_tells_the_way_to_the_contact(machine):
 def test_a_touch_of_nothing_is_no_error(machine):
     machine.move(at(10, 5, 40), FAST, SECONDS)
     sensed = machine.sense(DOWN, 0.01, 0.002, 30.0)
-    assert not sensed.met
+    assert not sensed.hit
     assert machine.status().place[2] == pytest.approx(0.03, abs=3e-6)
 
 
 def test_a_way_that_meets_something_ends_there(machine):
     assert machine.facts.guarded
     machine.move(at(-20, 20, 10), FAST, SECONDS)
-    with pytest.raises(ContactError, match="free way"):
+    with pytest.raises(ContactError, match="free path"):
         machine.move(at(100, 20, 10), FAST, SECONDS)
     assert machine.status().place[0] == pytest.approx(-0.001, abs=5e-6)
     machine.back(at(-20, 20, 10), FAST, SECONDS)  # it may still move
@@ -93,7 +93,7 @@ def test_nothing_moves_after_an_abort(machine):
 
 @pytest.mark.parametrize("name", drivers())
 def test_an_abort_ends_a_motion(name):
-    with driver(name, world(), hurry=1.0) as machine:
+    with driver(name, world(), speedup=1.0) as machine:
         timer = threading.Timer(0.2, machine.abort)
         timer.start()
         begun = time.monotonic()

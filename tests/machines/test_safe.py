@@ -42,7 +42,7 @@ def test_limits_hold_before_anything_is_sent():
 
 def test_ways_do_not_cross_a_forbidden_box():
     box = ForbiddenBox("the vise", np.array([0.06, -0.05, 0.05]), np.array([0.08, 0.1, 0.11]))
-    one = safe(MachineLimits(Workspace(ROOM.low, ROOM.high, [box]), room=1e-3))
+    one = safe(MachineLimits(Workspace(ROOM.low, ROOM.high, [box]), clearance=1e-3))
     one.move(at(30, 20, 80))
     with pytest.raises(RefusedError, match="the vise"):
         one.move(at(100, 20, 80))
@@ -86,7 +86,7 @@ def test_a_no_to_a_way_ends_the_run():
     one = safe(confirm=lambda what: False)
     with pytest.raises(StoppedError, match="expected a yes"):
         one.move(at(30, 20, 60))
-    with pytest.raises(StoppedError, match="you said no"):
+    with pytest.raises(StoppedError, match="the operator declined"):
         one.sense(DOWN, 0.02)
     assert one.machine.tip.travelled == []
 
@@ -109,7 +109,7 @@ def test_it_goes_back_whatever_happens_at_the_touch():
 
     def fails():
         with one.touching():
-            assert one.sense(DOWN, 0.02).met
+            assert one.sense(DOWN, 0.02).hit
             raise ValueError("of the caller")
 
     with pytest.raises(ValueError, match="of the caller"):
@@ -199,7 +199,7 @@ def test_a_motion_that_ends_elsewhere_stops_it():
 
 
 def test_an_abort_from_another_thread_ends_a_motion():
-    one = SafeMachine(DirectMachine(world(), START, hurry=1.0), MachineLimits(travel=0.01))
+    one = SafeMachine(DirectMachine(world(), START, speedup=1.0), MachineLimits(travel=0.01))
     threading.Timer(0.2, one.abort).start()
     begun = time.monotonic()
     with pytest.raises(StoppedError):
@@ -208,7 +208,7 @@ def test_an_abort_from_another_thread_ends_a_motion():
     assert one.place()[2] > 0.09
 
 
-@pytest.mark.parametrize("limits", [{"travel": 0.0}, {"touch": np.inf}, {"room": -1.0}, {"grace": -1}])
+@pytest.mark.parametrize("limits", [{"travel": 0.0}, {"touch": np.inf}, {"clearance": -1.0}, {"grace": -1}])
 def test_limits_that_are_none_are_refused(limits):
     with pytest.raises(InputError, match="limits"):
         MachineLimits(**limits)

@@ -174,8 +174,6 @@ def test_a_solid_that_touches_itself_along_an_edge_is_closed(tmp_path):
 
 
 def test_a_face_that_one_setting_leaves_out_is_meshed_at_another(tmp_path, monkeypatch):
-    from tanteo.parts.readers import brep_mesh
-
     settings = []
 
     def fails_at_first(shape, deflection, *rest):
@@ -183,7 +181,7 @@ def test_a_face_that_one_setting_leaves_out_is_meshed_at_another(tmp_path, monke
         if len(settings) > 1:
             BRepMesh_IncrementalMesh(shape, deflection, *rest)
 
-    monkeypatch.setattr(brep_mesh, "BRepMesh_IncrementalMesh", fails_at_first)
+    monkeypatch.setattr("tanteo.parts.readers.brep_mesh.BRepMesh_IncrementalMesh", fails_at_first)
     part = read_part(step(tmp_path / "part.step", base()))
     assert part.volume == pytest.approx(BASE * 1e-9)
     assert part.repairs == ("Meshed a solid at setting 2 of 4.",)

@@ -10,7 +10,7 @@ from tanteo.catalogue import tables_of
 from tanteo.factors import ContactPoints, FreeRays, SensedDirection, SensedSize, SurfacePoint, factor_class
 from tanteo.geometry import SE3
 from tanteo.posterior import DEFAULTS, Priors, Problem, race
-from tanteo.posterior.proposals import centre_votes, plane_votes, pose_seeds, sensed_planes
+from tanteo.posterior.proposals import centre_votes, plane_votes, sensed_planes
 
 SD, RADIUS = 3e-5, 0.15
 KINDS = {3: "centre", 5: "sphere_centre", 6: "apex"}
@@ -444,7 +444,7 @@ def test_axes_of_no_length_or_no_number_end_in_costs(blocks):
 
 
 def test_centres_are_taken_from_all_sides(blocks):
-    assert sorted(pose_seeds.spread_out(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]
+    assert sorted(centre_votes.spread_out(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]
 
 
 def test_a_lonely_normal_makes_no_poses(blocks, every):

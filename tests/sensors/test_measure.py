@@ -230,9 +230,18 @@ def test_inputs_are_not_changed_and_outputs_are_read_only():
     points = np.ones((2, 3))
     r = Readings.from_columns(points, sds=[1e-3, 1e-3])
     points[:] = 7
-    assert (r.points == 1).all()
+    assert (r.points[:] == 1).all()
     m = measure(r, robot="xarm")
-    for array in (r.points, r.sds, m.points, m.covs, m.jacobians[0], m.shared[0].covariance, m.rows):
+    for array in (
+        r.points.values,
+        r.points.given,
+        r.sds[:],
+        m.points,
+        m.covs,
+        m.jacobians[0],
+        m.shared[0].covariance,
+        m.rows,
+    ):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0
 

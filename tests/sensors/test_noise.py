@@ -8,9 +8,8 @@ import pytest
 from scipy.stats import chi2
 
 from tanteo.errors import InputError
-from tanteo.geometry import SE3, SO3
+from tanteo.geometry import SE3
 from tanteo.sensors import range_variance, sensed_point, sensor_error_cov, sensor_preset
-from tanteo.sensors.noise import beam_cov, body_jacobian
 
 VECTORS = json.loads(Path(__file__).with_name("vectors.json").read_text())["vectors"]
 
@@ -104,21 +103,25 @@ def test_sensed_point_covariance_against_monte_carlo():
     assert low < nees < high
 
 
-def test_body_jacobian_against_differences():
-    rng = np.random.default_rng(3)
-    T, p = SE3.exp(rng.normal(size=(4, 6))), rng.normal(size=(4, 3))
-    J, h = body_jacobian(T, p), 1e-6
-    local = SE3.apply(SE3.inverse(T), p)
-    for k in range(6):
-        step = SE3.exp(h * np.eye(6)[k])
-        back = SE3.exp(-h * np.eye(6)[k])
-        numeric = (SE3.apply(T @ step, local) - SE3.apply(T @ back, local)) / (2 * h)
-        np.testing.assert_allclose(J[..., k], numeric, atol=1e-9)
+def test_robot_and_mounting_errors_propagate_linearly():
+    rng, h, d = np.random.default_rng(3), 1e-6, 0.4
+    T_wr, T_rs = SE3.exp(rng.normal(size=(4, 6))), SE3.exp(rng.normal(size=6))
+    ray, none = np.array([0, 0, d]), np.zeros((6, 6))
+    A = rng.normal(size=(6, 6))
+    steps = SE3.exp(h * np.concatenate([np.eye(6), -np.eye(6)]))
+    of_robot = SE3.apply(T_wr[:, None] @ steps @ T_rs, ray)
+    of_mounting = SE3.apply(T_wr[:, None] @ T_rs @ steps, ray)
+    for moved, covs in ((of_robot, {"cov_robot": A @ A.T, "cov_sensor": none}),
+                        (of_mounting, {"cov_robot": none, "cov_sensor": A @ A.T})):  # fmt: skip
+        J = np.swapaxes(moved[:, :6] - moved[:, 6:], 1, 2) / (2 * h)
+        _, C = sensed_point(T_wr, T_rs, d, var_range=0.0, **covs)
+        np.testing.assert_allclose(C, J @ A @ A.T @ np.swapaxes(J, 1, 2), rtol=1e-7, atol=1e-8)
 
 
-def test_beam_cov_has_the_two_variances():
-    a = SO3.exp(np.array([0.3, -0.2, 0.9]))[:, 0]
-    C = beam_cov(a, 4.0, 1.0)
+def test_range_noise_is_along_the_beam_and_the_cone_across_it():
+    T, none = SE3.exp(np.array([0.1, 0.2, 0.3, 0.3, -0.2, 0.9])), np.zeros((6, 6))
+    _, C = sensed_point(T, np.eye(4), 0.5, cov_robot=none, cov_sensor=none, var_range=4.0, cone_half_angle=4.0)
+    a = T[:3, 2]
     np.testing.assert_allclose(C @ a, 4 * a, atol=1e-14)
     np.testing.assert_allclose(np.linalg.eigvalsh(C), [1, 1, 4], atol=1e-14)
 

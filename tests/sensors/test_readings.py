@@ -5,6 +5,7 @@ import pytest
 
 from tanteo.errors import InputError, ReadingsError
 from tanteo.sensors import (
+    Column,
     Readings,
     Rig,
     RigSensor,
@@ -65,7 +66,8 @@ def test_refusals(columns, message):
 
 def test_a_normal_may_be_known_badly_or_well():
     sds = [np.nan, np.radians(60.0), 1e-6]
-    np.testing.assert_array_equal(Readings.from_columns(P, normals=P + 1, normal_sds=sds).normal_sds, sds)
+    readings = Readings.from_columns(P, normals=P + 1, normal_sds=sds)
+    np.testing.assert_array_equal(readings.normal_sds.filled(np.nan), sds)
 
 
 @pytest.mark.parametrize(("kind", "least"), [("plane", 3), ("edge", 2), ("vertex", 1)])
@@ -146,3 +148,40 @@ def test_rig_refuses_what_it_cannot_use():
         RigSensor(**(good | {"axis_cosine": -0.5}))
     with pytest.raises(InputError, match="names of their own"):
         Rig((RigSensor(**good), RigSensor(**good)))
+
+
+def test_a_column_holds_only_what_was_reported():
+    column = Column.from_rows([[np.nan] * 3, [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    assert column.given.tolist() == [False, True, True]
+    np.testing.assert_array_equal(column.values, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(column[[2, 1]], [[4, 5, 6], [1, 2, 3]])
+    np.testing.assert_array_equal(column.filled(0.0), [[0, 0, 0], [1, 2, 3], [4, 5, 6]])
+    assert not column.values.flags.writeable
+    assert column.filled(0.0).flags.writeable
+
+
+@pytest.mark.parametrize("read", [np.asarray, lambda column: column[0], lambda column: column[:]])
+def test_a_column_refuses_rows_without_a_value(read):
+    with pytest.raises(ReadingsError, match="got none of row 1"):
+        read(Column.from_rows([np.nan, 1.0]))
+
+
+def test_operations_on_columns_agree_with_operations_on_rows():
+    rng = np.random.default_rng(1991)
+    for _ in range(50):
+        a, b = (np.where(rng.random(8) < 0.5, np.nan, rng.normal(size=8)) for _ in range(2))
+        rows, mask = rng.integers(0, 8, 5), rng.random(8) < 0.5
+        column = Column.from_rows(a)
+        np.testing.assert_array_equal(column.filled(np.nan), a)
+        np.testing.assert_array_equal(column.take(rows).filled(np.nan), a[rows])
+        np.testing.assert_array_equal(column.only(mask).filled(np.nan), np.where(mask, a, np.nan))
+        np.testing.assert_array_equal(column.map(np.square).filled(np.nan), a**2)
+        np.testing.assert_array_equal(column.coalesce(Column.from_rows(b)).filled(np.nan), np.where(np.isnan(a), b, a))
+
+
+def test_readings_of_columns_and_of_rows_with_gaps_are_equal():
+    rows = Readings.from_columns(P, sds=[1.0, np.nan, 3.0], directions=[[0, 0, -2], [np.nan] * 3, [0, 3, 0]])
+    columns = Readings.from_columns(P, sds=rows.sds, directions=rows.directions)
+    for name in ("points", "sds", "directions"):
+        np.testing.assert_array_equal(getattr(columns, name).given, getattr(rows, name).given)
+        np.testing.assert_array_equal(getattr(columns, name).values, getattr(rows, name).values)

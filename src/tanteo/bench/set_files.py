@@ -72,12 +72,12 @@ def _truth(path: Path) -> dict[str, tuple[str | None, Transforms | None]]:
 
 def _scene(path: Path, part: str | None, pose: Transforms | None) -> BenchScene:
     readings = read_readings(path)
-    sds = readings.sds[np.isfinite(readings.sds)]
-    points = readings.points
-    if not len(sds) or not np.isfinite(points).all():
+    sds = readings.sds.values
+    if not len(sds) or not readings.points.given.all():
         raise InputError(f"{path}: expected points with a standard deviation each, got others.")
-    normals = readings.normals if np.isfinite(readings.normals).all() else None
-    spread = float(np.sqrt(np.mean(readings.normal_sds**2))) if normals is not None else float(np.pi)
+    points = readings.points[:]
+    normals = readings.normals[:] if readings.normals.given.all() else None
+    spread = float(np.sqrt(np.mean(readings.normal_sds[:] ** 2))) if normals is not None else float(np.pi)
     return BenchScene(path.stem, points, float(np.sqrt(np.mean(sds**2))), normals, spread, part, pose)
 
 

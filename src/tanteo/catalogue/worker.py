@@ -23,8 +23,9 @@ from tanteo.parts import read_part
 
 Read = TypeVar("Read")
 
-LEAST_MEMORY = 2 << 30
-"""Smallest memory limit of a worker [bytes]."""
+LEAST_MEMORY, MEMORY_PER_BYTE = 1 << 30, 500
+"""Memory limit of a file: constant [bytes] (the CAD kernel takes 300 MB), and per byte (the largest STEP files of NIST,
+of 2 MB, take 20)."""
 
 _SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 
@@ -36,10 +37,12 @@ def main() -> None:
     os.dup2(2, 1)
     rules = json.loads(sys.stdin.buffer.readline())
     end_with(rules["parent"])
-    limit_memory(rules["memory"])
     for line in sys.stdin.buffer:
         request = json.loads(line)
-        letter, reply = _answered(request, rules["memory"])
+        memory = min(rules["memory"], memory_of(request["path"])) if rules["by_size"] else rules["memory"]
+        limit_memory(memory)
+        limit_processor_time(request["seconds"])
+        letter, reply = _answered(request, memory)
         pipe.write(letter + len(reply).to_bytes(8, "big") + reply)
         pipe.flush()
 
@@ -103,7 +106,18 @@ def memory_for(workers: int) -> int:
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):  # not on every system
         return 0
-    return max(LEAST_MEMORY, int(there) // (2 * max(workers, 1)))
+    return max(2 * LEAST_MEMORY, int(there) // (2 * max(workers, 1)))
+
+
+def memory_of(path: str) -> int:
+    """Return the memory limit for reading a file [bytes].
+
+    Args:
+        path: path of the file.
+    """
+    with suppress(OSError, ValueError):
+        return LEAST_MEMORY + MEMORY_PER_BYTE * os.stat(path).st_size
+    return LEAST_MEMORY
 
 
 def limit_memory(size: int) -> None:
@@ -116,8 +130,21 @@ def limit_memory(size: int) -> None:
         import resource  # not on Windows
 
         if size:
-            resource.setrlimit(resource.RLIMIT_DATA, (size, size))
+            resource.setrlimit(resource.RLIMIT_DATA, (size, resource.getrlimit(resource.RLIMIT_DATA)[1]))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def limit_processor_time(seconds: float) -> None:
+    """End this process by SIGPROF after some more processor time, where the operating system supports it.
+
+    Unlike a limit of elapsed time, it does not depend on how busy the machine is.
+
+    Args:
+        seconds: processor time from now on [s]; 0 for no limit.
+    """
+    with suppress(AttributeError, ValueError, OSError):
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def end_with(parent: int) -> None:

@@ -1,4 +1,4 @@
-"""The command line: read arguments, call the public functions, print. ``tanteo.cli:main`` is the entry point."""
+"""Run the command line: parse arguments, call the public functions, print. ``tanteo.cli:main`` is the entry point."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run the command line and exit with 0 answered, 1 failed, 2 misused, 3 ambiguous, unknown or insufficient.
 
     Args:
-        argv: Arguments without the program's name; those of the process if not given.
+        argv: arguments without the program's name; None for those of the process.
 
     Raises:
-        SystemExit: Always; 130 after an interruption.
+        SystemExit: always; with 130 after an interruption.
     """
     try:
-        from tanteo.cli.app import app, spread_values  # inside, so that an interruption of loading is one, too
+        from tanteo.cli.app import app, spread_values  # inside, so that Ctrl-C while modules load is handled
         from tanteo.cli.files import TYPED
 
         _open_streams()
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _open_streams() -> None:
-    """Streams that the caller has closed (``>&-``) take everything and keep nothing."""
+    """Replace streams that the caller has closed (``>&-``) by ones that discard all output."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""``tanteo identify`` and ``tanteo locate``: from a table of readings to the part and its pose."""
+"""Implement ``tanteo identify`` and ``tanteo locate``: from a file of readings to the part and its pose."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
 from tanteo.cli.answer_options import Options
 from tanteo.cli.misuse import MisuseError, misuse
-from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
+from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 from tanteo.cli.readings import FileOptions, read_file, units_of_parts
 from tanteo.errors import ReadingsError
 
@@ -29,7 +29,7 @@ _HEADER = re.compile(r"(?:^|,)\s*(?:x|range)_(mm|m|um|in)\s*(?:,|$)", re.MULTILI
 
 
 def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Options, file: FileOptions) -> None:
-    """Say which part was sensed, where it is and how sure that is."""
+    """Identify the sensed part and its pose, with probabilities and a covariance."""
     known = typed.read_known(options.table, options.box, options.pose_prior, options.prior)
     start = time.perf_counter()
     if options.as_published:
@@ -50,26 +50,26 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
 
     table = known.table if known is not None else None
     outlines = [outline_of(view, given.measured.points, given.parts, table) for view in views]
-    many = len(given.parts) > MOST_VIEWED  # of so many parts the outline narrows, and counts instead of the edges
+    many = len(given.parts) > MOST_VIEWED  # the outline then prunes the parts, and replaces the edges in the posterior
     outline = outlines[0] if outlines and many else None
     loaded = time.perf_counter() - start
     with misuse():
         priors = options.priors(known, outline)
-    ask = partial(
+    query = partial(
         identify, sensor=options.sensor, sd=options.sd, tolerance=options.tolerance, robot=options.robot,
         tip_sd=options.tip_sd, bias_sd=options.bias_sd, rig=given.rig, significance=options.significance,
         top=options.top, as_published=options.as_published, priors=priors, factors=factors,
         views=() if many else views, seed=options.seed, conventions=False,
     )  # fmt: skip
     with misuse(always=False):
-        result = ask(given.readings, given.parts)
+        result = query(given.readings, given.parts)
     elapsed = {"load": loaded, **result.elapsed, "total": time.perf_counter() - start}
     result = replace(result, elapsed=elapsed)
-    _say_latency(readings, result, given, options, file)
-    if not options.json:  # a person reads while it is thought about what may be wrong; a document has it all
-        print_answer(result, known, verbose=options.verbose, aside=bool(words))
+    _print_latency(readings, result, given, options, file)
+    if not options.json:  # print before the checks of conventions, which take longer; a JSON document contains both
+        print_answer(result, known, verbose=options.verbose, to_stderr=bool(words))
     if not options.as_published:
-        result = _questioned(result, given, ask, placed=known is not None)
+        result = _questioned(result, given, query, placed=known is not None)
     if options.json:
         print_answer(result, as_json=True, more=words.document(result, given.parts) if words else {})
     elif words:
@@ -80,20 +80,20 @@ def identify(readings: args.ReadingsPath, parts: args.PartPaths, options: Option
 
 
 def _check_published(known: posterior.PosePrior | None, options: Options) -> None:
-    """Refuse what the paper has no place for."""
+    """Refuse options that the method of the paper does not support."""
     if known is not None:
         raise MisuseError(
-            "--as-published: expected nothing known of the pose, which the paper has no place for. Drop one."
+            "--as-published: expected no prior knowledge of the pose, which the paper does not use. Drop one option."
         )
     for name in ("image", "factor"):
         if getattr(options, name):
             raise MisuseError(
-                f"--as-published: expected readings alone, which is what the paper compares. Drop --{name}."
+                f"--as-published: expected only readings, because the paper uses nothing else. Drop --{name}."
             )
 
 
-def _say_latency(path: str, answer: posterior.Answer, given: Given, options: Options, file: FileOptions) -> None:
-    """Of a recording: how much older the readings are than their stamps, by the motion of the sensor."""
+def _print_latency(path: str, answer: posterior.Answer, given: Given, options: Options, file: FileOptions) -> None:
+    """Print how much older the readings of a recording are than their stamps, estimated from the sensor's motion."""
     if answer.best is None:
         return
     from tanteo.parts import part_named
@@ -101,7 +101,7 @@ def _say_latency(path: str, answer: posterior.Answer, given: Given, options: Opt
     from tanteo.sensors import measure
 
     shifted: tuple[Readings, ...] = ()
-    with suppress(ReadingsError):  # of single poses it is not known how the sensor moved
+    with suppress(ReadingsError):  # single poses do not contain the motion of the sensor
         shifted = io.read_shifted(
             path, (0.0, -STEP, STEP), latency=file.latency, topics=file.topics, world=file.world, radius=file.radius,
             direction=file.direction, max_points=file.max_points,
@@ -116,11 +116,11 @@ def _say_latency(path: str, answer: posterior.Answer, given: Given, options: Opt
     if found is not None and found.contradicts:
         complain("warning", found.words(file.latency or 0.0))
     elif found is not None and options.verbose:
-        say(found.words(file.latency or 0.0), sys.stderr)
+        print_text(found.words(file.latency or 0.0), sys.stderr)
 
 
 def locate(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
-    """Say where a known part is and how sure that is."""
+    """Estimate the pose of a known part, with its covariance."""
     files.require_file("--part", part)
     identify(readings, [part], options, file)
 
@@ -131,34 +131,47 @@ def print_answer(
     *,
     as_json: bool = False,
     verbose: bool = False,
-    aside: bool = False,
+    to_stderr: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> None:
-    """An answer, for a person, or for a program with its status on standard error.
+    """Print an answer as text, or as a JSON document with its status on standard error.
 
     Args:
-        answer: what was found.
-        known: what was taken as known of the pose.
-        as_json: as one document.
-        verbose: say more.
-        aside: on standard error, as standard output is for the words of a controller.
-        more: keys of the document beside the answer's.
+        answer: answer to print.
+        known: prior knowledge of the pose; None for none.
+        as_json: whether to print a JSON document.
+        verbose: whether to print more details.
+        to_stderr: whether to print to standard error, because standard output carries lines for a controller.
+        more: further keys of the document.
     """
     if as_json:
         put(io.document_json({**io.recognition_document(answer), **(more or {})}, warned()))
-        say_status(answer)
+        print_status(answer)
     else:
-        emit(render.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if aside else None)
+        emit(render.answer_lines(answer, known, verbose=verbose, layout=layout()), sys.stderr if to_stderr else None)
 
 
-def say_status(answer: posterior.Answer) -> None:
-    """Beside a document: what a person should know of an answer that is not decided."""
+def print_status(answer: posterior.Answer) -> None:
+    """Print the status and message of an undecided answer to standard error, beside a JSON document.
+
+    Args:
+        answer: answer to report.
+    """
     if answer.status != "recognized":
-        say(f"{answer.status}: {answer.message}", sys.stderr)
+        print_text(f"{answer.status}: {answer.message}", sys.stderr)
 
 
 class Given(NamedTuple):
-    """What was read; whether a person was warned already that it hardly goes together."""
+    """Inputs of a recognition.
+
+    Attributes:
+        readings: readings of the devices.
+        measured: measurements from the readings.
+        parts: candidate parts.
+        rig: range sensors on the hand; None if not given.
+        scale: sizes of readings and parts.
+        doubted: whether a warning about implausible sizes has been printed.
+    """
 
     readings: Readings
     measured: PointMeasurements
@@ -169,7 +182,7 @@ class Given(NamedTuple):
 
 
 def _own_unit(parts: Sequence[Part]) -> str:
-    """The unit that the files of all parts say."""
+    """Return the unit that the files of all parts state; empty if they state none or several."""
     from tanteo.parts import StoredParts
 
     units = set(parts.units) if isinstance(parts, StoredParts) else {part.unit for part in parts}
@@ -177,10 +190,17 @@ def _own_unit(parts: Sequence[Part]) -> str:
 
 
 def read_given(path: str, part_paths: Sequence[str], options: Options, file: FileOptions) -> Given:
-    """Read everything, with a warning where it hardly goes together; what may take long comes last."""
+    """Read readings, rig and parts, and print a warning if their sizes are implausible.
+
+    Args:
+        path: file of the readings.
+        part_paths: files, folders or catalogue of the parts.
+        options: options of the command.
+        file: options for the file of readings.
+    """
     from tanteo.sensors import measure, misspelt, unstated_sd
 
-    rig = None if options.rig is None else files.read_asked_rig(options.rig)
+    rig = None if options.rig is None else files.read_rig(options.rig)
     readings, used = read_file(path, file, options.units, rig)
     sd = unstated_sd(readings, sensor=options.sensor, sd=options.sd, rig=rig) or options.sd
     with misuse():
@@ -192,7 +212,7 @@ def read_given(path: str, part_paths: Sequence[str], options: Options, file: Fil
         complain("warning", question)
     units = units_of_parts(list(part_paths), options.units, used)
     if used and units is not None:
-        complain("warning", f"--units {units} holds for the readings and for the parts: neither have their own.")
+        complain("warning", f"--units {units} applies to the readings and to the parts: neither state a unit.")
     parts = files.read_all_parts(part_paths, units, quiet=options.json)
     column = _HEADER.search(_beginning(path))
     scale = posterior.scale_of(measured.points, parts, column[1] if column else "", options.units or _own_unit(parts))
@@ -203,21 +223,21 @@ def read_given(path: str, part_paths: Sequence[str], options: Options, file: Fil
 
 
 def _beginning(path: str) -> str:
-    """Of a file; a folder, as recordings of ROS are, has none."""
+    """Return the beginning of a file; empty for a folder, such as a ROS recording."""
     if os.path.isdir(path):
         return ""
     with open(path, encoding="utf-8", errors="replace") as text_file:
         return text_file.read(20_000)
 
 
-def _questioned(answer: posterior.Answer, given: Given, ask: posterior.Ask, *, placed: bool) -> posterior.Answer:
-    """The answer with what was probably meant otherwise as its last finding, of which a person is warned."""
+def _questioned(answer: posterior.Answer, given: Given, query: posterior.Ask, *, placed: bool) -> posterior.Answer:
+    """Return the answer with a probable convention error (units, frames, directions) as last finding, and print it."""
     if given.doubted:
         return answer
     frames = posterior.about_frames(answer, given.scale, given.measured)
-    question = posterior.about_conventions(answer, given.readings, given.parts, ask, placed=placed)
+    question = posterior.about_conventions(answer, given.readings, given.parts, query, placed=placed)
     if question is None or (frames is not None and frames.kind == question.kind == "units"):
-        question = frames  # of units it knows which were stated, and where
+        question = frames  # this finding names the stated units and their column
     if question is None:
         return answer
     others = tuple(one for one in answer.findings if one.role != "question")

@@ -1,4 +1,4 @@
-"""The options of ``tanteo identify`` and ``tanteo locate``, and what they assume beforehand."""
+"""Define the options of ``tanteo identify`` and ``tanteo locate``, and the prior knowledge that they state."""
 
 from __future__ import annotations
 
@@ -55,34 +55,43 @@ class Options:
     verbose: args.Verbose = False
 
     def factors(self) -> tuple[PoseFactor, ...]:
-        """Read the files of ``--factor``."""
+        """Return the factors in the files of ``--factor``.
+
+        Raises:
+            MisuseError: an option is not ``NAME=FILE``, or the file does not exist.
+        """
         found = []
         for text in self.factor or ():
             name, _, path = text.partition("=")
             if not name or not path:
                 raise MisuseError(f"--factor: expected the name of a plug-in and a file, as NAME=FILE, got '{text}'.")
             if not Path(path).exists():
-                raise MisuseError(f"--factor: expected a file, got '{path}', which is not there. Check the path.")
+                raise MisuseError(f"--factor: expected a file, got '{path}', which does not exist. Check the path.")
             found.append(io.read_factor(name, path))
         return tuple(found)
 
     def priors(
         self, known: posterior.PosePrior | None, outline: posterior.SeenOutline | None = None
     ) -> posterior.Priors | None:
-        """What the options and an image tell beforehand; None if nothing does."""
+        """Return the prior knowledge that the options and an image state; None if there is none.
+
+        Args:
+            known: prior knowledge of the pose.
+            outline: outline of the object in an image.
+        """
         furniture = tuple(io.read_furniture(text, self.units, "--furniture") for text in self.furniture or ())
-        said: dict[str, Any] = {
+        stated: dict[str, Any] = {
             "pose": known, "outlier_rate": self.outlier_rate, "unknown": self.unknown_prior,
             "noise_factor": self.noise_factor, "furniture": furniture or None, "whole": self._whole(outline),
         }  # fmt: skip
-        said = {name: value for name, value in said.items() if value is not None}
-        return posterior.Priors(**said) if said else None
+        stated = {name: value for name, value in stated.items() if value is not None}
+        return posterior.Priors(**stated) if stated else None
 
     def _whole(self, outline: posterior.SeenOutline | None) -> posterior.WholeObject | None:
-        """What was measured of the whole object."""
+        """Return the measured global properties of the object: mass, size and outline."""
         if self.mass is None and self.size is None and outline is None:
             if self.density is not None:
-                raise MisuseError("--density: expected --mass beside it, got none. A density alone says nothing.")
+                raise MisuseError("--density: expected --mass beside it, got none. Add --mass, or drop --density.")
             return None
         sides, sd = self.size or (None, 0.0)
         return posterior.WholeObject(self.mass, self.density, sides, sd, outline)

@@ -1,6 +1,6 @@
-"""The commands wired to the parser: their options spread out and read, their failures as messages and exit codes.
+"""Connect the commands to the parser: parse their options, and turn errors into messages and exit codes.
 
-Only the parser is imported here, and by the modules of the commands: what they need else waits until they run.
+This module and those of the commands import only the parser at start. Each command imports the rest when it runs.
 """
 
 from __future__ import annotations
@@ -50,10 +50,15 @@ _READINGS_SUFFIXES = (
 
 
 class Grouped(TyperCommand):
-    """A command whose help has its options in groups."""
+    """Command whose help lists its options in groups."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Arguments first, then each group in the order of its first option."""
+        """Write arguments first, then each group in the order of its first option.
+
+        Args:
+            ctx: context of the parser.
+            formatter: writer of the help text.
+        """
         groups: dict[str, list[tuple[str, str]]] = {}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)
@@ -68,7 +73,7 @@ class Grouped(TyperCommand):
 
 @contextmanager
 def _guarded() -> Iterator[None]:
-    """What tanteo raises on purpose becomes a line on standard error and an exit code, never a traceback."""
+    """Turn the errors of tanteo inside the context into a line on standard error and an exit code."""
     try:
         with listening(), _plugin_warnings():
             yield
@@ -98,7 +103,13 @@ def _plugin_warnings() -> Iterator[None]:
 
 
 class _Option(NamedTuple):
-    """A parameter as the parser wants it, how its value is read, and the group that has it as a field, if any."""
+    """Option of a command.
+
+    Attributes:
+        parameter: parameter in the form of the parser.
+        words: conversion of the typed value; None for none.
+        group: name of the dataclass of options that has it as a field; empty for none.
+    """
 
     parameter: inspect.Parameter
     words: Words | None
@@ -106,32 +117,32 @@ class _Option(NamedTuple):
 
 
 def _options(owner: Any, group: str = "") -> Iterator[_Option]:
-    """The options of a command, or of a dataclass of options."""
-    hints = get_type_hints(owner, include_extras=True)
+    """Yield the options of a command, or of a dataclass of options."""
+    annotations = get_type_hints(owner, include_extras=True)
     for parameter in inspect.signature(owner).parameters.values():
-        hint = hints[parameter.name]
-        if is_dataclass(hint):
-            yield from _options(hint, parameter.name)
+        annotation = annotations[parameter.name]
+        if is_dataclass(annotation):
+            yield from _options(annotation, parameter.name)
             continue
-        words = next((extra for extra in hint.__metadata__ if isinstance(extra, Words)), None)
+        words = next((extra for extra in annotation.__metadata__ if isinstance(extra, Words)), None)
         default = parameter.default
         if words is not None:
-            option = next(extra for extra in hint.__metadata__ if extra is not words)
-            hint = Annotated[words.typed, option]
+            option = next(extra for extra in annotation.__metadata__ if extra is not words)
+            annotation = Annotated[words.typed, option]
             default = default if words.default is None else words.default
-        parameter = parameter.replace(annotation=hint, default=default, kind=inspect.Parameter.KEYWORD_ONLY)
+        parameter = parameter.replace(annotation=annotation, default=default, kind=inspect.Parameter.KEYWORD_ONLY)
         yield _Option(parameter, words, group)
 
 
 def _command(function: Callable[..., None], check: Callable[[Mapping[str, Any]], None] | None) -> Callable[..., None]:
-    """A command as the parser wants it.
+    """Return a command in the form of the parser.
 
     Args:
-        function: What it does; a parameter that is a dataclass has options as its fields.
-        check: Asked with all that was typed, by the names of the parameters, before any of it is read.
+        function: function of the command; a parameter that is a dataclass has options as its fields.
+        check: function that receives all typed values by parameter name, before they are converted; None for none.
     """
     options = list(_options(function))
-    groups = {name: hint for name, hint in get_type_hints(function).items() if is_dataclass(hint)}
+    groups = {name: annotation for name, annotation in get_type_hints(function).items() if is_dataclass(annotation)}
 
     def run(**typed: Any) -> None:
         with _guarded():
@@ -170,7 +181,7 @@ def _version(wanted: bool) -> None:
 
 
 app = typer.Typer(
-    help="Which part is it, where is it, and how sure are we: from touches and ranges against CAD files.",
+    help="Recognize and locate CAD parts from touches and ranges, with probabilities and covariances.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
@@ -184,13 +195,13 @@ def root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """Which part is it, where is it, and how sure are we: from touches and ranges against CAD files."""
+    """Recognize and locate CAD parts from touches and ranges, with probabilities and covariances."""
 
 
 _sense = _group("Sense a feature or a part in the simulator, without contact.")
-_sensor = _group("Look at sensors, robots and rigs, and calibrate them.")
-_part = _group("Look at CAD files.")
-_catalogue = _group("Keep many parts on disk, prepared for recognition.")
+_sensor = _group("Show sensors, robots and rigs, and calibrate them.")
+_part = _group("Show the content of CAD files.")
+_catalogue = _group("Store many parts on disk, prepared for recognition.")
 
 _add(app, "identify", answer.identify)
 _add(app, "locate", answer.locate)
@@ -226,10 +237,13 @@ _add(app, "doctor", doctor.doctor)
 
 
 def spread_values(argv: Sequence[str]) -> list[str]:
-    """``--parts A B C`` as ``--parts A --parts B --parts C``, which is what the parser understands.
+    """Return arguments in which ``--parts A B C`` is ``--parts A --parts B --parts C``, as the parser requires.
 
-    The values end at the next option, or at a readings file (``.csv``), a record (``.json``) or an image, which is
-    never a part: so these may come after the parts, too.
+    The values end at the next option. They also end at a readings file (``.csv``), a record (``.json``) or an image,
+    which is never a part; these may therefore follow the parts.
+
+    Args:
+        argv: arguments as typed.
     """
     out: list[str] = []
     many = ""

@@ -1,6 +1,6 @@
-"""The options that several commands have: each is declared once, with its group in ``--help``.
+"""Declare the options that several commands share, each with its group in ``--help``.
 
-Only the parser is imported here; how their words are read is in ``typed.py``.
+This module imports only the parser; ``typed.py`` converts the typed values.
 """
 
 from __future__ import annotations
@@ -19,12 +19,19 @@ if TYPE_CHECKING:
     from tanteo.geometry import UncertainFrame
     from tanteo.geometry.typing import FloatArray
     from tanteo.posterior import Table
-else:  # the parser resolves annotations, and has to load nothing for that
+else:  # the parser resolves annotations; these names avoid slow imports
     FloatArray = Table = UncertainFrame = Any
 
 
 def option(names: str, metavar: str | None, words: str, **more: Any) -> Any:
-    """An option as the parser wants it: names with blanks between them, and what ``--help`` says of it."""
+    """Return an option in the form of the parser.
+
+    Args:
+        names: names of the option, separated by blanks.
+        metavar: placeholder of the value in ``--help``; None for the type.
+        words: help text.
+        more: further arguments of ``typer.Option``.
+    """
     return typer.Option(*names.split(), metavar=metavar, help=words, **more)
 
 
@@ -49,12 +56,12 @@ PartPaths = Annotated[
 ]
 PartPath = Annotated[str, _readings("--part", "FILE", "CAD file of the part (STEP, STL, ...).")]
 Units = Annotated[str | None, _readings("--units", "UNIT", UNITS_HELP), UNIT]
-RigPath = Annotated[str | None, _readings("--rig", "FILE", "Where the range sensors sit on the hand (TOML).")]
+RigPath = Annotated[str | None, _readings("--rig", "FILE", "Poses of the range sensors on the hand (TOML).")]
 
 Sensor = Annotated[str | None, _errors("--sensor", "NAME", SENSOR_HELP, autocompletion=typed.sensor_names), PRESET]
 Sd = Annotated[
     float | None,
-    _errors("--sd", "LENGTH", "Standard deviation of a reading that states none itself, as 0.3mm."),
+    _errors("--sd", "LENGTH", "Standard deviation of readings without their own, as 0.3mm."),
     Words(partial(typed.spread, "--sd", True)),
 ]
 Tolerance = Annotated[
@@ -79,7 +86,7 @@ NoiseFactor = Annotated[
     _errors(
         "--noise-factor",
         "FACTOR",
-        "The noise is known to this factor (1: exactly as stated); 2 if not given, 1.5 with a preset.",
+        "Factor to which the noise is known (1: exactly as stated); 2 if not given, 1.5 with a preset.",
     ),
 ]
 
@@ -88,7 +95,7 @@ FurniturePaths = Annotated[
     _prior(
         "--furniture",
         "FILE@POSE+-SD",
-        "What else stands there and its pose, as 'vise.stl@400,200,0mm 0,0,90deg +- 0.5mm'.",
+        "CAD file and pose of a known object in the scene, as 'vise.stl@400,200,0mm 0,0,90deg +- 0.5mm'.",
     ),
 ]
 TableAt = Annotated[
@@ -120,7 +127,7 @@ UnknownPrior = Annotated[
 
 Mass = Annotated[
     tuple[float, float] | None,
-    _prior("--mass", "MASS", "The object was weighed, as 340g+-2g; needs --density."),
+    _prior("--mass", "MASS", "Measured mass of the object, as 340g+-2g; needs --density."),
     Words(lambda text: io.parse_mass(text, "--mass")),
 ]
 Density = Annotated[
@@ -130,7 +137,7 @@ Density = Annotated[
 ]
 Size = Annotated[
     Any,
-    _prior("--size", "A,B,C", "Sides of a box about the object, in any order, as 120,80,50mm+-1mm."),
+    _prior("--size", "A,B,C", "Sides of a bounding box of the object, in any order, as 120,80,50mm+-1mm."),
     Words(lambda text: io.parse_size(text, "--size")),
 ]
 
@@ -139,7 +146,7 @@ Factors = Annotated[
     _prior(
         "--factor",
         "NAME=FILE",
-        "A further measurement of the pose, read by the plug-in of that name; may be repeated.",
+        "Further measurement of the pose, which the plug-in NAME reads; may be repeated.",
     ),
 ]
 
@@ -152,23 +159,23 @@ CameraPaths = Annotated[
     _prior(
         "--camera",
         "FILE",
-        "Calibration file of the camera, one for all images or one each; it states where the camera stands, or "
-        "--marks do.",
+        "Calibration file of the camera, one for all images or one each; the file or --marks states the pose of "
+        "the camera.",
     ),
 ]
 MarksPaths = Annotated[
     list[str] | None,
-    _prior("--marks", "FILE", "Known points of the table and where the image has them, to place the camera (CSV)."),
+    _prior("--marks", "FILE", "Known points of the table and their pixels in the image, to place the camera (CSV)."),
 ]
 
 Significance = Annotated[
     float,
-    _answer("--significance", None, "Significance level of all tests: how often one may reject what is true."),
+    _answer("--significance", None, "Significance level of all tests: probability of a false rejection."),
     Words(partial(typed.fraction, "--significance", "number", str(SIGNIFICANCE)), float),
 ]
 Top = Annotated[
     int,
-    _answer("--top", None, "Print this many hypotheses at most."),
+    _answer("--top", None, "Print at most this many hypotheses."),
     Words(partial(typed.at_least, "--top", 1, f"Use {TOP}"), int),
 ]
 AsPublished = Annotated[bool, _answer("--as-published", None, "Use the equations as the paper of 1991 prints them.")]
@@ -186,17 +193,18 @@ Standoff = Annotated[
 ]
 ImageFile = Annotated[
     str | None,
-    _image("--image", "IMAGE", "Start from this image of the table; the word render draws one of the scene."),
+    _image("--image", "IMAGE", "Start from this image of the table; the value render draws one of the scene."),
 ]
 CameraFile = Annotated[
     str | None, _image("--camera", "FILE", "Calibration file of the camera; the scene's if not given.")
 ]
 MarksFile = Annotated[
     str | None,
-    _image("--marks", "FILE", "Known points of the table and where the image has them, to place the camera (CSV)."),
+    _image("--marks", "FILE", "Known points of the table and their pixels in the image, to place the camera (CSV)."),
 ]
 Feature = Annotated[
-    str | None, sensing("--feature", "NAME", "Place this feature, not all corners: 'face 3', 'edge 4' or 'vertex 2'.")
+    str | None,
+    sensing("--feature", "NAME", "Feature to place instead of all corners: 'face 3', 'edge 4' or 'vertex 2'."),
 ]
 SceneSeed = Annotated[
     int | None,

@@ -1,4 +1,4 @@
-"""``tanteo bench``: programs that place parts by touch, on the same readings, scored by one code."""
+"""Implement ``tanteo bench``: compare programs that locate parts on the same readings, with the same scores."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError
-from tanteo.cli.printing import emit, layout, leave, progress, say
+from tanteo.cli.printing import emit, layout, leave, print_text, progress
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,48 +27,48 @@ def _seconds(value: float) -> float:
 
 def bench(
     sets: Annotated[
-        list[str] | None, typer.Argument(metavar="[SET...]", help="Names of sets that --list has, or folders of sets.")
+        list[str] | None, typer.Argument(metavar="[SET...]", help="Names of sets from --list, or folders of sets.")
     ] = None,
     method: Annotated[
         list[str] | None,
-        args.option("--method", "NAME", "One of --list, or FILE.py:function of your own."),
+        args.option("--method", "NAME", "Method from --list, or your own as FILE.py:function."),
     ] = None,
     scenes: Annotated[
         int,
-        args.option("--scenes", "N", "Scenes of each set that is made."),
+        args.option("--scenes", "N", "Number of scenes of each generated set."),
         typed.Words(partial(typed.at_least, "--scenes", 1, "Use 50"), int),
     ] = 50,
-    seed: Annotated[int, args.option("--seed", None, "Seed of the scenes that are made."), args.SEED] = 0,
+    seed: Annotated[int, args.option("--seed", None, "Seed of the generated scenes."), args.SEED] = 0,
     parts: Annotated[
         list[str] | None,
-        args.option("--parts", "FILE_OR_FOLDER...", "CAD files of the sets that are made; the demo's if not given."),
+        args.option("--parts", "FILE_OR_FOLDER...", "CAD files of the generated sets; those of the demo if not given."),
     ] = None,
     units: args.Units = None,
     limit: Annotated[
         float,
-        args.option("--limit", "SECONDS", "End a scene after so long."),
+        args.option("--limit", "SECONDS", "Longest time for a scene."),
         typed.Words(_seconds, float),
     ] = 60.0,
     decide: Annotated[
-        bool, args.option("--decide", None, "Measure also how many readings it takes until one answer is left.")
+        bool, args.option("--decide", None, "Also measure the number of readings until one answer remains.")
     ] = False,
     out: Annotated[str | None, args.option("--out", "FILE.json", "Write the scores.")] = None,
     picture: Annotated[
         str | None,
-        args.option("--picture", "FILE.png", "Draw the share of right answers over the time that they took."),
+        args.option("--picture", "FILE.png", "Draw the fraction of right answers over their time."),
     ] = None,
     compare: Annotated[
         list[str] | None,
-        args.option("--compare", "FILE.json", "Show the scores of an earlier --out beside these; may be repeated."),
+        args.option("--compare", "FILE.json", "Also show the scores of an earlier --out; may be repeated."),
     ] = None,
     write: Annotated[
-        str | None, args.option("--write", "FOLDER", "Write the one set that is named; run nothing.")
+        str | None, args.option("--write", "FOLDER", "Write the named set without running anything.")
     ] = None,
     which: Annotated[bool, args.option("--list", None, "List sets and methods.")] = False,
 ) -> None:
-    """Compare programs that find parts, on the same scenes.
+    """Compare programs that locate parts, on the same scenes.
 
-    Scores say how often they are right, whether their covariances are true, how honest and how fast they are.
+    The scores are accuracy, consistency of the covariances, calibration of the probabilities, and time.
     """
     from tanteo.bench import read_scores, write_scores, write_set
 
@@ -80,7 +80,7 @@ def bench(
         if len(made) != 1:
             raise MisuseError(f"--write: expected one set, got {len(made)}. Name one.")
         write_set(made[0], write)
-        say(f"{write}: {len(made[0].scenes)} scenes of {len(made[0].parts)} parts.")
+        print_text(f"{write}: {len(made[0].scenes)} scenes of {len(made[0].parts)} parts.")
         return
     files.check_target("--out", out, (".json",))
     files.check_target("--picture", picture, (".png", ".svg", ".pdf"))
@@ -121,8 +121,8 @@ def _run(sets: list[BenchSet], methods: list[str], limit: float, *, decide: bool
             with progress(f"{one.name}, {method}", quiet=False) as done:
                 scored = score(one, _short(method), run(method, one, patience=limit, progress=done))
                 if decide and scored.claimed is not None:
-                    with at_work(method, one, limit) as ask:
-                        scored = with_decisions(scored, one, ask, done)
+                    with at_work(method, one, limit) as query:
+                        scored = with_decisions(scored, one, query, done)
                 out.append(scored)
     return out
 
@@ -141,7 +141,7 @@ def _show(scores: list[Score], picture: str | None) -> None:
         emit(["", *layout().table(columns, rows, left=(0, 1))])
     for one in scores:
         if one.why:
-            say(f"{one.method}, {one.bench_set}: {one.failures} of {one.scenes} failed: {one.why}")
+            print_text(f"{one.method}, {one.bench_set}: {one.failures} of {one.scenes} failed: {one.why}")
     if picture is not None:
         bench_picture(scores, picture)
 
@@ -150,4 +150,4 @@ def _list() -> None:
     from tanteo.bench import GENERATED, METHODS
 
     emit(layout().table(("set", "what"), [(name, recipe.words) for name, recipe in GENERATED.items()], left=(0, 1)))
-    say(f"Methods: {', '.join(METHODS)}, FILE.py:function.")
+    print_text(f"Methods: {', '.join(METHODS)}, FILE.py:function.")

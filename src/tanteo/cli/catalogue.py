@@ -1,4 +1,4 @@
-"""``tanteo catalogue``: many parts on disk, prepared for recognition."""
+"""Implement ``tanteo catalogue``: many parts on disk, prepared for recognition."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from tanteo import render
 from tanteo.cli import arguments as args
 from tanteo.cli.misuse import MisuseError, misuse
-from tanteo.cli.printing import complain, emit, layout, progress, put_json, say
+from tanteo.cli.printing import complain, emit, layout, print_text, progress, put_json
 from tanteo.errors import PartError, UnitError
 
 if TYPE_CHECKING:
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 _Paths = Annotated[list[str], typer.Argument(metavar="FILE_OR_FOLDER...", help="CAD files or folders of them.")]
 _Folder = Annotated[str, typer.Argument(metavar="CATALOGUE", help="Folder of the catalogue.")]
-_Out = Annotated[str, args.option("--out", "CATALOGUE", "Folder of the catalogue; it is made, or brought up to date.")]
-_To = Annotated[str, args.option("--to", "CATALOGUE", "Folder of the catalogue that the parts are added to.")]
+_Out = Annotated[str, args.option("--out", "CATALOGUE", "Folder of the catalogue, which is created or updated.")]
+_To = Annotated[str, args.option("--to", "CATALOGUE", "Folder of the catalogue that receives the parts.")]
 _Scheduler = Annotated[
     str | None,
     args.option(
@@ -35,14 +35,14 @@ _Names = Annotated[bool, args.option("--names", None, "List the names of all par
 def build(
     paths: _Paths, out: _Out, units: args.Units = None, scheduler: _Scheduler = None, json: args.Json = False
 ) -> None:
-    """Make a catalogue of CAD files, or bring it up to date.
+    """Create a catalogue from CAD files, or update it.
 
-    What has not changed is not read again.
+    Unchanged files are not read again.
     """
     from tanteo.catalogue import build_catalogue
 
     built, seconds = _write(build_catalogue, paths, out, units, scheduler, quiet=json)
-    _say(built, out, seconds, as_json=json)
+    _print_result(built, out, seconds, as_json=json)
 
 
 def add(
@@ -50,20 +50,20 @@ def add(
 ) -> None:
     """Add the parts of CAD files to a catalogue.
 
-    A file that has changed takes its old part's place.
+    A part of a changed file replaces the old one.
     """
     from tanteo.catalogue import add_to_catalogue
 
     built, seconds = _write(add_to_catalogue, paths, to, units, scheduler, quiet=json)
     if built.failures and not built.read:  # nothing was added
         raise PartError(built.failures[0].reason)
-    _say(built, to, seconds, as_json=json)
+    _print_result(built, to, seconds, as_json=json)
 
 
 def _write(
     write: Callable[..., Built], paths: list[str], folder: str, units: str | None, scheduler: str | None, *, quiet: bool
 ) -> tuple[Built, float]:
-    """What came of writing, and how long it took."""
+    """Write a catalogue; return the result and the time [s]."""
     start = time.perf_counter()
     try:
         with misuse(always=False), progress("reading parts", quiet=quiet) as tick:
@@ -74,10 +74,7 @@ def _write(
 
 
 def show(catalogue: _Folder, names: _Names = False, json: args.Json = False) -> None:
-    """Say how many parts a catalogue has.
-
-    Says of which files, and how large it is.
-    """
+    """Show the number of parts in a catalogue, their files and the size on disk."""
     from tanteo.catalogue import open_catalogue
 
     found = open_catalogue(catalogue)
@@ -98,11 +95,11 @@ def check(catalogue: _Folder) -> None:
 
     found = open_catalogue(catalogue)
     found.check()
-    say(f"{catalogue}: {len(found)} parts, {found.size / 1e6:.3g} MB, all as they were written.")
+    print_text(f"{catalogue}: {len(found)} parts, {found.size / 1e6:.3g} MB, all checksums are correct.")
 
 
-def _say(built: Built, out: str, seconds: float, *, as_json: bool) -> None:
-    """What was done, and a warning for each file that was not read."""
+def _print_result(built: Built, out: str, seconds: float, *, as_json: bool) -> None:
+    """Print the result of writing, and a warning for each file that could not be read."""
     for failure in built.failures:
         complain("warning", f"{failure.reason} Here that is --units." if "unit=" in failure.reason else failure.reason)
     if as_json:
@@ -115,4 +112,4 @@ def _say(built: Built, out: str, seconds: float, *, as_json: bool) -> None:
         )  # fmt: skip
         return
     did = [f"{built.read} read", f"{built.kept} unchanged", *([f"{built.dropped} dropped"] if built.dropped else [])]
-    say(f"{out}: {built.parts} part{'s' * (built.parts != 1)} ({', '.join(did)}) in {seconds:.3g} s.")
+    print_text(f"{out}: {built.parts} part{'s' * (built.parts != 1)} ({', '.join(did)}) in {seconds:.3g} s.")

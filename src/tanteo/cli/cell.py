@@ -1,4 +1,4 @@
-"""``tanteo check-cell``: which error of the cell readings of a part contradict, and which one would tell more."""
+"""Implement ``tanteo check-cell``: test the stated errors of a cell with readings of a known part."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tanteo.cli.readings import FileOptions
 from tanteo.errors import InputError
 
 _WIDE = 0.02, math.radians(10.0)
-"""Spread of the pose that the part is looked for at, beside where it was found: it says next to nothing [m, rad]."""
+"""Standard deviations of the nearly uninformative prior around the estimated pose of the part [m, rad]."""
 
 
 def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Options, file: FileOptions) -> None:
-    """Say which stated errors of the cell the readings contradict.
+    """Test the stated errors of a cell with readings of a known part.
 
-    Errors of tip, mounting, base and bias, by readings of a known part.
+    Tests the errors of tip, mounting, base and bias, and proposes the next reading.
     """
     import numpy as np
 
@@ -53,7 +53,7 @@ def check_cell(readings: args.ReadingsPath, part: args.PartPath, options: Option
 
 
 def _document(check: Any) -> dict[str, Any]:
-    """For programs: SI units."""
+    """Return the result as a JSON document in SI units."""
     errors = [
         {
             "name": e.name, "meaning": e.meaning, "stated_sd": e.stated, "estimate": e.estimate, "sd": e.sd,
@@ -66,5 +66,5 @@ def _document(check: Any) -> dict[str, Any]:
         "point_m": one.point, "direction": one.direction, "face": one.face, "turn_rad": one.turn, "axis": one.axis,
         "gain_nats": one.gain,
     }  # fmt: skip
-    alike = [{"one": a, "other": b, "correlation": r} for a, b, r in check.alike]
-    return {"schema": "tanteo.cell/1", "errors": errors, "alike": alike, "next": following}
+    correlated = [{"one": a, "other": b, "correlation": r} for a, b, r in check.alike]
+    return {"schema": "tanteo.cell/1", "errors": errors, "alike": correlated, "next": following}

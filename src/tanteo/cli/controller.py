@@ -1,6 +1,6 @@
-"""The answer in the words of a controller: ``--as`` and ``--wcs`` of ``identify`` and ``locate``.
+"""Print an answer in the syntax of a controller: ``--as`` and ``--wcs`` of ``identify`` and ``locate``.
 
-Only a decided answer is written: a program that runs in a frame does not know how sure it is.
+Only a decided answer is written, because a program that runs in a frame does not take its uncertainty into account.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tanteo.io import WorkFrame
     from tanteo.parts import Part
     from tanteo.posterior import Answer, Hypothesis
-else:  # the parser resolves annotations, and has to load nothing for that
+else:  # the parser resolves annotations; this name avoids a slow import
     WorkFrame = Any
 
 
@@ -66,12 +66,12 @@ BestGuess = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """What ``--as`` and ``--wcs`` ask for.
+    """Output that ``--as`` and ``--wcs`` request.
 
     Attributes:
-        pose_as: a controller, or None.
-        wcs: a frame of a controller, or None.
-        best_guess: the best pose is written where the answer is ambiguous or insufficient, too.
+        pose_as: name of a controller; None for none.
+        wcs: work frame of a controller; None for none.
+        best_guess: whether to write the best pose of an ambiguous or insufficient answer.
     """
 
     pose_as: str | None
@@ -82,18 +82,23 @@ class Words:
         if self.pose_as is not None and self.wcs is not None:
             raise MisuseError("--as, --wcs: expected one of the two, got both. Run it once for each.")
         if self.best_guess and not self:
-            raise MisuseError("--best-guess: expected with --as or --wcs, got neither. Add one, or leave it out.")
+            raise MisuseError("--best-guess: expected with --as or --wcs, got neither. Add one, or drop --best-guess.")
 
     def __bool__(self) -> bool:
         return self.pose_as is not None or self.wcs is not None
 
     @property
     def option(self) -> str:
-        """The option that asks."""
+        """Name of the option that requests the output."""
         return "--as" if self.wcs is None else "--wcs"
 
     def document(self, answer: Answer, parts: Sequence[Part]) -> dict[str, Any]:
-        """For ``--json``: ``text`` and what it is, or ``text: null`` with ``refused``, a sentence."""
+        """Return the keys for ``--json``: ``text`` with its format, or ``text: null`` with the reason as ``refused``.
+
+        Args:
+            answer: answer to write.
+            parts: candidate parts.
+        """
         key = "as" if self.wcs is None else "wcs"
         why = self.refused(answer)
         if why is not None:
@@ -108,7 +113,12 @@ class Words:
         return {key: {**facts, "text": pose.text, "warnings": _doubts(answer)}}
 
     def text(self, answer: Answer, parts: Sequence[Part]) -> str:
-        """The words for standard output, with warnings on the way; nothing where they are refused."""
+        """Return the text for standard output, and print warnings; empty if the answer is not written.
+
+        Args:
+            answer: answer to write.
+            parts: candidate parts.
+        """
         why = self.refused(answer)
         if why is not None:
             complain("error", f"{self.option}: {why}")
@@ -127,7 +137,11 @@ class Words:
         return f"{pose.text}\n"
 
     def refused(self, answer: Answer) -> str | None:
-        """Why nothing is written of this answer; None if it is."""
+        """Return why an answer is not written; None if it is written.
+
+        Args:
+            answer: answer to write.
+        """
         if answer.status == "recognized":
             return None
         if answer.status == "unknown" or not answer.hypotheses:
@@ -135,8 +149,8 @@ class Words:
         if self.best_guess:
             return None
         return (
-            f"expected a decided answer, got {answer.status}: nothing is written for a program to run in. Sense more, "
-            "or say --best-guess to have the best pose in spite of it."
+            f"expected a decided answer, got {answer.status}: no pose is written for a program. Sense more, or use "
+            "--best-guess to write the best pose."
         )
 
     def _frame(self, answer: Answer, parts: Sequence[Part]) -> io.WrittenFrame:
@@ -155,14 +169,14 @@ _UNVERIFIED = "the convention was not verified in the brand's documentation: con
 
 
 def _doubts(answer: Answer) -> list[str]:
-    """What a program should know of the pose that it will run in."""
+    """Return warnings about the pose that a program will use."""
     best, doubts = answer.hypotheses[0], []
     if answer.status != "recognized":
         doubts.append(f"the answer is {answer.status}; this is its best guess.")
     if best.symmetry_axis is not None:
-        doubts.append("the part is a solid of revolution: the turn about its axis is arbitrary.")
+        doubts.append("the part is a solid of revolution: the rotation about its axis is arbitrary.")
     elif best.symmetry_order > 1:
-        doubts.append(f"the part looks the same in {best.symmetry_order} poses; this is one of them.")
+        doubts.append(f"the part is identical in {best.symmetry_order} poses; this is one of them.")
     return doubts
 
 

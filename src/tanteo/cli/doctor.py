@@ -1,4 +1,4 @@
-"""``tanteo doctor``: what is installed and whether it works."""
+"""Implement ``tanteo doctor``: check the installation."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from tanteo.cli.printing import emit, layout, put_json
 
 
 def doctor(json: args.Json = False) -> None:
-    """Say what is installed and whether it works.
+    """Check the installation.
 
-    Lists versions and extras, and runs a self-test.
+    Lists versions, extras and plug-ins, and runs a self-test.
     """
     from tanteo import __version__
     from tanteo.cli.examinations import examination_lines

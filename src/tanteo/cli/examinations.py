@@ -1,4 +1,4 @@
-"""What is installed and whether it works, in words and tables."""
+"""Format the result of a check of the installation as text and tables."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ from tanteo.render import PLAIN, Layout, printable
 
 
 def examination_lines(found: Examination, version: str, *, layout: Layout = PLAIN) -> list[str]:
-    """The verdict first, then what is there and what is not."""
+    """Return the lines of a check of the installation, the verdict first.
+
+    Args:
+        found: result of the check.
+        version: version of tanteo.
+        layout: width and style of the output.
+    """
     missing = [name for name, number in found.versions.items() if not number]
     absent = [extra.name for extra in found.extras if not extra.installed]
     lines = [layout.bold(f"tanteo {version}: {_verdict(found, missing)}"), f"self-test: {printable(_test(found))}", ""]
@@ -22,9 +28,9 @@ def examination_lines(found: Examination, version: str, *, layout: Layout = PLAI
         lines += [*layout.table(["plug-ins", "name", "distribution", "works"], rows, left=(0, 1, 2, 3)), ""]
         lines += [printable(p.problem) for p in found.plugins if p.problem]
     if absent:
-        lines.append(f"To have the rest: {install_command(absent)}")
+        lines.append(f"To install the missing extras: {install_command(absent)}")
     folder, writable = found.cache
-    lines.append(f"Parts are remembered in {printable(folder)}." if writable else _no_cache(folder))
+    lines.append(f"Parts are cached in {printable(folder)}." if writable else _no_cache(folder))
     return lines
 
 
@@ -39,4 +45,4 @@ def _test(found: Examination) -> str:
 
 
 def _no_cache(folder: str) -> str:
-    return f"{printable(folder)} cannot be written: parts are read anew each time. Name another in TANTEO_CACHE."
+    return f"{printable(folder)} cannot be written: parts are read again each time. Set another folder in TANTEO_CACHE."

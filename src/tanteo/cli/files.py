@@ -1,4 +1,4 @@
-"""The files of a command: what it reads, with what a person may not expect of it, and what it writes."""
+"""Read and write the files of a command, with warnings about unexpected content."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from tanteo import io
 from tanteo.cli.misuse import MisuseError
-from tanteo.cli.printing import complain, progress, say
+from tanteo.cli.printing import complain, print_text, progress
 from tanteo.errors import InputError, PartError, UnitError
 
 if TYPE_CHECKING:
@@ -24,17 +24,22 @@ if TYPE_CHECKING:
     from tanteo.sensors import Rig
 
 TYPED: ContextVar[tuple[str, ...]] = ContextVar("TYPED", default=("tanteo",))
-"""The words of the command that runs, as they were typed: a report says how to run it again."""
+"""Words of the running command as typed; a report shows them."""
 
 _ELSEWHERE = "Choose another folder"
 
 
 def check_target(name: str, path: str | None, suffixes: Sequence[str] = ()) -> None:
-    """Can the file of an option be written? Asked before the long work, whose result would be lost. None is no file.
+    """Check before a long computation that the file of an option can be written.
+
+    Args:
+        name: name of the option.
+        path: file to write; None for none.
+        suffixes: accepted suffixes; empty for any.
 
     Raises:
-        MisuseError: It has another suffix than one of these, if there are any.
-        InputError: A folder that is not there or in which nothing may be written, or no name at all.
+        MisuseError: the file has another suffix.
+        InputError: the folder does not exist or is not writable, or the path is a folder.
     """
     if path is None:
         return
@@ -55,10 +60,15 @@ def check_target(name: str, path: str | None, suffixes: Sequence[str] = ()) -> N
 def check_different(
     *targets: tuple[str, str | None], inputs: Sequence[tuple[str, str | None]] = (), parts: Sequence[str] = ()
 ) -> None:
-    """Are the files of these options different ones, and is each other than what is read, parts too? None is no file.
+    """Check that the files to write differ from each other and from all files to read.
+
+    Args:
+        targets: options and files to write; None for none.
+        inputs: options and files to read; None for none.
+        parts: files and folders of parts to read.
 
     Raises:
-        MisuseError: Two of them are one, or one would be written over what is read.
+        MisuseError: two files are the same.
     """
     from tanteo.catalogue import cad_files
 
@@ -75,10 +85,14 @@ def check_different(
 
 @contextmanager
 def writing(name: str, path: str) -> Iterator[None]:
-    """Write this file inside; what the system refuses becomes advice.
+    """Turn system errors of writing a file inside the context into an error with advice.
+
+    Args:
+        name: name of the option.
+        path: file to write.
 
     Raises:
-        InputError: It could not be written: the disk is full, or the folder went away.
+        InputError: the file could not be written.
     """
     try:
         yield
@@ -91,13 +105,31 @@ def _refused(name: str, path: str, why: str) -> InputError:
 
 
 def require_file(name: str, path: str) -> None:
-    """One part is one file: a folder raises PartError."""
+    """Check that an option names a file and not a folder.
+
+    Args:
+        name: name of the option.
+        path: path that the option names.
+
+    Raises:
+        PartError: the path is a folder.
+    """
     if Path(path).is_dir():
         raise PartError(f"{name}: expected one CAD file, got the folder '{path}'. Name a file in it.")
 
 
 def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> Sequence[Part]:
-    """The parts; files of a folder that cannot be read are warnings as long as one can."""
+    """Read parts; a file of a folder that cannot be read is a warning as long as another one can.
+
+    Args:
+        paths: files, folders, or one catalogue.
+        units: unit of files that state none; None if not given.
+        quiet: whether to show no progress.
+
+    Raises:
+        MisuseError: a file states no unit and ``units`` is None.
+        PartError: no part can be read, or a named file cannot.
+    """
     from tanteo.catalogue import coarse_meshes, is_catalogue, read_parts, repaired, skipped_folders, unused_unit
 
     if any(map(is_catalogue, paths)):
@@ -116,7 +148,7 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
     odd = [*skipped, *unused_unit(parts.parts, units), *coarse_meshes(parts.parts), *repaired(parts.parts)]
     for reason in [r for r in reasons if r not in lost[:1]] + odd:
         complain("warning", reason)
-    if lost:  # an answer would say nothing of a part that was asked for by name
+    if lost:  # an answer without a part that the user named would be misleading
         raise PartError(lost[0])
     if not parts.parts:
         raise PartError("--parts: expected at least one part that can be read, got none. See the warnings.")
@@ -124,10 +156,10 @@ def read_all_parts(paths: Sequence[str], units: str | None, *, quiet: bool) -> S
 
 
 def _opened(paths: Sequence[str]) -> Sequence[Part]:
-    """The parts of a catalogue, which none is read of here.
+    """Open a catalogue without reading its parts.
 
     Raises:
-        MisuseError: Other parts are named, too.
+        MisuseError: other parts are named as well.
     """
     from tanteo.catalogue import open_catalogue
 
@@ -139,8 +171,12 @@ def _opened(paths: Sequence[str]) -> Sequence[Part]:
     return open_catalogue(paths[0])
 
 
-def read_asked_rig(path: str) -> Rig:
-    """A rig from a file, with a question where its lengths may be in metres."""
+def read_rig(path: str) -> Rig:
+    """Read a rig, and print a warning if its lengths are probably in metres.
+
+    Args:
+        path: file of the rig, or name of a shipped rig.
+    """
     rig = io.read_rig(path)
     if question := io.suspect_metres(rig):
         complain("warning", question)
@@ -148,12 +184,20 @@ def read_asked_rig(path: str) -> Rig:
 
 
 def check_report(path: str | None) -> None:
-    """:func:`check_target` for a report."""
+    """Check that the file of a report can be written; see :func:`check_target`.
+
+    Args:
+        path: file of the report; None for none.
+    """
     check_target("--report", path, (".html", ".htm"))
 
 
 def this_run(*facts: tuple[str, str]) -> Run:
-    """The command that runs now, as a report says it, with names and values that stand beside the picture."""
+    """Return the running command for a report.
+
+    Args:
+        facts: names and values to show beside the picture.
+    """
     from tanteo import __version__
     from tanteo.render import Run
 
@@ -161,16 +205,21 @@ def this_run(*facts: tuple[str, str]) -> Run:
 
 
 def write_page(path: str, page: str, *, as_json: bool) -> None:
-    """Write a report and say where it is; beside JSON on standard error.
+    """Write a report, and print its path; to standard error beside a JSON document.
+
+    Args:
+        path: file of the report.
+        page: HTML text.
+        as_json: whether standard output carries a JSON document.
 
     Raises:
-        InputError: The file cannot be written.
+        InputError: the file cannot be written.
     """
     from tanteo.render import write_report
 
     with writing("--report", path):
         write_report(path, page)
-    say(f"report written: {path}", sys.stderr if as_json else sys.stdout)
+    print_text(f"report written: {path}", sys.stderr if as_json else sys.stdout)
 
 
 def report_session(
@@ -179,9 +228,18 @@ def report_session(
     *facts: tuple[str, str],
     as_json: bool,
     more: Sequence[Section] = (),
-    look: Vectors | None = None,
+    view: Vectors | None = None,
 ) -> None:
-    """Report a session: its answer, and how it came to that; further sections stand first, seen from a direction."""
+    """Write the report of a session: its answer and its steps.
+
+    Args:
+        path: file of the report.
+        session: session to report.
+        facts: names and values to show beside the picture.
+        as_json: whether standard output carries a JSON document.
+        more: further sections, which come first.
+        view: initial viewing direction of the picture ``(3,)``; None for the default.
+    """
     from tanteo.render import session_page
 
-    write_page(path, session_page(session, this_run(*facts), more, look), as_json=as_json)
+    write_page(path, session_page(session, this_run(*facts), more, view), as_json=as_json)

@@ -1,4 +1,4 @@
-"""Images of what readings were taken of: read beside them, and the outline that one shows of the object."""
+"""Read images of the sensed object for ``identify`` and ``locate``, and find the outline of the object in them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from tanteo import io
 from tanteo.cli.misuse import MisuseError
-from tanteo.cli.printing import complain, say
+from tanteo.cli.printing import complain, print_text
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import Vectors
@@ -21,14 +21,17 @@ if TYPE_CHECKING:
 def read_views(
     images: Sequence[str] | None, cameras: Sequence[str] | None, marks: Sequence[str] | None
 ) -> tuple[View, ...]:
-    """Return what ``--image``, ``--camera`` and ``--marks`` name; none where none is given.
+    """Read the images of ``--image`` with their cameras.
 
-    Cameras and marks are one for all images, or one each, in their order.
+    Args:
+        images: image files; None for none.
+        cameras: calibration files, one for all images or one for each.
+        marks: files of known points, one for all images or one for each; None for none.
 
     Raises:
-        MisuseError: an image without a camera, a camera without an image, another number of cameras or marks than of
-            images, or a camera whose place is not known.
-        InputError: a file that cannot be read.
+        MisuseError: an image has no camera, a camera has no image, the number of cameras or marks differs from that of
+            images, or the pose of a camera is unknown.
+        InputError: a file cannot be read.
     """
     if not images:
         if cameras or marks:
@@ -69,17 +72,23 @@ def _read_view(image: str, camera: str | None, marks: str | None) -> View:
         taken, _ = io.place_camera(taken, marks)
     if taken.T_world_camera is None:
         raise MisuseError(
-            f"--camera: expected where the camera stands in the world of the readings, got {camera} without it. Say "
-            "--marks FILE, or add T_world_camera to the file."
+            f"--camera: expected the camera's pose in the world of the readings, got {camera} without it. Add "
+            "--marks FILE, or T_world_camera to the file."
         )
     return View(pixels, taken)
 
 
 def outline_of(view: View, points: Vectors, parts: Sequence[Any], table: Table | None) -> SeenOutline:
-    """The outline of the object that readings are of, with a line that says which it is and how many parts have it.
+    """Return the outline of the object on which the readings lie, and print how many parts fit it.
+
+    Args:
+        view: image with its camera.
+        points: points of the readings, world frame ``(n, 3)`` [m].
+        parts: candidate parts.
+        table: table under the object; None for the world's x-y plane.
 
     Raises:
-        InputError: the image does not show it.
+        InputError: the image does not show the object.
     """
     from tanteo.vision import outline_of_readings
 
@@ -87,7 +96,7 @@ def outline_of(view: View, points: Vectors, parts: Sequence[Any], table: Table |
     found = outline_of_readings(view.pixels, view.camera, points, T_world_table=frame)
     odds = found.outline.log_odds(parts)
     of = f"of {found.regions}" if found.regions > 1 else "the only one"
-    say(
+    print_text(
         f"The readings are on the object at {found.pixels[0]:.0f}, {found.pixels[1]:.0f} px of the image ({of}). "
         f"Parts that fit its outline: {int(np.count_nonzero(odds > 0)):,} of {len(odds):,}.",
         sys.stderr,

@@ -1,6 +1,6 @@
-"""Does this installation work: what is installed, which extras are missing, and an example made on the spot.
+"""Check the installation: installed distributions, missing extras, plug-ins, and a self-test.
 
-Nothing that may be missing is imported before it is asked for: a broken installation is what this is for.
+This module imports optional distributions only when it checks them, so that it also works in a broken installation.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ NEEDED = (
     "typer",
     "rich",
 )
-"""Distributions without which nothing works."""
+"""Required distributions."""
 
 EXTRAS = {
     "step": ("OCP", "STEP files, with exact faces and edges"),
@@ -49,23 +49,23 @@ EXTRAS = {
     "ros": ("rclpy", "a node of ROS 2 (tanteo ros)"),
     "cluster": ("distributed", "work spread over many machines (--scheduler)"),
 }
-"""Extra: a module that it brings, and what it is for."""
+"""Module and purpose of each extra."""
 
 SD = 5e-5
-"""Of the touches of the self-test [m]."""
+"""Standard deviation of the touches in the self-test [m]."""
 
 _FAR = 4.0
-"""A pose that is off by more standard deviations than this is wrong, whatever its status."""
+"""Error in standard deviations above which the pose of the self-test is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
 class Extra:
-    """An optional part of tanteo.
+    """Optional dependency of tanteo.
 
     Attributes:
-        name: As in ``pip install 'tanteo[name]'``.
-        gives: What it is for.
-        installed: Whether it is there.
+        name: name in ``pip install 'tanteo[name]'``.
+        gives: features that need it.
+        installed: whether it is installed.
     """
 
     name: str
@@ -86,13 +86,13 @@ REGISTRIES = (
 
 @dataclass(frozen=True, slots=True)
 class FoundPlugin:
-    """A plug-in of another distribution.
+    """Plug-in of another distribution.
 
     Attributes:
-        group: Group of its entry point.
-        name: Name of its entry point.
-        distribution: Name and version of the distribution.
-        problem: Why it is not used; empty if it works.
+        group: group of its entry point.
+        name: name of its entry point.
+        distribution: name and version of the distribution.
+        problem: reason for which it is not used; empty if it works.
     """
 
     group: str
@@ -103,12 +103,12 @@ class FoundPlugin:
 
 @dataclass(frozen=True, slots=True)
 class SelfTest:
-    """A wedge with 24 simulated touches, to be recognised beside a block.
+    """Result of the self-test: recognition of a wedge from 24 simulated touches, with a block as alternative.
 
     Attributes:
-        ok: Whether it was recognised where it is.
-        words: What came out.
-        seconds: What it took, reading the parts included.
+        ok: whether the wedge was recognized at its pose.
+        words: result as text.
+        seconds: duration, including the reading of the parts [s].
     """
 
     ok: bool
@@ -118,15 +118,15 @@ class SelfTest:
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """What was found.
+    """Result of a check of the installation.
 
     Attributes:
-        python: Version of Python and of the system.
-        versions: Distributions that tanteo needs, with their versions; empty where one is missing.
-        extras: The optional ones.
-        plugins: Plug-ins of other distributions.
-        cache: Folder in which parts are remembered, and whether it can be written.
-        test: The self-test.
+        python: versions of Python and of the system.
+        versions: versions of the required distributions; empty for a missing one.
+        extras: optional dependencies.
+        plugins: plug-ins of other distributions.
+        cache: folder of the parts cache, and whether it can be written.
+        test: result of the self-test.
     """
 
     python: str
@@ -138,12 +138,12 @@ class Examination:
 
     @property
     def ok(self) -> bool:
-        """Whether all that is needed is there and works; extras may be missing."""
+        """Whether all required distributions are installed and the self-test passed."""
         return all(self.versions.values()) and self.test.ok
 
 
 def examine() -> Examination:
-    """Look at everything; takes about a second."""
+    """Check the installation; this takes about a second."""
     extras = (Extra(name, gives, util.find_spec(module) is not None) for name, (module, gives) in EXTRAS.items())
     python = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
     versions = {n: _version(n) for n in NEEDED}
@@ -157,14 +157,14 @@ def find_plugins() -> tuple[FoundPlugin, ...]:
         module, _, name = place.partition(":")
         try:
             registry = getattr(import_module(module), name)
-        except ImportError:  # something that is needed is missing, which the versions tell
+        except ImportError:  # a required distribution is missing, which the versions show
             continue
         found += [FoundPlugin(p.group, p.name, p.distribution, registry.problem(p)) for p in registry.plugins()]
     return tuple(found)
 
 
 def run_self_test() -> SelfTest:
-    """Write two parts, touch one of them in simulation, and ask which it is and where."""
+    """Write two parts, simulate touches on one of them, and recognize it."""
     start = time.perf_counter()
     try:
         ok, words = _recognize_wedge()
@@ -196,7 +196,7 @@ def _judge(answer: Answer, truth: Transforms) -> tuple[bool, str]:
 
 
 def _off(best: Hypothesis, truth: Transforms) -> tuple[float, float]:
-    """Error of the pose in standard deviations a direction, and of the position [m]."""
+    """Return the error of the pose in standard deviations for each direction, and that of the position [m]."""
     import numpy as np
 
     from tanteo.geometry import SE3
@@ -206,7 +206,7 @@ def _off(best: Hypothesis, truth: Transforms) -> tuple[float, float]:
 
 
 def _touches(part: Part, T_world_part: Transforms) -> Readings:
-    """Four touches on every face, labelled, with noise of a fixed seed."""
+    """Return four labelled touches on every face, with noise from a fixed seed."""
     import numpy as np
 
     from tanteo.geometry import SE3
@@ -227,7 +227,7 @@ def _touches(part: Part, T_world_part: Transforms) -> Readings:
 
 
 def _prism(path: Path, corners: Sequence[tuple[float, float]], height: float) -> Part:
-    """A right prism over four corners [mm], written and read back."""
+    """Write a right prism over four corners [mm] to a file, and read it as a part."""
     from tanteo.parts import read_part
 
     vertices = [(x, y, z) for z in (0, height) for x, y in corners]
@@ -247,7 +247,7 @@ def _version(name: str) -> str:
 
 
 def _cache() -> tuple[str, bool]:
-    """The folder, and whether a file can be made in it or in the nearest folder above that exists."""
+    """Return the folder of the parts cache, and whether it, or its nearest existing parent, is writable."""
     try:
         from tanteo.catalogue import cache_folder
     except ImportError:
@@ -262,6 +262,10 @@ def _cache() -> tuple[str, bool]:
 
 
 def install_command(names: Sequence[str]) -> str:
-    """What to type to get some extras."""
+    """Return the command that installs some extras.
+
+    Args:
+        names: names of the extras.
+    """
     assert all(re.fullmatch(r"\w+", name) for name in names)
     return f"pip install 'tanteo[{','.join(names)}]'"

@@ -1,4 +1,4 @@
-"""A live page beside a command that carries a session out itself: it shows, and nothing on it moves anything."""
+"""Show the session of a running command on a live page, which has no controls."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from tanteo.cli.printing import say
+from tanteo.cli.printing import print_text
 
 if TYPE_CHECKING:
     from tanteo.planning import Session
@@ -17,12 +17,15 @@ if TYPE_CHECKING:
 
 @contextmanager
 def page_of(session: Session, *, live: bool, show: bool) -> Iterator[Callable[[str], None]]:
-    """What draws a session on a live page, with a note; nothing if none is wanted.
+    """Show a session on a live page.
 
     Args:
-        session: what is known and asked.
-        live: whether a page is wanted.
-        show: whether it is opened in a browser, on a desktop.
+        session: session to show.
+        live: whether to open a page; otherwise the context does nothing.
+        show: whether to open the page in a browser.
+
+    Yields:
+        A function that draws the current session with a note.
 
     Raises:
         MissingExtraError: viser is not installed.
@@ -33,7 +36,7 @@ def page_of(session: Session, *, live: bool, show: bool) -> Iterator[Callable[[s
     from tanteo.render import follow
 
     def ready(url: str) -> None:
-        say(f"Live page: {url}", sys.stderr)
+        print_text(f"Live page: {url}", sys.stderr)
         if show and sys.stderr.isatty():
             webbrowser.open(url)
 
@@ -42,9 +45,13 @@ def page_of(session: Session, *, live: bool, show: bool) -> Iterator[Callable[[s
 
 
 def stay(*, live: bool) -> None:
-    """The page stays until it has been seen enough."""
+    """Keep the page open until Ctrl-C.
+
+    Args:
+        live: whether there is a page.
+    """
     if live:
-        say("The machine is let go. The page stays until Ctrl-C.", sys.stderr)
+        print_text("The machine is disconnected. The page stays until Ctrl-C.", sys.stderr)
         with suppress(KeyboardInterrupt):
             until_interrupted()
 

@@ -1,4 +1,4 @@
-"""Options of a machine that moves a probe: where it is, what it may do, what its probe is."""
+"""Define the options of a machine that moves a probe: address, limits and probe."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tanteo import io
 from tanteo.cli import arguments as args
 from tanteo.cli import typed
 from tanteo.cli.misuse import MisuseError, require_errors
-from tanteo.cli.printing import complain, say
+from tanteo.cli.printing import complain, print_text
 from tanteo.cli.probing import parse_speed
 from tanteo.errors import InputError
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from tanteo.hand import ForbiddenBox
     from tanteo.machines import Address, MachineLimits
     from tanteo.planning import Probe
-else:  # the parser resolves annotations, and has to load nothing for that
+else:  # the parser resolves annotations; these names avoid slow imports
     Address = FloatArray = ForbiddenBox = Any
 
 _FAKE_RADIUS, _FAKE_SD = 1e-3, 2e-5
-"""Ball and noise of a fake's probe, where nobody says [m]."""
+"""Default radius and noise of a fake's probe [m]."""
 _DOWN, _UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 
 
@@ -50,29 +50,30 @@ _machine = partial(args.option, rich_help_panel="Machine")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineOptions:
-    """Options of a machine, and of the probe on it."""
+    """Options of a machine and its probe."""
 
     machine: Annotated[
         Address,
         _machine(
             "--machine",
             "ADDRESS",
-            "What moves the probe: grbl:/dev/ttyUSB0, grbl://HOST, linuxcnc://HOST, ur://HOST, replay:LOG, fake:grbl.",
+            "Machine that moves the probe: grbl:/dev/ttyUSB0, grbl://HOST, linuxcnc://HOST, ur://HOST, replay:LOG, "
+            "fake:grbl.",
         ),
         typed.Words(_address, str),
     ]
     workspace: Annotated[
         FloatArray | None,
         _machine(
-            "--workspace", "LOW,HIGH", "Box that the tip never leaves, as 0,0,-50,300,200,120mm; not needed for a fake."
+            "--workspace",
+            "LOW,HIGH",
+            "Box of permitted tip positions, as 0,0,-50,300,200,120mm; not needed for a fake.",
         ),
         typed.Words(_box),
     ] = None
     forbid: Annotated[
         list[Any] | None,
-        _machine(
-            "--forbid", "CORNERS", "Box that nothing enters: two corners, as 150,0,0,180,60,250mm; may be repeated."
-        ),
+        _machine("--forbid", "CORNERS", "Forbidden box: two corners, as 150,0,0,180,60,250mm; may be repeated."),
         typed.Words(typed.forbidden, list[str] | None),
     ] = None
     tip_radius: Annotated[
@@ -92,69 +93,86 @@ class MachineOptions:
     ]
     max_reach: Annotated[
         float,
-        _machine("--max-reach", "LENGTH", "Longest way of a touch, as 100mm."),
+        _machine("--max-reach", "LENGTH", "Largest length of a touch, as 100mm."),
         typed.Words(partial(typed.length, "--max-reach", "100mm"), str, "100mm"),
     ]
     standoff: Annotated[
         float | None,
-        _machine("--standoff", "LENGTH", "Distance from which a touch starts, as 20mm: 50mm if not given."),
+        _machine(
+            "--standoff", "LENGTH", "Distance from the surface at which a touch starts, as 20mm; 50mm if not given."
+        ),
         args.STANDOFF,
     ] = None
     clearance: Annotated[
         float | None,
-        _machine("--clearance", "LENGTH", "Free room around the probe, a radius: 10mm if not given."),
+        _machine("--clearance", "LENGTH", "Radius of free space around the probe, as 10mm, which is the default."),
         typed.Words(partial(typed.length, "--clearance", "10mm")),
     ] = None
-    dry_run: Annotated[bool, _machine("--dry-run", None, "Check and show all motions, send none.")] = False
-    confirm: Annotated[bool, _machine("--confirm", None, "Ask before every motion.")] = False
+    dry_run: Annotated[bool, _machine("--dry-run", None, "Check and show all motions without sending them.")] = False
+    confirm: Annotated[bool, _machine("--confirm", None, "Request a confirmation before every motion.")] = False
 
     def __post_init__(self) -> None:
         if self.tip_radius is None and not self.machine.fake:
             raise MisuseError(
-                "--tip-radius: expected the ball of the machine's probe, got none. Say --tip-radius 1.5mm."
+                "--tip-radius: expected the ball radius of the machine's probe, got none. Add --tip-radius 1.5mm."
             )
         if self.workspace is None and self.moves:
             raise MisuseError(
-                "--workspace: expected where the machine's tip may be, got none. Say --workspace 0,0,-50,300,200,120mm."
+                "--workspace: expected the permitted positions of the tip, got none. Add "
+                "--workspace 0,0,-50,300,200,120mm."
             )
 
     @property
     def moves(self) -> bool:
-        """Whether it is a machine that moves: no fake, no log."""
+        """Whether the machine really moves, so it is neither a fake nor a log."""
         return not self.machine.fake and self.machine.kind != "replay"
 
     @property
     def radius(self) -> float:
-        """Of the ball [m]."""
+        """Radius of the probe's ball [m]."""
         if self.tip_radius is not None:
             return self.tip_radius
         return _FAKE_RADIUS if self.machine.fake else 0.0
 
     def spread(self, sensor: str | None, sd: float | None) -> str | float:
-        """Of one reading: a preset, or one standard deviation [m]."""
+        """Return the noise of one reading: the name of a preset, or a standard deviation [m].
+
+        Args:
+            sensor: name of a preset; None if not given.
+            sd: standard deviation [m]; None if not given.
+
+        Raises:
+            MisuseError: both or neither are given for a machine that is no fake.
+        """
         if sensor is None and sd is None and self.machine.fake:
             return _FAKE_SD
         require_errors(sensor, sd, "0.02mm")
         return sensor if sensor is not None else cast("float", sd)
 
     def probe(self, spread: str | float, robot: str | None, *, turns: bool) -> Probe:
-        """What senses, as choosing needs it."""
+        """Return the probe for the choice of readings.
+
+        Args:
+            spread: name of a preset, or a standard deviation [m].
+            robot: name of the robot's preset; None if not given.
+            turns: whether the tool can point along any direction.
+        """
         from tanteo.planning import probe_of
 
-        held: dict[str, Any] = {"stylus_behind": True} if turns else {"stylus": _UP}
+        stylus: dict[str, Any] = {"stylus_behind": True} if turns else {"stylus": _UP}
         where: dict[str, Any] = {
             "contact": True, "radius": self.radius, "approach": _DOWN, "cone": 0.5 * 3.141592653589793,
-            "standoff": self.standoff, "clearance": self.clearance, "workspace": self._room(), **held,
+            "standoff": self.standoff, "clearance": self.clearance, "workspace": self._workspace(), **stylus,
         }  # fmt: skip
         return probe_of(spread, robot, **{name: value for name, value in where.items() if value is not None})
 
     def limits(self) -> MachineLimits:
-        """What it may do."""
+        """Return the limits of the machine."""
         from tanteo.machines import MachineLimits
 
-        return MachineLimits(self._room(), self.radius, self.travel, self.feed, self.max_reach)
+        return MachineLimits(self._workspace(), self.radius, self.travel, self.feed, self.max_reach)
 
-    def _room(self) -> Any:
+    def _workspace(self) -> Any:
         from tanteo.hand import Workspace
 
         forbidden = tuple(self.forbid or ())
@@ -163,47 +181,56 @@ class MachineOptions:
         low, high = self.workspace
         return Workspace(low, high, forbidden)
 
-    def asked(self) -> Callable[[str], bool] | None:
-        """What asks before every motion."""
-        return ask if self.confirm else None
+    def confirmation(self) -> Callable[[str], bool] | None:
+        """Return the function that requests confirmation before every motion; None without ``--confirm``."""
+        return confirmed if self.confirm else None
 
-    def said(self) -> None:
-        """What is taken as something, on standard error."""
+    def print_assumptions(self) -> None:
+        """Print the assumptions about a fake, a log or a dry run to standard error."""
         if self.machine.fake:
-            say(f"A fake: nothing moves. Its ball has a radius of {1e3 * self.radius:g} mm.", sys.stderr)
+            print_text(f"Fake: nothing moves. Its ball has a radius of {1e3 * self.radius:g} mm.", sys.stderr)
         if self.machine.kind == "replay":
-            say(f"A log: nothing moves. Its ball is taken to have a radius of {1e3 * self.radius:g} mm.", sys.stderr)
+            print_text(f"Log: nothing moves. The assumed radius of its ball is {1e3 * self.radius:g} mm.", sys.stderr)
         if self.dry_run:
-            say(
-                "Dry run: motions are checked and shown, none is sent; touches are taken to be as expected.", sys.stderr
+            print_text(
+                "Dry run: motions are checked and shown but not sent; each touch is assumed to end as expected.",
+                sys.stderr,
             )
 
 
-def ask(question: str) -> bool:
-    """A yes or a no on the terminal; the end of the input is a no."""
+def confirmed(question: str) -> bool:
+    """Return the answer to a yes-or-no question on the terminal; the end of the input is a no.
+
+    Args:
+        question: question without its question mark.
+    """
     try:
         return typer.confirm(f"{question}?", err=True)
     except (typer.Abort, EOFError):
-        complain("warning", "no answer: taken as no.")
+        complain("warning", "no answer: assumed to be no.")
         return False
 
 
 def check_record(record: str | None, *, resume: bool, dry: bool) -> None:
-    """Whether readings are kept, and nothing is written over.
+    """Check that a run stores its readings and does not overwrite a file.
+
+    Args:
+        record: file of the session record; None if not given.
+        resume: whether to continue the session of an existing record.
+        dry: whether nothing is sent.
 
     Raises:
-        MisuseError: no record of a machine that moves, or one that is there.
+        MisuseError: there is no record, or it exists and ``resume`` is False.
+        InputError: there is no record to resume.
     """
     from pathlib import Path
 
     if dry:
         return
     if record is None:
-        raise MisuseError("--record: expected where the readings are kept, got none. Say --record run.json.")
+        raise MisuseError("--record: expected a file for the readings, got none. Add --record run.json.")
     there = Path(record).exists()
     if there and not resume:
-        raise MisuseError(
-            f"--record: expected a new file, got '{record}', which is there. Say --resume to go on with it."
-        )
+        raise MisuseError(f"--record: expected a new file, got '{record}', which exists. Use --resume to continue it.")
     if resume and not there:
-        raise InputError(f"--resume: expected the record of a session, got none at '{record}'. Leave --resume out.")
+        raise InputError(f"--resume: expected the record of a session, got none at '{record}'. Drop --resume.")

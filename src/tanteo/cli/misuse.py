@@ -1,4 +1,4 @@
-"""Calls that are wrong: errors of the library as errors of the option that said it."""
+"""Turn errors of the library into errors about the options that caused them."""
 
 from __future__ import annotations
 
@@ -14,19 +14,22 @@ _MESSAGES = {
     "priors, noise_factor": "--noise-factor", "table, sd": "--table", "prior, box": "--box",
     "prior, T_world_part": "--pose-prior", "prior, covariance": "--pose-prior", "feature": "--feature",
 }  # fmt: skip
-"""Names in messages of what an option says, and the option."""
+"""Options by the names in messages of the library."""
 
 
 class MisuseError(TanteoError):
-    """The command was called wrongly: exit code 2."""
+    """The command was called with invalid options (exit code 2)."""
 
 
 @contextmanager
 def misuse(*, always: bool = True) -> Iterator[None]:
-    """Errors inside are the caller's options.
+    """Turn errors inside the context into errors about options, except errors of the readings.
 
     Args:
-        always: Unless they are the readings'; else only those whose message begins with an option.
+        always: whether to turn every error; otherwise only those whose message begins with the name of an option.
+
+    Raises:
+        MisuseError: an option is invalid.
     """
     try:
         yield
@@ -42,13 +45,31 @@ def misuse(*, always: bool = True) -> Iterator[None]:
 
 
 def require_image(image: str | None, camera: str | None, marks: str | None) -> None:
-    """A camera is of no use without an image: raises MisuseError."""
+    """Check that ``--camera`` and ``--marks`` come with an image.
+
+    Args:
+        image: value of ``--image``.
+        camera: value of ``--camera``.
+        marks: value of ``--marks``.
+
+    Raises:
+        MisuseError: there is no image.
+    """
     if image is None and (camera is not None or marks is not None):
         raise MisuseError("--camera, --marks: expected with --image, got none. Add --image FILE, or render.")
 
 
 def require_errors(sensor: str | None, sd: float | None, example: str = "0.3mm") -> None:
-    """Readings have errors, said once: raises MisuseError."""
+    """Check that exactly one of ``--sensor`` and ``--sd`` states the noise of readings.
+
+    Args:
+        sensor: value of ``--sensor``.
+        sd: value of ``--sd`` [m].
+        example: example of a standard deviation, for the message.
+
+    Raises:
+        MisuseError: both or neither are given.
+    """
     if (sensor is None) == (sd is None):
         got = "neither" if sd is None else "both"
-        raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Say --sensor NAME, or --sd {example}.")
+        raise MisuseError(f"--sensor, --sd: expected one of the two, got {got}. Use --sensor NAME, or --sd {example}.")

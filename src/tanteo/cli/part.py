@@ -1,4 +1,4 @@
-"""``tanteo part show``: what was read from a CAD file."""
+"""Implement ``tanteo part show``: the content of a CAD file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def show(
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Show what was read from a CAD file.
+    """Show the content of a CAD file.
 
     Lists planes, edges, vertices, curved faces, symmetry, box and repairs.
     """

@@ -1,4 +1,4 @@
-"""``tanteo plan``: the readings that place a part within a tolerance, or the one that discriminates two parts."""
+"""Implement ``tanteo plan``: readings that place a part within a tolerance, or the one that discriminates two parts."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from tanteo.geometry.typing import Vectors
     from tanteo.parts import Part
     from tanteo.planning import Plan, Probe
-else:  # the parser resolves annotations, and has to load nothing for that
+else:  # the parser resolves annotations; this name avoids a slow import
     Vectors = Any
 
 _CONFIDENCE, _MOST = 0.95, 30
-"""What holds for a plan where nobody says."""
+"""Default confidence and largest number of readings of a plan."""
 
 
 def _approach(text: str) -> tuple[Vectors, float]:
@@ -67,12 +67,12 @@ class Options:
     ] = None
     tolerance: Annotated[
         float | None,
-        args.option("--tolerance", "LENGTH", "How far off the corners of the part may be, as 0.2mm."),
+        args.option("--tolerance", "LENGTH", "Largest error of the part's corners, as 0.2mm."),
         typed.Words(partial(typed.length, "--tolerance", "0.2mm")),
     ] = None
     confidence: Annotated[
         float | None,
-        args.option("--confidence", None, "Probability with which the tolerance has to hold: 0.95 if not given."),
+        args.option("--confidence", None, "Probability that the tolerance holds; 0.95 if not given."),
         typed.Words(partial(typed.fraction, "--confidence", "number", f"{_CONFIDENCE}"), float | None),
     ] = None
     feature: Annotated[args.Feature, typed.Words(_feature)] = None
@@ -93,30 +93,32 @@ class Options:
         args.option(
             "--approach",
             "DIR,ANGLE",
-            "Direction in which the probe looks or moves, and how far off it may turn, as 0,0,-1,60deg.",
+            "Direction of beam or approach, and the largest angle to it, as 0,0,-1,60deg.",
         ),
         typed.Words(_approach),
     ] = None
     standoff: Annotated[
         float | None,
-        args.option("--standoff", "LENGTH", "Distance from which a reading starts, as 20mm: 50mm if not given."),
+        args.option(
+            "--standoff", "LENGTH", "Distance from the surface at which a reading starts, as 20mm; 50mm if not given."
+        ),
         typed.Words(partial(_place, "--standoff")),
     ] = None
     clearance: Annotated[
         float | None,
-        args.option("--clearance", "LENGTH", "Free room around the probe, a radius: 10mm if not given."),
+        args.option("--clearance", "LENGTH", "Radius of free space around the probe, as 10mm, which is the default."),
         typed.Words(partial(_place, "--clearance")),
     ] = None
     max_measurements: Annotated[
         int | None,
-        args.option("--max-measurements", None, "Plan this many readings at most: 30 if not given."),
-        typed.Words(partial(typed.at_least, "--max-measurements", 1, f"Leave it out for {_MOST}"), int | None),
+        args.option("--max-measurements", None, "Largest number of readings; 30 if not given."),
+        typed.Words(partial(typed.at_least, "--max-measurements", 1, f"Drop it for {_MOST}"), int | None),
     ] = None
     units: Annotated[str | None, args.option("--units", "UNIT", args.UNITS_HELP), args.UNIT] = None
-    csv: Annotated[str | None, args.option("--csv", "FILE", "Write the plan as a table, too.")] = None
+    csv: Annotated[str | None, args.option("--csv", "FILE", "Also write the plan as a table.")] = None
     seed: Annotated[
         int,
-        args.option("--seed", None, "Seed of the places that are tried: the same seed gives the same plan."),
+        args.option("--seed", None, "Seed of the candidate positions: the same seed gives the same plan."),
         args.SEED,
     ] = 0
     report: args.Report = None
@@ -126,7 +128,11 @@ class Options:
         require_errors(self.sensor, self.sd)
 
     def probe(self, program: ProgramOptions) -> Probe:
-        """What senses."""
+        """Return the sensor that takes the readings.
+
+        Args:
+            program: options of the probing program.
+        """
         from tanteo.planning import probe_of
         from tanteo.sensors import sensor_preset
 
@@ -139,11 +145,18 @@ class Options:
 
 
 def check_plan(typed: Mapping[str, Any]) -> None:
-    """What cannot be meant together raises InputError."""
+    """Check that the options of a plan are consistent.
+
+    Args:
+        typed: typed values by parameter name.
+
+    Raises:
+        InputError: options exclude each other, or a required one is missing.
+    """
     part, pair = typed["part"], typed["discriminate"] or []
     if (part is None) == (not pair):
         raise InputError(
-            f"plan: expected --part FILE, or --discriminate A B, got {'both' if pair else 'neither'}. Say one."
+            f"plan: expected --part FILE, or --discriminate A B, got {'both' if pair else 'neither'}. Give one."
         )
     if pair and len(pair) != 2:
         raise InputError(f"--discriminate: expected two CAD files, got {len(pair)}. Name both.")
@@ -155,15 +168,15 @@ def check_plan(typed: Mapping[str, Any]) -> None:
     of_plans = ("tolerance", "confidence", "feature", "pose_prior", "max_measurements", "csv", "program")
     unused = [f"--{name.replace('_', '-')}" for name in of_plans if typed[name] is not None]
     if pair and unused:
-        raise InputError(f"{', '.join(unused)}: expected with --part, got it with --discriminate. Leave it out.")
+        raise InputError(f"{', '.join(unused)}: expected with --part, got it with --discriminate. Drop it.")
     if part is not None and typed["tolerance"] is None:
-        raise InputError("--tolerance: expected a length for a plan, got none. Say --tolerance 0.2mm.")
+        raise InputError("--tolerance: expected a length for a plan, got none. Add --tolerance 0.2mm.")
 
 
 def plan(options: Options, program: ProgramOptions) -> None:
-    """Plan where to sense a part before sensing it.
+    """Plan readings of a part before sensing it.
 
-    Finds the fewest readings that place a part within a tolerance, or the one that discriminates two parts.
+    Finds few readings that place a part within a tolerance, or the one that discriminates two parts.
     """
     with misuse():
         probe = options.probe(program)
@@ -181,7 +194,7 @@ def plan(options: Options, program: ProgramOptions) -> None:
 
 
 def _plan(part: Part, probe: Probe, options: Options, program: ProgramOptions) -> None:
-    """Plan, print, write."""
+    """Compute a plan, print it, and write its files."""
     from tanteo.planning import at_origin, at_pose, plan
     from tanteo.render import plan_page
 
@@ -215,14 +228,14 @@ def _lines(found: Plan, probe: Probe, options: Options) -> list[str]:
 
     known = typed.read_known(None, None, options.pose_prior, None)
     spread = f"{1e3 * ORIGIN_SDS[0]:g} mm and {np.degrees(ORIGIN_SDS[1]):g} deg"
-    usual = f"with its frame at the world's, to {spread} (say --pose-prior for another pose)"
-    anywhere = "any side, from below too (say --approach 0,0,-1,60deg if the part lies on a table)"
+    usual = f"with its frame at the world's, to {spread} (--pose-prior states another pose)"
+    anywhere = "any side, from below too (use --approach 0,0,-1,60deg if the part lies on a table)"
     before = usual if known is None else render.prior_words(known)
     return render.plan_lines(found, probe, before, anywhere=anywhere, layout=layout())
 
 
 def _discriminate(parts: list[Part], probe: Probe, options: Options) -> None:
-    """The one reading, printed and written."""
+    """Find the reading that discriminates two parts, print it, and write its report."""
     from tanteo.planning import discriminate
     from tanteo.render import distinction_page
 

@@ -1,4 +1,4 @@
-"""Where text goes: answers to standard output, everything else to standard error, colour only on a terminal."""
+"""Print text: answers to standard output, everything else to standard error, with colour only on a terminal."""
 
 from __future__ import annotations
 
@@ -26,11 +26,16 @@ UNDECIDED = 3
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
 
 _WARNED: ContextVar[list[str] | None] = ContextVar("warned", default=None)
-"""Warnings of the command that runs."""
+"""Warnings of the running command."""
 
 
 def emit(lines: Iterable[str], stream: TextIO | None = None) -> None:
-    """Write lines; on a terminal, long ones are folded between words, further lines a little to the right."""
+    """Write lines; on a terminal, fold long lines between words with an indent.
+
+    Args:
+        lines: lines to write.
+        stream: stream to write to; None for standard output.
+    """
     stream = stream or sys.stdout
     if stream.isatty():
         width = shutil.get_terminal_size().columns
@@ -45,19 +50,28 @@ def _folded(line: str, width: int) -> list[str]:
     return textwrap.wrap(line, width, subsequent_indent=f"{indent}  ", break_long_words=False, break_on_hyphens=False)
 
 
-def say(text: str, stream: TextIO | None = None) -> None:
-    """Write a sentence, whatever it quotes."""
+def print_text(text: str, stream: TextIO | None = None) -> None:
+    """Write a sentence, with unprintable characters escaped.
+
+    Args:
+        text: sentence to write.
+        stream: stream to write to; None for standard output.
+    """
     emit([printable(text)], stream)
 
 
 def put(text: str, stream: TextIO | None = None) -> None:
-    """Write text to standard output or another stream, at once; characters that it cannot show are escaped.
+    """Write text to a stream immediately; characters that the stream cannot encode are escaped.
 
-    A reader that has gone (``| head -1``) is no error: the rest is dropped, files are still written and the exit code
-    is that of the answer.
+    A closed pipe (``| head -1``) is no error: the rest is discarded, files are still written, and the exit code is that
+    of the answer.
+
+    Args:
+        text: text to write.
+        stream: stream to write to; None for standard output.
 
     Raises:
-        InputError: The stream takes no more, because its disk is full.
+        InputError: the stream cannot be written, for example because the disk is full.
     """
     stream = stream or sys.stdout
     encoding = stream.encoding or "utf-8"
@@ -65,7 +79,7 @@ def put(text: str, stream: TextIO | None = None) -> None:
         stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
         stream.flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # what is left in the buffer goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())  # discards the rest of the buffer
         if isinstance(error, BrokenPipeError) or stream is sys.stderr:
             return
         why = error.strerror or error
@@ -73,12 +87,16 @@ def put(text: str, stream: TextIO | None = None) -> None:
 
 
 def put_json(document: dict[str, Any]) -> None:
-    """A document on standard output."""
+    """Write a JSON document to standard output.
+
+    Args:
+        document: document to write; numbers that are not finite become null.
+    """
     put(json.dumps(_finite(document), indent=2, allow_nan=False) + "\n")
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no NaN and no infinity: a number that is not finite is ``null``."""
+    """Return a value with None for numbers that are not finite, which JSON does not have."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -88,7 +106,7 @@ def _finite(value: Any) -> Any:
 
 @contextmanager
 def listening() -> Iterator[None]:
-    """Inside, warnings are kept for :func:`warned`."""
+    """Collect the warnings inside the context for :func:`warned`."""
     token = _WARNED.set([])
     try:
         yield
@@ -97,12 +115,17 @@ def listening() -> Iterator[None]:
 
 
 def warned() -> tuple[str, ...]:
-    """What this command has warned of so far: for programs, which do not read standard error."""
+    """Return the warnings of this command so far, for JSON documents."""
     return tuple(_WARNED.get() or ())
 
 
 def complain(kind: str, message: str) -> None:
-    """``error: message`` or ``warning: message`` on standard error."""
+    """Print ``error: message`` or ``warning: message`` to standard error.
+
+    Args:
+        kind: ``error`` or ``warning``.
+        message: text of the message.
+    """
     if kind == "warning" and (kept := _WARNED.get()) is not None:
         kept.append(message)
     colour = {"error": "31", "warning": "33"}[kind]
@@ -111,25 +134,44 @@ def complain(kind: str, message: str) -> None:
 
 
 def has_colour(stream: TextIO) -> bool:
-    """Whether to colour what goes to this stream: a terminal, and ``NO_COLOR`` unset (no-color.org)."""
+    """Return whether to use colour on a stream: it is a terminal, and ``NO_COLOR`` is unset (no-color.org).
+
+    Args:
+        stream: stream of the output.
+    """
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
 def layout() -> Layout:
-    """That of standard output: as wide as the terminal, or 120 columns elsewhere, and bold where there is colour."""
+    """Return the layout of standard output: as wide as the terminal, else 120 columns; bold if colour is possible."""
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else PLAIN.width
     return Layout(width, has_colour(sys.stdout))
 
 
 def leave(*, decided: bool) -> None:
-    """End a command that answers, with code 3 unless the answer is what was asked for."""
+    """End a command with exit code 3 unless its answer is decided.
+
+    Args:
+        decided: whether the command found the requested answer.
+
+    Raises:
+        Exit: the answer is not decided.
+    """
     if not decided:
         raise typer.Exit(UNDECIDED)
 
 
 @contextmanager
 def progress(label: str, *, quiet: bool) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error, to be called with how many are done of how many; silent if that is no terminal."""
+    """Show a progress bar on standard error if that is a terminal.
+
+    Args:
+        label: text beside the bar.
+        quiet: whether to show no bar.
+
+    Yields:
+        A function that receives the number of finished items and their total.
+    """
     if quiet or not sys.stderr.isatty():
         yield lambda done, total: None
         return

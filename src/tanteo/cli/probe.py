@@ -1,4 +1,4 @@
-"""``tanteo probe``: a part sensed by a machine, question by question, until it is placed."""
+"""Implement ``tanteo probe``: a machine senses a part, one reading at a time, until the part is placed."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import controller, files, typed
 from tanteo.cli.looking import page_of, stay
-from tanteo.cli.machine import MachineOptions, ask, check_record
+from tanteo.cli.machine import MachineOptions, check_record, confirmed
 from tanteo.cli.misuse import MisuseError, misuse
-from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
+from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 
 if TYPE_CHECKING:
     from tanteo.machines import Probed, SafeMachine, Turn
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from tanteo.planning import Session, Start
 
 _TAKES_FRAMES = {"grbl": "grbl:G54", "linuxcnc": "G54"}
-"""Machines that set a frame, and how their frames are typed."""
+"""Controllers that can set a frame, each with an example of ``--wcs``."""
 _ABOVE = 0.02
-"""How far over the highest start the tip of a fake begins [m]."""
+"""Height of a fake's tip at the start over the safe height [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,18 +35,18 @@ class Options:
     part: args.PartPath
     tolerance: Annotated[
         float,
-        args.option("--tolerance", "LENGTH", "Go on until all corners of the part are placed within it, as 0.2mm."),
+        args.option("--tolerance", "LENGTH", "Largest error of the part's corners at the end, as 0.2mm."),
         typed.Words(partial(typed.length, "--tolerance", "0.2mm"), str),
     ]
     confidence: Annotated[
         float,
-        args.option("--confidence", None, "Probability with which the tolerance has to hold."),
+        args.option("--confidence", None, "Probability that the tolerance holds."),
         typed.Words(partial(typed.fraction, "--confidence", "probability", "0.95"), float),
     ] = 0.95
     feature: args.Feature = None
     max_measurements: Annotated[
         int,
-        args.option("--max-measurements", None, "Stop after this many readings in any case."),
+        args.option("--max-measurements", None, "Largest number of readings."),
         typed.Words(partial(typed.at_least, "--max-measurements", 1, "Use 30"), int),
     ] = 30
     pose_prior: args.PosePriorAt = None
@@ -60,15 +60,15 @@ class Options:
     record: Annotated[
         str | None, args.option("--record", "FILE", "Write the session after every reading (JSON, or .mcap).")
     ] = None
-    resume: Annotated[bool, args.option("--resume", None, "Go on with the session of --record.")] = False
+    resume: Annotated[bool, args.option("--resume", None, "Continue the session of --record.")] = False
     pose_as: controller.PoseAs = None
     wcs: controller.Wcs = None
     write: Annotated[
-        bool, args.option("--write", None, "Have the machine's controller set the frame of --wcs; asks first.")
+        bool, args.option("--write", None, "Set the frame of --wcs in the controller, after a confirmation.")
     ] = False
     report: args.Report = None
     live: Annotated[
-        bool, args.option("--live", None, "Show the session in a browser as it goes; the page moves nothing.")
+        bool, args.option("--live", None, "Show the running session in a browser; the page has no controls.")
     ] = False
     no_open: Annotated[bool, args.option("--no-open", None, "Do not open the page in a browser.")] = False
     json: args.Json = False
@@ -76,13 +76,13 @@ class Options:
 
     def __post_init__(self) -> None:
         if self.write and self.wcs is None:
-            raise MisuseError("--write: expected with --wcs, got none. Say which frame, as --wcs grbl:G54.")
+            raise MisuseError("--write: expected with --wcs, got none. Add the frame, as --wcs grbl:G54.")
 
 
 def probe(options: Options, machine: MachineOptions) -> None:
     """Place a part with a machine that moves a touch probe.
 
-    Nothing moves outside of the limits that are given.
+    All motions stay within the given limits.
     """
     words = controller.Words(options.pose_as, options.wcs, False)
     files.check_report(options.report)
@@ -91,7 +91,7 @@ def probe(options: Options, machine: MachineOptions) -> None:
     files.require_file("--part", options.part)
     check_record(options.record, resume=options.resume, dry=machine.dry_run or not machine.moves)
     _check_frame(words, options, machine)
-    machine.said()
+    machine.print_assumptions()
     part = files.read_all_parts([options.part], options.units, quiet=options.json)[0]
     start = _start(part, options)
     with misuse(always=False):
@@ -105,47 +105,47 @@ def probe(options: Options, machine: MachineOptions) -> None:
                 _write(words, lines or words.text(answer, [part]), done, safe)
         stay(live=options.live)
     if options.report is not None:
-        facts = [("Machine", safe.facts.name), ("Why it ended", done.end.why)]
+        facts = [("Machine", safe.facts.name), ("Reason of the end", done.end.message)]
         files.report_session(options.report, session, *facts, as_json=options.json)
     leave(decided=answer.status == "recognized" and done.end.reached and not machine.dry_run)
 
 
 def _check_frame(words: controller.Words, options: Options, machine: MachineOptions) -> None:
-    """Whether the frame of ``--wcs`` is one that this machine takes, before anything moves."""
+    """Check before any motion that the machine supports the frame of ``--wcs``."""
     if words.wcs is None:
         return
     if words.wcs.within:
         raise MisuseError(
-            f"--wcs: expected a frame in machine coordinates, got one within {words.wcs.within}. A machine says where "
-            f"its tip is in machine coordinates: say --wcs {words.wcs.slot}."
+            f"--wcs: expected a frame in machine coordinates, got one within {words.wcs.within}. A machine reports its "
+            f"tip in machine coordinates: use --wcs {words.wcs.slot}."
         )
     kind = machine.machine.kind
     if options.write and kind not in _TAKES_FRAMES:
         raise MisuseError(
-            f"--write: expected a machine that takes a frame over the wire ({', '.join(_TAKES_FRAMES)}), got {kind}. "
-            "Leave it out: the lines are printed."
+            f"--write: expected a controller that can set frames ({', '.join(_TAKES_FRAMES)}), got {kind}. "
+            "Drop --write: the lines are printed."
         )
     if options.write and words.wcs.controller != kind:
         raise MisuseError(f"--write: expected --wcs of {kind}, as {_TAKES_FRAMES[kind]}, got another. Correct it.")
 
 
 def _start(part: Part, options: Options) -> Start:
-    """Where the part may be."""
+    """Return the prior pose of the part."""
     from tanteo.planning import at_origin, at_pose
     from tanteo.posterior import Priors
 
     target, priors = posterior.prepare(part), Priors(noise_factor=options.noise_factor)
     if options.pose_prior is not None:
         return at_pose(target, options.pose_prior.T, options.pose_prior.C, priors)
-    say(
-        "Nobody says where the part is: its frame is taken to be at the machine's origin +- 5 mm 3 deg (--pose-prior).",
+    print_text(
+        "No prior pose is given: the part's frame is assumed at the machine's origin +- 5 mm 3 deg (--pose-prior).",
         sys.stderr,
     )
     return at_origin(target, priors=priors)
 
 
 def _session(start: Start, options: Options, machine: MachineOptions) -> Session:
-    """A new one, or that of the record."""
+    """Return a new session, or the session of the record with ``--resume``."""
     from tanteo.machines import turns_of
     from tanteo.planning import Sensing, Session, Stop
 
@@ -165,17 +165,17 @@ def _session(start: Start, options: Options, machine: MachineOptions) -> Session
 
 @contextmanager
 def _moved(start: Start, session: Session, options: Options, machine: MachineOptions) -> Iterator[SafeMachine]:
-    """The machine behind its limits; it is let go at the end."""
+    """Open the machine with its limits, and close it at the end of the context."""
     from tanteo.machines import SafeMachine, opened
 
     world, place = _fake(start, session, options, machine) if machine.machine.fake else (None, None)
     with opened(machine.machine, world, place) as driver:
-        show = (lambda what: say(f"     {what}", sys.stderr)) if options.verbose or machine.dry_run else None
-        yield SafeMachine(driver, machine.limits(), machine.asked(), machine.dry_run, show)
+        show = (lambda what: print_text(f"     {what}", sys.stderr)) if options.verbose or machine.dry_run else None
+        yield SafeMachine(driver, machine.limits(), machine.confirmation(), machine.dry_run, show)
 
 
 def _fake(start: Start, session: Session, options: Options, machine: MachineOptions) -> tuple[Any, Any]:
-    """What a fake's probe meets: the part, at a pose drawn from the prior; where its tip begins."""
+    """Return the world of a fake, with the part at a pose drawn from the prior, and the start of its tip."""
     import numpy as np
 
     from tanteo.machines import Ways, World
@@ -183,10 +183,10 @@ def _fake(start: Start, session: Session, options: Options, machine: MachineOpti
 
     T, part = start.drawn(0, 64)[options.seed % 64], start.targets[0].part
     x, y, z = 1e3 * T[:3, 3]
-    say(f"The fake's part lies at x {x:.3f} y {y:.3f} z {z:.3f} mm, drawn from the prior with --seed.", sys.stderr)
+    print_text(f"The fake's part is at x {x:.3f} y {y:.3f} z {z:.3f} mm, drawn from the prior (--seed).", sys.stderr)
     spread = machine.spread(options.sensor, options.sd)
     sd = float(session.probe.law.sigma(np.asarray(session.probe.standoff))) if isinstance(spread, str) else spread
-    ways = Ways.around(start, session.probe, turns=False)
+    ways = Ways.from_start(start, session.probe, turns=False)
     place = np.array([*ways.job.centre[:2], ways.job.safe_height + _ABOVE])
     return World(Surface(part.vertices, part.triangles), T, machine.radius, sd, options.seed), place
 
@@ -197,29 +197,29 @@ def _run(session: Session, safe: SafeMachine, options: Options, draw: Callable[[
     def watch(turn: Turn) -> None:
         leader = session.state.target(0).part.name if len(session.state.weights) else ""
         distance = None if turn.sensed is None else turn.sensed.distance
-        say(render.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
+        print_text(render.turn_line(turn.action, distance, turn.step, leader, turn.note), sys.stderr)
         draw(turn.note)
 
     done = probe_part(session, safe, options.record, watch)
     if done.resumed:
-        say(f"{done.resumed} readings had been kept and not yet told; they count now.", sys.stderr)
+        print_text(f"{done.resumed} stored readings of an earlier run were added to the session.", sys.stderr)
     if done.stopped:
-        complain("warning", f"{done.stopped} Readings so far are kept: go on with --resume.")
+        complain("warning", f"{done.stopped} The readings so far are stored: continue with --resume.")
     return done
 
 
 def _print(
     session: Session, done: Probed, safe: SafeMachine, words: controller.Words, part: Part, options: Options
 ) -> str:
-    """The answer, for a person or a program; the lines of the controller, if they were printed."""
+    """Print the answer as text or JSON; return the lines for the controller if they were printed."""
     answer = session.answer()
     if safe.dry_run:
         moves = len(done.turns)
-        say(f"Dry run: {moves} touches, all inside of the limits; nothing was sent. {done.end.why}", sys.stderr)
+        print_text(f"Dry run: {moves} touches, all within the limits; nothing was sent. {done.end.message}", sys.stderr)
         return ""
     if options.json:
         sensing = {
-            "machine": safe.facts.name, "reached": done.end.reached, "why": done.end.why, "stopped": done.stopped,
+            "machine": safe.facts.name, "reached": done.end.reached, "why": done.end.message, "stopped": done.stopped,
             "readings": session.count, "questions": len(done.turns),
         }  # fmt: skip
         more = words.document(answer, [part]) if words else {}
@@ -233,20 +233,20 @@ def _print(
         return ""
     made = words.text(answer, [part])
     if made and not done.end.reached:
-        complain("warning", f"{words.option}: the tolerance was not reached: these lines are of what is known so far.")
+        complain("warning", f"{words.option}: the tolerance was not reached: these lines use the estimate so far.")
     put(made)
     return made
 
 
 def _write(words: controller.Words, lines: str, done: Probed, safe: SafeMachine) -> None:
-    """The frame, to the controller, after a yes."""
+    """Set the frame in the controller after a confirmation."""
     if not lines:
         return
     if not done.end.reached:
         complain("warning", "--write: the tolerance was not reached: nothing was written.")
         return
-    if ask(f"Have {safe.facts.name} run these lines"):
+    if confirmed(f"Send these lines to {safe.facts.name}"):
         safe.write_frame(lines)
-        say("The frame was sent, and read back as it was sent.", sys.stderr)
+        print_text("The frame was sent, and the controller reports it.", sys.stderr)
     else:
-        say("Nothing was written.", sys.stderr)
+        print_text("Nothing was written.", sys.stderr)

@@ -1,4 +1,4 @@
-"""``--program`` of ``tanteo plan``: the touches of a plan as a program of a machine or a robot."""
+"""Implement ``--program`` of ``tanteo plan``: the touches of a plan as a program for a machine or a robot."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from tanteo.planning import Plan, Probe
 
 _FEED = 0.1 / 60
-"""Of guarded motions, where nobody says [m/s]."""
+"""Default speed of guarded motions [m/s]."""
 
 _DOWN = (0.0, 0.0, -1.0)
-"""Where the stylus of a 3-axis machine points."""
+"""Direction of the stylus of a 3-axis machine."""
 
 
 def _program(name: str) -> str:
@@ -34,7 +34,15 @@ def _program(name: str) -> str:
 
 
 def parse_speed(text: str, option: str = "--feed") -> float:
-    """A speed [m/s]."""
+    """Return a speed [m/s] from a text such as ``100mm/min`` or ``2mm/s``.
+
+    Args:
+        text: number, unit of length and unit of time.
+        option: name of the option, for messages.
+
+    Raises:
+        InputError: the text is not a speed.
+    """
     length, _, time = text.replace(" ", "").partition("/")
     if time not in ("min", "s"):
         raise InputError(f"{option}: expected a speed, got '{text}'. Write it as 100mm/min or 2mm/s.")
@@ -50,14 +58,14 @@ _option = partial(args.option, rich_help_panel="Probing program")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramOptions:
-    """Options of the probing program of a plan, and of the ball that touches."""
+    """Options of the probing program of a plan, and of the probe's ball."""
 
     program: Annotated[
         str | None,
         _option(
             "--program",
             "CONTROLLER",
-            "Print the probing program: linuxcnc, grbl, ur, fanuc, kuka, abb or one of a plug-in.",
+            "Print the probing program: linuxcnc, grbl, ur, fanuc, kuka, abb or a plug-in.",
         ),
         typed.Words(_program),
     ] = None
@@ -68,7 +76,7 @@ class ProgramOptions:
     ] = None
     feed: Annotated[
         float | None,
-        _option("--feed", "SPEED", "Speed of a touch, as 2mm/s: 100mm/min if not given."),
+        _option("--feed", "SPEED", "Speed of a touch, as 2mm/s; 100mm/min if not given."),
         typed.Words(parse_speed),
     ] = None
     overtravel: Annotated[
@@ -76,7 +84,7 @@ class ProgramOptions:
         _option(
             "--overtravel",
             "LENGTH",
-            "How far beyond the expected contact a touch goes: 3 sd of the contact if not given.",
+            "Search distance beyond the expected contact; 3 sd of the contact if not given.",
         ),
         typed.Words(partial(typed.length, "--overtravel", "5mm")),
     ] = None
@@ -85,45 +93,52 @@ class ProgramOptions:
         _option(
             "--retract-height",
             "Z",
-            "Height (world z) of the ball between touches, as 150mm: just high enough if not given.",
+            "Height (world z) of the ball between touches, as 150mm; the lowest safe height if not given.",
         ),
         typed.Words(_height),
     ] = None
 
     def __post_init__(self) -> None:
         if self.program is not None and self.tip_radius is None:
-            raise MisuseError("--tip-radius: expected the ball of a program's probe, got none. Say --tip-radius 1.5mm.")
+            raise MisuseError("--tip-radius: expected the ball radius of the probe, got none. Add --tip-radius 1.5mm.")
         for name in ("feed", "overtravel", "retract_height"):
             if getattr(self, name) is not None and self.program is None:
                 option = f"--{name.replace('_', '-')}"
                 raise MisuseError(f"{option}: expected with --program, got none. Add --program linuxcnc, or another.")
 
     def of_probe(self, *, beam: bool, approached: bool) -> dict[str, Any]:
-        """What they say of the probe.
+        """Return the properties of the probe that these options state.
 
         Args:
-            beam: the sensor that is named has one.
-            approached: somebody says from where it may come.
+            beam: whether the named sensor measures with a beam.
+            approached: whether the user states the direction of approach.
 
         Raises:
-            MisuseError: a beam has no ball.
+            MisuseError: a tip radius is given for a beam.
         """
         if self.tip_radius is None:
             return {}
         if beam:
-            raise MisuseError("--tip-radius: expected a touch probe, got a sensor with a beam. Say --sd instead.")
-        said: dict[str, Any] = {"contact": True, "radius": self.tip_radius}
+            raise MisuseError("--tip-radius: expected a touch probe, got a sensor with a beam. Use --sd instead.")
+        stated: dict[str, Any] = {"contact": True, "radius": self.tip_radius}
         if self.program is None:
-            return said
+            return stated
         from tanteo.machines import program_language
 
         above = {} if approached else {"approach": _DOWN, "cone": math.pi / 2}
         down = program_language(self.program).points_down
-        held = {"stylus": [-v for v in _DOWN]} if down else {"stylus_behind": True}
-        return said | above | held
+        stylus = {"stylus": [-v for v in _DOWN]} if down else {"stylus_behind": True}
+        return stated | above | stylus
 
     def written(self, found: Plan, part: Part, probe: Probe, covariance: Covariances) -> str | None:
-        """The probing program of a plan, empty without touches; None if none is asked for."""
+        """Return the probing program of a plan, empty without touches; None without ``--program``.
+
+        Args:
+            found: plan.
+            part: part that is touched.
+            probe: touch probe.
+            covariance: covariance of the expected pose ``(6, 6)``, part frame.
+        """
         if self.program is None:
             return None
         if not found.readings:

@@ -1,4 +1,4 @@
-"""The file of readings of a command: options for what it does not say, and how it is read with them."""
+"""Read the file of readings of a command, with options for what the file does not state."""
 
 from __future__ import annotations
 
@@ -17,17 +17,24 @@ if TYPE_CHECKING:
     from tanteo.geometry.typing import Transforms
     from tanteo.io import Direction
     from tanteo.sensors import Readings, Rig
-else:  # the parser resolves annotations, and has to load nothing for that
+else:  # the parser resolves annotations; these names avoid slow imports
     Direction = Transforms = Any
 
 MAX_POINTS = 1000
-"""Readings without labels beyond this are drawn from: more of a dense cloud say little more, and take longer."""
+"""Default largest number of unlabelled readings; more points of a dense cloud add little information."""
 
 _file = partial(option, rich_help_panel="File of readings")
 
 
 def parse_radius(text: str) -> float:
-    """Of a ball [m], or zero."""
+    """Return the radius of a ball [m], or zero.
+
+    Args:
+        text: length with its unit.
+
+    Raises:
+        InputError: the text is not a length from 0 to 1 m.
+    """
     value = io.parse_length(text, "--radius")
     if not 0 <= value <= 1:
         raise InputError(f"--radius: expected a length of zero to 1 m, got '{text}'. Write it as 1.5mm.")
@@ -37,12 +44,16 @@ def parse_radius(text: str) -> float:
 def _format(name: str) -> str:
     if name not in io.format_names():
         known = ", ".join(io.format_names())
-        raise InputError(f"--format: expected one of {known}, got '{name}'. Leave it out to have it recognised.")
+        raise InputError(f"--format: expected one of {known}, got '{name}'. Drop --format to detect it.")
     return name
 
 
 def parse_direction(text: str) -> Any:
-    """Where a tip moved."""
+    """Return the direction in which a tip moved.
+
+    Args:
+        text: value of ``--direction``.
+    """
     return io.parse_direction(text, "--direction")
 
 
@@ -51,7 +62,17 @@ def _normal_sd(text: str) -> float:
 
 
 def parse_time(name: str, least: float, most: float, text: str) -> float:
-    """A time [s]."""
+    """Return a time [s] from a text such as ``5ms``.
+
+    Args:
+        name: name of the option, for messages.
+        least: smallest accepted time [s].
+        most: largest accepted time [s].
+        text: number with its unit.
+
+    Raises:
+        InputError: the text is not a time in this interval.
+    """
     number, unit = (text[:-2], 1e-3) if text.endswith("ms") else (text[:-1], 1.0)
     try:
         value = unit * float(number) if text.endswith("s") else float("nan")
@@ -63,7 +84,11 @@ def parse_time(name: str, least: float, most: float, text: str) -> float:
 
 
 def parse_latency(text: str) -> float:
-    """How much older readings are than their stamps [s]."""
+    """Return the time by which readings are older than their stamps [s].
+
+    Args:
+        text: number with its unit.
+    """
     return parse_time("--latency", -10, 10, text)
 
 
@@ -77,7 +102,7 @@ def _brand(name: str) -> str:
     except InputError as error:
         raise InputError(str(error).replace("brand:", "--brand:", 1)) from None
     if not found.verified:
-        complain("warning", f"--brand: the angle convention of {found.name} was not checked. Compare one pose first.")
+        complain("warning", f"--brand: the angle convention of {found.name} was not verified. Compare one pose first.")
     return found.name
 
 
@@ -87,22 +112,24 @@ def _formats(incomplete: str) -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileOptions:
-    """What a file of readings does not say itself."""
+    """Options for what a file of readings does not state."""
 
     format: Annotated[
         str | None,
-        _file("--format", "NAME", "Format of READINGS, as grbl; recognised if not given.", autocompletion=_formats),
+        _file("--format", "NAME", "Format of READINGS, as grbl; detected if not given.", autocompletion=_formats),
         Words(_format),
     ] = None
     radius: Annotated[
         float | None,
-        _file("--radius", "LENGTH", "Radius of the tip's ball where points are its centres, as 1.5mm."),
+        _file("--radius", "LENGTH", "Radius of the tip's ball if the points are its centres, as 1.5mm."),
         Words(parse_radius),
     ] = None
     direction: Annotated[
         Direction | None,
         _file(
-            "--direction", "DIRECTION", "Which way the tip moved: down, -z, 0,0,-1, ijk, -ijk, tool, from:0,0,500mm."
+            "--direction",
+            "DIRECTION",
+            "Direction of the tip's motion: down, -z, 0,0,-1, ijk, -ijk, tool, from:0,0,500mm.",
         ),
         Words(parse_direction),
     ] = None
@@ -112,11 +139,13 @@ class FileOptions:
         Words(_normal_sd),
     ] = None
     brand: Annotated[
-        str | None, _file("--brand", "NAME", "Controller whose angles the hand_ columns have, as kuka."), Words(_brand)
+        str | None,
+        _file("--brand", "NAME", "Controller whose angle convention the hand_ columns use, as kuka."),
+        Words(_brand),
     ] = None
     tool: Annotated[
         Transforms | None,
-        _file("--tool", "POSE", "Where the tip is on the hand, as 0,0,150mm."),
+        _file("--tool", "POSE", "Pose of the tip on the hand, as 0,0,150mm."),
         Words(partial(_pose, "--tool", False)),
     ] = None
     hand: Annotated[
@@ -126,32 +155,40 @@ class FileOptions:
     ] = None
     topics: Annotated[
         list[str] | None,
-        _file(
-            "--topic", "NAME", "In a recording of ROS: topic of the readings; may be repeated. Guessed if not given."
-        ),
+        _file("--topic", "NAME", "For a ROS recording: topic of the readings; may be repeated. Detected if not given."),
     ] = None
-    world: Annotated[str | None, _file("--world", "FRAME", "In a recording of ROS: frame of the answer.")] = None
+    world: Annotated[str | None, _file("--world", "FRAME", "For a ROS recording: frame of the answer.")] = None
     latency: Annotated[
         float | None,
-        _file("--latency", "TIME", "In a recording of ROS: how much older readings are than their stamps, as 5ms."),
+        _file("--latency", "TIME", "For a ROS recording: time by which readings are older than their stamps, as 5ms."),
         Words(parse_latency),
     ] = None
     max_points: Annotated[
         int,
-        _file("--max-points", None, "Use this many readings without labels at most."),
+        _file("--max-points", None, "Largest number of unlabelled readings."),
         Words(partial(at_least, "--max-points", 1, f"Use {MAX_POINTS}"), int),
     ] = MAX_POINTS
 
 
 def read_file(path: str, options: FileOptions, units: str | None, rig: Rig | None) -> tuple[Readings, bool]:
-    """The readings, with warnings of what was left out or taken as something, and whether ``--units`` was for them.
+    """Read a file of readings, and print warnings about ignored content and assumptions.
+
+    Args:
+        path: file of the readings.
+        options: options for what the file does not state.
+        units: value of ``--units``; None if not given.
+        rig: range sensors on the hand; None if not given.
+
+    Returns:
+        Readings, and whether ``--units`` was used for them.
 
     Raises:
-        ReadingsError: The file cannot be read, or lacks what an option has to say.
+        ReadingsError: the file cannot be read, or an option is missing.
+        UnitError: the file states no unit and ``units`` is None.
     """
     _refuse_cad(path, options)
-    said: dict[str, Any] = {name: getattr(options, name) for name in FileOptions.__slots__}
-    read = partial(io.read_readings, path, device=_device(rig), **said)
+    stated: dict[str, Any] = {name: getattr(options, name) for name in FileOptions.__slots__}
+    read = partial(io.read_readings, path, device=_device(rig), **stated)
     readings, used = None, False
     try:
         readings = read()
@@ -167,13 +204,13 @@ def read_file(path: str, options: FileOptions, units: str | None, rig: Rig | Non
 
 
 def _device(rig: Rig | None) -> str | None:
-    """The multi-zone sensor of a rig; None if it has none, or several."""
+    """Return the name of the only multi-zone sensor of a rig; None if it has none or several."""
     devices = [] if rig is None else [s.unit for s in rig.sensors if s.unit]
     return devices[0] if len(set(devices)) == 1 else None
 
 
 def _refuse_cad(path: str, options: FileOptions) -> None:
-    """A CAD file is no file of readings, but for a PLY file without faces."""
+    """Refuse a CAD file, except a PLY file without faces."""
     from tanteo.parts import readable_suffixes
 
     suffix = Path(path).suffix.lower()
@@ -187,13 +224,19 @@ def _refuse_cad(path: str, options: FileOptions) -> None:
         except OSError:
             return
     raise ReadingsError(
-        f"READINGS: expected a file of readings, got the CAD file '{path}'. Readings come first, CAD files "
-        "behind --parts or --part. Say --format ply if it is a cloud."
+        f"READINGS: expected a file of readings, got the CAD file '{path}'. Name the readings first and CAD "
+        "files after --parts or --part. Use --format ply for a cloud."
     )
 
 
 def units_of_parts(paths: list[str], units: str | None, used: bool) -> str | None:
-    """The unit of the parts: not that of the readings, where all parts have their own."""
+    """Return the unit for the parts; None if ``--units`` was used for the readings and all parts state their unit.
+
+    Args:
+        paths: files and folders of the parts.
+        units: value of ``--units``; None if not given.
+        used: whether ``--units`` was used for the readings.
+    """
     if not used:
         return units
     from tanteo.catalogue import cad_files

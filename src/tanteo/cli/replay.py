@@ -1,4 +1,4 @@
-"""``tanteo replay``: read a record and its parts, give everything to a session again, compare, print."""
+"""Implement ``tanteo replay``: repeat a recorded session, compare its answer with the recorded one, and print it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import typer
 from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
-from tanteo.cli.answer import print_answer, say_status
+from tanteo.cli.answer import print_answer, print_status
 from tanteo.cli.printing import emit, layout, leave, progress, put, warned
 from tanteo.errors import InputError
 
@@ -21,25 +21,28 @@ if TYPE_CHECKING:
     from tanteo.planning import Session
 
 _SHOWN = 5
-"""Differences that are listed."""
+"""Largest number of differences that are listed."""
 
 
 def replay(
     record: Annotated[str, typer.Argument(metavar="RECORD", help="Record of a session (JSON, or .mcap).")],
     parts: Annotated[
         list[str] | None,
-        args.option("--parts", "FILE_OR_FOLDER...", "Where the CAD files are now, if they were moved."),
+        args.option("--parts", "FILE_OR_FOLDER...", "Current folders of the CAD files, if they were moved."),
     ] = None,
     explain: Annotated[
-        bool, args.option("--explain", None, "Say what each reading told and what the answer rests on.")
+        bool,
+        args.option(
+            "--explain", None, "Show the information of each reading, and which readings determine the answer."
+        ),
     ] = False,
     report: args.Report = None,
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Answer a recorded session again, and compare.
+    """Repeat a recorded session, and compare the answer.
 
-    Fails if the answer is not the recorded one.
+    Fails if the answer differs from the recorded one.
     """
     files.check_report(report)
     files.check_different(("--report", report), inputs=[("the record", record)])
@@ -60,30 +63,36 @@ def replay(
 
 
 def resume(path: str, folders: Sequence[str], *, quiet: bool) -> tuple[io.SessionRecord, Session, float]:
-    """A record, its session, and when both had been read."""
+    """Return a record, its session, and the time at which both had been read.
+
+    Args:
+        path: file of the record.
+        folders: current folders of the CAD files; empty for those in the record.
+        quiet: whether to show no progress.
+    """
     record = io.load_record(path)
     parts = io.parts_of(record.parts, record.source, folders=folders)
     loaded = time.perf_counter()
-    with progress("telling again", quiet=quiet) as tick:
+    with progress("repeating the session", quiet=quiet) as tick:
         return record, io.resumed(record, parts, tick), loaded
 
 
 def _print_explained(session: Session, answer: posterior.Answer, *, as_json: bool, verbose: bool) -> None:
-    """The answer, what each reading told, and what the pose rests on."""
+    """Print the answer, the information of each reading, and the readings that determine the pose."""
     from tanteo.planning import explain
 
     explanation = explain(session.state, session.steps)
     if as_json:
         document = {**io.recognition_document(answer), "explanation": io.explanation_document(explanation)}
         put(io.document_json(document, warned()))
-        say_status(answer)
+        print_status(answer)
     else:
         print_answer(answer, verbose=verbose)
         emit(["", *render.explanation_lines(explanation, layout=layout())])
 
 
 def _compared(record: io.SessionRecord, answer: posterior.Answer) -> str:
-    """How exactly this is the recorded answer, in words; another one raises InputError."""
+    """Return how exactly an answer equals the recorded one, as text; raise InputError if it differs."""
     from tanteo import __version__
 
     differ, exact = io.differences(record.answer, io.recognition_document(answer))

@@ -1,4 +1,4 @@
-"""``tanteo ros``: a node of ROS 2 that takes readings from topics and gives poses to topics, until it is ended."""
+"""Implement ``tanteo ros``: a ROS 2 node that subscribes to readings and publishes poses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, misuse, require_errors
-from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
+from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 from tanteo.cli.readings import parse_direction, parse_latency, parse_radius, parse_time
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tanteo.parts import Part
     from tanteo.planning import Probe
     from tanteo.ros import Intake, Knowledge, RosNode
-else:  # the parser resolves annotations, and has to load nothing for that
+else:  # the parser resolves annotations; this name avoids a slow import
     Direction = Any
 
 _topics = partial(args.option, rich_help_panel="Topics and frames")
@@ -34,46 +34,48 @@ def _time(name: str) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicOptions:
-    """Where readings come from, and when."""
+    """Options of the topics and time stamps of readings."""
 
     topics: Annotated[
         list[str] | None,
-        _topics("--topic", "NAME", "Topic of readings or of the hand's poses; may be repeated. Guessed if not given."),
+        _topics("--topic", "NAME", "Topic of readings or of the hand's poses; may be repeated. Detected if not given."),
     ] = None
     world: Annotated[
         str | None, _topics("--world", "FRAME", "Frame of the answers; the root of all frames if not given.")
     ] = None
     latency: Annotated[
         float | None,
-        _topics("--latency", "TIME", "How much older readings are than their stamps, as 5ms."),
+        _topics("--latency", "TIME", "Time by which readings are older than their stamps, as 5ms."),
         typed.Words(parse_latency),
     ] = None
     radius: Annotated[
         float | None,
-        _topics("--radius", "LENGTH", "Radius of the tip's ball where points are its centres, as 1.5mm."),
+        _topics("--radius", "LENGTH", "Radius of the tip's ball if the points are its centres, as 1.5mm."),
         typed.Words(parse_radius),
     ] = None
     direction: Annotated[
         Direction | None,
-        _topics("--direction", "DIRECTION", "Which way the tip moved, as down, -z, from:0,0,500mm."),
+        _topics("--direction", "DIRECTION", "Direction of the tip's motion, as down, -z, from:0,0,500mm."),
         typed.Words(parse_direction),
     ] = None
     patience: Annotated[
         float,
-        _topics("--patience", "TIME", "Wait this long for the transforms at the stamp of a reading."),
+        _topics("--patience", "TIME", "Longest time to wait for the transforms at a reading's stamp."),
         typed.Words(_time("--patience"), str, "1s"),
     ]
     max_age: Annotated[
         float,
-        _topics("--max-age", "TIME", "Leave out readings that are older than this when they come."),
+        _topics("--max-age", "TIME", "Largest age of a reading on arrival; older ones are discarded."),
         typed.Words(_time("--max-age"), str, "10s"),
     ]
     every: Annotated[
         float,
-        _topics("--every", "TIME", "Least time between two readings of a topic; others are left out."),
+        _topics("--every", "TIME", "Smallest time between two readings of a topic; others are discarded."),
         typed.Words(_time("--every"), str, "0.1s"),
     ]
-    node: Annotated[str, _topics("--node", "NAME", "Name of the node, before its topics and services.")] = "tanteo"
+    node: Annotated[str, _topics("--node", "NAME", "Name of the node, and prefix of its topics and services.")] = (
+        "tanteo"
+    )
     sim_time: Annotated[
         bool, _topics("--sim-time", None, "Take the time from /clock, for a simulation or a played bag.")
     ] = False
@@ -96,18 +98,18 @@ class Options:
     unknown_prior: args.UnknownPrior = None
     tolerance: Annotated[
         float | None,
-        args.option("--tolerance", "LENGTH", "Have ~/next ask until all corners are placed within it, as 0.5mm."),
+        args.option("--tolerance", "LENGTH", "Let ~/next propose readings until all corners are within it, as 0.5mm."),
         typed.Words(partial(typed.length, "--tolerance", "0.5mm")),
     ] = None
     max_measurements: Annotated[
         int,
-        args.option("--max-measurements", None, "Use this many readings at most, until ~/reset."),
+        args.option("--max-measurements", None, "Largest number of readings until ~/reset."),
         typed.Words(partial(typed.at_least, "--max-measurements", 1, "Use 300"), int),
     ] = 300
     standoff: Annotated[
         float | None,
         args.option(
-            "--standoff", "LENGTH", "Distance at which ~/next has a reading start, as 20mm: 50mm if not given."
+            "--standoff", "LENGTH", "Distance from the surface at which ~/next starts a reading; 50mm if not given."
         ),
         args.STANDOFF,
     ] = None
@@ -121,9 +123,9 @@ class Options:
 
 
 def ros(options: Options, topics: TopicOptions) -> None:
-    """Recognise and locate as a node of ROS 2.
+    """Recognize and locate parts as a ROS 2 node.
 
-    Ranges and touches come from topics, poses with covariance go to topics.
+    Subscribes to ranges and touches, and publishes poses with covariance.
     """
     from tanteo.ros import RosNode, Settings, opened
 
@@ -135,7 +137,7 @@ def ros(options: Options, topics: TopicOptions) -> None:
             node, _intake(topics), known, {part.name: part for part in parts}, settings,
             lambda note: complain("warning", note), partial(_heard, options),
         )  # fmt: skip
-        say(f"Listening as node /{topics.node}; Ctrl-C ends it.", sys.stderr)
+        print_text(f"Listening as node /{topics.node}; Ctrl-C ends it.", sys.stderr)
         with _ended_by_signals(server):
             answer = server.run()
     _print(answer, options)
@@ -144,7 +146,7 @@ def ros(options: Options, topics: TopicOptions) -> None:
 @contextmanager
 def _named(name: str) -> Iterator[None]:
     if not (name.isidentifier() and name.isascii()):
-        raise MisuseError(f"--node: expected letters, digits and _, got '{name}'. Say --node tanteo.")
+        raise MisuseError(f"--node: expected letters, digits and _, got '{name}'. Use --node tanteo.")
     yield
 
 
@@ -157,21 +159,21 @@ def _intake(topics: TopicOptions) -> Intake:
 
 
 def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) -> Knowledge:
-    """A session where a pose is known beforehand, else all readings together."""
+    """Return a session if a prior pose is given; otherwise a recognizer of all readings together."""
     import numpy as np
 
     from tanteo.planning import Sensing, Session, Start, Stop
     from tanteo.posterior import prepare_all
     from tanteo.ros import Anywhere, Prior
 
-    rig = None if options.rig is None else files.read_asked_rig(options.rig)
+    rig = None if options.rig is None else files.read_rig(options.rig)
     sensing = Sensing(
         sensor=options.sensor, sd=options.sd, robot=options.robot, tip_sd=options.tip_sd, bias_sd=options.bias_sd,
         rig=rig,
     )  # fmt: skip
-    said: dict[str, Any] = {"outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
+    stated: dict[str, Any] = {"outlier_rate": options.outlier_rate, "unknown": options.unknown_prior}
     with misuse():
-        priors = posterior.Priors(**{name: value for name, value in said.items() if value is not None})
+        priors = posterior.Priors(**{name: value for name, value in stated.items() if value is not None})
     stop = Stop(tolerance=options.tolerance, max_measurements=options.max_measurements)
     probe = _probe(options, topics)
     if options.pose_prior is None:
@@ -183,7 +185,7 @@ def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
 
 
 def _probe(options: Options, topics: TopicOptions) -> Probe:
-    """What senses, as choosing needs it."""
+    """Return the probe for the choice of readings."""
     from tanteo.planning import probe_of
 
     where: dict[str, Any] = {} if options.standoff is None else {"standoff": options.standoff}
@@ -195,7 +197,7 @@ def _probe(options: Options, topics: TopicOptions) -> Probe:
 
 @contextmanager
 def _ended_by_signals(server: RosNode) -> Iterator[None]:
-    """An order to end, or Ctrl-C, ends the node and nothing else: the answer is still printed."""
+    """End the node, and not the process, on Ctrl-C or a termination signal, so that the answer is still printed."""
     numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {number: signal.signal(number, lambda *_: server.ended.set()) for number in numbers}
     try:
@@ -206,14 +208,14 @@ def _ended_by_signals(server: RosNode) -> Iterator[None]:
 
 
 def _heard(options: Options, answer: posterior.Answer) -> None:
-    """One line an answer, for a person who watches."""
+    """Print one line for each answer with ``--verbose``."""
     if options.verbose:
-        say(render.answer_lines(answer, layout=layout())[0], sys.stderr)
+        print_text(render.answer_lines(answer, layout=layout())[0], sys.stderr)
 
 
 def _print(answer: posterior.Answer | None, options: Options) -> None:
     if answer is None:
-        complain("warning", "no reading came that could be used: look at the topics and their types (ros2 topic list).")
+        complain("warning", "no usable reading arrived: check the topics and their types (ros2 topic list).")
         leave(decided=False)
         return
     if options.json:

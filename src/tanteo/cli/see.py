@@ -1,4 +1,4 @@
-"""``tanteo see``: which parts an image shows and where they are."""
+"""Implement ``tanteo see``: recognize and locate the parts in an image."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import typer
 from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
-from tanteo.cli.printing import complain, emit, layout, leave, put, say, warned
+from tanteo.cli.printing import complain, emit, layout, leave, print_text, put, warned
 
 if TYPE_CHECKING:
     from tanteo.vision import Camera, CameraPose, Sight
 
 _DARK, _INEXACT = 32.0, 1.0
-"""Below this level an image is dark; from this on marks do not fit well [px]."""
+"""Largest grey level of a dark image; rms residual of marks above which the fit is poor [px]."""
 
 
 def see(
@@ -29,22 +29,22 @@ def see(
     marks: Annotated[
         str | None,
         args.option(
-            "--marks", "FILE", "Known points of the table and where the image has them, to place the camera (CSV)."
+            "--marks", "FILE", "Known points of the table and their pixels in the image, to place the camera (CSV)."
         ),
     ] = None,
     rectified: Annotated[
         bool, args.option("--rectified", None, "The image is rectified: use the projection_matrix of the camera file.")
     ] = False,
     picture: Annotated[
-        str | None, args.option("--picture", "FILE", "Draw what was found into the image, to this file (PNG, JPEG).")
+        str | None, args.option("--picture", "FILE", "Write the image with the result drawn into it (PNG, JPEG).")
     ] = None,
     top: args.Top = 5,
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Say which parts an image shows, and where they are.
+    """Recognize and locate the parts in an image.
 
-    On a table, whose place the camera file or --marks state; else one part in any pose.
+    Finds several parts on a table whose pose the camera file or --marks states, else one part in any pose.
     """
     start = time.perf_counter()
     files.check_target("--picture", picture, (".png", ".jpg"))
@@ -62,14 +62,14 @@ def see(
     if not json:
         emit(_taken(taken), sys.stderr)
     if pixels.max() < _DARK and not json:
-        words = f"a dark image, its largest level is {pixels.max():.0f} of 255. Of 12 bits in 16? Scale them."
-        say(f"{image}: {words}", sys.stderr)
+        words = f"a dark image, its largest level is {pixels.max():.0f} of 255. If it has 12 bits in 16, scale it."
+        print_text(f"{image}: {words}", sys.stderr)
     models = files.read_all_parts(parts, units, quiet=json)
     from tanteo.vision import draw_sight, see_anywhere, see_table
 
     loaded = time.perf_counter() - start
-    look = see_anywhere if taken.T_world_camera is None else see_table
-    sight = look(pixels, taken, models, top=top)
+    recognize = see_anywhere if taken.T_world_camera is None else see_table
+    sight = recognize(pixels, taken, models, top=top)
     if picture is not None:
         io.write_image(picture, draw_sight(pixels, taken, sight))
     sight = _timed(sight, loaded, time.perf_counter() - start)
@@ -87,12 +87,12 @@ def _fit_words(fit: CameraPose) -> str:
 
 
 def _taken(camera: Camera) -> list[str]:
-    """What is taken of the camera."""
+    """Return lines about the assumptions on the camera."""
     lines = [f"Edges within {camera.edge_sd:.3g} px of where the lens puts them, 1 sd (edge_sd_px of the camera file)."]
     if camera.T_world_camera is None:
         lines.append(
-            "No place of the camera (T_world_camera in its file, or --marks), so no table: one part in any pose is "
-            "looked for, in the frame of the camera (x right, y down, z ahead)."
+            "The pose of the camera is unknown (T_world_camera in its file, or --marks), and so is the table. The "
+            "search is for one part in any pose, in the camera's frame (x right, y down, z ahead)."
         )
     return lines
 

@@ -1,4 +1,4 @@
-"""``tanteo sense``: a feature, or a part, sensed by the simulated hand of a scene."""
+"""Implement ``tanteo sense``: the simulated hand of a scene senses a feature."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, require_image
-from tanteo.cli.printing import emit, layout, leave, put, say
+from tanteo.cli.printing import emit, layout, leave, print_text, put
 from tanteo.cli.sense_part import image_files, viewed
 from tanteo.errors import InputError
 
@@ -31,7 +31,7 @@ class Options:
         args.option(
             "--forbid",
             "CORNERS",
-            "Box that the hand stays out of: two corners, as 150,0,0,180,60,250mm; may be repeated.",
+            "Forbidden box: two corners, as 150,0,0,180,60,250mm; may be repeated.",
         ),
         typed.Words(typed.forbidden, list[str] | None),
     ] = None
@@ -76,7 +76,7 @@ def sense_vertex(options: Options) -> None:
 def sense_circle(options: Options) -> None:
     """Acquire the rim of a bore or boss, without touching it.
 
-    Acquires the face around it, too.
+    Also acquires the face around it.
     """
     _sense("circle", options)
 
@@ -84,13 +84,13 @@ def sense_circle(options: Options) -> None:
 def sense_cylinder(options: Options) -> None:
     """Acquire the wall of a bore or boss, without touching it.
 
-    Acquires its rim and the face around it, too.
+    Also acquires its rim and the face around it.
     """
     _sense("cylinder", options)
 
 
 def _sense(kind: str, options: Options) -> None:
-    """Acquire a feature of the scene, print it."""
+    """Acquire a feature of the scene, and print it."""
     files.check_target("--record", options.record)
     sources = [("--scene", options.scene), *image_files(options.image, options.camera, options.marks)]
     files.check_different(("--record", options.record), inputs=sources, parts=options.parts or [])
@@ -108,7 +108,7 @@ def _sense(kind: str, options: Options) -> None:
     clearance = io.least_clearance(scene, robot)
     if options.record is not None:
         if got.readings is None:
-            emit(["warning: nothing was read on purpose, so there is no record."], sys.stderr)
+            emit(["warning: there are no readings of the feature, so no record is written."], sys.stderr)
         else:
             with files.writing("--record", options.record):
                 io.write_readings(got.readings, options.record, unit="m")
@@ -124,26 +124,26 @@ def _sense(kind: str, options: Options) -> None:
 
 
 def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
-    """The feature that the likeliest part has for the hand; where it should be is said on standard error.
+    """Return the expected feature of the most probable part in the image, and print its pose to standard error.
 
     Raises:
-        InputError: Nothing was seen, or the part has no such feature that the hand can come to.
+        InputError: the image shows no part, or the part has no such feature within reach of the hand.
     """
     assert options.image is not None
     view = viewed(scene, options.image, options.camera, options.marks)
     parts = files.read_all_parts(options.parts or [], options.units, quiet=True)
     seen = view.look(parts)
-    say(render.sighting_words(seen), sys.stderr)
+    print_text(render.sighting_words(seen), sys.stderr)
     if seen is None or not seen.answer.hypotheses:
         raise InputError("--image: expected a part on the table, got none that is known. Add its CAD file to --parts.")
     best, unknown = seen.answer.hypotheses[0], seen.answer.unknown_probability
     if unknown > best.probability:
         raise InputError(
             f"--image: expected one of the parts of --parts, got an unknown object with {100 * unknown:.0f} %. "
-            "Add the CAD file of what lies there."
+            "Add the CAD file of the object."
         )
     part = next(part for part in parts if part.name == best.part)
     expected = io.expected_feature(kind, scene, part, best, options.face)
     words = f"The hand goes to {expected.name} of {part.name}, P = {best.probability:.2f}"
-    say(f"{words}, {render.known_words(expected)}.", sys.stderr)
+    print_text(f"{words}, {render.known_words(expected)}.", sys.stderr)
     return expected

@@ -1,4 +1,4 @@
-"""``tanteo sense part``: a part, found by the simulated hand of a scene."""
+"""Implement ``tanteo sense part``: the simulated hand of a scene recognizes and locates a part."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tanteo import io, posterior, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files
 from tanteo.cli.misuse import misuse
-from tanteo.cli.printing import UNDECIDED, complain, emit, has_colour, layout, leave, put, say, warned
+from tanteo.cli.printing import UNDECIDED, complain, emit, has_colour, layout, leave, print_text, put, warned
 from tanteo.cli.session_options import SessionOptions
 from tanteo.cli.session_record import kept, write_session
 from tanteo.errors import InputError
@@ -23,12 +23,25 @@ if TYPE_CHECKING:
 
 
 def image_files(image: str | None, camera: str | None, marks: str | None) -> list[tuple[str, str | None]]:
-    """The files of an image that are read, each with its option."""
+    """Return the files of an image, each with its option.
+
+    Args:
+        image: value of ``--image``; ``render`` names no file.
+        camera: value of ``--camera``.
+        marks: value of ``--marks``.
+    """
     return [("--image", None if image == "render" else image), ("--camera", camera), ("--marks", marks)]
 
 
 def viewed(scene: io.SceneFile, image: str, camera: str | None, marks: str | None) -> io.SceneView:
-    """What the image shows of the scene, with a warning for what was taken as something of its camera file."""
+    """Return the image of a scene, and print warnings about assumptions on its camera.
+
+    Args:
+        scene: scene.
+        image: value of ``--image``.
+        camera: value of ``--camera``.
+        marks: value of ``--marks``.
+    """
     view = io.view_of(scene, image, camera, marks)
     for note in view.camera.notes:
         complain("warning", f"{camera or scene.source}: {note}")
@@ -48,9 +61,9 @@ def sense_part(
     json: args.Json = False,
     verbose: args.Verbose = False,
 ) -> None:
-    """Find out which part is there, and where.
+    """Recognize and locate a part with the range sensors of a simulated hand.
 
-    By range sensors on a hand, from a rough idea of its place.
+    Starts from a prior pose or an image.
     """
     from tanteo.planning import sense_part
 
@@ -74,7 +87,7 @@ def sense_part(
     if json:
         put(io.executed_json(answer, done, readings=session.count, clearance=clearance, warnings=warned()))
         if not done.end.reached:
-            say(done.end.why, sys.stderr)
+            print_text(done.end.message, sys.stderr)
     else:
         emit(render.executed_lines(answer, done, session.count, clearance, verbose=verbose, layout=layout()))
     write_session(session, record)
@@ -86,11 +99,17 @@ def sense_part(
 def start_of(
     scene: io.SceneFile, part_paths: Sequence[str], options: SessionOptions, *, as_json: bool = False
 ) -> Start:
-    """Where a session in a scene starts; what an image shows is said on standard error.
+    """Return the prior poses of a session in a scene; the result of an image is printed to standard error.
+
+    Args:
+        scene: scene.
+        part_paths: files and folders of the parts.
+        options: options of the session.
+        as_json: whether standard output carries a JSON document.
 
     Raises:
-        InputError: Nobody says where the parts may be.
-        Exit: An image shows none of them, and nobody says either.
+        InputError: there is no prior pose and no image.
+        Exit: the image shows none of the parts.
     """
     from tanteo.words.findings import NoPartOnTable
 
@@ -101,7 +120,7 @@ def start_of(
         scene, parts, known, view, outlier_rate=options.outlier_rate, unknown=options.unknown_prior
     )
     if view is not None:
-        say(render.sighting_words(seen), sys.stderr)
+        print_text(render.sighting_words(seen), sys.stderr)
     if start is not None:
         return start
     if view is None:
@@ -112,13 +131,13 @@ def start_of(
     answer = posterior.Answer("unknown", (NoPartOnTable(),), (), 1.0)
     if as_json:
         put(io.recognition_json(answer))
-    say(f"unknown: {answer.message}", sys.stderr if as_json else sys.stdout)
+    print_text(f"unknown: {answer.message}", sys.stderr if as_json else sys.stdout)
     raise typer.Exit(UNDECIDED)
 
 
 @contextmanager
 def _shown(*, verbose: bool) -> Iterator[Callable[[Visit], None]]:
-    """A line for every question on standard error; on a terminal also that the hand is under way."""
+    """Print a line for every question to standard error; on a terminal also a status line."""
     if not sys.stderr.isatty():
         yield lambda visit: emit(render.visit_lines(visit, verbose=verbose), sys.stderr)
         return

@@ -1,4 +1,4 @@
-"""``tanteo sensor``: presets, rigs and calibration."""
+"""Implement ``tanteo sensor``: presets, rigs and calibration."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tanteo import io, render
 from tanteo.cli import arguments as args
 from tanteo.cli import files, typed
 from tanteo.cli.misuse import MisuseError, misuse
-from tanteo.cli.printing import complain, emit, layout, leave, put_json, say
+from tanteo.cli.printing import complain, emit, layout, leave, print_text, put_json
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,13 +24,13 @@ def _preset_names(incomplete: str) -> list[str]:
     return [*typed.sensor_names(incomplete), *typed.robot_names(incomplete)]
 
 
-Picture = Annotated[str | None, args.option("--picture", "FILE", "Draw it as well, to a PNG, SVG or PDF file.")]
+Picture = Annotated[str | None, args.option("--picture", "FILE", "Also draw it to a PNG, SVG or PDF file.")]
 
 
 def list_presets(json: args.Json = False) -> None:
     """List the presets: sensors, robots and rigs.
 
-    Says how far the figures of each were verified.
+    Shows how far the figures of each were verified.
     """
     from tanteo.sensors import robot_presets, sensor_presets
 
@@ -65,7 +65,7 @@ def show_preset(
     preset = _preset(name)
     if picture is not None:
         if isinstance(preset, RobotPreset):
-            raise MisuseError(f"--picture: expected a range sensor, got the robot '{name}'. Leave it out.")
+            raise MisuseError(f"--picture: expected a range sensor, got the robot '{name}'. Drop --picture.")
         from tanteo.render import noise_picture
 
         with files.writing("--picture", picture), misuse():
@@ -80,7 +80,7 @@ def show_preset(
         else render.sensor_lines(preset, layout=show)
     )
     if picture is not None:
-        say(f"picture drawn: {picture}")
+        print_text(f"picture drawn: {picture}")
 
 
 def _preset(name: str) -> SensorPreset | RobotPreset:
@@ -98,11 +98,11 @@ def show_rig(
     file: Annotated[str, typer.Argument(metavar="RIG", help="Rig file (TOML), or a rig of `tanteo sensor list`.")],
     json: args.Json = False,
 ) -> None:
-    """Check a rig and show where its sensors sit.
+    """Check a rig, and show the poses of its sensors.
 
-    Shows where they look, too, and how well that is known.
+    Shows positions, beam directions and their uncertainties.
     """
-    rig = files.read_asked_rig(file)
+    rig = files.read_rig(file)
     if json:
         put_json(io.rig_document(rig))
     else:
@@ -112,7 +112,7 @@ def show_rig(
 def fit(
     log: Annotated[str, typer.Argument(metavar="LOG", help="Readings (CSV): ranges of planes at many hand poses.")],
     rig: Annotated[
-        str | None, args.option("--rig", "RIG", "Where the sensors should be, and how well that is known (TOML).")
+        str | None, args.option("--rig", "RIG", "Nominal poses of the sensors with their uncertainties (TOML).")
     ] = None,
     sensor: Annotated[
         str | None,
@@ -145,7 +145,7 @@ def fit(
     with misuse():
         unlike = None if sensor is None else sensor_preset(sensor)
         errors = None if robot is None else robot_preset(robot)
-    nominal = None if rig is None else files.read_asked_rig(rig)
+    nominal = None if rig is None else files.read_rig(rig)
     readings = io.read_readings(log)
     for note in readings.notes:
         complain("warning", note)
@@ -162,20 +162,20 @@ def fit(
     if json:
         put_json(io.calibration_document(found))
         if not calibrated:
-            say(f"{found.status}: {found.message}", sys.stderr)
+            print_text(f"{found.status}: {found.message}", sys.stderr)
     else:
         emit(render.calibration_lines(found, verbose=verbose, layout=layout()))
-        _say_written(write if calibrated else None, picture)
+        _print_written(write if calibrated else None, picture)
     if write is not None and not calibrated:
-        complain("warning", f"{write} was not written: this log does not make a rig.")
+        complain("warning", f"{write} was not written: this log does not determine a rig.")
     leave(decided=calibrated)
 
 
-def _say_written(rig: str | None, picture: str | None) -> None:
+def _print_written(rig: str | None, picture: str | None) -> None:
     if rig is not None:
-        say(f"rig written: {rig}")
+        print_text(f"rig written: {rig}")
     if picture is not None:
-        say(f"picture drawn: {picture}")
+        print_text(f"picture drawn: {picture}")
 
 
 def _write(found: Calibration, rig: Rig | None, sensor: SensorPreset | None, log: str, path: str) -> None:

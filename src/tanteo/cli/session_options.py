@@ -1,4 +1,4 @@
-"""The options of a session in a scene."""
+"""Define the options of a session in a scene."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionOptions:
-    """Options of a session in a scene: how to choose, when to end, what is known, and an image to start from."""
+    """Options of a session in a scene: policy, stopping criterion, prior knowledge, and an image to start from."""
 
     policy: Annotated[
         str,
         args.sensing(
             "--policy",
             "NAME",
-            "How the next reading is chosen: information, information-per-second, features, random, nearest, "
+            "Policy that chooses the next reading: information, information-per-second, features, random, nearest, "
             "largest-face, 3-2-1.",
             autocompletion=typed.policy_names,
         ),
@@ -33,23 +33,23 @@ class SessionOptions:
     ] = "information"
     probability: Annotated[
         float,
-        args.sensing("--probability", None, "Stop when a part is this probable."),
+        args.sensing("--probability", None, "Probability of a part at which the session ends."),
         Words(partial(typed.fraction, "--probability", "probability", "0.99"), float),
     ] = 0.99
     tolerance: Annotated[
         float | None,
-        args.sensing("--tolerance", "LENGTH", "Go on until all corners of the part are placed within it, as 2mm."),
+        args.sensing("--tolerance", "LENGTH", "Largest error of the part's corners at the end, as 2mm."),
         Words(partial(typed.length, "--tolerance", "2mm")),
     ] = None
     feature: args.Feature = None
     confidence: Annotated[
         float,
-        args.sensing("--confidence", None, "Probability with which the tolerance has to hold."),
+        args.sensing("--confidence", None, "Probability that the tolerance holds."),
         Words(partial(typed.fraction, "--confidence", "probability", "0.99"), float),
     ] = 0.95
     max_measurements: Annotated[
         int,
-        args.sensing("--max-measurements", None, "Stop after this many readings in any case."),
+        args.sensing("--max-measurements", None, "Largest number of readings."),
         Words(partial(typed.at_least, "--max-measurements", 1, "Use 100"), int),
     ] = 100
     standoff: args.Standoff = None
@@ -66,21 +66,25 @@ class SessionOptions:
     def __post_init__(self) -> None:
         if self.feature is not None and self.tolerance is None:
             raise MisuseError(
-                f"--feature: expected --tolerance with '{self.feature}', got none. Say --tolerance 0.5mm."
+                f"--feature: expected --tolerance with '{self.feature}', got none. Add --tolerance 0.5mm."
             )
         require_image(self.image, self.camera, self.marks)
 
     def known(self) -> PosePrior | None:
-        """The prior pose; what says more than that raises MisuseError."""
+        """Return the prior pose; None if there is none.
+
+        Raises:
+            MisuseError: a table or a box is given.
+        """
         known = typed.read_known(None, None, self.pose_prior, self.prior)
         if known is not None and (known.T_world_part is None or known.table is not None or known.box is not None):
             raise MisuseError(
-                "--pose-prior, --prior: expected a prior pose and nothing else, got a table or a box. Say --pose-prior."
+                "--pose-prior, --prior: expected only a prior pose, got a table or a box. Use --pose-prior."
             )
         return known
 
     def stop(self) -> Stop:
-        """When to end."""
+        """Return the stopping criterion."""
         from tanteo.planning import Stop
 
         return Stop(

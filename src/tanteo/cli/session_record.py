@@ -1,4 +1,4 @@
-"""The record of a session that the command holds, whatever ends it."""
+"""Write the record of a session during a command, also after an interruption."""
 
 from __future__ import annotations
 
@@ -11,22 +11,29 @@ from typing import TYPE_CHECKING
 
 from tanteo import io
 from tanteo.cli import files
-from tanteo.cli.printing import complain, say
+from tanteo.cli.printing import complain, print_text
 from tanteo.errors import InputError
 
 if TYPE_CHECKING:
     from tanteo.planning import Session
 
 _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-"""The system's order to end, and a terminal that has gone."""
+"""Signals of a termination and of a closed terminal."""
 
 
 @contextmanager
 def kept(session: Session, record: str | None) -> Iterator[Callable[[], None]]:
-    """What was told until an interruption (Ctrl-C, an order to end, a terminal that has gone) is in the record.
+    """Write the record also after an interruption: Ctrl-C, a termination signal, or a closed terminal.
+
+    Args:
+        session: session to record.
+        record: file of the record; None to write nothing.
 
     Yields:
-        To call after every question: who is killed, or loses power, has the record up to there.
+        A function that writes the record; a call after every question saves it against a power failure.
+
+    Raises:
+        KeyboardInterrupt: the command was interrupted.
     """
     failed = list[InputError]()
 
@@ -35,19 +42,20 @@ def kept(session: Session, record: str | None) -> Iterator[Callable[[], None]]:
             return
         try:
             write_session(session, record)
-        except InputError as error:  # the end will say it again, and then it is a failure
+        except InputError as error:  # the write at the end raises the error again
             failed.append(error)
-            complain("warning", f"{error} Sensing goes on.")
+            complain("warning", f"{error} Sensing continues.")
 
-    ours = threading.current_thread() is threading.main_thread()  # others may not listen to signals
-    heard = [number for number in _ENDS if ours and signal.getsignal(number) != signal.SIG_IGN]  # nohup means it
-    before = {number: signal.signal(number, _interrupt) for number in heard}
+    is_main = threading.current_thread() is threading.main_thread()  # only the main thread can handle signals
+    # signals that the caller ignores, as nohup does, stay ignored
+    handled = [number for number in _ENDS if is_main and signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, _interrupt) for number in handled}
     try:
         yield keep
     except KeyboardInterrupt:
         if record is not None and session.readings is not None:
             write_session(session, record)
-            say(f"record written up to here: {record}", sys.stderr)
+            print_text(f"record written up to here: {record}", sys.stderr)
         raise
     finally:
         for number, handler in before.items():
@@ -59,11 +67,19 @@ def _interrupt(number: int, frame: object) -> None:
 
 
 def write_session(session: Session, record: str | None) -> None:
-    """The record of the session; of a file whose name ends in .csv, the readings alone."""
+    """Write the record of a session, or only its readings if the file name ends in ``.csv``.
+
+    Args:
+        session: session to record.
+        record: file to write; None to write nothing.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
     if record is None:
         return
     if session.readings is None:
-        complain("warning", "nothing was read, so there is no record.")
+        complain("warning", "there are no readings, so no record is written.")
         return
     with files.writing("--record", record):
         if record.lower().endswith(".csv"):

@@ -1,6 +1,6 @@
-"""What is typed behind options, read: SI units inside, and an error that names the option.
+"""Convert the typed values of options to SI units, with errors that name the option.
 
-It is read before any file is touched. What of it needs a room that is slow to import loads that when it is asked.
+The conversion happens before any file is read. Functions import slow packages only when they are called.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """Beside an option: its value is read from what is typed, unless nothing is.
+    """Annotation of an option with the conversion of its typed value.
 
     Attributes:
-        read: From what is typed to the value; raises InputError.
-        typed: What the parser takes.
-        default: As it would be typed.
+        read: function that converts the typed value; raises InputError.
+        typed: type for the parser.
+        default: default as it would be typed; None for the default of the parameter.
     """
 
     read: Callable[[Any], Any]
@@ -39,7 +39,11 @@ class Words:
 
 
 def preset(name: str) -> str:
-    """The name of a preset of a sensor that there is."""
+    """Return the name of a sensor preset, after a check that it exists.
+
+    Args:
+        name: name as typed.
+    """
     from tanteo.sensors import sensor_preset
 
     sensor_preset(name)
@@ -47,7 +51,11 @@ def preset(name: str) -> str:
 
 
 def robot(name: str) -> str:
-    """The name of a preset of a robot that there is."""
+    """Return the name of a robot preset, after a check that it exists.
+
+    Args:
+        name: name as typed.
+    """
     from tanteo.sensors import robot_preset
 
     robot_preset(name)
@@ -55,7 +63,14 @@ def robot(name: str) -> str:
 
 
 def policy(name: str) -> str:
-    """The name of a policy that there is."""
+    """Return the name of a policy, after a check that it exists.
+
+    Args:
+        name: name as typed.
+
+    Raises:
+        InputError: there is no such policy.
+    """
     from tanteo.planning import policy_named
 
     try:
@@ -66,14 +81,27 @@ def policy(name: str) -> str:
 
 
 def unit(name: str) -> str:
-    """A unit of length."""
+    """Return the name of a unit of length.
+
+    Args:
+        name: name as typed.
+    """
     from tanteo.parts import unit_name
 
     return unit_name(name)
 
 
 def length(name: str, example: str, text: str) -> float:
-    """A positive length [m]."""
+    """Return a positive length [m].
+
+    Args:
+        name: name of the option.
+        example: correct value, for messages.
+        text: value as typed.
+
+    Raises:
+        InputError: the length is not positive.
+    """
     value = io.parse_length(text, name)
     if not value > 0:
         raise InputError(f"{name}: expected a positive length, got '{text}'. Write it as {example}.")
@@ -81,7 +109,16 @@ def length(name: str, example: str, text: str) -> float:
 
 
 def spread(name: str, positive: bool, text: str) -> float:
-    """A standard deviation that readings or parts can have [m]."""
+    """Return the standard deviation of readings or parts [m].
+
+    Args:
+        name: name of the option.
+        positive: whether zero is refused.
+        text: value as typed.
+
+    Raises:
+        InputError: the length is outside of the accepted range.
+    """
     from tanteo.geometry.limits import LARGEST, LEAST_SD
 
     value = io.parse_length(text, name)
@@ -95,7 +132,14 @@ def spread(name: str, positive: bool, text: str) -> float:
 
 
 def tip(text: str) -> tuple[float, ...]:
-    """Standard deviations of a tip along x, y, z of the hand [m]."""
+    """Return the standard deviations of a tip's offset along x, y, z of the hand [m].
+
+    Args:
+        text: value as typed.
+
+    Raises:
+        InputError: the value is not three lengths in the accepted range.
+    """
     from tanteo.geometry.limits import LARGEST
 
     values = io.parse_lengths(text, "--tip-sd")
@@ -110,7 +154,14 @@ def tip(text: str) -> tuple[float, ...]:
 
 
 def standoff(text: str) -> float:
-    """A stand-off of a hand's front [m]."""
+    """Return the stand-off of a hand's front [m].
+
+    Args:
+        text: value as typed.
+
+    Raises:
+        InputError: the length is outside of 1 mm to 1 m.
+    """
     value = io.parse_length(text, "--standoff")
     if not 1e-3 <= value <= 1:
         raise InputError(f"--standoff: expected a length of 1 mm to 1 m, got '{text}'. Write it as 20mm.")
@@ -118,32 +169,69 @@ def standoff(text: str) -> float:
 
 
 def share(name: str, largest: float, word: str, text: str) -> float:
-    """A share between 0 and the largest that it may be, which has that name, as ``10%`` or ``0.1``."""
+    """Return a fraction from a text such as ``10%`` or ``0.1``.
+
+    Args:
+        name: name of the option.
+        largest: upper bound, excluded.
+        word: upper bound, for messages.
+        text: value as typed.
+
+    Raises:
+        InputError: the fraction is not between 0 and the upper bound.
+    """
     try:
         value = float(text[:-1]) / 100 if text.endswith("%") else float(text)
     except ValueError:
         value = math.nan
     if not 0 < value < largest:
-        raise InputError(f"{name}: expected a share above 0 and below {word}, got '{text}'. Write it as 5%.")
+        raise InputError(f"{name}: expected a fraction above 0 and below {word}, got '{text}'. Write it as 5%.")
     return value
 
 
 def fraction(name: str, what: str, example: str, value: float) -> float:
-    """A number between 0 and 1."""
+    """Return a number between 0 and 1.
+
+    Args:
+        name: name of the option.
+        what: name of the number, for messages.
+        example: correct value, for messages.
+        value: number as typed.
+
+    Raises:
+        InputError: the number is outside of this interval.
+    """
     if not 0 < value < 1:
         raise InputError(f"{name}: expected a {what} between 0 and 1, got {value:g}. Use {example}.")
     return value
 
 
 def at_least(name: str, least: int, advice: str, value: int) -> int:
-    """A number that is not less."""
+    """Return a number that is not below a bound.
+
+    Args:
+        name: name of the option.
+        least: smallest accepted number.
+        advice: advice, for messages.
+        value: number as typed.
+
+    Raises:
+        InputError: the number is smaller.
+    """
     if value < least:
         raise InputError(f"{name}: expected {least} or more, got {value}. {advice}.")
     return value
 
 
 def forbidden(texts: list[str]) -> list[ForbiddenBox]:
-    """Boxes of ``--forbid``."""
+    """Return the boxes of ``--forbid``.
+
+    Args:
+        texts: corners of each box, as typed.
+
+    Raises:
+        InputError: a text does not state two corners.
+    """
     import numpy as np
 
     from tanteo.hand import ForbiddenBox
@@ -160,38 +248,54 @@ def forbidden(texts: list[str]) -> list[ForbiddenBox]:
 
 
 def pose(text: str) -> Any:
-    """A pose with its spread, an ``UncertainFrame``."""
+    """Return a pose with its covariance, as an ``UncertainFrame``.
+
+    Args:
+        text: value as typed.
+    """
     frame = io.parse_pose_prior(text, "--pose-prior")
     _warn_if_unverified("--pose-prior", io.BRANDS.get(text.split(maxsplit=1)[0].rstrip(":")))
     return frame
 
 
 def _warn_if_unverified(place: str, brand: Brand | None) -> None:
-    """Warn of a brand whose convention nobody has read in its documentation."""
+    """Warn about a brand whose angle convention was not verified in its documentation."""
     if brand is not None and not brand.verified:
         complain(
             "warning",
-            f"{place}: the angle convention of {brand.name} ({' '.join(brand.fields)}) was not checked against its "
+            f"{place}: the angle convention of {brand.name} ({' '.join(brand.fields)}) was not verified in its "
             "documentation. Compare one pose with the answer, or give roll, pitch, yaw.",
         )
 
 
 def sensor_names(incomplete: str) -> list[str]:
-    """Presets of sensors that begin so."""
+    """Return the names of sensor presets that begin with a text.
+
+    Args:
+        incomplete: beginning of the name.
+    """
     from tanteo.sensors import sensor_presets
 
     return [name for name in sensor_presets() if name.startswith(incomplete)]
 
 
 def robot_names(incomplete: str) -> list[str]:
-    """Presets of robots that begin so."""
+    """Return the names of robot presets that begin with a text.
+
+    Args:
+        incomplete: beginning of the name.
+    """
     from tanteo.sensors import robot_presets
 
     return [name for name in robot_presets() if name.startswith(incomplete)]
 
 
 def policy_names(incomplete: str) -> list[str]:
-    """Policies that begin so."""
+    """Return the names of policies that begin with a text.
+
+    Args:
+        incomplete: beginning of the name.
+    """
     from tanteo.planning import POLICIES
 
     return [name for name in POLICIES if name.startswith(incomplete)]
@@ -200,11 +304,20 @@ def policy_names(incomplete: str) -> list[str]:
 def read_known(
     table: Table | None, box: FloatArray | None, pose_prior: UncertainFrame | None, file: str | None
 ) -> PosePrior | None:
-    """What ``--table``, ``--box``, ``--pose-prior`` and ``--prior`` say together; None if none is given.
+    """Return the prior knowledge of the pose in ``--table``, ``--box``, ``--pose-prior`` and ``--prior`` together.
+
+    Args:
+        table: value of ``--table``; None if not given.
+        box: value of ``--box``; None if not given.
+        pose_prior: value of ``--pose-prior``; None if not given.
+        file: value of ``--prior``; None if not given.
+
+    Returns:
+        Prior knowledge; None if no option is given.
 
     Raises:
-        MisuseError: An option says again what the file says.
-        InputError: The file cannot be read.
+        MisuseError: an option repeats what the file states.
+        InputError: the file cannot be read.
     """
     if all(value is None for value in (table, box, pose_prior, file)):
         return None
@@ -213,9 +326,9 @@ def read_known(
         given |= {"T_world_part": pose_prior.T, "covariance": pose_prior.C}
     given = {name: value for name, value in given.items() if value is not None}
     with misuse():
-        said = posterior.PosePrior(**given)
+        stated = posterior.PosePrior(**given)
     if file is None:
-        return said
+        return stated
     read = io.read_prior(file)
     _warn_if_unverified(f"{file}, near", io.prior_brand(file))
     options = {"table": "--table", "box": "--box", "T_world_part": "--pose-prior", "covariance": "--pose-prior"}

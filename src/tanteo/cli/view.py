@@ -1,4 +1,4 @@
-"""``tanteo view``: a session or a record on a live page, until it is interrupted."""
+"""Implement ``tanteo view``: show a session or a record on a live page until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
 
 _PORTS = 65535
 _TOLERANCE = 2e-3
-"""Of the example's session, where none is given [m]."""
+"""Default tolerance of the example's session [m]."""
 
 _OF_SESSIONS = (
     "bare", "tolerance", "feature", "standoff", "pose_prior", "prior", "outlier_rate", "unknown_prior", "image",
     "camera", "marks",
 )  # fmt: skip
-"""Options that a record has no use for."""
+"""Options that are refused with a record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options(SessionOptions):
-    """Those of a session, which a laser without a hand may make as well."""
+    """Options of a session with a hand, or with a laser that needs no hand."""
 
     standoff: Annotated[
         float | None,
@@ -51,44 +51,49 @@ class Options(SessionOptions):
 
 
 def check_view(typed: Mapping[str, Any]) -> None:
-    """What cannot be meant together raises InputError."""
+    """Check that the options of a view are consistent.
+
+    Args:
+        typed: typed values by parameter name.
+
+    Raises:
+        InputError: options exclude each other, or a required one is missing.
+    """
     port, record, scene, parts = (typed[name] for name in ("port", "record", "scene", "parts"))
     if not 0 < port <= _PORTS:
         raise InputError(f"--port: expected a number from 1 to {_PORTS}, got {port}. Use 8080.")
     if record is not None and scene is not None:
-        raise InputError("--scene: expected a record or a scene, got both. Leave one out.")
-    said = [f"--{name.replace('_', '-')}" for name in _OF_SESSIONS if typed[name]]
-    said += ["--seed"] if typed["seed"] is not None else []
-    if record is not None and said:
-        raise InputError(f"{said[0]}: expected with a scene, got it with a record, which is over. Leave it out.")
+        raise InputError("--scene: expected a record or a scene, got both. Drop one.")
+    unused = [f"--{name.replace('_', '-')}" for name in _OF_SESSIONS if typed[name]]
+    unused += ["--seed"] if typed["seed"] is not None else []
+    if record is not None and unused:
+        raise InputError(f"{unused[0]}: expected with a scene, got it with a record. Drop it.")
     if scene is not None and not parts:
-        raise InputError("--parts: expected the parts that it may be, got none. Name files or folders.")
+        raise InputError("--parts: expected the candidate parts, got none. Name files or folders.")
     if scene is None and record is None and parts:
-        raise InputError("--scene: expected one with --parts, got none. Name it, or leave out --parts for the example.")
+        raise InputError("--scene: expected one with --parts, got none. Name it, or drop --parts for the example.")
 
 
 def view(
     *,
     record: Annotated[
         str | None,
-        typer.Argument(metavar="[RECORD]", help="Record of a session (JSON, or .mcap), to be seen step by step."),
+        typer.Argument(metavar="[RECORD]", help="Record of a session (JSON, or .mcap) to show step by step."),
     ] = None,
     scene: Annotated[
-        str | None, args.option("--scene", "FILE", "Scene: parts, table, hand (TOML); else an example.")
+        str | None, args.option("--scene", "FILE", "Scene: parts, table, hand (TOML); an example if not given.")
     ] = None,
     parts: Annotated[
         list[str] | None, args.option("--parts", "FILE_OR_FOLDER...", "CAD files (STEP, STL) or folders of them.")
     ] = None,
-    bare: Annotated[
-        bool, args.option("--bare", None, "Sense with a laser that is simply where it is wanted, without a hand.")
-    ] = False,
+    bare: Annotated[bool, args.option("--bare", None, "Sense with a laser at any pose, without a hand.")] = False,
     options: Options,
-    port: Annotated[int, args.option("--port", None, "Port of the page on this machine, or the next free one.")] = 8080,
+    port: Annotated[int, args.option("--port", None, "Port of the page; the next free one if it is taken.")] = 8080,
     no_open: Annotated[bool, args.option("--no-open", None, "Do not open the page in a browser.")] = False,
 ) -> None:
-    """Show a session in a browser as it happens, or a record.
+    """Show a running session or a record in a browser.
 
-    Go on step by step, and sense there yourself.
+    The page steps through the session, and lets the user choose readings.
     """
     from tanteo.render import NEEDS_VISER, replay
 
@@ -107,7 +112,7 @@ def view(
 def _example(
     scene: str | None, parts: Sequence[str], options: Options
 ) -> Iterator[tuple[str | Path, Sequence[str], Options]]:
-    """What was named, or what is shown without."""
+    """Yield the named scene, parts and options, or those of the example."""
     if scene is not None:
         yield scene, parts, options
         return
@@ -117,7 +122,7 @@ def _example(
 
 
 def _play(path: str | Path, folders: Sequence[str], options: Options, port: int, *, bare: bool, show: bool) -> None:
-    """Play the session of a scene on a page."""
+    """Play the session of a scene on a live page."""
     from tanteo.render import play, scene_show
 
     scene = io.read_scene(path)
@@ -134,7 +139,12 @@ def _play(path: str | Path, folders: Sequence[str], options: Options, port: int,
 
 
 def ready(url: str, *, show: bool) -> None:
-    """Say where the page is, and open it on a desktop."""
+    """Print the address of the live page, and open it in a browser on a terminal.
+
+    Args:
+        url: address of the page.
+        show: whether to open it.
+    """
     emit([f"Live page: {url} (Ctrl-C ends it)"])
     if show and sys.stdout.isatty():
         webbrowser.open(url)

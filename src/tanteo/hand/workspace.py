@@ -137,7 +137,7 @@ class Workspace:
         bounds = [f"the {end} end of its workspace in {'xyz'[k]}" for end, b in ends for k in _finite(b)]
         return (*bounds, *(f"the forbidden box '{b.name}'" for b in self.forbidden))
 
-    def rooms(self, points: Vectors) -> tuple[FloatArray, Vectors]:
+    def clearances(self, points: Vectors) -> tuple[FloatArray, Vectors]:
         """Return the signed distances of points from every limit, and the directions away from the limits.
 
         Args:
@@ -167,7 +167,7 @@ class Workspace:
         Returns:
             Distances ``(*batch, m)`` [m], with the ``m`` limits in the order of :attr:`limits`.
         """
-        return np.asarray((self.rooms(body.placed(Ts_world_hand))[0] - body.radii[:, None]).min(axis=-2))
+        return np.asarray((self.clearances(body.placed(Ts_world_hand))[0] - body.radii[:, None]).min(axis=-2))
 
     def clear(self, body: Body, Ts_world_hand: Transforms) -> FloatArray:
         """Return the smallest distance of the whole body from all limits.

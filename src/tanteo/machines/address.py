@@ -1,4 +1,4 @@
-"""Addresses of machines as typed, and the driver behind each."""
+"""Parse the addresses of machines, and open the driver for an address."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from tanteo.machines.world import World
 from tanteo.plugins import Registry, guarded
 
 _WITHOUT_KIND = ("replay", "direct")
-"""Kinds of addresses that are no controller: a log, and the simulated tip itself."""
+"""Kinds of addresses without a controller: a log, and the simulated tip."""
 
 _EXAMPLES = "grbl://192.168.0.7:23, grbl:/dev/ttyUSB0, linuxcnc://192.168.0.7 or fake:grbl"
 
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where a machine is.
+    """Address of a machine.
 
     Attributes:
-        kind: name of a kind of :data:`MACHINES`, or ``replay`` or ``direct``.
-        host: of a network address; empty for another.
-        ports: of it; empty for the usual ones.
-        path: a serial port, or a file.
-        fake: a fake of this kind is started on loopback.
+        kind: name of a kind in :data:`MACHINES`, or ``replay`` or ``direct``.
+        host: host of a network address; empty for serial ports and files.
+        ports: ports of a network address; empty for the default ports.
+        path: serial port or file; empty for a network address.
+        fake: whether a fake controller of this kind is started on loopback.
     """
 
     kind: str
@@ -47,14 +47,14 @@ class Address:
 class FakeMaker(Protocol):
     """Function or class that starts a fake of a controller on loopback."""
 
-    def __call__(self, world: World, start: Vectors, *, hurry: float, faults: Faults | None) -> Fake:
+    def __call__(self, world: World, start: Vectors, *, speedup: float, faults: Faults | None) -> Fake:
         """Start a fake.
 
         Args:
-            world: what the probe meets.
-            start: place of the tip at the start ``(3,)`` [m].
-            hurry: factor by which the fake moves faster than asked; infinite to move at once.
-            faults: faults of the controller and its connection.
+            world: body that the probe touches.
+            start: position of the tip at the start ``(3,)`` [m].
+            speedup: factor on the commanded speed; infinite for motions that take no time.
+            faults: simulated faults of the controller and its connection.
         """
         ...
 
@@ -64,9 +64,9 @@ class MachineKind:
     """A kind of machine that can be typed as an address.
 
     Attributes:
-        ports: default ports of TCP; as many as the driver connects to.
-        turns: whether the tool can look along any direction; otherwise it points down.
-        serial: whether the machine may be on a serial port.
+        ports: default TCP ports, one for each connection of the driver.
+        turns: whether the tool can point along any direction; otherwise it points down.
+        serial: whether the machine can be connected to a serial port.
         open: function that connects to an address and returns the driver.
         fake: function that starts a fake of the controller, for ``fake:NAME``; None if there is none.
     """
@@ -79,10 +79,14 @@ class MachineKind:
 
 
 def parse_machine(text: str) -> Address:
-    """``grbl://host:port``, ``grbl:/dev/ttyUSB0``, ``replay:FILE``, ``fake:grbl``.
+    """Return the address in a text such as ``grbl://host:port``, ``grbl:/dev/ttyUSB0``, ``replay:FILE``, ``fake:grbl``.
+
+    Args:
+        text: address as typed.
 
     Raises:
-        InputError: no such kind of machine, or no address of it.
+        InputError: the kind of machine is unknown, or the rest is not an address for this kind.
+        PluginError: the plug-in of this kind cannot be used.
 
     Example:
         >>> from tanteo.machines.address import parse_machine
@@ -110,15 +114,15 @@ def parse_machine(text: str) -> Address:
 
 
 def machine_kind(name: str, text: str = "") -> MachineKind:
-    """Return the kind of machine of a name.
+    """Return the kind of machine with a name.
 
     Args:
         name: name of the kind, as in an address.
-        text: whole address, for the message.
+        text: complete address, for messages.
 
     Raises:
-        InputError: There is none of that name; the message lists all.
-        PluginError: The plug-in of that name cannot be used.
+        InputError: the name is unknown; the message lists all names.
+        PluginError: the plug-in with this name cannot be used.
     """
     found = MACHINES.find(name)
     if found is None:
@@ -131,28 +135,36 @@ def machine_kind(name: str, text: str = "") -> MachineKind:
 
 
 def turns_of(address: Address) -> bool:
-    """Return whether the tool of the machine at an address can look along any direction; otherwise it points down."""
+    """Return whether the tool of a machine can point along any direction; otherwise it points down.
+
+    Args:
+        address: address of the machine.
+    """
     return address.kind not in _WITHOUT_KIND and machine_kind(address.kind).turns
 
 
 @contextmanager
 def opened(
-    address: Address, world: World | None = None, start: Vectors | None = None, hurry: float = float("inf"),
+    address: Address, world: World | None = None, start: Vectors | None = None, speedup: float = float("inf"),
     faults: Faults | None = None,
 ) -> Iterator[Machine]:  # fmt: skip
-    """The machine at an address, let go at the end; a fake is started, and ended, too.
+    """Open the machine at an address, and close it at the end of the context; a fake is started and ended as well.
 
     Args:
-        address: of it.
-        world: of a fake.
-        start: where the tip of a fake is ``(3,)`` [m].
-        hurry: how much faster than stated a fake moves; infinite: at once.
-        faults: of a fake.
+        address: address of the machine.
+        world: body that the probe of a fake touches; required for a fake.
+        start: position of a fake's tip at the start ``(3,)`` [m]; required for a fake.
+        speedup: factor on the speed of a fake; infinite for motions that take no time.
+        faults: simulated faults of a fake.
+
+    Yields:
+        The driver of the machine.
 
     Raises:
-        LinkLostError: nobody answers.
-        StoppedError: it is in alarm.
-        PluginError: the driver of a plug-in cannot be opened, or is no driver.
+        InputError: world or start of a fake are missing.
+        LinkLostError: no controller answers.
+        StoppedError: the controller is in an alarm state.
+        PluginError: the driver of a plug-in cannot be opened, or does not implement the protocol.
     """
     if not address.fake:
         machine = _replay(address) if address.kind == "replay" else _opened(address)
@@ -162,14 +174,14 @@ def opened(
             machine.close()
         return
     if world is None or start is None:
-        raise InputError("fake: expected a world and a place to start from, got none. Pass both.")
+        raise InputError("fake: expected a world and a start position, got none. Pass both.")
     if address.kind == "direct":
-        yield DirectMachine(world, start, hurry=hurry)
+        yield DirectMachine(world, start, speedup=speedup)
         return
     start_fake, origin = machine_kind(address.kind).fake, MACHINES.origin(address.kind)
     assert start_fake is not None, "an address of a fake is checked when it is read"
     with guarded(origin, "a fake to be started"):
-        fake = start_fake(world, start, hurry=hurry, faults=faults)
+        fake = start_fake(world, start, speedup=speedup, faults=faults)
     try:
         with opened(Address(address.kind, host="127.0.0.1", ports=fake.ports)) as machine:
             yield machine
@@ -228,16 +240,16 @@ def _linuxcnc(address: Address) -> Machine:
     return LinuxCncMachine(TcpLink(address.host, *(address.ports or MACHINES.builtin["linuxcnc"].ports)))
 
 
-def _grbl_fake(world: World, start: Vectors, *, hurry: float, faults: Faults | None) -> Fake:
-    return machines.GrblFake(world, start, hurry=hurry, faults=faults)
+def _grbl_fake(world: World, start: Vectors, *, speedup: float, faults: Faults | None) -> Fake:
+    return machines.GrblFake(world, start, speedup=speedup, faults=faults)
 
 
-def _linuxcnc_fake(world: World, start: Vectors, *, hurry: float, faults: Faults | None) -> Fake:
-    return machines.LinuxCncFake(world, start, hurry=hurry, faults=faults)
+def _linuxcnc_fake(world: World, start: Vectors, *, speedup: float, faults: Faults | None) -> Fake:
+    return machines.LinuxCncFake(world, start, speedup=speedup, faults=faults)
 
 
-def _ur_fake(world: World, start: Vectors, *, hurry: float, faults: Faults | None) -> Fake:
-    return machines.UrFake(world, start, hurry=hurry, faults=faults)
+def _ur_fake(world: World, start: Vectors, *, speedup: float, faults: Faults | None) -> Fake:
+    return machines.UrFake(world, start, speedup=speedup, faults=faults)
 
 
 MACHINES: Registry[MachineKind] = Registry(
@@ -250,4 +262,4 @@ MACHINES: Registry[MachineKind] = Registry(
     },
     reserved=("fake", *_WITHOUT_KIND),
 )
-"""Kinds of machines by the first word of their addresses."""
+"""Kinds of machines, by the first word of their addresses."""

@@ -1,4 +1,4 @@
-"""The moving tip of a fake: straight motions in simulated time that can be watched, held and stopped."""
+"""Simulate the moving tip of a fake controller: straight motions that can be held and stopped."""
 
 from __future__ import annotations
 
@@ -14,26 +14,29 @@ from tanteo.geometry.typing import Vectors
 from tanteo.machines.world import World
 
 _TICK = 0.002
-"""Of a motion that takes time [s]."""
+"""Time between two updates of a position during a motion [s]."""
 
-Ended = Literal["there", "met", "held", "stopped"]
-"""At its goal; at a contact; a feed hold; an emergency stop."""
+Ended = Literal["arrived", "contact", "held", "stopped"]
+"""Reason for which a motion ended: at its goal; at a contact; by a feed hold; by an emergency stop."""
 
 
 @dataclass(eq=False)
 class Tip:
-    """Where the ball is, and what a motion does to it.
+    """Simulated ball of a probe, which moves along straight lines.
 
     Attributes:
-        world: what it meets.
-        place: of the ball's centre ``(3,)`` [m].
-        hurry: how much faster than stated it moves; infinite: at once.
-        travelled: every place at which a motion ended, in order.
+        world: body that the ball touches.
+        place: position of the ball's centre ``(3,)`` [m].
+        speedup: factor on the commanded speed; infinite for motions that take no time.
+        travelled: positions at which the motions ended, in order.
+        moving: whether a motion is under way.
+        hold: event of a feed hold, which ends the motion.
+        emergency: event of an emergency stop, which ends the motion.
     """
 
     world: World
     place: Vectors
-    hurry: float = np.inf
+    speedup: float = np.inf
     travelled: list[Vectors] = field(default_factory=list)
     moving: bool = False
     hold: threading.Event = field(default_factory=threading.Event)
@@ -42,7 +45,17 @@ class Tip:
     def go(
         self, goal: Vectors, speed: float, *, until_contact: bool, half_way: Callable[[], None] | None = None
     ) -> Ended:
-        """Move straight, to a contact at most if that is looked for; through it, where nobody looks."""
+        """Move along a straight line to a goal.
+
+        Args:
+            goal: position of the ball's centre at the end ``(3,)`` [m].
+            speed: commanded speed [m/s].
+            until_contact: whether the motion ends at a contact; otherwise the ball moves through the body.
+            half_way: function to call in the middle of the motion; None for none.
+
+        Returns:
+            Reason for which the motion ended.
+        """
         start = self.place
         length = float(np.linalg.norm(goal - start))
         way = self.world.contact(start, goal) if until_contact else np.inf
@@ -53,7 +66,7 @@ class Tip:
         finally:
             self.moving = False
             self.travelled.append(self.place)
-        return ended if ended in ("held", "stopped") else ("met" if way <= length else "there")
+        return ended if ended in ("held", "stopped") else ("contact" if way <= length else "arrived")
 
     def _run(
         self, start: Vectors, goal: Vectors, length: float, ends: float, speed: float, half: Callable[[], None] | None
@@ -62,15 +75,15 @@ class Tip:
         while gone < ends:
             if self.emergency.is_set() or self.hold.is_set():
                 return "stopped" if self.emergency.is_set() else "held"
-            if np.isfinite(self.hurry):
+            if np.isfinite(self.speedup):
                 time.sleep(_TICK)
-                gone = min(ends, (time.monotonic() - begun) * speed * self.hurry)
+                gone = min(ends, (time.monotonic() - begun) * speed * self.speedup)
             else:
                 gone = ends if gone or half is None else 0.5 * ends
             self.place = goal if gone >= length else start + (gone / length) * (goal - start)
             if half is not None and gone >= 0.5 * ends:
                 half()
                 half = None
-        if half is not None:  # it only turns, or does not move at all
+        if half is not None:  # the tip rotates in place or does not move
             half()
-        return "stopped" if self.emergency.is_set() else "there"
+        return "stopped" if self.emergency.is_set() else "arrived"

@@ -1,4 +1,4 @@
-"""A machine without a controller: its motions are those of the simulated tip. What the fakes are compared with."""
+"""Drive a simulated tip without a controller; tests compare the fake controllers with it."""
 
 from __future__ import annotations
 
@@ -13,60 +13,88 @@ from tanteo.machines.world import World
 
 
 class DirectMachine:
-    """The simulated tip as a machine.
+    """Machine that moves a simulated tip directly.
 
     Attributes:
-        tip: its ball.
-        facts: what does not change.
+        tip: simulated ball of the probe.
+        facts: constant properties of the machine.
+        frames: texts that :meth:`write_frame` received.
     """
 
-    def __init__(self, world: World, start: Vectors, *, turns: bool = False, hurry: float = np.inf) -> None:
-        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
+    def __init__(self, world: World, start: Vectors, *, turns: bool = False, speedup: float = np.inf) -> None:
+        self.tip = Tip(world, np.asarray(start, dtype=np.float64), speedup)
         self.facts = Facts("simulated tip", turns=turns)
         self.frames = list[str]()
         self._stopped = False
 
     def status(self) -> MachineStatus:
-        """Of now."""
+        """Return the current status."""
         state: MachineState = "stopped" if self._stopped else "moving" if self.tip.moving else "idle"
         return MachineStatus(state, self.tip.place, self.tip.world.tripped(self.tip.place), 0.0, state)
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight there."""
+        """Move straight to a pose; see :class:`~tanteo.machines.Machine`.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s]; not used.
+
+        Raises:
+            ContactError: the tip touched the body.
+        """
         goal = T_world_probe[:3, 3]
-        if self._go(goal, speed, until_contact=True) == "met":
-            raise ContactError("simulated tip: expected a free way, met something. Give the part more clearance.")
+        if self._go(goal, speed, until_contact=True) == "contact":
+            raise ContactError("simulated tip: expected a free path, got a contact. Give the part more clearance.")
 
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight there, out of contact."""
+        """Retract straight to a pose without watching for contacts.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s]; not used.
+        """
         self._go(T_world_probe[:3, 3], speed, until_contact=False)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """Until contact."""
+        """Move along a direction until contact; see :class:`~tanteo.machines.Machine`.
+
+        Args:
+            direction: unit direction ``(3,)``.
+            reach: largest distance [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s]; not used.
+        """
         start, begun = self.tip.place, time.monotonic()
         goal = start + reach * direction
-        met = self._go(goal, speed, until_contact=True) == "met"
-        noise = self.tip.world.noise(start, goal) if met else 0.0
-        distance = float((self.tip.place - start) @ direction) + noise if met else np.inf
+        hit = self._go(goal, speed, until_contact=True) == "contact"
+        noise = self.tip.world.noise(start, goal) if hit else 0.0
+        distance = float((self.tip.place - start) @ direction) + noise if hit else np.inf
         return Sensed(start, direction, distance, reach, time.monotonic() - begun)
 
     def abort(self) -> None:
-        """For good."""
+        """Stop permanently."""
         self._stopped = True
         self.tip.emergency.set()
 
     def write_frame(self, text: str, seconds: float) -> None:
-        """Kept in ``frames``."""
+        """Append the text to ``frames``.
+
+        Args:
+            text: lines that set a frame.
+            seconds: largest duration [s]; not used.
+        """
         self._check()
         self.frames.append(text)
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Stop permanently; there is nothing to disconnect."""
         self.abort()
 
     def _check(self) -> None:
         if self._stopped:
-            raise StoppedError("simulated tip: expected one that may move, got one that has stopped. Make another.")
+            raise StoppedError("simulated tip: expected one that can move, got a stopped one. Create a new one.")
 
     def _go(self, goal: Vectors, speed: float, *, until_contact: bool) -> Ended:
         self._check()

@@ -1,4 +1,4 @@
-"""What all fakes of controllers have in common: a tip, faults, and what a motion comes to."""
+"""Define the common part of all fake controllers: a simulated tip, faults, and the outcome of a motion."""
 
 from __future__ import annotations
 
@@ -13,46 +13,51 @@ from tanteo.machines.axis import Ended, Tip
 from tanteo.machines.faults import Faults
 from tanteo.machines.world import World
 
-Outcome = Literal["there", "met", "tripped", "pushed", "unsaid"]
-"""At its goal; at a contact; not begun, in contact; pushed without a contact; nothing is to be said of it."""
+Outcome = Literal["arrived", "contact", "tripped", "pushed", "unreported"]
+"""Outcome of a motion: at its goal; at a contact; refused because the probe was in contact; stopped by a force without
+a contact; not to be reported by the controller."""
 
 
 class Fake(ABC):
-    """A controller that is not there.
+    """Fake controller, which speaks the protocol of a real one on loopback.
 
     Attributes:
-        tip: its ball.
-        faults: what goes wrong.
-        motions: how many it was told to make.
-        ports: of loopback.
+        tip: simulated ball of the probe.
+        faults: simulated faults.
+        motions: number of motions that were commanded.
+        ports: TCP ports on loopback.
     """
 
     ports: tuple[int, ...]
 
-    def __init__(self, world: World, start: Vectors, hurry: float, faults: Faults | None) -> None:
-        self.tip = Tip(world, np.asarray(start, dtype=np.float64), hurry)
+    def __init__(self, world: World, start: Vectors, speedup: float, faults: Faults | None) -> None:
+        self.tip = Tip(world, np.asarray(start, dtype=np.float64), speedup)
         self.faults, self.motions = faults or Faults(), 0
         self._silent = False
 
     @abstractmethod
     def close(self) -> None:
-        """Switch it off."""
+        """Switch the controller off."""
 
     @abstractmethod
     def press_stop(self) -> None:
-        """The emergency stop."""
+        """Press the emergency stop."""
 
     @abstractmethod
     def _drop(self) -> None:
         """End the connection."""
 
     def _motion(self, goal: Vectors, speed: float, *, guarded: bool) -> tuple[Outcome, Vectors]:
-        """A straight motion with the faults of its number: what came of it, and the place ``(3,)`` that is said."""
+        """Make a straight motion with the faults of its number.
+
+        Returns:
+            Outcome of the motion, and the position that the controller reports ``(3,)`` [m].
+        """
         self.motions += 1
         n, faults, start = self.motions, self.faults, self.tip.place
         if n == faults.drop_before:
             self._drop()
-            return "unsaid", start
+            return "unreported", start
         self._silent = self._silent or n == faults.silent
         if guarded and self.tip.world.tripped(start):
             return "tripped", start
@@ -66,12 +71,12 @@ class Fake(ABC):
     def _reported(self, ended: Ended, start: Vectors, goal: Vectors) -> tuple[Outcome, Vectors]:
         here = self.tip.place
         if ended in ("held", "stopped"):
-            return "unsaid", here
+            return "unreported", here
         if self.motions == self.faults.late:
             time.sleep(self.faults.seconds)
         if self.motions == self.faults.drop_after:
             self._drop()
-            return "unsaid", here
-        if ended == "there":
-            return "there", here
-        return "met", here + self.tip.world.noise(start, goal) * (goal - start) / np.linalg.norm(goal - start)
+            return "unreported", here
+        if ended == "arrived":
+            return "arrived", here
+        return "contact", here + self.tip.world.noise(start, goal) * (goal - start) / np.linalg.norm(goal - start)

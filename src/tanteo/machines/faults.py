@@ -1,4 +1,4 @@
-"""What may go wrong in a fake controller: told beforehand, so that a driver can be tried on it."""
+"""Define the faults of a fake controller, on which drivers are tested."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """Faults of a fake, by the number of the motion, from 1; 0 is never.
+    """Faults of a fake controller, each with the number of the motion at which it occurs.
+
+    Motions are numbered from 1; 0 means that the fault does not occur.
 
     Attributes:
-        drop_before: the connection ends when this motion arrives, which is not made.
-        drop_after: it ends when this motion has been made, before the controller says so.
-        late: this motion is answered ``seconds`` late.
-        seconds: of it.
-        stop_at: the emergency stop is pressed in the middle of this motion.
-        stuck: this motion pushes against something half way, and the probe does not trip: of a robot that feels forces.
-        silent: from this motion on nothing is said, though the connection stays.
+        drop_before: motion whose command ends the connection; the motion is not made.
+        drop_after: motion after which the connection ends, before the controller reports the result.
+        late: motion whose result is reported late.
+        seconds: delay of a late report [s].
+        stop_at: motion in whose middle the emergency stop is pressed.
+        stuck: motion that pushes against an obstacle half way without a trip of the probe, for robots with a force
+            sensor.
+        silent: first motion from which on the controller sends nothing, although the connection stays open.
     """
 
     drop_before: int = 0

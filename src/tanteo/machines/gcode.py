@@ -1,4 +1,4 @@
-"""G-code: the words that drivers send, and what fakes of controllers know: modes, offsets, where a block goes."""
+"""Write and interpret G-code: words that drivers send; modes, offsets and goals of blocks for fake controllers."""
 
 from __future__ import annotations
 
@@ -16,22 +16,30 @@ _MOTIONS = ("0", "1", "38.2", "38.3")
 
 
 def place_words(place: Vectors) -> str:
-    """``X1.0000 Y2.0000 Z3.0000`` of a place ``(3,)`` [m], in millimetres."""
+    """Return the words of a position, such as ``X1.0000 Y2.0000 Z3.0000``, in millimetres.
+
+    Args:
+        place: position ``(3,)`` [m].
+    """
     return " ".join(f"{axis}{1e3 * v + 0.0:.4f}" for axis, v in zip("XYZ", place, strict=True))
 
 
 def feed_word(speed: float) -> str:
-    """``F120.000`` of a speed [m/s], in millimetres a minute."""
+    """Return the word of a speed, such as ``F120.000``, in millimetres a minute.
+
+    Args:
+        speed: speed [m/s].
+    """
     return f"F{60e3 * speed:.3f}"
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A line of G-code.
+    """Block, which is one line of G-code.
 
     Attributes:
-        codes: of ``G``, as typed.
-        words: the other letters.
+        codes: numbers of the ``G`` words, as typed.
+        words: numbers of the other words, by letter.
     """
 
     codes: frozenset[str]
@@ -39,27 +47,27 @@ class Block:
 
     @property
     def sets(self) -> bool:
-        """Whether it sets an offset."""
+        """Whether the block sets an offset."""
         return "10" in self.codes
 
     @property
     def moves(self) -> bool:
-        """Whether an axis is told where to go."""
+        """Whether the block commands a motion of an axis."""
         return not self.sets and any(axis in self.words for axis in "XYZ")
 
 
 @dataclass(slots=True)
 class Modal:
-    """What stays from block to block.
+    """Modal state of an interpreter, which persists from block to block.
 
     Attributes:
-        offsets: of the work coordinates, by number, ``(3,)`` [m].
-        turns: of them about z, by number [rad].
-        active: which of them.
-        absolute: ``G90``.
-        unit: of lengths [m].
-        feed: [m/s].
-        motion: the last of ``G0``, ``G1``, ``G38.2``, ``G38.3``.
+        offsets: offsets of the work coordinate systems, by number, each ``(3,)`` [m].
+        turns: rotations of the work coordinate systems about z, by number [rad].
+        active: number of the active work coordinate system; 1 is ``G54``.
+        absolute: whether coordinates are absolute (``G90``).
+        unit: metres per unit of length [m].
+        feed: feed rate [m/s].
+        motion: number of the last motion code: ``0``, ``1``, ``38.2`` or ``38.3``.
     """
 
     offsets: dict[int, Vectors] = field(default_factory=dict)
@@ -72,18 +80,21 @@ class Modal:
 
     @property
     def offset(self) -> Vectors:
-        """Of the coordinates in use ``(3,)`` [m]."""
+        """Offset of the active work coordinate system ``(3,)`` [m]."""
         return self.offsets.get(self.active, np.zeros(3))
 
     def read(self, line: str) -> Block:
-        """A line, and the modes that it sets.
+        """Return the block of a line, and update the modes that it sets.
+
+        Args:
+            line: line of G-code.
 
         Raises:
-            ValueError: it is not made of letters with numbers; a number has no exponent.
+            ValueError: the line does not consist of letters with numbers without exponent.
         """
-        said = re.sub(r"\([^)]*\)", "", line.upper())
-        found = _WORD.findall(said)
-        if _WORD.sub("", said).strip():
+        text = re.sub(r"\([^)]*\)", "", line.upper())
+        found = _WORD.findall(text)
+        if _WORD.sub("", text).strip():
             raise ValueError(line)
         block = Block(
             frozenset(value for letter, value in found if letter == "G"),
@@ -96,7 +107,12 @@ class Modal:
         return block
 
     def goal(self, block: Block, place: Vectors) -> Vectors:
-        """Where a block goes ``(3,)`` from a place, in machine coordinates [m]."""
+        """Return the goal of a block in machine coordinates ``(3,)`` [m].
+
+        Args:
+            block: block with a motion.
+            place: current position in machine coordinates ``(3,)`` [m].
+        """
         here = self.program(place)
         goal = here.copy() if self.absolute else np.zeros(3)
         for k, axis in enumerate("XYZ"):
@@ -104,7 +120,11 @@ class Modal:
         return self._turn @ (goal if self.absolute else here + goal) + self.offset
 
     def program(self, place: Vectors) -> Vectors:
-        """A place of the machine ``(3,)`` in the coordinates in use [m]."""
+        """Return a position in the active work coordinate system ``(3,)`` [m].
+
+        Args:
+            place: position in machine coordinates ``(3,)`` [m].
+        """
         return np.asarray(self._turn.T @ (place - self.offset))
 
     @property
@@ -112,7 +132,11 @@ class Modal:
         return np.asarray(SO3.axis_rotation(2, self.turns.get(self.active, 0.0)))
 
     def set_offset(self, block: Block) -> None:
-        """``G10 L2 P1``."""
+        """Set the offset and rotation of a work coordinate system, as ``G10 L2 P1`` does.
+
+        Args:
+            block: block with the new values.
+        """
         number = int(block.words.get("P", 0)) or self.active
         place = self.offsets.get(number, np.zeros(3)).copy()
         for k, axis in enumerate("XYZ"):

@@ -1,6 +1,6 @@
-"""What all controllers of G-code have in common: probe cycles for motions, the way back, frames that are read back.
+"""Define the common part of all drivers of G-code controllers: probe cycles, retraction, and frames with read-back.
 
-Of a controller only its protocol is left: how a line reaches its interpreter, and how it says what came of it.
+A derived class implements the protocol: how a line reaches the interpreter, and how the controller reports its result.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from tanteo.machines.offsets import WorkFrame
 from tanteo.machines.protocol import Facts, MachineError, MachineStatus, Sensed, place_of
 
 UNITS = {"MM": 1e-3, "INCH": 25.4e-3, "CM": 1e-2}
-"""Of what controllers say of places [m]."""
+"""Metres per unit of the positions that controllers report [m]."""
 _BRAKE = 0.4
-"""From a stop to letting go [s]."""
+"""Time from a stop to the end of the connection [s]."""
 _STILL = 1e-6
-"""A motion shorter than this is none [m]: GRBL calls it an error."""
+"""Length below which a motion is not sent [m]; GRBL reports it as an error."""
 
 
 class GcodeMachine(ABC):
-    """A controller with a touch probe that takes ``G38.3`` and ``G1``.
+    """Driver of a controller with a touch probe that supports ``G38.3`` and ``G1``.
 
     Attributes:
-        facts: what does not change.
+        facts: constant properties of the machine.
     """
 
     def __init__(self, link: Link, name: str, controller: str) -> None:
@@ -42,46 +42,73 @@ class GcodeMachine(ABC):
 
     @abstractmethod
     def status(self) -> MachineStatus:
-        """What was heard last."""
+        """Return the most recent status."""
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight there, as a probe cycle that should meet nothing."""
+        """Move straight to a pose, as a probe cycle that should not end at a contact.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+
+        Raises:
+            ContactError: the probe touched something, or was in contact at the start.
+            StoppedError: the machine has stopped.
+        """
         if self._probe(T_world_probe[:3, 3], speed, seconds) is not None:
-            raise self._latch.met(place_of(self))
+            raise self._latch.contact_error(place_of(self))
 
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight there; nothing stops it but the controller."""
+        """Retract straight to a pose; only the controller can stop this motion.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+        """
         deadline = time.monotonic() + seconds
         self._command(f"G1 {self._way(T_world_probe[:3, 3], speed)}", deadline)
-        self._settled(deadline)
+        self._wait_until_rest(deadline)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """``G38.3`` along the direction."""
+        """Move along a direction until contact, by ``G38.3``.
+
+        Args:
+            direction: unit direction ``(3,)``.
+            reach: largest distance [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+        """
         begun, start = time.monotonic(), place_of(self)
-        met = self._probe(start + reach * direction, speed, seconds)
-        distance = np.inf if met is None else float((met - start) @ direction)
+        contact = self._probe(start + reach * direction, speed, seconds)
+        distance = np.inf if contact is None else float((contact - start) @ direction)
         return Sensed(start, direction, distance, reach, time.monotonic() - begun)
 
     def abort(self) -> None:
-        """For good; from any thread, never waits, never raises."""
-        self._latch.stop("it was told to stop")
+        """Stop permanently; callable from any thread, never waits, never raises."""
+        self._latch.stop("a stop was commanded")
         self._halt()
 
     def write_frame(self, text: str, seconds: float) -> None:
-        """Its lines one by one; what they set is read back.
+        """Send the lines that set a frame, and read the frame back.
+
+        Args:
+            text: lines of G-code that set a frame.
+            seconds: largest duration [s].
 
         Raises:
-            MachineError: the controller has another frame than it was told.
+            MachineError: the controller reports another frame than was set.
         """
-        deadline, told = time.monotonic() + seconds, offsets.frames_in(text)
+        deadline, wanted = time.monotonic() + seconds, offsets.frames_in(text)
         for line in offsets.commands(text):
             self._command(line, deadline)
-        there = self._read_frames(told, deadline)
-        for slot, wanted in told.items():
-            offsets.check(self.facts.name, slot, wanted, there[slot])
+        there = self._read_frames(wanted, deadline)
+        for slot, values in wanted.items():
+            offsets.check(self.facts.name, slot, values, there[slot])
 
     def close(self) -> None:
-        """Stop what moves, and let go; never raises."""
+        """Stop a running motion, and disconnect; never raises."""
         if self.status().state == "moving":
             self.abort()
             time.sleep(_BRAKE)
@@ -89,7 +116,7 @@ class GcodeMachine(ABC):
         self._link.close()
 
     def _open(self, deadline: float) -> None:
-        """Begin, or let go of it."""
+        """Set the controller up, or disconnect if that fails."""
         try:
             self._begin(deadline)
         except MachineError:
@@ -97,50 +124,50 @@ class GcodeMachine(ABC):
             raise
 
     def _probe(self, goal: Vectors, speed: float, seconds: float) -> Vectors | None:
-        """A probe cycle: where it met something ``(3,)`` [m]; None for nothing."""
+        """Run a probe cycle; return the position of the contact ``(3,)`` [m], or None without contact."""
         deadline = time.monotonic() + seconds
         self._latch.check()
         if np.linalg.norm(goal - place_of(self)) < _STILL:
             return None
         if self.status().tripped:
             raise self._latch.in_contact()
-        said = self._command(f"G38.3 {self._way(goal, speed)}", deadline)
-        self._settled(deadline)
-        return self._contact(said, deadline)
+        rows = self._command(f"G38.3 {self._way(goal, speed)}", deadline)
+        self._wait_until_rest(deadline)
+        return self._contact(rows, deadline)
 
     def _way(self, goal: Vectors, speed: float) -> str:
         return f"{place_words(self._frame.program(goal))} {feed_word(speed)}"
 
-    def _settled(self, deadline: float) -> None:
-        """Wait until it says that it is at rest."""
+    def _wait_until_rest(self, deadline: float) -> None:
+        """Wait until the controller reports that it is at rest."""
         while not self._at_rest(deadline):
-            self._latch.late(deadline, "it to come to rest")
+            self._latch.late(deadline, "the end of its motion")
             time.sleep(0.005)
 
     @abstractmethod
     def _begin(self, deadline: float) -> None:
-        """See that it is ready; millimetres, absolute, ``G54`` from here on, whose frame is known."""
+        """Check that the controller is ready; set millimetres, absolute coordinates and ``G54``, and read its frame."""
 
     @abstractmethod
     def _command(self, line: str, deadline: float) -> Sequence[str]:
-        """One line to the interpreter, and what is said before it is acknowledged."""
+        """Send one line to the interpreter; return the rows that arrive before the acknowledgement."""
 
     @abstractmethod
     def _at_rest(self, deadline: float) -> bool:
-        """Whether all is done, asked from now on."""
+        """Return whether all motions have ended, from a status requested now."""
 
     @abstractmethod
-    def _contact(self, said: Sequence[str], deadline: float) -> Vectors | None:
-        """Where the probe cycle that said this met something ``(3,)``, in machine coordinates [m]; None for nothing."""
+    def _contact(self, rows: Sequence[str], deadline: float) -> Vectors | None:
+        """Return the contact of a probe cycle from its rows ``(3,)``, machine coordinates [m]; None without contact."""
 
     @abstractmethod
     def _read_frames(self, slots: Iterable[str], deadline: float) -> Mapping[str, Vectors]:
-        """Of each slot x, y, z [mm] and the turn [deg] ``(4,)``, not a number where unknown; ``G54`` acts from here."""
+        """Return x, y, z [mm] and rotation [deg] ``(4,)`` of each slot, NaN if unknown; keep the frame of ``G54``."""
 
     @abstractmethod
     def _halt(self) -> None:
-        """Tell it to stop; never waits, never raises."""
+        """Command a stop; never waits, never raises."""
 
     @abstractmethod
     def _hang_up(self) -> None:
-        """Before the connection is closed; never raises."""
+        """Prepare for the end of the connection; never raises."""

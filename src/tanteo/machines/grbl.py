@@ -1,8 +1,8 @@
-"""GRBL and FluidNC: ``G38.3`` for every motion that should meet nothing or may meet nothing, ``?``, ``!``, ctrl-x.
+"""Drive GRBL and FluidNC controllers: ``G38.3`` for guarded motions, ``?`` for status, ``!`` and ctrl-x to stop.
 
-Read for it: GRBL 1.1 ``doc/markdown/interface.md`` and ``commands.md`` (grbl/grbl): ``ok`` after ``G38`` comes when the
-motion has ended; a probe cycle that begins in contact ends in ``ALARM:4``; after ``!`` a reset keeps the position once
-the state is ``Hold:0``.
+Source: GRBL 1.1, ``doc/markdown/interface.md`` and ``commands.md`` (grbl/grbl). The ``ok`` of a ``G38`` arrives when
+the motion has ended. A probe cycle that begins in contact ends in ``ALARM:4``. After ``!``, a reset keeps the position
+once the state is ``Hold:0``.
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ from tanteo.machines.offsets import WorkFrame
 from tanteo.machines.protocol import Facts, LinkLostError, MachineStatus, StoppedError
 from tanteo.machines.row_reader import RowReader
 
-_HOLD, _RESET, _ASK = b"!", b"\x18", b"?"
+_HOLD, _RESET, _QUERY = b"!", b"\x18", b"?"
 _PERIOD = 0.2
-"""Between two questions for the status [s]: GRBL asks for 5 Hz at most."""
+"""Time between two status requests [s]: GRBL recommends at most 5 Hz."""
 _HOLDS = 0.5
-"""From a feed hold to the reset, if the controller does not say that it holds [s]."""
+"""Time from a feed hold to the reset if the controller does not report the hold [s]."""
 
 
 class GrblMachine(GcodeMachine):
-    """A GRBL or FluidNC controller with a touch probe.
+    """Driver of a GRBL or FluidNC controller with a touch probe.
 
     Attributes:
-        facts: what does not change.
+        facts: constant properties of the machine.
 
     Raises:
-        StoppedError: it is in alarm; it is never unlocked or homed from here.
-        LinkLostError: nobody answers.
+        StoppedError: the controller is in an alarm state; the driver never unlocks or homes it.
+        LinkLostError: no controller answers.
     """
 
     def __init__(self, link: Link, seconds: float = 5.0) -> None:
         super().__init__(link, "GRBL", "grbl")
         self._answers, self._busy, self._ready = queue.SimpleQueue[str](), threading.Lock(), False
         self._report: Report | None = None
-        self._asked, self._held_at, self._reset_sent = 0.0, 0.0, False
+        self._polled_at, self._hold_sent_at, self._reset_sent = 0.0, 0.0, False
         self._reader = RowReader(link, self._latch, self._hear, self._turn)
         self._open(time.monotonic() + seconds)
 
     def status(self) -> MachineStatus:
-        """What was heard last."""
+        """Return the most recent status."""
         report, now = self._report, time.monotonic()
         if report is None:
             return MachineStatus(self._latch.state("idle"))
@@ -60,23 +60,23 @@ class GrblMachine(GcodeMachine):
         return MachineStatus(state, self._unit * report.machine, report.tripped, now - report.at, report.state)
 
     def _halt(self) -> None:
-        """Feed hold now, reset when it stands."""
-        self._held_at = self._held_at or time.monotonic()
+        """Send a feed hold; the reader thread sends the reset when the machine is at rest."""
+        self._hold_sent_at = self._hold_sent_at or time.monotonic()
         self._latch.send(self._link, _HOLD)
 
     def _hang_up(self) -> None:
         self._reader.close()
 
     def _begin(self, deadline: float) -> None:
-        """Its name, unit and offsets; millimetres, absolute, ``G54`` from here on."""
+        """Read name, unit and offsets; set millimetres, absolute coordinates and ``G54``."""
         self._latch.send(self._link, b"\r\n")
         while self._report is None:
             self._latch.check()
             if time.monotonic() > deadline:
                 raise LinkLostError(f"{self._link.name}: expected a GRBL status, got none. Check port and baud rate.")
-            self._latch.send(self._link, _ASK)
+            self._latch.send(self._link, _QUERY)
             time.sleep(0.05)
-        time.sleep(0.1)  # what it says of itself after a reset
+        time.sleep(0.1)  # the controller sends its banner after a reset
         state = self._report.state
         if not state.startswith("Idle"):
             raise StoppedError(
@@ -95,25 +95,25 @@ class GrblMachine(GcodeMachine):
         self._fresh(deadline)
 
     def _read_frames(self, slots: Iterable[str], deadline: float) -> dict[str, Vectors]:
-        """All are said at once, in the controller's unit; it knows no turn."""
+        """Request all work offsets at once by ``$#``, in the controller's unit; GRBL has no rotated frames."""
         found = offsets_of(self._command("$#", deadline))
         acting = (found[name] for name in ("G54", "G92", "TLO") if name in found)
         self._frame = WorkFrame(self._unit * sum(acting, np.zeros(3)))
         unknown = np.full(3, np.nan)
         return {slot: offsets.padded(1e3 * self._unit * found.get(slot, unknown)) for slot in slots}
 
-    def _contact(self, said: Sequence[str], deadline: float) -> Vectors | None:
-        """By its ``[PRB:...]``."""
-        found = probed(said)
+    def _contact(self, rows: Sequence[str], deadline: float) -> Vectors | None:
+        """Return the contact from the controller's ``[PRB:...]`` row."""
+        found = probed(rows)
         if found is None:
-            raise self._latch.failed("no [PRB:...] after a probe cycle")
+            raise self._latch.failed("no [PRB:...] row after a probe cycle")
         return self._unit * found[0] if found[1] else None
 
     def _at_rest(self, deadline: float) -> bool:
         return self._fresh(deadline).state.startswith("Idle")
 
     def _command(self, line: str, deadline: float) -> list[str]:
-        """What is said until ``ok``."""
+        """Send one line; return the rows that arrive before ``ok``."""
         with self._busy:
             self._latch.check()
             self._forget()
@@ -135,9 +135,9 @@ class GrblMachine(GcodeMachine):
             self._latch.late(deadline, f"'ok' for '{line}'")
 
     def _fresh(self, deadline: float) -> Report:
-        """A status that was asked for from now on."""
+        """Request a status, and return the first one that arrives from now on."""
         begun = time.monotonic()
-        self._latch.send(self._link, _ASK)
+        self._latch.send(self._link, _QUERY)
         while True:
             self._latch.check()
             report = self._report
@@ -151,15 +151,15 @@ class GrblMachine(GcodeMachine):
             self._answers.get_nowait()
 
     def _turn(self) -> None:
-        """Of the thread that reads: the status is asked for; after a feed hold, the reset forgets what is queued."""
+        """Request the status in the reader thread; after a feed hold, send the reset that clears queued lines."""
         now, report = time.monotonic(), self._report
-        if now - self._asked > _PERIOD:
-            self._asked = now
-            self._latch.send(self._link, _ASK)
-        if not self._held_at or self._reset_sent:
+        if now - self._polled_at > _PERIOD:
+            self._polled_at = now
+            self._latch.send(self._link, _QUERY)
+        if not self._hold_sent_at or self._reset_sent:
             return
-        stands = report is not None and report.at > self._held_at and report.state in ("Hold:0", "Idle", "Alarm")
-        if stands or now - self._held_at > _HOLDS:
+        stands = report is not None and report.at > self._hold_sent_at and report.state in ("Hold:0", "Idle", "Alarm")
+        if stands or now - self._hold_sent_at > _HOLDS:
             self._reset_sent = True
             self._latch.send(self._link, _RESET)
 

@@ -1,7 +1,7 @@
-"""A GRBL 1.1 controller that is not there: it speaks the protocol on a TCP port of loopback, or on a pseudo-terminal.
+"""Fake a GRBL 1.1 controller on a TCP port of loopback, or on a pseudo-terminal.
 
-The same sources as the driver (``grbl/grbl``, ``doc/markdown/interface.md``, ``commands.md``): real-time characters are
-picked out of the stream, ``G38.2`` and ``G38.3`` answer after the motion, alarms lock all but ``$`` commands.
+Sources: those of the driver (``grbl/grbl``, ``doc/markdown/interface.md``, ``commands.md``). Real-time characters are
+taken out of the stream, ``G38.2`` and ``G38.3`` answer after the motion, and an alarm locks all but ``$`` commands.
 """
 
 from __future__ import annotations
@@ -27,43 +27,43 @@ _RAPID = 0.1
 
 
 class GrblFake(Fake):
-    """A controller with three axes and a touch probe.
+    """Fake GRBL controller with three axes and a touch probe.
 
     Attributes:
-        modal: what its G-code has set, the offset of ``G54`` among it.
-        heard: all lines that it was sent.
+        modal: modal state of the interpreter, including the work offsets.
+        received: lines that clients have sent.
     """
 
     def __init__(
-        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None, port: int = 0,
+        self, world: World, start: Vectors, *, speedup: float = np.inf, faults: Faults | None = None, port: int = 0,
         offset: Vectors | None = None, inches: bool = False, work_positions: bool = False, alarm: str = "",
     ) -> None:  # fmt: skip
-        super().__init__(world, start, hurry, faults)
+        super().__init__(world, start, speedup, faults)
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
-        self.heard = list[str]()
+        self.received = list[str]()
         self._inches, self._work_positions, self._alarm = inches, work_positions, alarm
-        self._send: Callable[[bytes], None] = _nobody
-        self._hang_up: Callable[[], None] = _nobody
+        self._send: Callable[[bytes], None] = _no_client
+        self._hang_up: Callable[[], None] = _no_client
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._closed = False
         self._server = Server(self._serve, port)
         self.ports = (self._server.port,)
 
     def close(self) -> None:
-        """Switch it off."""
+        """Switch the controller off."""
         self._closed = True
         self._lines.put(None)
         self._server.close()
-        self._send = self._hang_up = _nobody  # nothing holds what it was connected to
+        self._send = self._hang_up = _no_client  # keep no reference to the connection
 
     def press_stop(self) -> None:
-        """The emergency stop: the drives lose power, the controller resets."""
+        """Press the emergency stop: the drives lose power, and the controller resets."""
         self.tip.emergency.set()
         self._alarm = "3" if self.tip.moving else "1"
-        self._say(f"ALARM:{self._alarm}", "", "Grbl 1.1h ['$' for help]", "[MSG:'$H'|'$X' to unlock]")
+        self._send_rows(f"ALARM:{self._alarm}", "", "Grbl 1.1h ['$' for help]", "[MSG:'$H'|'$X' to unlock]")
 
     def terminal(self) -> str:
-        """A pseudo-terminal that speaks as the serial port does: its name (POSIX only)."""
+        """Return the name of a new pseudo-terminal that behaves as the serial port of the controller (POSIX only)."""
         import pty
         import tty
 
@@ -88,11 +88,11 @@ class GrblFake(Fake):
         self._talk(lambda: client.recv(4096), client.sendall, self._server.drop)
 
     def _talk(self, read: Callable[[], bytes], send: Callable[[bytes], None], hang_up: Callable[[], None]) -> None:
-        """One client: real-time characters at once, lines by a thread that takes its time."""
+        """Serve one client: real-time characters immediately, lines in a thread of their own."""
         self._send, self._hang_up, self._lines = send, hang_up, queue.SimpleQueue()
         self._silent = False
         self._server.start(self._execute, self._lines)
-        self._say("", "Grbl 1.1h ['$' for help]")
+        self._send_rows("", "Grbl 1.1h ['$' for help]")
         line = bytearray()
         while True:
             try:
@@ -108,7 +108,7 @@ class GrblFake(Fake):
     def _take(self, byte: int, line: bytearray) -> None:
         char = chr(byte)
         if char == "?":
-            self._say(self._status())
+            self._send_rows(self._status())
         elif char == "!":
             self.tip.hold.set()
         elif char == "~":
@@ -126,15 +126,15 @@ class GrblFake(Fake):
         moving = self.tip.moving and not self.tip.hold.is_set()
         while not self._lines.empty():
             self._lines.get_nowait()
-        self.tip.hold.set()  # whatever moves ends
+        self.tip.hold.set()  # ends a running motion
         if moving:
             self._alarm = "3"
-            self._say("ALARM:3")
-        self._say("", "Grbl 1.1h ['$' for help]")
+            self._send_rows("ALARM:3")
+        self._send_rows("", "Grbl 1.1h ['$' for help]")
         if self._alarm:
-            self._say("[MSG:'$H'|'$X' to unlock]")
+            self._send_rows("[MSG:'$H'|'$X' to unlock]")
 
-    def _say(self, *rows: str) -> None:
+    def _send_rows(self, *rows: str) -> None:
         if self._silent:
             return
         with suppress(OSError):
@@ -157,7 +157,7 @@ class GrblFake(Fake):
 
     def _execute(self, lines: queue.SimpleQueue[str | None]) -> None:
         while (line := lines.get()) is not None:
-            self.heard.append(line)
+            self.received.append(line)
             self._run(line.strip().upper())
 
     def _run(self, line: str) -> None:
@@ -165,22 +165,22 @@ class GrblFake(Fake):
             self._dollar(line)
             return
         if self._alarm:
-            self._say("error:9")
+            self._send_rows("error:9")
             return
         try:
             block = self.modal.read(line)
         except ValueError:
-            self._say("error:2")
+            self._send_rows("error:2")
             return
         if block.sets and "R" in block.words:
-            self._say("error:20")
+            self._send_rows("error:20")
         elif block.sets:
             self.modal.set_offset(block)
-            self._say("ok")
+            self._send_rows("ok")
         elif block.moves:
             self._move(self.modal.goal(block, self.tip.place))
         else:
-            self._say("ok")
+            self._send_rows("ok")
 
     def _drop(self) -> None:
         self._hang_up()
@@ -188,43 +188,43 @@ class GrblFake(Fake):
     def _move(self, goal: Vectors) -> None:
         guarded = self.modal.motion.startswith("38")
         if guarded and float(np.linalg.norm(goal - self.tip.place)) < 5e-7:
-            self._say("error:33")
+            self._send_rows("error:33")
             return
         self.tip.hold.clear()
         speed = _RAPID if self.modal.motion == "0" else self.modal.feed
         outcome, place = self._motion(goal, speed, guarded=guarded)
         if outcome == "tripped":
             self._fail("4")
-        elif outcome in ("there", "met"):
-            self._ended(outcome == "met", place, guarded=guarded)
+        elif outcome in ("arrived", "contact"):
+            self._ended(outcome == "contact", place, guarded=guarded)
 
-    def _ended(self, met: bool, place: Vectors, *, guarded: bool) -> None:
+    def _ended(self, hit: bool, place: Vectors, *, guarded: bool) -> None:
         if guarded:
-            self._say(f"[PRB:{self._shown(place)}:{int(met)}]")
-        if not met and guarded and self.modal.motion == "38.2":
+            self._send_rows(f"[PRB:{self._shown(place)}:{int(hit)}]")
+        if not hit and guarded and self.modal.motion == "38.2":
             self._fail("5")
         else:
-            self._say("ok")
+            self._send_rows("ok")
 
     def _fail(self, alarm: str) -> None:
         self._alarm = alarm
-        self._say(f"ALARM:{alarm}", "[MSG:Reset to continue]")
+        self._send_rows(f"ALARM:{alarm}", "[MSG:Reset to continue]")
 
     def _dollar(self, line: str) -> None:
         if line == "$I":
-            self._say("[VER:1.1h.20190825:]", "[OPT:V,15,128]", "ok")
+            self._send_rows("[VER:1.1h.20190825:]", "[OPT:V,15,128]", "ok")
         elif line == "$$":
-            self._say("$10=1", f"$13={int(self._inches)}", "$20=0", "$22=0", "$110=6000.000", "ok")
+            self._send_rows("$10=1", f"$13={int(self._inches)}", "$20=0", "$22=0", "$110=6000.000", "ok")
         elif line == "$#":
             rows = [f"[G{53 + n}:{self._shown(self.modal.offsets.get(n, np.zeros(3)))}]" for n in range(1, 7)]
-            self._say(*rows, f"[G92:{self._shown(np.zeros(3))}]", "[TLO:0.000]", "ok")
+            self._send_rows(*rows, f"[G92:{self._shown(np.zeros(3))}]", "[TLO:0.000]", "ok")
         elif line == "$X":
             self._alarm = ""
             self.tip.emergency.clear()
-            self._say("[MSG:Caution: Unlocked]", "ok")
+            self._send_rows("[MSG:Caution: Unlocked]", "ok")
         else:
-            self._say("error:3")
+            self._send_rows("error:3")
 
 
-def _nobody(*_: bytes) -> None:
-    """Nobody is connected."""
+def _no_client(*_: bytes) -> None:
+    """Discard bytes while no client is connected."""

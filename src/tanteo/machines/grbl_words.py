@@ -1,7 +1,7 @@
-"""What GRBL says, in numbers: status reports, offsets, probe reports, alarms.
+"""Parse the messages of GRBL: status reports, offsets, probe reports and alarms.
 
-Read for it: GRBL 1.1 ``doc/markdown/interface.md`` (grbl/grbl): a status may say ``MPos``, or ``WPos`` with ``WCO``;
-``[PRB:...]`` is in machine coordinates, in inches where ``$13=1``.
+Source: GRBL 1.1, ``doc/markdown/interface.md`` (grbl/grbl). A status report has ``MPos``, or ``WPos`` with ``WCO``.
+``[PRB:...]`` is in machine coordinates, in inches if ``$13=1``.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from tanteo.machines.protocol import MachineState
 STATES: dict[str, MachineState] = {"Idle": "idle", "Run": "moving", "Jog": "moving", "Hold": "held", "Home": "moving"}
 ALARMS = {
     "1": "a limit switch", "2": "a soft limit", "3": "a reset during a motion", "4": "the probe was in contact before",
-    "5": "the probe met nothing", "6": "homing was reset", "8": "homing failed", "9": "homing failed",
+    "5": "the probe made no contact", "6": "homing was reset", "8": "homing failed", "9": "homing failed",
 }  # fmt: skip
 _PROBE = re.compile(r"\[PRB:([-\d.,]+):([01])\]")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Report:
-    """A status report, in the controller's unit.
+    """Status report, in the controller's unit.
 
     Attributes:
-        state: its word.
+        state: word of the state, such as ``Idle`` or ``Hold:0``.
         machine: position in machine coordinates ``(3,)``.
-        tripped: the probe's pin.
-        at: when it was heard.
+        tripped: whether the probe's pin reports a contact.
+        at: time of arrival, by the monotonic clock [s].
     """
 
     state: str
@@ -42,36 +42,44 @@ class Report:
 
 
 def report_of(row: str, offset: Vectors) -> Report | None:
-    """``<Idle|MPos:0.000,0.000,0.000|FS:0,0|Pn:P>``; None where it is not whole.
+    """Return the report in a row such as ``<Idle|MPos:0.000,0.000,0.000|FS:0,0|Pn:P>``; None if it is incomplete.
 
     Args:
-        row: as heard.
-        offset: of work coordinates ``(3,)``, where the report does not say it.
+        row: row as received.
+        offset: offset of the work coordinates ``(3,)``, for reports that do not contain it.
     """
     if not row.endswith(">"):
         return None
     state, *fields = row[1:-1].split("|")
-    said = dict(field.partition(":")[::2] for field in fields)
+    values = dict(field.partition(":")[::2] for field in fields)
     try:
-        if "MPos" in said:
-            machine = _values(said["MPos"])
-        elif "WPos" in said:
-            machine = _values(said["WPos"]) + (_values(said["WCO"]) if "WCO" in said else offset)
+        if "MPos" in values:
+            machine = _values(values["MPos"])
+        elif "WPos" in values:
+            machine = _values(values["WPos"]) + (_values(values["WCO"]) if "WCO" in values else offset)
         else:
             return None
     except ValueError:
         return None
-    return Report(state, machine, "P" in said.get("Pn", ""), time.monotonic())
+    return Report(state, machine, "P" in values.get("Pn", ""), time.monotonic())
 
 
 def probed(rows: Iterable[str]) -> tuple[Vectors, bool] | None:
-    """Of the last probe report: where ``(3,)``, and whether something was met; None without a report."""
+    """Return position ``(3,)`` and contact flag of the last probe report; None without a report.
+
+    Args:
+        rows: rows as received.
+    """
     found = [m for m in map(_PROBE.search, rows) if m]
     return (_values(found[-1].group(1)), found[-1].group(2) == "1") if found else None
 
 
 def offsets_of(rows: Iterable[str]) -> dict[str, Vectors]:
-    """``[G54:1.000,2.000,3.000]`` and the like by name; ``[TLO:1.000]`` is along z."""
+    """Return the offsets in rows such as ``[G54:1.000,2.000,3.000]``, by name; ``[TLO:1.000]`` is along z.
+
+    Args:
+        rows: rows as received.
+    """
     found = dict[str, Vectors]()
     for row in rows:
         name, colon, numbers = row.strip("[]").partition(":")

@@ -1,4 +1,4 @@
-"""Readings on the disk before they count: one line each, written through, beside the record of the session."""
+"""Store each reading of a run on disk before the session uses it, in a journal beside the session record."""
 
 from __future__ import annotations
 
@@ -13,31 +13,36 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.machines.protocol import Sensed
+from tanteo.parts import RECORD, read_whole
 from tanteo.planning import Action, Session
 from tanteo.sensors import Readings
 
 SUFFIX = ".journal"
-"""Behind the name of the record."""
+"""Suffix of the journal's file name, after the name of the record."""
 
 
 class Journal:
-    """A file to which readings are added, and nothing else is done.
+    """File to which readings are only appended.
 
-    A line that is not whole, because the power went while it was written, was never read by anybody and is left out.
+    If the power failed while the last line was written, that line is incomplete; no session used it, and it is ignored.
     """
 
     def __init__(self, record: str | Path) -> None:
         self.path = Path(f"{record}{SUFFIX}")
 
     def keep(self, action: Action, sensed: Sensed) -> None:
-        """One reading, on the disk when this returns.
+        """Append one reading, and flush it to the disk.
+
+        Args:
+            action: question that the reading answers.
+            sensed: reading.
 
         Raises:
-            InputError: it cannot be written.
+            InputError: the file cannot be written.
         """
         row = {
             "question": action.number, "start_m": list(sensed.start), "direction": list(sensed.direction),
-            "distance_m": sensed.distance if sensed.met else None, "reach_m": sensed.reach, "radius_m": action.radius,
+            "distance_m": sensed.distance if sensed.hit else None, "reach_m": sensed.reach, "radius_m": action.radius,
         }  # fmt: skip
         try:
             with self.path.open("a", encoding="utf-8") as file:
@@ -50,21 +55,22 @@ class Journal:
             ) from None
 
     def rows(self) -> list[tuple[int, Sensed]]:
-        """What was kept: numbers of questions and what was sensed.
+        """Return the stored readings, each with the number of its question.
 
         Raises:
-            InputError: a line before the last is no reading.
+            InputError: a line before the last one is not a reading.
         """
         if not self.path.exists():
             return []
-        lines = self.path.read_text(encoding="utf-8", errors="replace").split("\n")
+        content = read_whole(self.path, "a journal of readings", RECORD)
+        lines = content.decode("utf-8", errors="replace").split("\n")
         found = list[tuple[int, Sensed]]()
         for k, line in enumerate(lines):
             if not line.strip():
                 continue
             try:
                 found.append(_row(json.loads(line)))
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
                 if k < len(lines) - 1:
                     raise InputError(
                         f"{self.path}, line {k + 1}: expected a reading, got '{line[:40]}'. Restore the file."
@@ -72,31 +78,44 @@ class Journal:
         return found
 
     def forget(self) -> None:
-        """All of it is in the record."""
+        """Delete the file, once the session record contains all its readings."""
         self.path.unlink(missing_ok=True)
 
 
 def _row(raw: dict[str, Any]) -> tuple[int, Sensed]:
     distance = np.inf if raw["distance_m"] is None else float(raw["distance_m"])
     start, direction = (np.array(raw[key], dtype=np.float64) for key in ("start_m", "direction"))
+    reach = float(raw["reach_m"])
     if start.shape != (3,) or direction.shape != (3,):
         raise ValueError
-    return int(raw["question"]), Sensed(start, direction, distance, float(raw["reach_m"]))
+    if not np.isfinite([*start, *direction, reach]).all() or np.isnan(distance) or distance < 0:
+        raise ValueError
+    return int(raw["question"]), Sensed(start, direction, distance, reach)
 
 
 def reading_of(action: Action, sensed: Sensed) -> Readings:
-    """What was sensed as the reading that answers a question: along the beam that was, not the one that was asked."""
+    """Return the reading that answers a question, along the motion that was made rather than the requested one.
+
+    Args:
+        action: question.
+        sensed: result of the motion.
+    """
     made = replace(action, origin=sensed.start, direction=sensed.direction, max_range=sensed.reach)
     return made.read(sensed.distance)
 
 
 def take_up_rows(session: Session, rows: Sequence[tuple[int, Sensed]]) -> int:
-    """Readings that were kept and not yet told are told: how many these were."""
-    asked, before = session.asked, {s.action.number for s in session.steps if s.action is not None}
+    """Pass the stored readings that the session does not have yet to the session; return their number.
+
+    Args:
+        session: session, restored from its record.
+        rows: stored readings, each with the number of its question.
+    """
+    question, before = session.asked, {s.action.number for s in session.steps if s.action is not None}
     count = 0
     for number, sensed in rows:
-        if number in before or asked is None or number != asked.number:
+        if number in before or question is None or number != question.number:
             continue
-        session.tell(reading_of(asked, sensed), asked)
+        session.tell(reading_of(question, sensed), question)
         count += 1
     return count

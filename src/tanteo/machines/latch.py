@@ -1,4 +1,4 @@
-"""Why a machine may not move any more, kept once and never cleared; what drivers say when a motion goes wrong."""
+"""Latch the first reason for which a machine must not move, and build the errors of failed motions."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from tanteo.machines.protocol import ContactError, LateError, LinkLostError, Mac
 
 
 class Latch:
-    """The first reason to stop, of a driver whose threads all ask it.
+    """First reason to stop, shared by all threads of a driver and never cleared.
 
     Attributes:
-        name: of the machine, for messages.
-        advice: what a person does about a stop.
-        stopped: why; empty while it may move.
-        lost: the connection's end; None while it stands.
+        name: name of the machine, for messages.
+        advice: instruction for the operator after a stop.
+        stopped: reason of the stop; empty while the machine may move.
+        lost: error that ended the connection; None while it is open.
     """
 
     def __init__(self, name: str, advice: str, abort: Callable[[], None]) -> None:
@@ -27,54 +27,94 @@ class Latch:
         self._abort = abort
 
     def stop(self, why: str) -> None:
-        """No motion from here on; the first reason stays."""
+        """Forbid further motions; the first reason is kept.
+
+        Args:
+            why: reason of the stop.
+        """
         self.stopped = self.stopped or why
 
     def lose(self, error: LinkLostError) -> None:
-        """The connection is gone."""
+        """Record that the connection is lost.
+
+        Args:
+            error: error that ended the connection.
+        """
         self.lost = self.lost or error
 
     def check(self) -> None:
-        """Raise what there is to be raised."""
+        """Raise the latched error, if there is one.
+
+        Raises:
+            LinkLostError: the connection is lost.
+            StoppedError: the machine has stopped.
+        """
         if self.lost is not None:
             raise self.lost
         if self.stopped:
             raise StoppedError(
-                f"{self.name}: expected a machine that may move, got one that has stopped: {self.stopped}. "
+                f"{self.name}: expected a machine that can move, got a stopped one: {self.stopped}. "
                 f"{self.advice}, and start again."
             )
 
     def state(self, of_controller: MachineState) -> MachineState:
-        """The controller's own, unless something is latched."""
+        """Return ``lost`` or ``stopped`` if that is latched, else the state of the controller.
+
+        Args:
+            of_controller: state that the controller reports.
+        """
         return "lost" if self.lost is not None else "stopped" if self.stopped else of_controller
 
     def late(self, deadline: float, what: str) -> None:
-        """After the deadline: stop it, and say what did not come."""
+        """Stop the machine and raise an error if a deadline has passed.
+
+        Args:
+            deadline: deadline, by the monotonic clock [s].
+            what: expected event, for the message.
+
+        Raises:
+            LateError: the deadline has passed.
+        """
         if time.monotonic() > deadline:
             self._abort()
-            raise LateError(f"{self.name}: expected {what} in time, got none. It was told to stop: look at it.")
+            raise LateError(
+                f"{self.name}: expected {what} in time, got none. A stop was sent: check the machine before you go on."
+            )
 
     def failed(self, got: str) -> StoppedError:
-        """Stop it; the error says what it did instead of its command."""
+        """Stop the machine, and return the error of a command that failed.
+
+        Args:
+            got: reaction of the controller, for the message.
+        """
         self._abort()
-        return StoppedError(f"{self.name}: expected its command to be done, got {got}. It was told to stop.")
+        return StoppedError(f"{self.name}: expected its command to be carried out, got {got}. A stop was sent.")
 
     def send(self, link: Link, data: bytes) -> None:
-        """What cannot be sent is a lost connection; never raises."""
+        """Send bytes; a failure is latched as a lost connection and not raised.
+
+        Args:
+            link: connection.
+            data: bytes to send.
+        """
         try:
             link.write(data)
         except LinkLostError as error:
             self.lose(error)
 
-    def met(self, place: Vectors) -> ContactError:
-        """A contact on a way that should be free."""
+    def contact_error(self, place: Vectors) -> ContactError:
+        """Return the error of a contact on a path that should be free.
+
+        Args:
+            place: position of the contact ``(3,)`` [m].
+        """
         return ContactError(
-            f"{self.name}: expected a free way, met something at {in_mm(place)}. Give the part more clearance."
+            f"{self.name}: expected a free path, got a contact at {in_mm(place)}. Give the part more clearance."
         )
 
     def in_contact(self) -> ContactError:
-        """A probe that is in contact before a guarded motion."""
+        """Return the error of a probe that is in contact before a guarded motion."""
         return ContactError(
-            f"{self.name}: expected a probe that is free, got one in contact before it moved. Look at the stylus and "
-            "its cable."
+            f"{self.name}: expected a probe without contact, got one in contact before its motion. Check the stylus "
+            "and its cable."
         )

@@ -1,4 +1,4 @@
-"""What a machine may do: where, how fast, how far, and how long it may be silent."""
+"""Define the limits of a machine: workspace, speeds, distances and times."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from tanteo.hand import Workspace
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MachineLimits:
-    """What a machine may do.
+    """Limits that :class:`~tanteo.machines.SafeMachine` enforces.
 
     Attributes:
-        workspace: where the tip may be; ways do not cross its forbidden boxes.
-        room: that the tip keeps from the workspace's bounds [m]: the radius of its ball, and more.
-        travel: the largest speed between readings [m/s].
-        touch: the largest speed of a guarded motion [m/s].
-        reach: the longest guarded motion [m].
-        arrival: how far from its goal a motion may end [m].
-        stale: age of a status during a motion at which the machine is stopped [s].
-        grace: seconds that a motion may take beyond its length and speed.
+        workspace: permitted positions of the tip; paths do not cross its forbidden boxes.
+        clearance: smallest distance of the tip from the bounds of the workspace [m], at least the radius of its ball.
+        travel: speed of motions between readings [m/s].
+        touch: speed of a guarded motion [m/s].
+        reach: largest length of a guarded motion [m].
+        arrival: largest distance from its goal at which a motion may end [m].
+        stale: age of the status during a motion at which the machine is stopped [s].
+        grace: time that a motion may take beyond 1.5 times its length divided by its speed [s].
 
     Raises:
-        InputError: a limit that is not positive.
+        InputError: a limit is not positive.
     """
 
     workspace: Workspace = field(default_factory=Workspace.everywhere)
-    room: float = 0.0
+    clearance: float = 0.0
     travel: float = 0.05
     touch: float = 0.002
     reach: float = 0.1
@@ -42,13 +42,18 @@ class MachineLimits:
         for name in ("travel", "touch", "reach", "arrival", "stale", "grace"):
             if not 0 < getattr(self, name) < np.inf:
                 raise InputError(f"limits, {name}: expected a positive number, got {getattr(self, name)}. Correct it.")
-        if not self.room >= 0:
-            raise InputError(f"limits, room: expected 0 or more, got {self.room}. Correct it.")
+        if not self.clearance >= 0:
+            raise InputError(f"limits, clearance: expected 0 or more, got {self.clearance}. Correct it.")
 
-    def passed(self, here: Vectors, goal: Vectors) -> str:
-        """What a straight way of the tip goes past, in words; empty if it keeps all limits."""
-        rooms = self.workspace.rooms(goal)[0] - self.room
-        crossed = [box.name for box in self.workspace.forbidden if box.crossed(here, goal, self.room)]
+    def violation(self, here: Vectors, goal: Vectors) -> str:
+        """Return the first limit that a straight path of the tip violates, for messages; empty if there is none.
+
+        Args:
+            here: start of the path ``(3,)`` [m].
+            goal: end of the path ``(3,)`` [m].
+        """
+        margins = self.workspace.clearances(goal)[0] - self.clearance
+        crossed = [box.name for box in self.workspace.forbidden if box.crossed(here, goal, self.clearance)]
         if crossed:
             return f"the forbidden box '{crossed[0]}'"
-        return self.workspace.limits[int(np.argmin(rooms))] if (rooms < 0).any() else ""
+        return self.workspace.limits[int(np.argmin(margins))] if (margins < 0).any() else ""

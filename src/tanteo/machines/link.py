@@ -1,4 +1,4 @@
-"""A connection that carries bytes: TCP or serial, whose reads end in time, and what is lost is said once."""
+"""Connect to controllers over TCP or a serial port, with reads that end in time."""
 
 from __future__ import annotations
 
@@ -11,31 +11,45 @@ from tanteo.machines.protocol import LinkLostError
 
 
 class Link(Protocol):
-    """Bytes out, bytes in."""
+    """Connection that sends and receives bytes."""
 
     @property
     def name(self) -> str:
-        """For messages."""
+        """Return the name of the connection for messages."""
         ...
 
     def read(self, seconds: float) -> bytes:
-        """What has come, after ``seconds`` at the latest; empty for nothing. Raises LinkLostError."""
+        """Return the bytes that have arrived, after at most ``seconds``; empty if there are none.
+
+        Args:
+            seconds: largest time to wait [s].
+
+        Raises:
+            LinkLostError: the connection is lost.
+        """
         ...
 
     def write(self, data: bytes) -> None:
-        """Send all of it. Raises LinkLostError."""
+        """Send bytes.
+
+        Args:
+            data: bytes to send.
+
+        Raises:
+            LinkLostError: the connection is lost.
+        """
         ...
 
     def close(self) -> None:
-        """Never raises."""
+        """Disconnect; never raises."""
         ...
 
 
 class TcpLink:
-    """A socket.
+    """Connection over TCP.
 
     Raises:
-        LinkLostError: nobody listens there.
+        LinkLostError: no controller listens at this address.
     """
 
     def __init__(self, host: str, port: int, seconds: float = 3.0) -> None:
@@ -51,7 +65,14 @@ class TcpLink:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def read(self, seconds: float) -> bytes:
-        """What has come, after so long at the latest."""
+        """Return the bytes that have arrived, after at most ``seconds``; empty if there are none.
+
+        Args:
+            seconds: largest time to wait [s].
+
+        Raises:
+            LinkLostError: the connection is lost.
+        """
         try:
             self._socket.settimeout(max(seconds, 1e-3))
             data = self._socket.recv(65536)
@@ -60,13 +81,18 @@ class TcpLink:
         except OSError as error:
             raise _lost(self.name, error) from None
         if not data:
-            raise LinkLostError(
-                f"{self.name}: expected its answer, got the end of the connection. Look at the machine."
-            )
+            raise LinkLostError(f"{self.name}: expected its answer, got the end of the connection. Check the machine.")
         return data
 
     def write(self, data: bytes) -> None:
-        """Send all of it."""
+        """Send bytes.
+
+        Args:
+            data: bytes to send.
+
+        Raises:
+            LinkLostError: the connection is lost.
+        """
         try:
             with self._writing:
                 self._socket.sendall(data)
@@ -74,16 +100,16 @@ class TcpLink:
             raise _lost(self.name, error) from None
 
     def close(self) -> None:
-        """Let go."""
+        """Disconnect."""
         self._socket.close()
 
 
 class SerialLink:
-    """A serial port, by pyserial (extra ``machines``).
+    """Connection over a serial port, by pyserial (extra ``machines``).
 
     Raises:
         MissingExtraError: pyserial is not installed.
-        LinkLostError: there is no such port.
+        LinkLostError: the port does not exist or cannot be opened.
     """
 
     def __init__(self, port: str, baud: int = 115200) -> None:
@@ -94,14 +120,21 @@ class SerialLink:
                 "serial ports: expected pyserial, got none. Install it: pip install 'tanteo[machines]'."
             ) from None
         self.name = port
-        self._errors: Any = (serial.SerialException, OSError, TypeError)  # TypeError: closed while it is read
+        self._errors: Any = (serial.SerialException, OSError, TypeError)  # TypeError if another thread closes the port
         try:
             self._port: Any = serial.Serial(port, baud, timeout=0.05, write_timeout=2.0)
         except self._errors as error:
             raise LinkLostError(f"{port}: expected a serial port, got: {error}. Check its name and cable.") from None
 
     def read(self, seconds: float) -> bytes:
-        """What has come, after so long at the latest."""
+        """Return the bytes that have arrived, after at most ``seconds``; empty if there are none.
+
+        Args:
+            seconds: largest time to wait [s].
+
+        Raises:
+            LinkLostError: the connection is lost.
+        """
         try:
             self._port.timeout = seconds
             data = self._port.read(1)
@@ -110,17 +143,24 @@ class SerialLink:
             raise _lost(self.name, error) from None
 
     def write(self, data: bytes) -> None:
-        """Send all of it."""
+        """Send bytes.
+
+        Args:
+            data: bytes to send.
+
+        Raises:
+            LinkLostError: the connection is lost.
+        """
         try:
             self._port.write(data)
         except self._errors as error:
             raise _lost(self.name, error) from None
 
     def close(self) -> None:
-        """Let go."""
+        """Disconnect."""
         self._port.close()
 
 
 def _lost(name: str, error: Exception) -> LinkLostError:
     why = getattr(error, "strerror", None) or error
-    return LinkLostError(f"{name}: expected a connection, got: {why}. Look at the machine before you connect again.")
+    return LinkLostError(f"{name}: expected a connection, got: {why}. Check the machine before you connect again.")

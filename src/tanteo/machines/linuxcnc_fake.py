@@ -1,6 +1,6 @@
-"""LinuxCNC that is not there: linuxcncrsh on a port of loopback, an interpreter that knows the blocks of the driver.
+"""Fake LinuxCNC: linuxcncrsh on a port of loopback, with an interpreter of the blocks that the driver sends.
 
-The same sources as the driver (:mod:`tanteo.machines.linuxcnc`), and what LinuxCNC 2.9 answered when it was asked.
+Sources: those of the driver (:mod:`tanteo.machines.linuxcnc`), and recorded answers of LinuxCNC 2.9.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from tanteo.machines.world import World
 
 
 class LinuxCncFake(Fake):
-    """A machine of three axes and a touch probe, under linuxcncrsh.
+    """Fake LinuxCNC machine with three axes and a touch probe, under linuxcncrsh.
 
     Attributes:
-        modal: what its G-code has set.
-        heard: all that it was sent.
+        modal: modal state of the interpreter.
+        received: requests that clients have sent.
     """
 
     def __init__(
-        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None, port: int = 0,
+        self, world: World, start: Vectors, *, speedup: float = np.inf, faults: Faults | None = None, port: int = 0,
         offset: Vectors | None = None, turn: float = 0.0, metric: bool = True, on: bool = True, thief: int = 0,
     ) -> None:  # fmt: skip
-        super().__init__(world, start, hurry, faults)
+        super().__init__(world, start, speedup, faults)
         self.modal = Modal({1: np.zeros(3) if offset is None else np.asarray(offset, dtype=np.float64)})
-        self.heard = list[str]()
+        self.received = list[str]()
         self._unit, self._thief = _MM if metric else 25.4e-3, thief
         self.modal.turns[1] = np.radians(turn)
         self._estop, self._on, self._mode, self._error = False, on, "MANUAL", ""
@@ -48,37 +48,37 @@ class LinuxCncFake(Fake):
         self.ports = (self._server.port,)
 
     def close(self) -> None:
-        """Switch it off."""
+        """Switch the machine off."""
         self.tip.emergency.set()
         self._blocks.put(None)
         self._server.close()
 
     def press_stop(self) -> None:
-        """The emergency stop."""
+        """Press the emergency stop."""
         self.tip.emergency.set()
         self._estop, self._on = True, False
 
     def _serve(self, client: socket.socket) -> None:
-        said = _Client()
+        state = _Client()
         rest = b""
         while data := client.recv(4096):
             *rows, rest = re.split(rb"[\r\n]+", rest + data)
             for row in rows:
-                answer = self._answer(row.decode("ascii", "replace").strip(), said)
+                answer = self._answer(row.decode("ascii", "replace").strip(), state)
                 if answer and not self._silent:
                     client.sendall(answer.encode("ascii"))
 
     def _answer(self, row: str, client: _Client) -> str:
-        """To one request; empty for none."""
-        self.heard.append(row)
+        """Return the answer to a request; empty if it has none."""
+        self.received.append(row)
         word, _, rest = row.partition(" ")
         name, _, value = rest.partition(" ")
         if word.lower() == "hello":
             client.known = name == CONNECT
             return "HELLO ACK EMCNETSVR 1.1\r\n" if client.known else "HELLO NAK\r\n"
         if word.lower() == "get" and client.known:
-            said = self._get(name.upper(), client)
-            return f"GET {name.upper()} NAK\r\n\r\n" if said is None else f"{name.upper()} {said}\r\n"
+            value_text = self._get(name.upper(), client)
+            return f"GET {name.upper()} NAK\r\n\r\n" if value_text is None else f"{name.upper()} {value_text}\r\n"
         if word.lower() == "set" and client.known:
             done = self._set(name.lower(), value, client)
             spoken = client.verbose or not done
@@ -93,16 +93,16 @@ class LinuxCncFake(Fake):
             "PROGRAM_STATUS": lambda: "RUNNING" if self._running or not self._blocks.empty() else "IDLE",
             "ABS_ACT_POS": lambda: " ".join(f"{v:.6f}" for v in (*(self.tip.place / self._unit + 0.0), 0.0, 0.0, 0.0)),
             "USER_LINEAR_UNITS": lambda: "MM" if self._unit == _MM else "INCH",
-            "OPERATOR_DISPLAY": lambda: self._display.pop(0) if self._display else "OK", "ERROR": self._told_error,
+            "OPERATOR_DISPLAY": lambda: self._display.pop(0) if self._display else "OK", "ERROR": self._take_error,
         }  # fmt: skip
         return fixed[name]() if name in fixed else None
 
-    def _told_error(self) -> str:
-        said, self._error = self._error, ""
-        return said or "OK"
+    def _take_error(self) -> str:
+        error, self._error = self._error, ""
+        return error or "OK"
 
     def _set(self, name: str, value: str, client: _Client) -> bool:
-        """Whether it is done."""
+        """Carry out a ``SET`` request; return whether it succeeds."""
         if name == "enable":
             client.enabled = value == ENABLE
             return True
@@ -154,13 +154,13 @@ class LinuxCncFake(Fake):
             self._error = f"Unknown G code used: G{min(unknown)}"
 
     def _debug(self, text: str) -> None:
-        if self._thief:  # another display asked first
+        if self._thief:  # another display takes the message
             self._thief -= 1
             return
         self._display.append(re.sub(r"#(\d+)", lambda found: f"{self._parameter(found[1]):.6f}", text))
 
     def _parameter(self, name: str) -> float:
-        """As the interpreter has it: contacts in the block's unit, offsets in the machine's."""
+        """Return a parameter of the interpreter: contacts in the program's unit, offsets in the machine's unit."""
         number = int(name)
         if number == 5070:
             return float(self._probed[3])
@@ -179,12 +179,12 @@ class LinuxCncFake(Fake):
         outcome, place = self._motion(goal, self.modal.feed, guarded=guarded)
         if outcome == "tripped":
             self._error = "Probe is already tripped when starting G38.2 or G38.3 move"
-        elif guarded and outcome in ("there", "met"):
-            self._probed = np.array([*place, float(outcome == "met")])
+        elif guarded and outcome in ("arrived", "contact"):
+            self._probed = np.array([*place, float(outcome == "contact")])
 
 
 class _Client:
-    """What linuxcncrsh knows of one connection."""
+    """State of one connection in linuxcncrsh."""
 
     def __init__(self) -> None:
         self.known, self.enabled, self.verbose = False, False, False

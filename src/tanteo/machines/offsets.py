@@ -1,4 +1,4 @@
-"""Work offsets that a controller of G-code was told, and whether it has them."""
+"""Parse the work offsets in G-code, and check that a controller has them."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from tanteo.machines.protocol import MachineError
 
 _SLOTS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 _NEAR = 2e-3
-"""Within which a controller shows what it was told: GRBL rounds to a micrometre [mm]."""
+"""Accepted difference between a set and a reported offset [mm]; GRBL rounds to a micrometre."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WorkFrame:
-    """The coordinates that a program is in: ``machine = turn (program + shift) + offset``.
+    """Work coordinate system of a program: ``machine = turn (program + shift) + offset``.
 
     Attributes:
-        offset: of the frame ``(3,)`` [m].
-        turn: of it ``(3, 3)``.
-        shift: of ``G92`` ``(3,)`` [m].
+        offset: offset of the frame ``(3,)`` [m].
+        turn: rotation of the frame ``(3, 3)``.
+        shift: offset of ``G92`` ``(3,)`` [m].
     """
 
     offset: Vectors = field(default_factory=lambda: np.zeros(3))
@@ -31,21 +31,37 @@ class WorkFrame:
     shift: Vectors = field(default_factory=lambda: np.zeros(3))
 
     def program(self, place: Vectors) -> Vectors:
-        """Of a place of the machine ``(3,)`` [m]."""
+        """Return a position in program coordinates ``(3,)`` [m].
+
+        Args:
+            place: position in machine coordinates ``(3,)`` [m].
+        """
         return np.asarray(self.turn.T @ (place - self.offset) - self.shift)
 
     def machine(self, place: Vectors) -> Vectors:
-        """Of a place of the program ``(3,)`` [m]."""
+        """Return a position in machine coordinates ``(3,)`` [m].
+
+        Args:
+            place: position in program coordinates ``(3,)`` [m].
+        """
         return np.asarray(self.turn @ (place + self.shift) + self.offset)
 
 
 def commands(text: str) -> Iterator[str]:
-    """Lines of G-code that are no comment."""
+    """Return the lines of G-code that are not comments.
+
+    Args:
+        text: lines of G-code.
+    """
     return (row for row in text.splitlines() if row.strip() and not row.lstrip().startswith("("))
 
 
 def frames_in(text: str) -> dict[str, dict[str, float]]:
-    """Of ``G10 L2 P1 X1 Y2 Z3`` lines: letters and numbers of each frame, as typed."""
+    """Return letters and numbers of each frame that ``G10 L2 P1 X1 Y2 Z3`` lines set, by slot.
+
+    Args:
+        text: lines of G-code.
+    """
     found = dict[str, dict[str, float]]()
     for row in commands(text):
         words = {a: float(v) for a, v in re.findall(r"([A-Z])\s*([-+]?\d*\.?\d+)", row.upper())}
@@ -55,25 +71,40 @@ def frames_in(text: str) -> dict[str, dict[str, float]]:
 
 
 def number_of(slot: str) -> int:
-    """1 of ``G54``, and so on."""
+    """Return the number of a slot from 1, which is ``G54``.
+
+    Args:
+        slot: code of the slot.
+    """
     return _SLOTS.index(slot) + 1
 
 
 def check(name: str, slot: str, wanted: dict[str, float], has: Vectors) -> None:
-    """Whether the controller has what it was told ``(4,)``: x, y, z [mm] and the turn [deg].
+    """Check that a controller reports the frame that was set.
+
+    Args:
+        name: name of the machine, for messages.
+        slot: code of the slot.
+        wanted: letters and numbers that were set [mm, deg].
+        has: reported x, y, z [mm] and rotation [deg] ``(4,)``.
 
     Raises:
-        MachineError: it has not.
+        MachineError: the reported frame is another one.
     """
     for letter, value in wanted.items():
         there = float(has["XYZR".index(letter)])
         if not abs(there - value) <= _NEAR:
             raise MachineError(
                 f"{name}: expected {slot} to be set to {letter}{value:g}, got {letter}{there:g} when it was read "
-                "back. Look at the controller before you use that frame."
+                "back. Check the controller before you use that frame."
             )
 
 
 def padded(place: Vectors, turn: float = 0.0) -> Vectors:
-    """Three lengths and a turn as :func:`check` takes them ``(4,)``."""
+    """Return a frame in the form of :func:`check` ``(4,)``.
+
+    Args:
+        place: offset ``(3,)`` [mm].
+        turn: rotation about z [deg].
+    """
     return np.array([*place, turn])

@@ -1,6 +1,6 @@
-"""What a session needs of whatever moves its probe: facts, status, three motions, abort.
+"""Define the protocol of machines that move a probe: constant properties, status, three motions and abort.
 
-Places are of the centre of the ball, or of a sensor's origin, in the machine's own frame, in metres.
+Positions are those of the ball's centre, or of a sensor's origin, in the machine's frame, in metres.
 """
 
 from __future__ import annotations
@@ -14,43 +14,43 @@ from tanteo.errors import TanteoError
 from tanteo.geometry.typing import Transforms, Vectors
 
 MachineState = Literal["idle", "moving", "held", "stopped", "lost"]
-"""At rest and ready; under way; paused; an alarm, an emergency stop or an abort; no connection."""
+"""At rest and ready; in motion; paused; in alarm, emergency stop or aborted; without connection."""
 
 
 class MachineError(TanteoError):
-    """A machine refused, stopped or could not be reached."""
+    """A machine refused a command, stopped, or could not be reached."""
 
 
 class RefusedError(MachineError):
-    """Nothing was sent: the motion is outside of the limits, or the person said no."""
+    """Nothing was sent, because the motion violates the limits or the operator declined it."""
 
 
 class ContactError(MachineError):
-    """Something was met on a way that should be free; the machine has stopped there and may be moved back."""
+    """The probe touched something on a path that should be free; the machine has stopped and can retract."""
 
 
 class StoppedError(MachineError):
-    """An alarm, an emergency stop or an abort: it does not move again before it is opened anew."""
+    """The machine is in alarm, emergency stop or aborted, and does not move until it is opened again."""
 
 
 class LinkLostError(StoppedError):
-    """The connection is gone; where the machine is is not known."""
+    """The connection is lost, so the position of the machine is unknown."""
 
 
 class LateError(StoppedError):
-    """No answer came in time, so the machine was told to stop."""
+    """No answer arrived in time, so a stop was sent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What does not change while a machine is connected.
+    """Properties of a machine that do not change while it is connected.
 
     Attributes:
-        name: for people, with the controller's own version.
-        controller: as ``--wcs`` names it: ``grbl``, ``ur``, ``linuxcnc``; empty where no frame can be written.
-        turns: its tool can look along any direction; else it points down.
-        contact: it touches; else it measures a range at rest.
-        guarded: its ``move`` stops where something is met.
+        name: name for messages, with the version of the controller.
+        controller: name of the controller in ``--wcs``: ``grbl``, ``ur``, ``linuxcnc``; empty if it takes no frames.
+        turns: whether the tool can point along any direction; otherwise it points down.
+        contact: whether the machine carries a touch probe; otherwise it measures ranges at rest.
+        guarded: whether its ``move`` stops at a contact.
     """
 
     name: str
@@ -62,14 +62,14 @@ class Facts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MachineStatus:
-    """What is known of a machine at one moment.
+    """Status of a machine at one instant.
 
     Attributes:
-        state: one of :data:`MachineState`.
-        place: where the tip is ``(3,)`` [m]; None if the controller never said.
-        tripped: the probe says contact; None where that is not known.
-        age: of what the controller said, when this was asked for [s]; infinite if it never did.
-        words: the controller's own.
+        state: state of the machine.
+        place: position of the tip ``(3,)`` [m]; None before the controller has reported one.
+        tripped: whether the probe reports a contact; None if unknown.
+        age: age of the controller's last report [s]; infinite before the first report.
+        words: state as the controller names it.
     """
 
     state: MachineState
@@ -81,14 +81,14 @@ class MachineStatus:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensed:
-    """What one guarded motion, or one range, came to.
+    """Result of one guarded motion or one range measurement.
 
     Attributes:
-        start: where the tip was ``(3,)`` [m].
-        direction: unit ``(3,)``.
-        distance: from the start to where the tip met the part, or to what the beam met [m]; infinite for nothing.
-        reach: how far was looked [m].
-        seconds: that it took.
+        start: position of the tip at the start ``(3,)`` [m].
+        direction: unit direction of motion or beam ``(3,)``.
+        distance: distance from the start to the contact or echo [m]; infinite without one.
+        reach: largest distance of the motion or beam [m].
+        seconds: duration [s].
     """
 
     start: Vectors
@@ -98,63 +98,89 @@ class Sensed:
     seconds: float = field(default=0.0)
 
     @property
-    def met(self) -> bool:
-        """Whether something was met."""
+    def hit(self) -> bool:
+        """Whether there was a contact or an echo."""
         return bool(np.isfinite(self.distance))
 
 
 @runtime_checkable
 class Machine(Protocol):
-    """A driver. What it never does is on the page of robots (``docs/robots.md``, "What a driver never does").
+    """Driver of a machine; ``docs/robots.md`` lists what a driver must never do.
 
-    Motions block until the machine is at rest, no longer than ``seconds``; they raise :class:`MachineError`. Nothing
-    else raises, and nothing else waits.
+    Motions block until the machine is at rest, at most for ``seconds``, and raise :class:`MachineError`. The other
+    methods neither raise nor wait.
     """
 
     @property
     def facts(self) -> Facts:
-        """What does not change."""
+        """Return the constant properties of the machine."""
         ...
 
     def status(self) -> MachineStatus:
-        """What was heard last, with its age; from any thread."""
+        """Return the most recent status with its age; callable from any thread."""
         ...
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight to a pose ``(4, 4)`` of the probe, which looks along its z; stop where something is met.
+        """Move straight to a pose of the probe, and stop at a contact.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m]; the probe points along its z.
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
 
         Raises:
-            ContactError: something was met.
-            StoppedError: it will not move again.
+            ContactError: the probe touched something.
+            StoppedError: the machine does not move any more.
         """
         ...
 
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight back to where it came from; the probe may be in contact at the start."""
+        """Retract straight to an earlier pose; the probe may be in contact at the start.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+        """
         ...
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """From here along a direction ``(3,)`` until something is met, ``reach`` [m] at most; or a range at rest."""
+        """Move along a direction until contact, or measure a range at rest.
+
+        Args:
+            direction: unit direction ``(3,)``.
+            reach: largest distance [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+        """
         ...
 
     def abort(self) -> None:
-        """Stop at once, for good; from any thread, never waits, never raises."""
+        """Stop immediately and permanently; callable from any thread, never waits, never raises."""
         ...
 
     def write_frame(self, text: str, seconds: float) -> None:
-        """Have the controller run the lines that set a frame (:func:`tanteo.io.write_work_frame`)."""
+        """Send the lines that set a work frame to the controller.
+
+        Args:
+            text: lines, as :func:`tanteo.io.write_work_frame` writes them.
+            seconds: largest duration [s].
+        """
         ...
 
     def close(self) -> None:
-        """Let go; what moves is stopped first. Never raises."""
+        """Stop a running motion, and disconnect; never raises."""
         ...
 
 
 def place_of(machine: Machine) -> Vectors:
-    """Where it is now ``(3,)`` [m].
+    """Return the current position of a machine ``(3,)`` [m].
+
+    Args:
+        machine: driver.
 
     Raises:
-        LinkLostError: it has never said.
+        LinkLostError: the controller has not reported a position.
     """
     place = machine.status().place
     if place is None:
@@ -163,10 +189,18 @@ def place_of(machine: Machine) -> Vectors:
 
 
 def in_words(values: Vectors) -> str:
-    """``(1.000, 2.000, 3.000)``."""
+    """Return numbers as text, such as ``(1.000, 2.000, 3.000)``.
+
+    Args:
+        values: numbers ``(n,)``.
+    """
     return "(" + ", ".join(f"{v:.3f}" for v in values + 0.0) + ")"
 
 
 def in_mm(place: Vectors) -> str:
-    """A place ``(3,)`` [m] in words."""
+    """Return a position as text, in millimetres.
+
+    Args:
+        place: position ``(3,)`` [m].
+    """
     return f"{in_words(1e3 * place)} mm"

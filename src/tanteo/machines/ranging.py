@@ -1,4 +1,4 @@
-"""A machine that carries a range sensor instead of a touch probe: it goes there, rests, and the sensor is read."""
+"""Combine a driver with a range sensor that is read at rest, in place of a touch probe."""
 
 from __future__ import annotations
 
@@ -12,18 +12,22 @@ from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.machines.protocol import Facts, Machine, MachineStatus, RefusedError, Sensed, place_of
 
 _ALONG = 1e-3
-"""Angle to where the sensor looks at which a range may be asked for [rad]."""
+"""Largest angle between the sensor's axis and the direction of a requested range [rad]."""
 
 
 class RangingMachine:
-    """A driver, and what reads the sensor on it.
+    """Machine with a range sensor on its tool.
 
-    The sensor looks along the tool's z, downwards where the tool does not turn, from the machine's place. Nothing stops
-    a motion where something is met, so its ways need more clearance than those of a probe.
+    The sensor's beam starts at the machine's position and points along the tool's z, or downwards if the tool cannot
+    rotate. No motion stops at a contact, so paths need more clearance than those of a touch probe.
+
+    Args:
+        machine: driver of the machine.
+        read: function that returns the range at rest [m]; infinite or NaN without an echo.
 
     Attributes:
-        machine: the driver.
-        facts: of it, without contact.
+        machine: driver of the machine.
+        facts: properties of the driver, without contact.
 
     Example:
         >>> import numpy as np
@@ -38,48 +42,70 @@ class RangingMachine:
     """
 
     def __init__(self, machine: Machine, read: Callable[[], float]) -> None:
-        """With ``read``, the range at rest [m]; infinite or NaN for no echo."""
         self.machine, self._read = machine, read
-        self._looks = np.array([0.0, 0.0, -1.0])
+        self._axis = np.array([0.0, 0.0, -1.0])
         self.facts: Facts = replace(machine.facts, contact=False, guarded=False)
 
     def status(self) -> MachineStatus:
-        """Of the driver."""
+        """Return the status of the driver."""
         return self.machine.status()
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight there."""
+        """Move straight to a pose, without a stop at contacts.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+        """
         self.machine.back(T_world_probe, speed, seconds)
-        self._looks = T_world_probe[:3, 2] if self.facts.turns else self._looks
+        self._axis = T_world_probe[:3, 2] if self.facts.turns else self._axis
 
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """Straight there."""
+        """Retract straight to a pose.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+        """
         self.move(T_world_probe, speed, seconds)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """The range from here; nothing moves.
+        """Measure the range from the current position; the machine does not move.
+
+        Args:
+            direction: unit direction of the beam ``(3,)``.
+            reach: largest range [m].
+            speed: not used.
+            seconds: not used.
 
         Raises:
-            RefusedError: the sensor looks elsewhere.
+            RefusedError: the sensor points along another direction.
         """
-        if np.linalg.norm(direction - self._looks) > _ALONG:
+        if np.linalg.norm(direction - self._axis) > _ALONG:
             raise RefusedError(
-                f"{self.facts.name}: expected a range along ({', '.join(f'{v:.3f}' for v in self._looks)}), where its "
-                "sensor looks, got another direction. Ask for that one."
+                f"{self.facts.name}: expected a range along ({', '.join(f'{v:.3f}' for v in self._axis)}), the axis of "
+                "its sensor, got another direction. Request that one."
             )
         begun, start = time.monotonic(), place_of(self.machine)
-        met = float(self._read())
-        distance = met if np.isfinite(met) and met <= reach else np.inf
-        return Sensed(start, self._looks, distance, reach, time.monotonic() - begun)
+        echo = float(self._read())
+        distance = echo if np.isfinite(echo) and echo <= reach else np.inf
+        return Sensed(start, self._axis, distance, reach, time.monotonic() - begun)
 
     def abort(self) -> None:
-        """Of the driver."""
+        """Abort the driver."""
         self.machine.abort()
 
     def write_frame(self, text: str, seconds: float) -> None:
-        """By the driver."""
+        """Send the lines that set a work frame.
+
+        Args:
+            text: lines that set a frame.
+            seconds: largest duration [s].
+        """
         self.machine.write_frame(text, seconds)
 
     def close(self) -> None:
-        """Let go of the driver."""
+        """Disconnect the driver."""
         self.machine.close()

@@ -1,4 +1,4 @@
-"""The thread that reads what a controller says, row by row."""
+"""Read the rows that a controller sends, in a thread."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from tanteo.machines.protocol import LinkLostError
 
 
 class RowReader:
-    """Rows of a connection, as they come, until it is closed or lost; a loss is latched.
-
-    Args:
-        link: that is read; its owner closes it.
-        latch: of the driver.
-        hear: told of each row, without its end and the blanks around it.
-        turn: called about twenty times a second, whatever comes; it must not wait.
-    """
+    """Thread that reads the rows of a connection until it is closed or lost; a loss is latched."""
 
     def __init__(self, link: Link, latch: Latch, hear: Callable[[str], None], turn: Callable[[], None]) -> None:
+        """Start the thread.
+
+        Args:
+            link: connection to read; the caller closes it.
+            latch: latch of the driver.
+            hear: function that receives each row, stripped of blanks.
+            turn: function that is called about twenty times a second; it must not wait.
+        """
         self._link, self._latch, self._hear, self._turn = link, latch, hear, turn
         self._closed = False
         self._thread = threading.Thread(target=self._listen, daemon=True, name=f"reader of {link.name}")
         self._thread.start()
 
     def close(self) -> None:
-        """Read no more; never raises."""
+        """End the thread; never raises."""
         self._closed = True
-        self._thread.join(0.5)  # it may be reading
+        self._thread.join(0.5)  # a read may be under way
 
     def _listen(self) -> None:
         rest = b""

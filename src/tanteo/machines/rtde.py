@@ -1,8 +1,9 @@
-"""Packages of the real-time data exchange of Universal Robots (RTDE, protocol 2): both ends.
+"""Encode and decode packages of Universal Robots' real-time data exchange (RTDE, protocol 2), for both ends.
 
-Read for it: ``rtde/rtde.py`` and ``rtde/serialize.py`` of UniversalRobots/RTDE_Python_Client_Library: a package is a
-size (uint16, big-endian, itself included), a letter and a payload; outputs are asked for by a frequency (double) and
-names with commas, and answered by a recipe's number and types; data packages begin with that number.
+Source: ``rtde/rtde.py`` and ``rtde/serialize.py`` of UniversalRobots/RTDE_Python_Client_Library. A package is a size
+(uint16, big-endian, including itself), a letter and a payload. A client requests outputs by a frequency (double) and
+names with commas. The controller answers with the number of a recipe and the types. Data packages begin with that
+number.
 """
 
 from __future__ import annotations
@@ -28,18 +29,33 @@ TYPES: Mapping[str, str] = MappingProxyType(
     | {f"output_int_register_{k}": "INT32" for k in range(48)}
     | {f"output_double_register_{k}": "DOUBLE" for k in range(48)}
 )  # fmt: skip
-"""Types of the outputs that are known here."""
+"""Types of the supported outputs, by name."""
 
 _CODES = {"DOUBLE": "d", "VECTOR6D": "6d", "UINT64": "Q", "UINT32": "I", "INT32": "i", "UINT8": "B", "BOOL": "?"}
 
 
 def package(letter: bytes, payload: bytes = b"") -> bytes:
-    """One package as bytes."""
+    """Return a package as bytes.
+
+    Args:
+        letter: letter of the package.
+        payload: content of the package.
+    """
     return struct.pack(">H", 3 + len(payload)) + letter + payload
 
 
 def packages(buffer: bytearray) -> Iterator[tuple[bytes, bytes]]:
-    """Whole packages at the beginning of a buffer, which are taken out of it."""
+    """Remove complete packages from the beginning of a buffer.
+
+    Args:
+        buffer: received bytes; changed in place.
+
+    Yields:
+        Letter and payload of each package.
+
+    Raises:
+        ValueError: the size of a package is invalid.
+    """
     while len(buffer) >= 3:
         size = struct.unpack_from(">H", buffer)[0]
         if size < 3:
@@ -52,13 +68,24 @@ def packages(buffer: bytearray) -> Iterator[tuple[bytes, bytes]]:
 
 
 def pack(types: Sequence[str], values: Sequence[object], recipe: int) -> bytes:
-    """A data package."""
+    """Return a data package as bytes.
+
+    Args:
+        types: types of the values.
+        values: values; a vector is a tuple or list of six numbers.
+        recipe: number of the recipe.
+    """
     flat = [v for value in values for v in (value if isinstance(value, (list, tuple)) else (value,))]
     return package(DATA, struct.pack(_format(types), recipe, *flat))
 
 
 def unpack(types: Sequence[str], payload: bytes) -> list[object]:
-    """Values of a data package, six numbers of a vector as a tuple."""
+    """Return the values of a data package; a vector is a tuple of six numbers.
+
+    Args:
+        types: types of the values.
+        payload: content of the package.
+    """
     flat = struct.unpack(_format(types), payload)[1:]
     out, k = list[object](), 0
     for kind in types:
@@ -73,35 +100,38 @@ def _format(types: Sequence[str]) -> str:
 
 
 class RtdeClient:
-    """The outputs of a controller, as they come.
+    """Client that receives the outputs of a controller.
 
     Attributes:
-        values: the latest, by name; empty before the first package.
-        at: when they were heard.
+        values: latest values by name; empty before the first package.
+        at: time of their arrival, by the monotonic clock [s].
 
     Raises:
-        LinkLostError: it does not speak RTDE 2, or has not all outputs.
+        LinkLostError: the controller does not support RTDE 2, or does not have all outputs.
     """
 
     def __init__(self, link: Link, outputs: Sequence[str], frequency: float, deadline: float) -> None:
         self.values: dict[str, Any] = {}
         self.at = -float("inf")
         self._link, self._outputs, self._buffer = link, tuple(outputs), bytearray()
-        if self._asked(REQUEST_VERSION, struct.pack(">H", 2), deadline) != b"\1":
+        if self._requested(REQUEST_VERSION, struct.pack(">H", 2), deadline) != b"\1":
             raise LinkLostError(f"{link.name}: expected RTDE protocol 2, got none. Update the controller.")
         wanted = struct.pack(">d", frequency) + ",".join(outputs).encode("ascii")
-        self._types = self._asked(SETUP_OUTPUTS, wanted, deadline)[1:].decode("ascii").split(",")
+        self._types = self._requested(SETUP_OUTPUTS, wanted, deadline)[1:].decode("ascii").split(",")
         if "NOT_FOUND" in self._types:
             lacks = outputs[self._types.index("NOT_FOUND")]
             raise LinkLostError(f"{link.name}: expected the output '{lacks}', got none. Update the controller.")
-        if self._asked(START, b"", deadline) != b"\1":
+        if self._requested(START, b"", deadline) != b"\1":
             raise LinkLostError(f"{link.name}: expected RTDE to start, got a refusal. Restart the controller.")
 
     def listen(self, seconds: float) -> None:
-        """Take in what comes within so long.
+        """Receive the packages that arrive within a time.
+
+        Args:
+            seconds: largest time to wait [s].
 
         Raises:
-            LinkLostError: the connection, or its packages, broke.
+            LinkLostError: the connection is lost, or a package is malformed.
         """
         try:
             self._buffer.extend(self._link.read(seconds))
@@ -112,7 +142,7 @@ class RtdeClient:
         except (ValueError, struct.error) as error:
             raise LinkLostError(f"{self._link.name}: expected packages of RTDE, got {error}. Reconnect.") from None
 
-    def _asked(self, letter: bytes, payload: bytes, deadline: float) -> bytes:
+    def _requested(self, letter: bytes, payload: bytes, deadline: float) -> bytes:
         self._link.write(package(letter, payload))
         while time.monotonic() < deadline:
             for got, body in packages(self._buffer):

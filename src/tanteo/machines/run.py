@@ -1,4 +1,4 @@
-"""A session carried out by a machine: ask, go, touch, keep, go back, tell; until it is enough or it may not move."""
+"""Carry a session out with a machine: move to each question's start, touch, store the reading, retract, update."""
 
 from __future__ import annotations
 
@@ -15,15 +15,23 @@ from tanteo.machines.protocol import ContactError, RefusedError, Sensed, Stopped
 from tanteo.machines.safe import SafeMachine
 from tanteo.machines.ways import Ways
 from tanteo.planning import Action, Done, Session, Step, largest_corner_sd
+from tanteo.words.findings import BeamsFree, NoClearPath, Stated
 
 _REFUSED = 25
-"""Questions in a row that the machine cannot answer before the run ends."""
+"""Number of consecutive questions without an answer after which the run ends."""
 _SDS, _LEAST_OVERTRAVEL = 3.0, 2e-3
-"""How far beyond the expected contact a touch goes: times the part's largest corner sd, and the least way [m]."""
+"""Search distance beyond the expected contact: multiple of the largest corner sd, and smallest distance [m]."""
 
 
 class Turn(NamedTuple):
-    """One question and what came of it: ``sensed`` and ``step`` are None where it was not answered."""
+    """One question and its result.
+
+    Attributes:
+        action: question.
+        sensed: result of the motion; None if there was none.
+        step: step of the session; None if the question was not answered.
+        note: message about the result; empty for a contact.
+    """
 
     action: Action
     sensed: Sensed | None
@@ -33,13 +41,13 @@ class Turn(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probed:
-    """A run that has ended.
+    """Result of a run.
 
     Attributes:
-        end: why.
-        turns: every question.
-        stopped: why the machine does not move any more; empty if it does.
-        resumed: readings of an earlier run that were kept and are told now.
+        end: reason for the end of the session.
+        turns: questions with their results, in order.
+        stopped: reason for which the machine stopped; empty if it can still move.
+        resumed: number of stored readings of an earlier run that the session received at the start.
     """
 
     end: Done
@@ -54,16 +62,16 @@ def probe_part(
     record: str | Path | None = None,
     watch: Callable[[Turn], None] = lambda turn: None,
 ) -> Probed:
-    """Sense a part with a machine until the session has enough.
+    """Sense a part with a machine until the session ends.
 
-    Every reading is on the disk before it counts, the question before it is asked of the machine: after a loss of
-    power, :func:`tanteo.io.read_record` and this function go on where it was.
+    The record stores every question before the machine moves, and a journal stores every reading before the session
+    uses it. After a power failure, :func:`tanteo.io.read_record` and this function continue the run.
 
     Args:
-        session: what is known and asked.
-        machine: what moves.
-        record: of the session; None keeps nothing.
-        watch: called after every question.
+        session: session that chooses the readings.
+        machine: machine that takes them.
+        record: file of the session record; None to store nothing.
+        watch: function that is called after every question.
     """
     run = _Run(session, machine, record)
     resumed = run.take_up()
@@ -77,8 +85,8 @@ def probe_part(
         watch(turn)
         in_vain = in_vain + 1 if turn.step is None else 0
         if stopped or in_vain >= _REFUSED:
-            why = stopped or "The machine finds no way to the places that are worth it: give it more room."
-            return Probed(Done(False, why), tuple(turns), stopped, resumed)
+            end = Stated(stopped) if stopped else NoClearPath("machine", last=True)
+            return Probed(Done(False, (end,)), tuple(turns), stopped, resumed)
     return Probed(action, tuple(turns), "", resumed)
 
 
@@ -91,7 +99,7 @@ class _Run:
     sensed: Sensed | None = None
 
     def take_up(self) -> int:
-        """What an earlier run kept and did not tell."""
+        """Pass the stored readings of an earlier run to the session; return their number."""
         if self.record is None:
             return 0
         journal = Journal(self.record)
@@ -101,7 +109,7 @@ class _Run:
         return count
 
     def answer(self, action: Action) -> Turn:
-        """Go there, sense, tell."""
+        """Move to the start of a question, sense, and update the session."""
         self.sensed = None
         self._save()
         try:
@@ -117,29 +125,29 @@ class _Run:
             self.session.refuse(action)
             return Turn(action, None, None, str(error))
         except StoppedError:
-            if self.sensed is not None:  # it stopped on the way back: the reading was made, and it counts
-                self._tell(action, self.sensed)
+            if self.sensed is not None:  # the machine stopped during retraction; the reading is valid
+                self._report(action, self.sensed)
             raise
-        return Turn(action, sensed, self._tell(action, sensed), "" if sensed.met else "nothing met")
+        return Turn(action, sensed, self._report(action, sensed), "" if sensed.hit else BeamsFree().message)
 
-    def _tell(self, action: Action, sensed: Sensed) -> Step:
+    def _report(self, action: Action, sensed: Sensed) -> Step:
         step = self.session.tell(reading_of(action, sensed), action)
-        if not sensed.met or not step.ids:  # what brought nothing new would be asked for ever
+        if not sensed.hit or not step.ids:  # the session would choose the same question again without a refusal
             self.session.refuse(action)
         self._save()
         return step
 
     def _go(self, action: Action) -> None:
-        ways = Ways.around(self.session.start, self.session.probe, turns=self.machine.facts.turns)
+        ways = Ways.from_start(self.session.start, self.session.probe, turns=self.machine.facts.turns)
         here = self.machine.place()
         way = ways.to(action, self.before, here)
-        self.before = None  # on the way it is nowhere in particular
+        self.before = None  # after a failed motion the machine is not at the start of a question
         for T in way:
             self.machine.move(T)
         self.before = action
 
     def _reach(self, action: Action) -> float:
-        """How far to look [m]; a range sensor as far as it sees."""
+        """Return the largest distance of a touch [m]; for a range sensor its largest range."""
         if not self.machine.facts.contact:
             return action.max_range
         beyond = max(_LEAST_OVERTRAVEL, _SDS * largest_corner_sd(self.session.state))
@@ -154,6 +162,7 @@ class _Run:
         except OSError as error:
             self.machine.abort("the record could not be written")
             raise StoppedError(
-                f"{self.record}: expected a file that can be written, got: {error.strerror}. Free the disk; resume."
+                f"{self.record}: expected a file that can be written, got: {error.strerror}. Free disk space, then "
+                "resume."
             ) from None
         Journal(self.record).forget()

@@ -1,4 +1,4 @@
-"""The one wrapper around every driver: limits before a motion, a watchdog beside it, the way back after it."""
+"""Wrap every driver: check limits before a motion, watch it while it runs, and retract after it."""
 
 from __future__ import annotations
 
@@ -33,22 +33,23 @@ from tanteo.machines.protocol import (
 
 _T = TypeVar("_T")
 _TICK = 0.02
-"""Between two looks of the watchdog [s]."""
+"""Period of the watchdog [s]."""
 
 
 @dataclass(slots=True, eq=False)
 class SafeMachine:
-    """A machine that keeps its limits, whoever drives it.
+    """Machine that enforces limits around any driver.
 
-    Every motion is checked before it is sent, shown to ``confirm``, watched while it runs, and checked where it ended.
-    After an abort, an alarm, a lost connection or a missing answer there is no further motion.
+    It checks every motion before it sends it, passes it to ``confirm``, watches it, and checks its end. After an abort,
+    an alarm, a lost connection or a missing answer it sends no further motion.
 
     Attributes:
-        machine: the driver.
-        limits: what it may do.
-        confirm: asked in words before every motion; False to a touch refuses that place, to a way ends the run.
-        dry_run: motions are checked and shown, and none is sent.
-        show: told in words of every motion.
+        machine: driver of the machine.
+        limits: limits of its motions.
+        confirm: function that is called with the text of every motion before it is sent; False for a touch refuses
+            that touch, False for a path ends the run. None to send without confirmation.
+        dry_run: whether motions are checked and shown but not sent.
+        show: function that receives the text of every motion; None for none.
     """
 
     machine: Machine
@@ -62,31 +63,34 @@ class SafeMachine:
 
     @property
     def facts(self) -> Facts:
-        """Of the driver."""
+        """Constant properties of the driver."""
         return self.machine.facts
 
     @property
     def stopped(self) -> str:
-        """Why there is no further motion; empty if there may be."""
+        """Reason for which no further motion is sent; empty if motions are possible."""
         return self._stopped
 
     def status(self) -> MachineStatus:
-        """Of the driver."""
+        """Return the status of the driver."""
         return self.machine.status()
 
     def place(self) -> Vectors:
-        """Where the tip is ``(3,)`` [m]; in a dry run where it would be."""
+        """Return the position of the tip ``(3,)`` [m]; in a dry run the position that it would have."""
         if self.dry_run and self._at is not None:
             return self._at
         return place_of(self.machine)
 
     def move(self, T_world_probe: Transforms) -> None:
-        """Straight to a pose, at the speed of travelling.
+        """Move straight to a pose, at the travel speed.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
 
         Raises:
-            RefusedError: it is outside of the limits, or was refused; nothing was sent.
-            ContactError: something was met; the machine was brought back to where it came from.
-            StoppedError: no further motion.
+            RefusedError: the path violates the limits; nothing was sent.
+            ContactError: the probe touched something; the machine has retracted to its start.
+            StoppedError: the machine does not move any more.
         """
         goal, here, speed = T_world_probe[:3, 3], self.place(), self.limits.travel
         self._allow(here, goal, f"move to {in_mm(goal)}")
@@ -102,15 +106,22 @@ class SafeMachine:
         self._last = T_world_probe
 
     def sense(self, direction: Vectors, reach: float) -> Sensed:
-        """From here along a direction until something is met; what follows should be inside :meth:`touching`.
+        """Move along a direction until contact, inside :meth:`touching`; a range sensor measures at rest.
 
-        A range sensor looks along it from where it rests.
+        Args:
+            direction: unit direction ``(3,)``.
+            reach: largest distance [m].
+
+        Raises:
+            RefusedError: the motion violates the limits, or the operator declined it; nothing was sent.
+            ContactError: the probe was in contact at the start.
+            StoppedError: the machine does not move any more.
         """
         contact = self.facts.contact
         if not 0 < reach <= (self.limits.reach if contact else np.inf):
             raise RefusedError(
                 f"reach: expected up to {1e3 * self.limits.reach:g} mm, got {1e3 * reach:.3g} mm. "
-                "Know the place better, or allow more."
+                "Reduce the uncertainty of the pose, or allow a larger reach."
             )
         here = self.place()
         goal = here + reach * direction if contact else here
@@ -120,15 +131,16 @@ class SafeMachine:
             return Sensed(here, direction, np.inf, reach)
         speed = self.limits.touch
         sensed = self._watched(lambda s: self.machine.sense(direction, reach, speed, s), here, goal, speed)
-        if sensed.met and not 0 <= sensed.distance <= reach + self.limits.arrival:
-            self._stop(f"a contact {1e3 * sensed.distance:.3f} mm away, beyond the {1e3 * reach:.3f} mm that were sent")
+        if sensed.hit and not 0 <= sensed.distance <= reach + self.limits.arrival:
+            self._stop(f"a contact {1e3 * sensed.distance:.3f} mm away, beyond the commanded {1e3 * reach:.3f} mm")
         return sensed
 
     @contextmanager
     def touching(self) -> Iterator[None]:
-        """Inside is a guarded motion and what is made of it: on leaving, however that is, the probe goes back.
+        """Retract the probe at the end of the context, also after an error.
 
-        It goes to where the last motion ended, unless the machine has stopped.
+        The context contains a guarded motion and the processing of its result. The probe retracts to the end of the
+        last motion, unless the machine has stopped.
         """
         start = self._last
         try:
@@ -137,49 +149,56 @@ class SafeMachine:
             if start is not None and self.facts.contact and not self._stopped and not self.dry_run:
                 self._go_back(start)
 
-    def abort(self, why: str = "it was told to stop") -> None:
-        """Stop at once, for good; never raises."""
+    def abort(self, why: str = "a stop was commanded") -> None:
+        """Stop immediately and permanently; never raises.
+
+        Args:
+            why: reason of the stop.
+        """
         self._stopped = self._stopped or why
         self.machine.abort()
 
     def write_frame(self, text: str) -> None:
-        """Have the controller set a frame.
+        """Send the lines that set a work frame to the controller.
+
+        Args:
+            text: lines, as :func:`tanteo.io.write_work_frame` writes them.
 
         Raises:
-            StoppedError: no further command.
+            StoppedError: the machine takes no further commands.
         """
         self._check_running()
         self.machine.write_frame(text, self.limits.grace)
 
     def close(self) -> None:
-        """Let go of the machine."""
+        """Disconnect the machine."""
         self.machine.close()
 
     def _check_running(self) -> None:
         if self._stopped:
             raise StoppedError(
-                f"{self.facts.name}: expected a machine that may move, got one that has stopped: {self._stopped}. "
-                "Look at it, clear it there, and start again."
+                f"{self.facts.name}: expected a machine that can move, got a stopped one: {self._stopped}. "
+                "Check it, clear the stop at the machine, and start again."
             )
 
     def _allow(self, here: Vectors, goal: Vectors, what: str) -> None:
-        """Whether a straight way may be sent at all."""
+        """Check that a straight path may be sent; raise an error otherwise."""
         self._check_running()
         if not np.isfinite(goal).all():
             raise RefusedError(f"{what}: expected finite numbers, got others. Nothing was sent.")
-        if past := self.limits.passed(here, goal):
-            raise RefusedError(f"{what}: expected a way that keeps its limits, got one past {past}. Nothing was sent.")
+        if past := self.limits.violation(here, goal):
+            raise RefusedError(f"{what}: expected a path within the limits, got one past {past}. Nothing was sent.")
         if self.confirm is not None and not self.dry_run and not self.confirm(what):
             self._refused(what)
         if self.show is not None:
             self.show(what)
 
     def _refused(self, what: str) -> None:
-        """A no to a touch is one to that place, a no to a way ends the run: each other place begins with a way."""
+        """Refuse a declined touch; stop at a declined path, because every other reading begins with a path."""
         no = f"{what}: expected a yes, got no. Nothing was sent."
         if what.startswith(("touch", "range")):
             raise RefusedError(no)
-        self._stopped = self._stopped or "you said no to a motion"
+        self._stopped = self._stopped or "the operator declined a motion"
         raise StoppedError(no)
 
     def _only_shown(self, goal: Vectors) -> bool:
@@ -188,14 +207,17 @@ class SafeMachine:
         return self.dry_run
 
     def _watched(self, run: Callable[[float], _T], here: Vectors, goal: Vectors, speed: float) -> _T:
-        """A motion in a thread of its own, which may hang without this one: its end, its error, or a stop."""
+        """Run a motion in a thread and watch it; return its result, or raise its error or that of a stop.
+
+        A driver that hangs does not block this thread.
+        """
         seconds = float(np.linalg.norm(goal - here)) / speed * 1.5 + self.limits.grace
         motion = futures.Future[_T]()
 
         def call() -> None:
             try:
                 motion.set_result(run(seconds))
-            except BaseException as error:  # noqa: BLE001  handed to the thread that asked
+            except BaseException as error:  # noqa: BLE001  raised again in the calling thread
                 motion.set_exception(error)
 
         threading.Thread(target=call, daemon=True, name="motion").start()
@@ -209,7 +231,7 @@ class SafeMachine:
             self._latch(error)
             if not isinstance(error, TanteoError):
                 raise StoppedError(
-                    f"{self.facts.name}: expected its driver to end a motion or to say why not, got "
+                    f"{self.facts.name}: expected its driver to end a motion or to raise a MachineError, got "
                     f"{type(error).__name__}: {error}. A stop was sent: check the machine, then the driver."
                 ) from error
         return motion.result()
@@ -218,19 +240,19 @@ class SafeMachine:
         begun = time.monotonic()
         while not futures.wait([motion], _TICK).done:
             passed = time.monotonic() - begun
-            if self._stopped:  # by another thread; the driver ends its motion by itself
+            if self._stopped:  # another thread has aborted; the driver ends its motion
                 futures.wait([motion], 1.0)
                 self._check_running()
             if (age := self.machine.status().age) > self.limits.stale and passed > self.limits.stale:
-                self._late(f"the controller has said nothing for {min(age, passed):.1f} s")
+                self._late(f"the controller has sent nothing for {min(age, passed):.1f} s")
             if passed > seconds:
                 self._late(f"a motion did not end within {seconds:.1f} s")
 
     def _late(self, why: str) -> None:
         self._stopped = self._stopped or why
         raise LateError(
-            f"{self.facts.name}: expected an answer in time, got none: {why}. It was told to stop: look at it before "
-            "you start again."
+            f"{self.facts.name}: expected an answer in time, got none: {why}. A stop was sent: check the machine "
+            "before you start again."
         )
 
     def _latch(self, error: BaseException) -> None:
@@ -247,7 +269,7 @@ class SafeMachine:
     def _stop(self, got: str) -> None:
         self.abort(got)
         raise StoppedError(
-            f"{self.facts.name}: expected its motions to end where they were sent, got {got}. Look there."
+            f"{self.facts.name}: expected its motions to end at their goals, got {got}. Check the machine."
         )
 
     def _go_back(self, T: Transforms) -> None:

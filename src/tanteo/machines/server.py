@@ -1,4 +1,4 @@
-"""A TCP server of a fake controller, on loopback alone, for one client at a time."""
+"""Serve TCP connections of a fake controller, on loopback only."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from contextlib import suppress
 
 
 class Server:
-    """Listens on 127.0.0.1 and hands each connection to a function in a thread of its own.
+    """TCP server on 127.0.0.1 that passes each connection to a function in a thread of its own.
 
     Attributes:
-        port: where it listens; one that the system chose, if none was asked for.
+        port: port of the server; chosen by the system if the requested port is 0.
     """
 
     def __init__(self, serve: Callable[[socket.socket], None], port: int = 0) -> None:
@@ -25,7 +25,12 @@ class Server:
         self.start(self._accept)
 
     def start(self, run: Callable[..., None], *args: object) -> None:
-        """A thread that is waited for when the server ends."""
+        """Start a thread that :meth:`close` waits for.
+
+        Args:
+            run: function to run in the thread.
+            args: its arguments.
+        """
         thread = threading.Thread(target=run, args=args, daemon=True, name=f"fake {self.__class__.__name__}")
         self._threads = [t for t in self._threads if t.is_alive()] + [thread]
         thread.start()
@@ -46,12 +51,12 @@ class Server:
         hang_up(client)
 
     def drop(self) -> None:
-        """End all connections; it goes on listening."""
+        """End all connections, and continue to listen."""
         while self._clients:
             hang_up(self._clients.pop())
 
     def close(self) -> None:
-        """End all."""
+        """Stop listening, end all connections, and wait for the threads."""
         self._closed = True
         with suppress(OSError):
             self._listening.shutdown(socket.SHUT_RDWR)
@@ -64,7 +69,11 @@ class Server:
 
 
 def hang_up(client: socket.socket) -> None:
-    """End a connection at both ends; never raises."""
+    """End a connection in both directions; never raises.
+
+    Args:
+        client: socket of the connection.
+    """
     with suppress(OSError):
         client.shutdown(socket.SHUT_RDWR)
     client.close()

@@ -1,6 +1,6 @@
-"""Universal Robots: the dashboard for its mode (29999), URScript for motions (30002), RTDE for what it says (30004).
+"""Drive Universal Robots: dashboard for the mode (29999), URScript for motions (30002), RTDE for the status (30004).
 
-One program a motion (:mod:`tanteo.machines.ur_script`), whose result RTDE carries back
+Each motion is one program (:mod:`tanteo.machines.ur_script`), whose result RTDE returns
 (:mod:`tanteo.machines.rtde`). The TCP is the centre of the ball, its z along the stylus.
 """
 
@@ -30,10 +30,10 @@ from tanteo.machines.protocol import (
 )
 from tanteo.machines.rtde import RtdeClient
 from tanteo.machines.ur_dashboard import ready_version
-from tanteo.machines.ur_script import MET, NUMBER, PLACE, PUSHED, RESULT, STOP, TRIPPED
+from tanteo.machines.ur_script import HIT, NUMBER, PLACE, PUSHED, RESULT, STOP, TRIPPED
 
 PORTS = 29999, 30002, 30004
-"""Of the dashboard, of programs, of RTDE."""
+"""Ports of the dashboard, of programs and of RTDE."""
 _OUTPUTS = (
     "timestamp", "actual_TCP_pose", "actual_digital_input_bits", "runtime_state", "robot_mode", "safety_mode",
     f"output_int_register_{NUMBER}", f"output_int_register_{RESULT}",
@@ -41,11 +41,11 @@ _OUTPUTS = (
 )  # fmt: skip
 _FREQUENCY = 125.0
 _RUNNING, _NORMAL, _STOPPED, _PLAYING = 7, (1, 2), 1, 2
-"""``robot_mode`` and ``safety_mode`` in which it may move; ``runtime_state`` without and with a program."""
+"""``robot_mode`` and ``safety_mode`` in which the robot may move; ``runtime_state`` without and with a program."""
 _STARTS = 3.0
-"""Within which a program must have started [s]."""
+"""Largest time until a program has started [s]."""
 FORCE = 50.0
-"""Beyond that at the start of a guarded motion, by which it ends [N]: a probe that does not trip."""
+"""Increase of the force during a guarded motion at which it ends [N], in case the probe does not trip."""
 _SAFETY = {
     3: "a protective stop", 4: "recovery mode", 5: "a safeguard stop", 6: "an emergency stop", 7: "an emergency stop",
     8: "a safety violation", 9: "a safety fault",
@@ -53,14 +53,14 @@ _SAFETY = {
 
 
 class UrMachine:
-    """A Universal Robot with a touch probe on a digital input.
+    """Driver of a Universal Robot with a touch probe on a digital input.
 
     Attributes:
-        facts: what does not change.
+        facts: constant properties of the machine.
 
     Raises:
-        StoppedError: it is not running, or not in remote control; neither is changed from here.
-        LinkLostError: nobody answers.
+        StoppedError: the robot is not running, or not in remote control; the driver does not change that.
+        LinkLostError: no controller answers.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class UrMachine:
             raise
 
     def status(self) -> MachineStatus:
-        """What RTDE said last."""
+        """Return the most recent status from RTDE."""
         rtde = self._rtde
         if rtde is None or not rtde.values:
             return MachineStatus(self._latch.state("stopped"))
@@ -90,39 +90,70 @@ class UrMachine:
         return MachineStatus(self._state(), np.array(values["actual_TCP_pose"][:3]), tripped, age, words)
 
     def move(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """``movel`` beside a watch on the input."""
+        """Move straight to a pose by ``movel``, and stop at a contact.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+
+        Raises:
+            ContactError: the probe touched something, was in contact at the start, or felt a force.
+            StoppedError: the robot has stopped.
+        """
         if self._guarded(T_world_probe, speed, seconds) is not None:
-            raise self._latch.met(place_of(self))
+            raise self._latch.contact_error(place_of(self))
 
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
-        """``movel``."""
+        """Retract straight to a pose by ``movel``.
+
+        Args:
+            T_world_probe: pose at the end ``(4, 4)`` [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+        """
         self._run(ur_script.plain(self._next(), T_world_probe, speed), seconds)
 
     def sense(self, direction: Vectors, reach: float, speed: float, seconds: float) -> Sensed:
-        """Along the direction, held as it is."""
+        """Move along a direction until contact, with constant orientation.
+
+        Args:
+            direction: unit direction ``(3,)``.
+            reach: largest distance [m].
+            speed: commanded speed [m/s].
+            seconds: largest duration [s].
+        """
         begun, start = time.monotonic(), place_of(self)
         T = np.eye(4)
         T[:3, :3] = SO3.exp(np.array(self._values["actual_TCP_pose"][3:]))
         T[:3, 3] = start + reach * direction
-        met = self._guarded(T, speed, seconds)
-        distance = np.inf if met is None else float((met - start) @ direction)
+        contact = self._guarded(T, speed, seconds)
+        distance = np.inf if contact is None else float((contact - start) @ direction)
         return Sensed(start, direction, distance, reach, time.monotonic() - begun)
 
     def abort(self) -> None:
-        """A program that stops replaces the one that runs, and the dashboard stops that; never raises."""
-        self._latch.stop("it was told to stop")
+        """Replace the running program by one that stops, and stop that by the dashboard; never raises."""
+        self._latch.stop("a stop was commanded")
         for link, text in ((self._script, STOP), (self._dashboard, "stop\n")):
             self._latch.send(link, text.encode("ascii"))
 
     def write_frame(self, text: str, seconds: float) -> None:
-        """No variable of an installation can be set over the wire."""
+        """Refuse, because no interface can set a feature of the installation.
+
+        Args:
+            text: lines that set a frame.
+            seconds: not used.
+
+        Raises:
+            RefusedError: always.
+        """
         raise RefusedError(
-            f"{self.facts.name}: expected a controller that takes a frame over the wire, got one whose features are "
-            "set at the pendant. Copy the lines of --wcs ur:NAME there."
+            f"{self.facts.name}: expected a controller with frames that can be set remotely, got one whose features "
+            "are set at the pendant. Copy the lines of --wcs ur:NAME there."
         )
 
     def close(self) -> None:
-        """Stop what moves, and let go; never raises."""
+        """Stop a running motion, and disconnect; never raises."""
         if self.status().state == "moving":
             self.abort()
         self._closed = True
@@ -136,7 +167,7 @@ class UrMachine:
         return self._latch.state("stopped" if self._unsafe() else moving)
 
     def _unsafe(self) -> str:
-        """Why it may not move by its own word; empty if it may."""
+        """Return why the robot must not move according to its status; empty if it may."""
         mode, safety = self._values["robot_mode"], self._values["safety_mode"]
         if safety not in _NORMAL:
             return _SAFETY.get(safety, f"safety_mode {safety}")
@@ -163,7 +194,7 @@ class UrMachine:
         return -np.inf if self._rtde is None else self._rtde.at
 
     def _listen(self) -> None:
-        """The thread that reads RTDE, and what the program port says, which is dropped."""
+        """Read RTDE in a thread, and discard the output of the program port."""
         while not self._closed and self._latch.lost is None and self._rtde is not None:
             try:
                 self._rtde.listen(0.05)
@@ -172,12 +203,12 @@ class UrMachine:
                 self._latch.lose(error)
 
     def _next(self) -> int:
-        """The number of the next program."""
+        """Return the number of the next program."""
         self._number += 1
         return self._number
 
     def _guarded(self, T: Transforms, speed: float, seconds: float) -> Vectors | None:
-        """A motion that ends at a contact: where the TCP was then ``(3,)``; None without."""
+        """Make a guarded motion; return the position of the TCP at the contact ``(3,)`` [m], or None without one."""
         self._check()
         if self.status().tripped:
             raise self._latch.in_contact()
@@ -187,14 +218,14 @@ class UrMachine:
         if result == PUSHED:
             raise ContactError(
                 f"{self.facts.name}: expected a probe that trips, got a force of more than {self._force:g} N without a "
-                "contact. It has stopped there: look at the stylus and its cable."
+                "contact. The robot has stopped: check the stylus and its cable."
             )
-        if result != MET:
+        if result != HIT:
             return None
         return np.array([self._values[f"output_double_register_{PLACE + k}"] for k in range(3)])
 
     def _run(self, program: str, seconds: float) -> int:
-        """One program: its result."""
+        """Run one program, and return its result."""
         self._check()
         deadline = time.monotonic() + seconds
         try:
@@ -208,7 +239,7 @@ class UrMachine:
             values = self._values
             result = int(values[f"output_int_register_{RESULT}"])
             if result and values["runtime_state"] != _PLAYING:
-                self._next_package(deadline)  # the position in this one may be of before
+                self._next_package(deadline)  # the position in this package may be older than the result
                 return result
             if not result and values["runtime_state"] == _STOPPED and self._is_over():
                 raise self._latch.failed("a program that ended before its motion did")
@@ -216,7 +247,7 @@ class UrMachine:
             time.sleep(0.001)
 
     def _next_package(self, deadline: float) -> None:
-        """Wait for what is said from now on."""
+        """Wait for a package that arrives from now on."""
         seen = time.monotonic()
         while self._at <= seen:
             self._check()
@@ -224,7 +255,10 @@ class UrMachine:
             time.sleep(0.001)
 
     def _is_over(self) -> bool:
-        """Whether it is still so after a few packages: result and state may come in two."""
+        """Return whether the program has ended without a result, also after a few more packages.
+
+        Result and state may arrive in different packages.
+        """
         seen = self._at
         while self._at < seen + 4 / _FREQUENCY and self._latch.lost is None and time.monotonic() < seen + 1.0:
             time.sleep(0.002)

@@ -1,4 +1,4 @@
-"""The dashboard of Universal Robots: whether a robot is ready to be moved, in its own words."""
+"""Query the dashboard of Universal Robots: whether a robot is ready to move."""
 
 from __future__ import annotations
 
@@ -12,26 +12,30 @@ _WANTED = (
     ("safetystatus", "NORMAL", "Clear the stop at the pendant"),
     ("is in remote control", "true", "Switch it to remote control at the pendant"),
 )
-"""Questions, answers of a robot that is ready, and what a person does about others."""
+"""Queries, the answers of a robot that is ready, and the advice for other answers."""
 
 
 def ready_version(link: Link, deadline: float) -> str:
-    """The version of PolyScope of a robot that is ready.
+    """Return the PolyScope version of a robot, after a check that it is ready.
+
+    Args:
+        link: connection to the dashboard.
+        deadline: deadline, by the monotonic clock [s].
 
     Raises:
-        StoppedError: it is not; that is changed at the pendant, not from here.
-        LinkLostError: nobody answers.
+        StoppedError: the robot is not ready; only the operator can change that, at the pendant.
+        LinkLostError: no controller answers.
     """
-    _line(link, deadline)  # its greeting
-    version = _asked(link, "PolyscopeVersion", deadline)
+    _line(link, deadline)  # greeting of the dashboard
+    version = _queried(link, "PolyscopeVersion", deadline)
     for question, good, advice in _WANTED:
-        said = _asked(link, question, deadline)
-        if good.lower() not in said.lower():
-            raise StoppedError(f"{link.name}: expected {question}: {good}, got '{said}'. {advice}.")
+        answer = _queried(link, question, deadline)
+        if good.lower() not in answer.lower():
+            raise StoppedError(f"{link.name}: expected {question}: {good}, got '{answer}'. {advice}.")
     return version.split(" ")[-1] if " " in version else version
 
 
-def _asked(link: Link, question: str, deadline: float) -> str:
+def _queried(link: Link, question: str, deadline: float) -> str:
     link.write(f"{question}\n".encode("ascii"))
     return _line(link, deadline)
 

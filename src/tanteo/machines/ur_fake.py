@@ -1,7 +1,7 @@
-"""A Universal Robot that is not there: dashboard, program port and RTDE on loopback.
+"""Fake a Universal Robot: dashboard, program port and RTDE on loopback.
 
-RTDE is as the manufacturer's own client has it (:mod:`tanteo.machines.rtde`). Of URScript it knows the statements that
-:mod:`tanteo.machines.ur` sends, not the language: ``movel``, the thread that moves beside a watch, registers.
+RTDE follows the manufacturer's client (:mod:`tanteo.machines.rtde`). The fake interprets only the URScript statements
+that :mod:`tanteo.machines.ur` sends: ``movel``, the thread of a guarded motion, and registers.
 """
 
 from __future__ import annotations
@@ -21,28 +21,30 @@ from tanteo.machines import rtde
 from tanteo.machines.fake import Fake
 from tanteo.machines.faults import Faults
 from tanteo.machines.server import Server
-from tanteo.machines.ur_script import ARRIVED, MET, NUMBER, PLACE, PUSHED, RESULT, TRIPPED
+from tanteo.machines.ur_script import ARRIVED, HIT, NUMBER, PLACE, PUSHED, RESULT, TRIPPED
 from tanteo.machines.world import World
 
 _MOVEL = re.compile(r"movel\(p\[([^\]]+)\], a=([\d.]+), v=([\d.]+)\)")
 _NUMBER = re.compile(rf"write_output_integer_register\({NUMBER}, (\d+)\)")
-_RESULTS = {"there": ARRIVED, "met": MET, "tripped": TRIPPED, "pushed": PUSHED}
+_RESULTS = {"arrived": ARRIVED, "contact": HIT, "tripped": TRIPPED, "pushed": PUSHED}
 _MODES = {"running": 7, "normal": 1, "emergency": 6}
 
 
 class UrFake(Fake):
-    """A robot whose TCP is the centre of a ball.
+    """Fake robot whose TCP is the centre of the ball.
 
     Attributes:
-        ports: of dashboard, programs and RTDE.
-        programs: all texts that it was sent.
+        ports: ports of dashboard, programs and RTDE.
+        programs: programs that clients have sent.
+        turn: rotation vector of the TCP ``(3,)`` [rad].
+        remote: whether the robot is in remote control.
     """
 
     def __init__(
-        self, world: World, start: Vectors, *, hurry: float = np.inf, faults: Faults | None = None,
+        self, world: World, start: Vectors, *, speedup: float = np.inf, faults: Faults | None = None,
         ports: tuple[int, int, int] = (0, 0, 0), remote: bool = True,
     ) -> None:  # fmt: skip
-        super().__init__(world, start, hurry, faults)
+        super().__init__(world, start, speedup, faults)
         self.turn = np.array([np.pi, 0.0, 0.0])
         self.remote = remote
         self.programs = list[str]()
@@ -55,13 +57,13 @@ class UrFake(Fake):
         self.ports = tuple(server.port for server in self._servers)
 
     def close(self) -> None:
-        """Switch it off."""
+        """Switch the robot off."""
         self.tip.emergency.set()
         for server in self._servers:
             server.close()
 
     def press_stop(self) -> None:
-        """The emergency stop."""
+        """Press the emergency stop."""
         self.tip.emergency.set()
         self._safety = _MODES["emergency"]
 
@@ -88,7 +90,7 @@ class UrFake(Fake):
         }.get(question, f"could not understand: '{question}'")  # fmt: skip
 
     def _halt(self) -> None:
-        """A program that is replaced, or stopped, ends where it is."""
+        """End the running program, and wait until it has ended."""
         self.tip.hold.set()
         with self._busy:
             self.tip.hold.clear()
@@ -103,7 +105,7 @@ class UrFake(Fake):
                 self._servers[1].start(self._run, program)
 
     def _run(self, program: str) -> None:
-        """One program, as far as it goes."""
+        """Interpret one program."""
         with self._busy:
             self.programs.append(program)
             moves, number = _MOVEL.search(program), _NUMBER.search(program)
@@ -120,11 +122,11 @@ class UrFake(Fake):
     def _move(self, moves: re.Match[str], *, guarded: bool) -> None:
         pose = np.array([float(v) for v in moves[1].split(",")])
         outcome, place = self._motion(pose[:3], float(moves[3]), guarded=guarded)
-        if outcome in ("there", "met"):
+        if outcome in ("arrived", "contact"):
             self.turn = pose[3:]
             values = [*place, *self.turn]
             self._registers |= {f"output_double_register_{PLACE + k}": float(v) for k, v in enumerate(values)}
-        if outcome != "unsaid":
+        if outcome != "unreported":
             self._registers |= {f"output_int_register_{RESULT}": _RESULTS[outcome]}
 
     def _rtde(self, client: socket.socket) -> None:

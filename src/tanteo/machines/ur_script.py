@@ -1,8 +1,8 @@
-"""Programs of URScript that the driver of Universal Robots sends, one a motion.
+"""Write the URScript programs of the driver of Universal Robots, one for each motion.
 
-A program watches a digital input while a thread moves, as the probing programs of :mod:`tanteo.machines.programs` do,
-and writes what came of it to output registers that RTDE carries back. Read for it: Universal Robots' Script Manual
-(``movel``, threads, ``write_output_integer_register``).
+A program polls a digital input while a thread moves, as the probing programs of :mod:`tanteo.machines.programs` do. It
+writes its result to output registers, which RTDE returns. Source: Universal Robots' Script Manual (``movel``, threads,
+``write_output_integer_register``).
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from tanteo.geometry import SO3
 from tanteo.geometry.typing import Transforms
 
 NUMBER, RESULT, PLACE = 24, 25, 24
-"""Output registers: a program's number and result (whole numbers), the TCP's pose from here on (six numbers)."""
-ARRIVED, MET, TRIPPED, PUSHED = 1, 2, 3, 4
+"""Output registers: number and result of a program (integers), and first of six registers of the TCP's pose."""
+ARRIVED, HIT, TRIPPED, PUSHED = 1, 2, 3, 4
 """Results of a program."""
 _BRAKE = 2.0
-"""Of a motion that ends at a contact [m/s^2]."""
+"""Deceleration after a contact [m/s^2]."""
 
 _GUARDED = """def tanteo_{number}():
   global arrived = False
@@ -42,12 +42,12 @@ _GUARDED = """def tanteo_{number}():
     sync()
   end
   here = get_actual_tcp_pose()
-  met = get_standard_digital_in({input})
+  hit = get_standard_digital_in({input})
   kill handle
   stopl({brake:.2f})
 {places}
-  if met:
-    write_output_integer_register({RESULT}, {MET})
+  if hit:
+    write_output_integer_register({RESULT}, {HIT})
   elif pushed:
     write_output_integer_register({RESULT}, {PUSHED})
   else:
@@ -63,28 +63,46 @@ _PLAIN = """def tanteo_{number}():
 end
 """
 STOP = "def tanteo_stop():\n  stopl(5.0)\nend\n"
-"""A program that replaces the one that runs."""
+"""Program that replaces the running one and stops the robot."""
 
 
 def guarded(number: int, T: Transforms, speed: float, digital_input: int, force: float) -> str:
-    """Straight to a pose of the TCP, to a contact at most, and no harder than ``force`` [N] above that at the start."""
+    """Return the program of a straight motion that ends at a contact or at a force.
+
+    Args:
+        number: number of the program.
+        T: pose of the TCP at the end ``(4, 4)`` [m].
+        speed: speed [m/s].
+        digital_input: number of the probe's digital input.
+        force: increase of the force at which the motion ends [N].
+    """
     motion = _motion(number, T, speed)
     return _GUARDED.format(input=digital_input, force=force, brake=_BRAKE, places=_places(), **motion)
 
 
 def plain(number: int, T: Transforms, speed: float) -> str:
-    """Straight to a pose of the TCP."""
+    """Return the program of a straight motion.
+
+    Args:
+        number: number of the program.
+        T: pose of the TCP at the end ``(4, 4)`` [m].
+        speed: speed [m/s].
+    """
     return _PLAIN.format(**_motion(number, T, speed))
 
 
 def pose_of(T: Transforms) -> Sequence[float]:
-    """Place and rotation vector, as URScript has poses."""
+    """Return a pose as URScript writes it: position [m] and rotation vector [rad].
+
+    Args:
+        T: pose ``(4, 4)`` [m].
+    """
     return [float(v) + 0.0 for v in (*T[:3, 3], *SO3.log(T[:3, :3]))]
 
 
 def _motion(number: int, T: Transforms, speed: float) -> dict[str, object]:
     goal = "p[" + ", ".join(f"{v:.7f}" for v in pose_of(T)) + "]"
-    results = {"ARRIVED": ARRIVED, "MET": MET, "TRIPPED": TRIPPED, "PUSHED": PUSHED}
+    results = {"ARRIVED": ARRIVED, "HIT": HIT, "TRIPPED": TRIPPED, "PUSHED": PUSHED}
     acceleration = max(0.1, 4 * speed)
     motion = {"number": number, "goal": goal, "speed": speed, "acceleration": acceleration}
     return {**motion, "NUMBER": NUMBER, "RESULT": RESULT, **results}

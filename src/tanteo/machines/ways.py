@@ -1,4 +1,7 @@
-"""Ways between readings: back out, up, over the part, down; a tool that turns leaves along its own z."""
+"""Plan the paths between readings: retract, rise, cross over the part, descend.
+
+A tool that can point along any direction leaves the part along its own z.
+"""
 
 from __future__ import annotations
 
@@ -13,26 +16,32 @@ from tanteo.planning import Action, Probe, Start
 from tanteo.posterior import box_corners, point_moves
 
 _SDS = 3.0
-"""Standard deviations of the part's place that ways keep off it."""
+"""Clearance of the paths from the part, in standard deviations of its position."""
 _NEAR = 1e-7
-"""Nearer than this two places are one [m]."""
+"""Distance below which two positions are equal [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ways:
-    """Where a probe may go, from what is known before the first reading.
+    """Paths of a probe around a part whose prior pose is uncertain.
 
     Attributes:
-        job: heights and a cylinder that hold the part and all starts, wherever it may be.
-        turns: the tool looks along each reading; else it points down.
+        job: safe height, depth, and cylinder that contains the part and all starts at any prior pose.
+        turns: whether the tool points along each reading; otherwise it points down.
     """
 
     job: Job
     turns: bool
 
     @classmethod
-    def around(cls, start: Start, probe: Probe, *, turns: bool) -> Ways:
-        """From the start of a session."""
+    def from_start(cls, start: Start, probe: Probe, *, turns: bool) -> Ways:
+        """Return the paths for the prior poses of a session.
+
+        Args:
+            start: prior poses of the parts.
+            probe: sensor that takes the readings.
+            turns: whether the tool can point along any direction.
+        """
         corners = list[np.ndarray]()
         for part, T, C in zip(start.part, start.Ts, start.covariances, strict=True):
             box = box_corners(start.targets[int(part)].part)
@@ -41,26 +50,30 @@ class Ways:
             places = SE3.apply(T, box)
             corners += [places - _SDS * sds, places + _SDS * sds]
         all_ = np.concatenate(corners)
-        room = probe.clearance + probe.radius + max(probe.standoff, probe.farthest)
+        clearance = probe.clearance + probe.radius + max(probe.standoff, probe.farthest)
         centre = 0.5 * (all_.min(axis=0) + all_.max(axis=0))
-        wide = float(np.linalg.norm(all_[:, :2] - centre[:2], axis=1).max()) + room
-        heights = float(all_[:, 2].max()) + room, float(all_[:, 2].min()) - room
+        wide = float(np.linalg.norm(all_[:, :2] - centre[:2], axis=1).max()) + clearance
+        heights = float(all_[:, 2].max()) + clearance, float(all_[:, 2].min()) - clearance
         name = start.targets[int(start.part[0])].part.name
         return cls(Job(name, "", (), probe.radius, 0.0, *heights, centre, wide), turns)
 
     def touch(self, action: Action) -> Touch:
-        """A question as a guarded motion."""
+        """Return the guarded motion that answers a question.
+
+        Args:
+            action: question of the session.
+        """
         d, contact = action.direction, action.origin + action.expected * action.direction
         outer = leaves(action.origin, -d, self.job)
         return Touch(action.number, action.face, action.origin, d, contact, contact, outer, tool_axes(d))
 
     def to(self, action: Action, before: Action | None, here: np.ndarray) -> list[Transforms]:
-        """Poses from where the probe is to the start of a reading, straight between them.
+        """Return the poses of a path from the probe's position to the start of a reading, with straight segments.
 
         Args:
-            action: the reading.
-            before: the one at whose start the probe is; None if it is somewhere else, from where up is free.
-            here: where it is ``(3,)``.
+            action: reading to go to.
+            before: reading at whose start the probe is; None if it is elsewhere, with free space above.
+            here: position of the probe ``(3,)`` [m].
         """
         touch = self.touch(action)
         if not self.turns:

@@ -1,6 +1,6 @@
-"""What a fake's probe meets: a body that lies somewhere, a ball, noise that is the same for the same touch.
+"""Simulate contacts of a probe with a body for fake controllers; equal touches have equal noise.
 
-It knows the truth and no estimator.
+This module has the true pose of the body, and uses no estimator.
 """
 
 from __future__ import annotations
@@ -14,23 +14,24 @@ from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.parts import Surface, ball_contact, signed_distance
 
 _TRIPPED = 2e-6
-"""Nearer than this the ball is in contact [m]."""
+"""Distance from the surface below which the ball is in contact [m]."""
 
 _SUM, _WAVES = 12, 8e3
-"""Noise is a sum of so many sines of the touch's places, of so many radians a metre: a tenth of a micrometre that a
-controller rounds off leaves it as it is."""
+"""Number of sines whose sum is the noise of a touch, and standard deviation of their wave numbers [rad/m].
+
+The noise changes little where a controller rounds positions to a tenth of a micrometre."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """A body and the probe before it.
+    """Body at a pose, and the ball of a probe.
 
     Attributes:
-        surface: of the body, in its own frame.
-        T_world_body: where it lies ``(4, 4)``.
-        radius: of the probe's ball, as it is [m]; 0 for a sharp tip.
-        sd: of where a contact is reported along its motion [m].
-        seed: of that; the same touch is reported alike whenever it is made.
+        surface: surface of the body, body frame.
+        T_world_body: pose of the body ``(4, 4)`` [m].
+        radius: true radius of the probe's ball [m]; 0 for a sharp tip.
+        sd: standard deviation of reported contacts along the motion [m].
+        seed: seed of the noise, which depends only on seed, start and end of a touch.
     """
 
     surface: Surface
@@ -40,7 +41,12 @@ class World:
     seed: int = 0
 
     def contact(self, start: Vectors, end: Vectors) -> float:
-        """How far the ball gets on the way from ``start`` to ``end`` [m]; infinite if it gets there."""
+        """Return the distance that the ball moves until contact [m]; infinite if it reaches the end.
+
+        Args:
+            start: position of the ball's centre at the start ``(3,)``, world frame [m].
+            end: position at the end ``(3,)``, world frame [m].
+        """
         way = end - start
         length = float(np.linalg.norm(way))
         if length < 1e-9:
@@ -50,12 +56,21 @@ class World:
         return ball_contact(self.surface, place, along, self.radius, length)
 
     def tripped(self, place: Vectors) -> bool:
-        """Whether the ball is in contact at a place ``(3,)``."""
+        """Return whether the ball is in contact at a position.
+
+        Args:
+            place: position of the ball's centre ``(3,)``, world frame [m].
+        """
         local = SE3.apply(SE3.inverse(self.T_world_body), place)
         return bool(signed_distance(self.surface, local[None])[0][0] - self.radius < _TRIPPED)
 
     def noise(self, start: Vectors, end: Vectors) -> float:
-        """Of the report of the touch from ``start`` towards ``end`` [m]: about normal, the same for the same touch."""
+        """Return the error of the reported contact of a touch [m], approximately normal and equal for equal touches.
+
+        Args:
+            start: position of the ball's centre at the start ``(3,)``, world frame [m].
+            end: position towards which the ball moves ``(3,)``, world frame [m].
+        """
         rng = np.random.default_rng(self.seed)
         waves, phases = rng.normal(0.0, _WAVES, (_SUM, 6)), rng.uniform(0.0, 2 * np.pi, _SUM)
         return float(self.sd * np.sqrt(2 / _SUM) * np.sin(waves @ np.concatenate([start, end]) + phases).sum())

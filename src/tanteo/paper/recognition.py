@@ -30,6 +30,7 @@ from tanteo.posterior import (
     verdict,
     without_spin,
 )
+from tanteo.words.findings import CutShort
 
 _KINDS = "plane", "edge", "vertex"
 
@@ -90,7 +91,8 @@ def identify_as_published(
     clock.lap("locate")
     unknown = 0.0 if accepted else 1.0
     shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
-    status, findings = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
+    status, finding = verdict(hypotheses, unknown, significance, as_published=True, shares=shares)
+    findings = (finding, CutShort()) if cut else (finding,)
     return Answer(status, findings, hypotheses, unknown, clock.laps(), significance=significance)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.planning.context import Choice, DecisionContext
+from tanteo.words.findings import DrawnAtRandom, LargestFaceLeast, NearestPlace, Rule321
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +21,7 @@ class Random:
     def choose(self, context: DecisionContext) -> Choice:
         """A draw that depends on seed and number of readings only."""
         rng = np.random.default_rng((1991, context.seed, context.count))
-        return Choice(int(rng.integers(len(context.candidates))), np.nan, "it was drawn at random")
+        return Choice(int(rng.integers(len(context.candidates))), np.nan, DrawnAtRandom())
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class Nearest:
         away = _from_readings(s) - self.apart * s.state.target(0).part.diagonal
         travel = s.travel()
         k = int(np.lexsort((travel, np.minimum(away, 0.0) * -1.0))[0])
-        return Choice(k, np.nan, "it is the nearest new place")
+        return Choice(k, np.nan, NearestPlace())
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ class LargestFace:
         worth = areas / (1 + met)
         best = pool[worth >= worth.max() * (1 - 1e-9)]
         k = _spread_out(s, best)
-        return Choice(k, np.nan, f"it is on {part.faces[s.candidates.face[k]].name}, the largest that was sensed least")
+        return Choice(k, np.nan, LargestFaceLeast(part.faces[s.candidates.face[k]].name))
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,7 @@ class Scripted321:
         which = script[0 if turn < 3 else 1 if turn < 5 else 2] if len(script) == 3 else -1
         on_face = pool[s.candidates.face[pool] == which]
         k = _spread_out(s, on_face if len(on_face) else pool)
-        return Choice(k, np.nan, f"it is reading {turn + 1} of 3-2-1")
+        return Choice(k, np.nan, Rule321(turn + 1))
 
 
 def _script(s: DecisionContext, pool: IntArray) -> list[int]:

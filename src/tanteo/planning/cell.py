@@ -19,7 +19,7 @@ from tanteo.geometry.special import chi2_survival
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.planning.state import SensingState
 from tanteo.posterior import point_moves
-from tanteo.sensors import PointMeasurements, Readings
+from tanteo.sensors import Column, PointMeasurements, Readings
 
 Measured = Callable[[Readings], PointMeasurements]
 """How readings are made into measurements."""
@@ -191,9 +191,9 @@ def _following(
 
 def _turns(readings: Readings) -> list[tuple[int, float]]:
     """Turns of the hand: about the approach, its third axis; of a touch, whose hand is free of it, across it too."""
-    if not readings.has_hand.any():
+    if not readings.Ts_world_hand.given.any():
         return [(2, 0.0)]
-    columns = (2, 0, 1) if readings.has_point.any() else (2,)
+    columns = (2, 0, 1) if readings.points.given.any() else (2,)
     return [(2, 0.0), *((c, 2 * np.pi * k / _TURNS) for c in columns for k in range(1, _TURNS))]
 
 
@@ -215,15 +215,15 @@ def _made(readings: Readings, before: PointMeasurements, world: Vectors, ways: V
     sines = np.linalg.norm(axes, axis=1, keepdims=True)
     angles = np.arctan2(sines[:, 0], np.sum(had[near] * ways, axis=1))
     turns = SO3.exp(turn) @ SO3.exp(axes / np.maximum(sines, 1e-12) * angles[:, None])
-    hands = readings.Ts_world_hand[rows]
-    arms = hands[:, :3, 3] - before.points[near]
-    moved = SE3.from_parts(turns @ hands[:, :3, :3], world + np.einsum("nij,nj->ni", turns, arms))
-    moved = np.where(np.isnan(hands), np.nan, moved)
-    had_point, had_way = readings.has_point[rows, None], readings.has_direction[rows, None]
+    hands = readings.Ts_world_hand.take(rows)
+    held, Ts = hands.given, hands.values
+    arms = Ts[:, :3, 3] - before.points[near][held]
+    moved = SE3.from_parts(turns[held] @ Ts[:, :3, :3], world[held] + np.einsum("nij,nj->ni", turns[held], arms))
     return Readings.from_columns(
-        np.where(had_point, world, np.nan), ids=[f"place {k}" for k in range(len(rows))],
-        directions=np.where(had_way, ways, np.nan), sds=readings.sds[rows], across_sds=readings.across_sds[rows],
-        radii=readings.radii[rows], Ts_world_hand=moved, ranges=readings.ranges[rows],
+        Column.from_rows(world, readings.points.given[rows]), ids=[f"place {k}" for k in range(len(rows))],
+        directions=Column.from_rows(ways, readings.directions.given[rows]), sds=readings.sds.take(rows),
+        across_sds=readings.across_sds.take(rows), radii=readings.radii[rows], Ts_world_hand=Column(held, moved),
+        ranges=readings.ranges.take(rows),
         sensors=[readings.sensors[k] for k in rows],
     )  # fmt: skip
 

@@ -37,7 +37,7 @@ def has_room(state: SensingState, candidates: Candidates, probe: Probe, *, anywh
     may be.
     """
     way = _way(candidates, probe)
-    ok: BoolArray = np.all(probe.workspace.rooms(way)[0] >= probe.clearance, axis=(1, 2))
+    ok: BoolArray = np.all(probe.workspace.clearances(way)[0] >= probe.clearance, axis=(1, 2))
     ok &= _reached_freely(candidates, probe)
     live = np.flatnonzero(state.weights >= _LIVE * state.weights.sum())
     gaps = np.zeros((len(live), *way.shape[:2]))
@@ -82,8 +82,8 @@ def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
     met = [box.crossed(behind, near, probe.clearance) | box.crossed(near, tip, probe.radius) for box in boxes]
     ok = ~np.any(met, axis=0) if boxes else np.ones(len(c), dtype=bool)
     if probe.contact:
-        ok &= np.all(probe.workspace.rooms(near)[0] >= probe.clearance, axis=1)
-        ok &= np.all(probe.workspace.rooms(aims)[0] >= 0.0, axis=1)
+        ok &= np.all(probe.workspace.clearances(near)[0] >= probe.clearance, axis=1)
+        ok &= np.all(probe.workspace.clearances(aims)[0] >= 0.0, axis=1)
     return np.asarray(ok)
 
 

@@ -13,6 +13,7 @@ from tanteo.planning.candidates import Candidates
 from tanteo.planning.probe import Probe
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
+from tanteo.words import Finding
 
 SharedOf: TypeAlias = Callable[[Candidates], SharedAhead | None]
 """The shared errors of candidates; None where there are none, or nothing is known of them yet."""
@@ -70,13 +71,13 @@ class Choice:
     Attributes:
         index: of the candidate.
         gain: what it is expected to tell [nats]; NaN where the policy does not ask.
-        why: in words.
+        reason: why the policy chose it.
         seconds: that this takes; None where the policy does not weigh it.
     """
 
     index: int
     gain: float
-    why: str
+    reason: Finding
     seconds: float | None = None
 
 

@@ -19,15 +19,13 @@ from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin
 from tanteo.planning.utility import about_mode
 from tanteo.posterior import PreparedPart, Priors, Problem, corner_moves, identify_points, prepare_all, settle
+from tanteo.words.findings import NoPlaceReached, ReadingDiscriminates
 
 _PLACES = 60
 """Places of the one part that the other is laid on."""
 
 _AGREE = 0.02
 """How well, in diagonals of the part."""
-
-_TELLS = 0.3
-"""Information from which a reading is said to discriminate two parts [nats]."""
 
 _FITTED = np.full(8, 3.0)
 """Steps of the fit, and the scale from which a place loses its weight [times how well they agree]."""
@@ -54,7 +52,7 @@ class Discrimination:
         sds: standard deviations of these [m].
         T_first_second: where the second part is then, in the frame of the first ``(4, 4)``.
         information: about which it is [nats]; ln 2 is all there is.
-        message: one sentence.
+        finding: the same in words.
     """
 
     parts: tuple[str, str]
@@ -64,12 +62,17 @@ class Discrimination:
     sds: FloatArray
     T_first_second: Transforms
     information: float
-    message: str
+    finding: ReadingDiscriminates | NoPlaceReached
+
+    @property
+    def message(self) -> str:
+        """The finding in words."""
+        return self.finding.message
 
     @property
     def tells(self) -> bool:
         """Whether it is worth making."""
-        return self.information >= _TELLS
+        return self.information >= ReadingDiscriminates.LEAST
 
 
 def discriminate(
@@ -108,8 +111,9 @@ def discriminate(
     names = (first.part.name, second.part.name)
     if not len(candidates):
         nowhere = np.full(3, np.nan)
-        message = "The probe reaches no place of the parts: give it more room, or another approach."
-        return Discrimination(names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, message)
+        return Discrimination(
+            names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, NoPlaceReached(names)
+        )  # fmt: skip
     told = _told(state, candidates, probe, len(twins))
     k = int(np.lexsort((told.sum(axis=0), told.min(axis=0)))[-1])
     twin = int(np.argmin(told[:, k]))
@@ -121,9 +125,11 @@ def discriminate(
     own = probe.variance(np.where(answers, ranges, 1.0), np.where(answers, seen.cosines[0, rows], 1.0))
     sds = np.sqrt(own + seen.variances[0, rows] + seen.scatter[0, rows])
     ranges, echoes = np.where(answers, ranges, np.inf), _echoes(state, candidates.take(np.array([k])), probe)
+    both, (a, b) = (float(ranges[0]), float(ranges[1])), echoes[[0, 1 + twin]]
+    finding = ReadingDiscriminates(names, both, (float(a), float(b)), float(told[twin, k]))
     return Discrimination(
         names, candidates.origins[k], candidates.directions[k], ranges, sds,
-        twins[twin], float(told[twin, k]), _message(names, ranges, echoes[[0, 1 + twin]], float(told[twin, k])),
+        twins[twin], float(told[twin, k]), finding,
     )  # fmt: skip
 
 
@@ -186,13 +192,3 @@ def located(target: PreparedPart, sd: float) -> Covariances:
     """A covariance of the pose with about that standard deviation at the corners ``(6, 6)``."""
     J = corner_moves(target.part)
     return np.asarray(sd**2 * 3 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0)))
-
-
-def _message(names: tuple[str, str], ranges: FloatArray, echoes: FloatArray, told: float) -> str:
-    words = ["nothing" if np.isinf(r) else f"{1e3 * r:.2f} mm" for r in ranges]
-    words = [w if e in (0, 1) else f"{w}, {e:.0%} of the time" for w, e in zip(words, echoes, strict=True)]
-    if told < 0.05:
-        both = f"{words[0]} for both" if words[0] == words[1] else f"{words[0]} and {words[1]}, which its noise hides"
-        return f"No single reading of this sensor tells {names[0]} from {names[1]}: the best reads {both}."
-    sure = "tells" if told > 0.6 else "hardly tells" if told < _TELLS else "helps to tell"
-    return f"This reading {sure} {names[0]} ({words[0]}) from {names[1]} ({words[1]})."

@@ -34,11 +34,6 @@ class Places:
     across: FloatArray
 
     @property
-    def worst(self) -> str:
-        """What a largest deviation is of, in words."""
-        return "largest corner sd" if self.feature is None else self.feature
-
-    @property
     def moves(self) -> FloatArray:
         """How the points move with the part's pose, in the directions that count ``(K, 3, 6)``, part frame."""
         return np.asarray(self.across @ point_moves(self.points))

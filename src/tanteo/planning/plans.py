@@ -18,11 +18,22 @@ from tanteo.errors import InputError
 from tanteo.geometry.typing import Covariances, IntArray, Transforms, Vectors
 from tanteo.planning.choosing import choose
 from tanteo.planning.design import Design, design_of
+from tanteo.planning.placements import Promise
 from tanteo.planning.places import check_feature, places_of
-from tanteo.planning.plan_words import aim, from_wide_prior, in_doubt, reaches_nothing, too_close, what_it_brings
 from tanteo.planning.probe import Probe
 from tanteo.planning.start import Start
 from tanteo.posterior import corner_sd, observed_covariance
+from tanteo.words import Finding, message_of
+from tanteo.words.findings import (
+    FaceOftenMissed,
+    NoPlaceReached,
+    NoReadingNeeded,
+    PlanGoal,
+    PlanResult,
+    PriorTooWide,
+    RobotErrorLimits,
+    StartTooClose,
+)
 
 _BETTER = 10.0
 """Times better that the start would be known, to see whether it is what stands in the way."""
@@ -32,6 +43,13 @@ _LESS_STEADY = (0.8, 0.95), (0.5, 0.9)
 
 _WORTH = 0.02
 """Chance that those must add, if they do not do either."""
+
+_DOUBTFUL = 0.5
+"""Probability of the tolerance, and fraction of placements at which a reading meets its face. A plan with less of both
+does not count."""
+
+_FREE = 0.99
+"""Fraction of placements with free starts above which no remark is made."""
 
 _LESS = 0.5, 0.25, 0.1
 """Clearances that are tried where no place is reached, in stand-offs."""
@@ -83,7 +101,7 @@ class Plan:
         before: standard deviation of the largest corner sd, or of the feature, before the first [m].
         reached: the tolerance is kept with the confidence wherever the part turns out to lie, by readings that meet
             their faces at half or more of the placements; also without any, if enough is known before.
-        message: one sentence.
+        findings: what the plan achieves, or why there is none.
         feature: name of the one that has to keep the tolerance; None for all corners of the part's box.
         all_meet: share of the placements at which every reading meets its face.
         room: share of the placements at which all starts, and the ways there, are clear of the part.
@@ -94,10 +112,15 @@ class Plan:
     readings: tuple[PlannedReading, ...]
     before: float
     reached: bool
-    message: str
+    findings: tuple[Finding, ...]
     feature: str | None = None
     all_meet: float = 1.0
     room: float = 1.0
+
+    @property
+    def message(self) -> str:
+        """The findings in words."""
+        return message_of(self.findings)
 
 
 def plan(
@@ -142,17 +165,18 @@ def plan(
     design = design_of(start, probe, seed, feature)
     if design is None:
         before = places_of(part, feature).sd(observed_covariance(part, start.covariances[0]))
-        return Plan(part.name, start.Ts[0], (), before, False, _nowhere(start, probe, seed), feature)
+        return Plan(part.name, start.Ts[0], (), before, False, (_no_place(start, probe, seed),), feature)
     if (within := design.chance(design.prior, tolerance)) >= confidence:
         return _nothing_to_do(start, design, tolerance, within)
     design, chosen, can = _steadiest(start, probe, tolerance, confidence, max_measurements, seed, design)
     found = _as_plan(start, design, chosen, tolerance, confidence)
     if not (found.reached or can) and (
-        why := _too_wide_a_prior(start, probe, design, found, tolerance, confidence, seed)
+        wide := _too_wide_a_prior(start, probe, design, found, tolerance, confidence, seed)
     ):
-        found = replace(found, message=why)
-    if why := too_close(design, found.room):
-        found = replace(found, message=f"{found.message} {why}")
+        found = replace(found, findings=(wide,))
+    if found.room <= _FREE:
+        close = StartTooClose(1 - found.room, design.probe.clearance)
+        found = replace(found, findings=(*found.findings, close))
     return found
 
 
@@ -184,37 +208,58 @@ def _as_plan(start: Start, design: Design, chosen: IntArray, tolerance: float, c
         chances = brings.within, brings.if_met, float(meets[:, k].mean())
         readings.append(PlannedReading(*place, pose, corner_sd(part, pose), *chances, sd))
     reached, before = brings.within >= confidence, design.places.sd(design.pose(design.prior))
-    message = what_it_brings(design, len(readings), readings[-1].sd, brings, tolerance, confidence)
-    if brings.if_met >= confidence and (doubt := in_doubt(np.array([r.meets for r in readings]), brings.within)):
-        reached, message = False, doubt
-    what = part.name, start.Ts[0], tuple(readings), before, reached, message, design.places.feature
+    finding: Finding = _result(design, readings, brings, tolerance, confidence)
+    worst = int(np.argmin([r.meets for r in readings]))
+    if brings.if_met >= confidence and max(readings[worst].meets, brings.within) < _DOUBTFUL:
+        reached, finding = False, FaceOftenMissed(worst + 1, readings[worst].meets, brings.within)
+    what = part.name, start.Ts[0], tuple(readings), before, reached, (finding,), design.places.feature
     return Plan(*what, brings.all_meet, brings.room)
+
+
+def _goal(design: Design, tolerance: float) -> PlanGoal:
+    """Return the goal of a plan."""
+    return PlanGoal(design.target.part.name, design.places.feature or "", tolerance)
+
+
+def _result(
+    design: Design, readings: list[PlannedReading], brings: Promise, tolerance: float, confidence: float
+) -> PlanResult | RobotErrorLimits:
+    """Return what the readings of a plan achieve, or that the error of the robot is too large for any number."""
+    goal, reached = _goal(design, tolerance), brings.within >= confidence
+    if not reached and design.chance(design.limit, tolerance) < confidence:
+        return RobotErrorLimits(goal, design.places.sd(design.limit))
+    return PlanResult(
+        goal, reached, len(readings), readings[-1].sd, brings.within, brings.if_met, brings.all_meet,
+        brings.if_met >= confidence,
+    )  # fmt: skip
 
 
 def _nothing_to_do(start: Start, design: Design, tolerance: float, within: float) -> Plan:
     """The plan where enough is known before the first reading."""
-    message = f"No reading is needed: {aim(design, tolerance)} from the beginning (P = {within:.3f})."
+    finding = NoReadingNeeded(_goal(design, tolerance), within)
     name, before = design.target.part.name, design.places.sd(design.pose(design.prior))
-    return Plan(name, start.Ts[0], (), before, True, message, design.places.feature)
+    return Plan(name, start.Ts[0], (), before, True, (finding,), design.places.feature)
 
 
-def _nowhere(start: Start, probe: Probe, seed: int) -> str:
-    """Why no place is reached: with less room around the probe, some may be."""
+def _no_place(start: Start, probe: Probe, seed: int) -> NoPlaceReached:
+    """Return that no place is reached, with a smaller clearance at which some are, if there is one."""
+    parts = (start.targets[0].part.name,)
     for share in _LESS:
         clearance = float(f"{share * probe.standoff:.2g}")
         if clearance < probe.clearance and design_of(start, replace(probe, clearance=clearance), seed) is not None:
-            return reaches_nothing(start.targets[0].part.name, probe, clearance)
-    return reaches_nothing(start.targets[0].part.name, probe)
+            return NoPlaceReached(parts, probe.standoff, probe.clearance, clearance)
+    return NoPlaceReached(parts)
 
 
 def _too_wide_a_prior(
     start: Start, probe: Probe, design: Design, found: Plan, tolerance: float, confidence: float, seed: int
-) -> str:
-    """That from so rough a start no readings do, where they would if it were better known; empty otherwise."""
+) -> PriorTooWide | None:
+    """Return that the prior pose is too uncertain, if readings from a better known one reach the goal; else None."""
     if design.chance(design.limit, tolerance) < confidence:
-        return ""
+        return None
     finer = replace(start, covariances=start.covariances / _BETTER**2)
     better = design_of(finer, probe, seed, design.places.feature)
     if better is None or better.best(tolerance) < confidence:
-        return ""
-    return from_wide_prior(design, tolerance, found.readings[-1].within)
+        return None
+    sd = design.places.sd(design.pose(design.prior))
+    return PriorTooWide(_goal(design, tolerance), sd, found.readings[-1].within)

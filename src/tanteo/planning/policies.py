@@ -11,6 +11,7 @@ from tanteo.planning.baselines import LargestFace, Nearest, Random, Scripted321
 from tanteo.planning.context import Choice, DecisionContext, Policy
 from tanteo.planning.feature_candidates import Feature, features, joint_information
 from tanteo.planning.utility import UTILITIES, Utility, outlook
+from tanteo.words.findings import MostInformation
 
 
 def most_information(context: DecisionContext) -> float:
@@ -46,8 +47,8 @@ class Greedy:
         worth = UTILITIES[self.utility](ahead)
         seconds = context.seconds() if self.per_second else None
         k = int(np.argmax(worth if seconds is None else worth / seconds))
-        why = f"it is expected to tell {ahead.told[k]:.2f} nats about part and pose"
-        return Choice(k, float(ahead.told[k]), why, None if seconds is None else float(seconds[k]))
+        gain = float(ahead.told[k])
+        return Choice(k, gain, MostInformation(gain), None if seconds is None else float(seconds[k]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +73,9 @@ class Features:
         best = int(np.argmax(gains / seconds))
         chosen = found[best]
         k = int(chosen.rows[np.argmax((ahead.told / s.seconds())[chosen.rows])])
-        why = f"with {len(chosen.rows) - 1} more of {chosen.name} it is expected to tell {gains[best]:.2f} nats"
-        return Choice(k, float(gains[best]), why, float(seconds[best]))
+        gain = float(gains[best])
+        reason = MostInformation(gain, chosen.name, len(chosen.rows) - 1)
+        return Choice(k, gain, reason, float(seconds[best]))
 
 
 def _seconds(s: DecisionContext, feature: Feature) -> float:

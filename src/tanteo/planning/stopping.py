@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from tanteo.planning.places import Places, check_feature, places_of
 from tanteo.planning.samples import even_normals
 from tanteo.planning.state import SensingState
 from tanteo.posterior import observed_covariance, without_spin
+from tanteo.words.findings import GoalReached
 
 _SAMPLES = 2048
 """Poses by which the probability to be within a tolerance is counted."""
@@ -79,26 +80,25 @@ class Stop:
         if not self.least_gain >= 0:
             raise InputError("least_gain: expected no negative information [nats].")
 
-    def reached(self, state: SensingState) -> str:
-        """Why sensing can end now, in words; empty if it cannot."""
+    def reached(self, state: SensingState) -> GoalReached | None:
+        """Return what is known if the goal is reached, or None."""
         if state.touches is None or not len(state.touches) or not len(state.weights):
-            return ""
+            return None
         P = state.of_parts()
         k = int(np.argmax(P))
-        name = state.start.targets[k].part.name
-        words = []
+        part = state.start.targets[k].part
+        goal = GoalReached(part.name)
         if self.probability is not None:
             if not self.knows_part(state):
-                return ""
-            words.append(f"it is {name} ({_short(P[k])})")
+                return None
+            goal = replace(goal, probability=float(P[k]))
         if self.tolerance is not None:
-            inside = self.chance(state)
-            if inside < max(self.confidence, _HALF):
-                return ""
-            places = places_of(state.start.targets[k].part, self.feature)
-            what = f"every corner of {name}" if places.feature is None else places.name
-            words.append(f"{what} is within {1e3 * self.tolerance:.3g} mm of where it is said to be ({_short(inside)})")
-        return " and ".join(words)
+            within = self.chance(state)
+            if within < max(self.confidence, _HALF):
+                return None
+            feature = places_of(part, self.feature).feature or ""
+            goal = replace(goal, tolerance=self.tolerance, within=within, feature=feature)
+        return goal
 
     def chance(self, state: SensingState) -> float:
         """That the corners, or the feature, are within the tolerance; NaN where none is asked for."""
@@ -141,10 +141,6 @@ class Stop:
         if gain * left < entropy(np.append(known, state.unknown)).sum():
             return False
         return self.tolerance is None or self.chance(state) >= self.confidence * float(state.weights.max())
-
-
-def _short(p: float) -> str:
-    return f"P = {p:.4f}" if p < 0.9999 else "P > 0.9999"
 
 
 def chance_within(state: SensingState, tolerance: float, feature: str | None = None) -> float:

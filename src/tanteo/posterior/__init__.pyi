@@ -27,7 +27,7 @@ from .answers.question import with_elapsed as with_elapsed
 from .answers.results import Answer as Answer
 from .answers.results import Hypothesis as Hypothesis
 from .answers.results import Status as Status
-from .answers.seen_outline import OTHERWISE as OTHERWISE
+from .answers.seen_outline import MISLEADING as MISLEADING
 from .answers.seen_outline import SeenOutline as SeenOutline
 from .answers.status import CONFIDENCE as CONFIDENCE
 from .answers.status import doubt as doubt

@@ -1,4 +1,4 @@
-"""What is said of measurements that are not on the part that explains the others, or scatter more than stated."""
+"""Findings about measurements that are off the part, or that scatter otherwise than stated."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ def not_on_it(best: Hypothesis, unknown: float) -> MostlyOnPart:
 def against_labels(one: GoodnessOfFit, priors: Priors) -> LabelsContradicted | None:
     """Return that more labelled points are off the part than labels are wrong; None if they are not.
 
-    A sensor may make more outliers than is stated, and then the rate is found out; but labels come from a person.
+    The outlier rate of a sensor is estimated and may exceed the stated one. Labels come from a person, so the stated
+    rate holds for them.
     """
     off, n = int(np.sum(one.outliers & (one.at.groups >= 0))), int(np.sum(one.at.groups >= 0))
     if not off or binomial_cdf(off - 1, n, np.array([priors.outlier_rate]))[0] < 1 - SUSPECT:
@@ -58,9 +59,9 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
 
     Args:
         points: the measurements.
-        one: the likeliest mode.
+        one: the most probable mode.
         unknown: probability of the unknown object.
-        priors: what is assumed beforehand.
+        priors: priors of the inference.
     """
     if unknown < NOTABLE:
         return None
@@ -87,8 +88,8 @@ def scattered(best: Hypothesis, worst: WorstReading | None, *, unknown: bool = F
 
     Args:
         best: the most probable hypothesis.
-        worst: the reading that agrees least; None if none is far off.
-        unknown: whether the answer is unknown, for which only a larger scatter about the closest part matters.
+        worst: the reading that agrees least; None if no reading is far off.
+        unknown: whether the answer is ``unknown``. Then only a larger scatter about the closest part matters.
     """
     scale, low, high = best.noise_scale
     if low <= 1 <= high or (unknown and scale < 1):

@@ -1,4 +1,4 @@
-"""What limits an answer: the largest of the errors that all measurements share, in words."""
+"""The shared error that contributes most to the uncertainty of an answer."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tanteo.words.findings import SharedErrorLimits
 
 
 def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
-    """Return the largest of the errors that all measurements share, if it matters; None if not.
+    """Return the shared error that contributes most to the uncertainty, if it matters; None if not.
 
     Args:
         one: the answer.
-        shared: the errors behind its shared states, in that order.
+        shared: shared errors, in the order of the states.
     """
     mode, own = one.mode, one.mode.objective.problem.settings.checks
     information, start = mode.information, 6
@@ -41,7 +41,7 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErro
 
 
 def _corner_sd(mode: Mode, information: FloatArray) -> float:
-    """The largest corner sd [m], from the information on all states; spins of the part are no error."""
+    """Return the largest corner sd from the information on all states [m]; symmetries are no error."""
     part = mode.prepared.part
     scale = part_scale(part)
     unit = scale.T @ without_spins(part, pose_information(information)) @ scale

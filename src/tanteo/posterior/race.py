@@ -8,10 +8,10 @@ Stages in order of cost, each on the parts that the stage before left active:
 4. first-pass searches: maximization with a few of the points (``_first_pass``),
 5. full searches with restarts, while what they may have missed matters (``_restart``).
 
-A part is pruned where even an optimistic reading of its gap behind the leader, the gap times the weight of the stage,
-is more than ``negligible`` nats; and where the budget ends. What was pruned stays in the posterior: what it could
-explain at most is evidence for an object that was not searched (decision 76), :class:`LeftOut`. What pairs of points
-led to again and again is likely all there is (Good 1953, Turing's estimate of unseen probability), which ends stage 5.
+A part is pruned if even an optimistic gap to the leader, the gap times the weight of the stage, exceeds ``negligible``
+nats, or if the budget ends. Pruned parts stay in the posterior: their largest possible evidence counts for an object
+that was not searched (decision 76), :class:`LeftOut`. Stage 5 ends when most of the probability is in maxima to which
+several pairs of points led (Good 1953, Turing's estimate of unseen probability).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy as np
 
 from tanteo.catalogue import widths
 from tanteo.factors import ContactPoints
+from tanteo.geometry.limits import SUSPECT
 from tanteo.geometry.special import log_sum, softmax
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior.candidates import Candidates
@@ -43,22 +44,22 @@ _NONE = float(np.finfo(np.float32).min)
 """Log-evidence of a part of which no maximum was found."""
 
 _ROUND_OFF = 1.02
-"""Mean widths are over 256 directions: the true one is larger by this factor at most."""
+"""Numerical: largest ratio of a mean width over all directions to the mean over 256 of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Active:
-    """The parts that are searched, and a bound of what the others explain.
+    """The active parts, and a bound of the evidence of the others.
 
     Attributes:
         rows: rows of the parts that are searched ``(m,)``, the most promising first.
-        known: poses to begin with, by row.
-        behind: gap of each behind the best, as far as tables and fields say ``(m,)`` [nats].
-        left_out: log of what all others could explain together, over what the best part explains; -inf for nothing.
-        others: rows of parts that were pruned though the points have room in them.
+        known: initial poses by row.
+        behind: cost gap of each part to the best, by tables and fields ``(m,)`` [nats].
+        left_out: log of the evidence of all others at most, over that of the best part; -inf for none.
+        others: rows of pruned parts that have room for the points.
         exhaustive: whether the known poses are all that planes and centres allow.
-        aside: number of the others that were pruned by global properties alone.
-        discount: mean log odds of the others by these, over those of the less promising half of the rows.
+        aside: number of the others that global properties alone pruned.
+        discount: mean log odds of the others by global properties, over those of the less promising half of the rows.
         bound: whether gaps are bounds; coarse fields estimate them.
     """
 
@@ -79,11 +80,10 @@ class LeftOut:
 
     Attributes:
         count: number of parts that are not searched.
-        behind: log of what they could explain together over what the best part explains; None where that is estimated
-            by the parts that were hardly promising.
-        discount: log odds of these parts over those of hardly promising ones, by global properties.
-        similar: returns those of them that are similar to a part.
-        untried: whether no poses of them were tried: some may explain as much as an unknown object, whatever was found.
+        behind: log of their evidence together over that of the best part; None if the less promising parts estimate it.
+        discount: log odds of these parts over those of less promising ones, by global properties.
+        similar: function that returns those of them that are similar to a part.
+        untried: whether none of their poses were tried. Then some may explain as much as an unknown object.
     """
 
     count: int = 0
@@ -97,7 +97,7 @@ class LeftOut:
 
         Args:
             best: log-evidence of the best part.
-            tail: log of the mean evidence of hardly promising parts.
+            tail: log of the mean evidence of less promising parts.
         """
         if not self.count:
             return -np.inf
@@ -111,7 +111,7 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         problem: measurements and priors.
         candidates: all parts.
         odds: log odds of each by its global properties ``(n,)``.
-        every: evaluate the fields of all parts, whatever these are.
+        every: whether to evaluate the fields of all parts, whatever their log odds.
     """
     points, few = problem.points.take(problem.around.others), problem.settings.race.budget
     rows = np.flatnonzero(_is_large_enough(points, candidates))
@@ -123,7 +123,8 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         return _few(problem, points, candidates, rows)
     near = np.ones(len(rows), dtype=bool) if every else _is_probable(problem, own[rows])
     tables = _by_tables(problem, points, candidates, rows)
-    if not tables.exhaustive and _has_shape(problem, points, tables.planes):
+    # the points on the surface are enough to discriminate parts by their fields
+    if not tables.exhaustive and (np.count_nonzero(~points.centres) >= POSE_DOF - 1 or len(tables.planes.triples)):
         _by_fields(problem, points, candidates, rows, near, tables)
     tables.costs = tables.costs - own[rows]
     found = _promising(problem, rows, tables)
@@ -137,8 +138,8 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
 def _few(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> Active:
     """Keep a handful of parts, and propose poses of each on its coarse field.
 
-    Tables do not prune them: their costs ignore the areas of faces, by which few points discriminate parts, and what a
-    label states of an object that is none of them (decision 88).
+    Tables do not prune these. Their costs ignore areas of faces, by which few points discriminate parts, and the
+    evidence of a label for an unknown object (decision 88).
     """
     known = dict[int, Transforms]()
     if np.count_nonzero(~points.centres) >= POSE_DOF - 1 and len(rows):
@@ -154,14 +155,9 @@ def _is_probable(problem: Problem, odds: FloatArray) -> BoolArray:
     return out | (odds > odds.max() - own.size_margin)
 
 
-def _has_shape(problem: Problem, points: ContactPoints, planes: SensedPlanes) -> bool:
-    """Return whether the points on the surface are enough to discriminate parts by their fields."""
-    return int(np.count_nonzero(~points.centres)) >= POSE_DOF - 1 or len(planes.triples) > 0
-
-
 @dataclass(slots=True, eq=False)
 class _Costs:
-    """Costs of parts [nats] and poses by row; whether these are all, and whether the costs are bounds."""
+    """Costs of parts [nats] and poses by row, and whether these are all poses and the costs are bounds."""
 
     planes: SensedPlanes
     costs: FloatArray
@@ -237,13 +233,13 @@ def _is_large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray
 def _has_room(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> BoolArray:
     """Return whether each part has room for all points but possible outliers: its widths are no less ``(m,)``.
 
-    Centres are left out, which may be beyond the end of their hole.
+    Centres do not count: they may be beyond the end of their hole.
     """
     points = points.take(np.flatnonzero(~points.centres))
     own, rate, n = problem.settings, problem.priors.outlier_rate, len(points)
     if n < 3:
         return np.ones(len(rows), dtype=bool)
-    outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < own.race.outlier_level)
+    outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < SUSPECT)
     if n - outliers < 3:
         return np.ones(len(rows), dtype=bool)
     away = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
@@ -273,9 +269,9 @@ def race(
         parts: the parts, the most promising first.
         log_unknown: log-evidence of the unknown object, over the prior of one part.
         rng: generator of all draws.
-        known: poses of each part to begin with; None without.
+        known: initial poses of each part; None without.
         exhaustive: whether these are all poses that labels and normals allow.
-        left_out: what is known of parts that are not searched.
+        left_out: the parts that are not searched.
 
     Returns:
         The searches, and the log-evidence of all parts without a search, at most.
@@ -286,9 +282,8 @@ def race(
     if not exhaustive or not max(searches, key=lambda s: s.log_evidence).is_good_fit():
         second = problem.settings.second_pass
         for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
-            if len(live) == 1 or search in _still_active(
-                live, log_unknown, margin / problem.settings.race.estimate_weight
-            ):
+            wide = margin / problem.settings.race.estimate_weight
+            if len(live) == 1 or search in _still_active(live, log_unknown, wide):
                 search.restart(second)
         _pass_on(live)
     live = _still_active(live, log_unknown, margin)
@@ -302,14 +297,14 @@ def race(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Start:
-    """What the first-pass searches leave.
+    """Result of the first-pass searches.
 
     Attributes:
         searches: searches of all parts that the budget allows full searches of.
         live: those of them that are active.
-        others: searches of more parts that are near the best, which the budget does not allow to be searched in full.
-        dropped: log-evidence of all the rest together.
-        tail: log of the mean evidence of the less promising half: what a part without a search may have.
+        others: searches of further parts near the best, for which the budget allows no full search.
+        dropped: log-evidence of all other parts together.
+        tail: log of the mean evidence of the less promising half, an estimate for a part without a search.
     """
 
     searches: list[PartSearch]
@@ -330,7 +325,7 @@ def _first_pass(
 ) -> _Start:
     """Search each part with a few of the points, which is as fair to all; the active ones go on with all points.
 
-    The unknown object is no rival yet: a first pass often misses the pose of the right part.
+    The unknown object does not compete yet, because a first pass often misses the pose of the right part.
     """
     others, dropped, tail = list[PartSearch](), -np.inf, -np.inf
     if len(parts) > problem.settings.race.budget:
@@ -347,7 +342,7 @@ def _first_pass(
         passes = start_searches(few, parts, [s.rng for s in searches])
         passes = [replace(p, planes=s.planes, known=s.known, exhaustive=s.exhaustive)
                   for p, s in zip(passes, searches, strict=True)]  # fmt: skip
-    effort = problem.settings.race.first_pass
+    effort = problem.settings.first_pass
     if exhaustive or any(Ts is not None for Ts in known):
         effort = replace(effort, pairs=0)
     for one in passes:

@@ -1,4 +1,4 @@
-"""From measurements to the answer: which part they are of, and where it is."""
+"""Recognition from measurements: the part, its pose, and the findings."""
 
 from __future__ import annotations
 
@@ -43,19 +43,19 @@ def identify_points(
     seed: int = 0,
     settings: Settings = DEFAULTS,
 ) -> Answer:
-    """Which part the measurements are of, and its pose, labelled or not.
+    """Return which part the measurements are of, and its pose, with or without labels.
 
     Args:
         points: contact points and beam hits in the world; with directions, normals, tip radii and labels where known.
-        rays: on which nothing was met.
-        parts: candidates, prepared or not; what is prepared is kept with the part.
-        shared: the errors behind ``points.gains``, in that order, for the words of the answer.
-        significance: an answer whose joint test has a smaller p-value is not accepted.
+        rays: free-space rays.
+        parts: candidate parts, prepared or not; prepared data is stored with the part.
+        shared: shared errors of the points, in the order of their columns, for the words of the answer.
+        significance: p-value below which the joint test rejects an answer.
         top: number of hypotheses to report.
-        priors: what is assumed beforehand.
+        priors: priors of the inference.
         factors: further measurements of the pose, such as images and functions of your own.
-        seed: of the search and the samples.
-        settings: numbers of the search and the race.
+        seed: seed of the search and the samples.
+        settings: settings of the inference.
 
     Raises:
         InputError: without parts, or for an ``significance`` outside (0, 1).
@@ -94,7 +94,7 @@ def identify_points(
 def _searched(
     problem: Problem, candidates: Candidates, odds: FloatArray, seed: int, clock: Clock
 ) -> tuple[Active, Posterior]:
-    """The parts that are worth a search, and the posterior over them; of more parts where they do not explain it."""
+    """Return the active parts and their posterior; if they do not explain the points, of more parts."""
     chosen = screen(problem, candidates, odds)
     problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
@@ -109,13 +109,13 @@ def _searched(
 def _located(
     posterior: Posterior, pose: PosePrior | None, top: int
 ) -> tuple[list[GoodnessOfFit], tuple[Hypothesis, ...]]:
-    """All modes with the measurements at each, and the best as hypotheses."""
+    """Return the goodness of fit of all modes, and the best modes as hypotheses."""
     found = [goodness_of_fit(mode) for mode in posterior.modes]
     return found, tuple(as_hypothesis(posterior.problem.points, one, pose) for one in found[:top])
 
 
 def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int) -> Posterior:
-    """The posterior of the parts that are worth a search."""
+    """Return the posterior of the active parts."""
     parts = [candidates.prepared(int(row)) for row in chosen.rows]
     known = [_proposed(problem, candidates, chosen, int(row)) for row in chosen.rows]
     rest = set(chosen.others.tolist())
@@ -130,18 +130,16 @@ def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int)
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known,
         exhaustive=chosen.exhaustive,
-        left_out=LeftOut(
-            len(rest), behind, chosen.discount, similar, untried=chosen.bound and not chosen.exhaustive
-        ),
+        left_out=LeftOut(len(rest), behind, chosen.discount, similar, chosen.bound and not chosen.exhaustive),
     )  # fmt: skip
 
 
 def _proposed(problem: Problem, candidates: Candidates, chosen: Active, row: int) -> Transforms | None:
-    """Poses of a part to begin with: by what was sensed, and where an image shows the outline of the object."""
+    """Return initial poses of a part: from measurements, pose factors and an outline; None without."""
     whole, found = problem.priors.whole, chosen.known.get(row)
     proposed = [factor.poses(candidates.prepared(row).part) for factor in problem.pose_factors]
     if whole is not None and whole.outline is not None:
-        proposed.append(whole.outline.poses(candidates.parts, row))
+        proposed.append(whole.outline.poses(candidates.parts, row, problem.settings.search.negligible))
     known = [] if found is None else [found]
     known += [Ts for Ts in proposed if len(Ts)]
     return np.concatenate(known) if known else None

@@ -1,4 +1,4 @@
-"""From a mode of the posterior to a hypothesis: pose, covariance, what is unobserved, which measurements do not fit."""
+"""Hypotheses from modes: pose, covariance, unobserved directions, outliers."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from tanteo.words.findings import WorstReading
 
 
 def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | None = None) -> Hypothesis:
-    """The hypothesis: the pose of the mode with the covariance of its samples.
+    """Return the hypothesis of a mode: its pose with the covariance of its samples.
 
     Args:
         points: the measurements.
         one: the mode.
-        pose: what was known of it beforehand; the joint test asks whether the measurements agree with that, too.
+        pose: prior of the pose; the joint test also checks agreement with it.
     """
     mode, part, belongs = one.mode, one.mode.prepared.part, one.belongs
     free, distances = one.free, one.at.distances[0]
@@ -54,21 +54,19 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
 
 
 def _joint_misfit(one: GoodnessOfFit, pose: PosePrior | None) -> Misfit:
-    """Of measurements, shared errors and what was known of the pose: at the maximum, or where a sample agrees more.
+    """Return the misfit of measurements, shared errors and prior at the maximum, or at a sample that fits better.
 
-    A density is not highest where squares are least: where a prior bends a region, they may be far apart.
+    The maximum of a density is not the minimum of the squares. If a prior bends a region, they may be far apart.
     """
     best = _misfit_at(one, pose, one.mode.T_peak)
     if pose is None or best.p_value > NOTABLE:
         return best
     heavy = np.argsort(-one.mode.weights, kind="stable")[: one.mode.objective.problem.settings.samples.heaviest]
-    others = [_misfit_at(_moved_to(one, T), pose, T) for T in one.mode.Ts[heavy]]
+    others = []
+    for T in one.mode.Ts[heavy]:
+        there = replace(one, at=details_at(one.mode.objective, T[None], one.mode.z[None]))
+        others.append(_misfit_at(there, pose, T))
     return max([best, *(other for other in others if other.dof == best.dof)], key=lambda misfit: misfit.p_value)
-
-
-def _moved_to(one: GoodnessOfFit, T: Transforms) -> GoodnessOfFit:
-    """The same mode with the measurements at another of its poses."""
-    return replace(one, at=details_at(one.mode.objective, T[None], one.mode.z[None]))
 
 
 def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Misfit:
@@ -82,7 +80,7 @@ def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Mis
 
 
 def _shared_given(mode: Mode) -> SharedGiven | None:
-    """The shared errors given the pose that is the answer; None without any."""
+    """Return the shared errors given the pose of the answer; None without any."""
     D = mode.objective.problem.points.shared_jacobian.shape[2]
     if not D:
         return None
@@ -94,6 +92,6 @@ def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | N
     """Return the point, or sensed normal, that agrees least among those on the part; None if none is far off."""
     off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
-    if off[tilted, i] < one.mode.objective.problem.settings.search.unusual_sds:
+    if off[tilted, i] < one.mode.objective.problem.settings.search.notable_sds:
         return None
     return WorstReading(points.ids[i], float(off[tilted, i]), bool(tilted))

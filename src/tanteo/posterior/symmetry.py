@@ -1,4 +1,4 @@
-"""Poses that a part's own symmetry makes one: folded onto those that are known, and a continuous turn held."""
+"""Symmetric poses: folded onto known ones, with the turn of a continuous symmetry fixed."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from tanteo.posterior.answers.part_motions import without_spin
 from tanteo.posterior.prepared import PreparedPart
 
 GAUGE_SD = 0.1
-"""Standard deviation of a turn that symmetry leaves free, about a reference [rad]; the rest of the circle is in
-:func:`log_orbit`. The evidence does not depend on it; of a narrow one samples look normal."""
+"""Numerical: standard deviation of a turn that symmetry leaves free, about a reference [rad]. The evidence does not
+depend on it: :func:`log_orbit` accounts for the rest of the circle. If it is narrow, samples look normal."""
 
 
 def is_held(prepared: PreparedPart, *, named: bool) -> bool:
@@ -20,7 +20,7 @@ def is_held(prepared: PreparedPart, *, named: bool) -> bool:
 
 
 def log_orbit(prepared: PreparedPart, *, named: bool) -> float:
-    """Log of how many poses are one: discrete ones as a number, continuous ones as an angle or a volume of turns."""
+    """Return the log of the number of equal poses; for continuous symmetry the angle or volume of turns."""
     symmetry = prepared.part.symmetry
     if named:
         return 0.0
@@ -31,7 +31,7 @@ def log_orbit(prepared: PreparedPart, *, named: bool) -> float:
 
 
 def folded(prepared: PreparedPart, Ts: Transforms, references: Transforms, *, named: bool) -> Transforms:
-    """Each pose ``(S, 4, 4)`` as the symmetric image that is nearest to one of the references ``(R, 4, 4)``."""
+    """Return each pose ``(S, 4, 4)`` as the symmetric image nearest to one of the references ``(R, 4, 4)``."""
     part, turns = prepared.part, prepared.part.symmetry.Ts
     if not len(Ts) or not len(references) or (len(turns) == 1 and not part.symmetry.continuous):
         return Ts
@@ -47,7 +47,7 @@ def folded(prepared: PreparedPart, Ts: Transforms, references: Transforms, *, na
 
 
 def log_gauge(prepared: PreparedPart, Ts: Transforms, reference: Transforms) -> FloatArray:
-    """Log density of the held turn at poses ``(S,)``, those of a sphere in all three directions."""
+    """Return the log density of the fixed turn at poses ``(S,)``; for a sphere of all three turns."""
     part = prepared.part
     gaps = SE3.inverse(reference) @ Ts
     if part.symmetry.spherical:
@@ -61,7 +61,7 @@ def log_gauge(prepared: PreparedPart, Ts: Transforms, reference: Transforms) -> 
 
 
 def gauge_information(prepared: PreparedPart) -> FloatArray:
-    """What holding the turn adds to the information about the centre ``(6, 6)``."""
+    """Return the information about the centre that fixing the turn adds ``(6, 6)``."""
     out, symmetry = np.zeros((6, 6)), prepared.part.symmetry
     if symmetry.spherical:
         out[3:, 3:] = np.eye(3) / GAUGE_SD**2

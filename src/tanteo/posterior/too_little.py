@@ -1,4 +1,4 @@
-"""Measurements that any part fits, as there are too few of them or they are all noise."""
+"""Observability gate: measurements that fit any part, because they are too few or all noise."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def too_little(problem: Problem) -> Finding | None:
     sd = float(np.median(_along(points)))
     if across > sd * np.sqrt(len(points)):
         return None
-    if along > problem.settings.search.unusual_sds * sd * np.sqrt(len(points)):
+    if along > problem.settings.search.notable_sds * sd * np.sqrt(len(points)):
         return OnOneLine()
     return NoiseTooLarge(sd, points.tolerance > 0)
 
 
 def _along(points: ContactPoints) -> FloatArray:
-    """Standard deviation of each point along its direction, where that is known: a beam's cone is across ``(n,)``."""
+    """Return the standard deviation of each point along its direction, if known ``(n,)``."""
     along = np.sqrt(np.einsum("ni,nij,nj->n", points.directions, points.covs, points.directions))
     return np.asarray(np.where(points.directed, along, points.sd))

@@ -7,6 +7,7 @@ from .calibration.result import Outlier as Outlier
 from .calibration.result import plane_angle as plane_angle
 from .calibration.rig import calibrated_rig as calibrated_rig
 from .checks import check_features as check_features
+from .columns import Column as Column
 from .devices import Device as Device
 from .devices import misspelt as misspelt
 from .emission import Status as Status

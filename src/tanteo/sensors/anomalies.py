@@ -60,9 +60,9 @@ def find_stuck(readings: Readings) -> Stuck | None:
         readings: readings in the order of their acquisition.
     """
     for sensor in dict.fromkeys(readings.sensors):
-        rows = np.flatnonzero(np.isfinite(readings.ranges) & (np.array(readings.sensors, dtype=object) == sensor))
+        rows = np.flatnonzero(readings.ranges.given & (np.array(readings.sensors, dtype=object) == sensor))
         first, count = _longest(readings, rows)
-        steps = readings.ranges[rows] / _FINE
+        steps = np.asarray(readings.ranges[rows]) / _FINE
         fine = (np.abs(steps - np.round(steps)) > _ROUNDING / _FINE).any()
         if count < (_FEW if fine else _MANY):
             continue
@@ -75,10 +75,11 @@ def find_stuck(readings: Readings) -> Stuck | None:
 def _longest(readings: Readings, rows: IntArray) -> tuple[int, int]:
     """Return start and length of the longest run of equal ranges from different positions."""
     best, first = (0, min(len(rows), 1)), 0
-    places = np.where(readings.has_point[:, None], readings.points, readings.Ts_world_hand[:, :3, 3])
+    ranges = readings.ranges[rows]
+    places = readings.points.coalesce(readings.Ts_world_hand.map(lambda Ts: Ts[:, :3, 3]))[rows]
     for k in range(1, len(rows)):
-        same = abs(readings.ranges[rows[k]] - readings.ranges[rows[k - 1]]) < _ROUNDING
-        elsewhere = np.linalg.norm(places[rows[k]] - places[rows[k - 1]]) > _ROUNDING
+        same = abs(ranges[k] - ranges[k - 1]) < _ROUNDING
+        elsewhere = np.linalg.norm(places[k] - places[k - 1]) > _ROUNDING
         if not (same and elsewhere):
             first = k
         elif k - first + 1 > best[1]:

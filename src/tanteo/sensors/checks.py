@@ -14,11 +14,12 @@ from tanteo.geometry.typing import BoolArray
 from tanteo.sensors.kinds import SIZES, reading_kind, reading_kinds
 
 if TYPE_CHECKING:
+    from tanteo.sensors.columns import Column
     from tanteo.sensors.readings import Readings
 
-_ARRAYS = (
-    "points", "directions", "normals", "normal_sds", "sds", "across_sds", "radii", "Ts_world_hand", "ranges",
-    "max_ranges", "hole_radii", "half_angles",
+_COLUMNS = (
+    "points", "directions", "normals", "normal_sds", "sds", "across_sds", "Ts_world_hand", "ranges", "max_ranges",
+    "hole_radii", "half_angles",
 )  # fmt: skip
 _SIDES = "", "hole", "boss"
 
@@ -27,7 +28,7 @@ _POSITIVE = {
     "half_angles": "rad",
 }  # fmt: skip
 
-_LENGTHS = "points", "ranges", "max_ranges", "radii", "hole_radii", "sds", "across_sds"
+_LENGTHS = "points", "ranges", "max_ranges", "hole_radii", "sds", "across_sds"
 
 
 def check_readings(readings: Readings) -> None:
@@ -92,39 +93,58 @@ def _first_bad(readings: Readings, bad: BoolArray) -> str | None:
     return f"'{readings.ids[rows[0]]}'" if len(rows) else None
 
 
+def _first_where(readings: Readings, column: Column, bad: BoolArray) -> str | None:
+    """Return the name of the first reading whose value in a column is bad; None if there is none.
+
+    Args:
+        readings: readings with the column.
+        column: column of the readings.
+        bad: mask of the column's values ``(m,)``.
+    """
+    rows = np.flatnonzero(column.given)[bad]
+    return f"'{readings.ids[rows[0]]}'" if len(rows) else None
+
+
 def _check_numbers(readings: Readings) -> None:
-    for name in _ARRAYS:
-        flat = getattr(readings, name)
-        flat = flat.reshape(len(readings), math.prod(flat.shape[1:]))
-        bad = np.isinf(flat).any(axis=1) | (np.isnan(flat).any(axis=1) & ~np.isnan(flat).all(axis=1))
-        if who := _first_bad(readings, bad):
+    for name in _COLUMNS:
+        column: Column = getattr(readings, name)
+        wrong = ~np.isfinite(column.values)
+        if who := _first_where(readings, column, np.any(wrong.reshape(len(wrong), math.prod(wrong.shape[1:])), axis=1)):
             raise ReadingsError(f"{name} of reading {who}: expected finite numbers, got NaN or infinity. Correct them.")
     for name, unit in _POSITIVE.items():
-        if who := _first_bad(readings, getattr(readings, name) <= 0):
-            value = getattr(readings, name)[getattr(readings, name) <= 0][0]
+        column = getattr(readings, name)
+        if who := _first_where(readings, column, column.values <= 0):
+            value = column.values[column.values <= 0][0]
             raise ReadingsError(f"{name} of reading {who}: expected a positive number [{unit}], got {value:g}.")
     for name in _LENGTHS:
-        far = np.abs(getattr(readings, name)) > LARGEST
-        if who := _first_bad(readings, far if far.ndim == 1 else far.any(axis=1)):
+        column = getattr(readings, name)
+        far = (np.abs(column.values) > LARGEST).reshape(len(column.values), math.prod(column.values.shape[1:]))
+        if who := _first_where(readings, column, np.any(far, axis=1)):
             raise ReadingsError(f"{name} of reading {who}: expected at most {LARGEST:g} m, got more. Check the units.")
     for name in ("sds", "across_sds"):
-        if who := _first_bad(readings, getattr(readings, name) < LEAST_SD):
+        column = getattr(readings, name)
+        if who := _first_where(readings, column, column.values < LEAST_SD):
             raise ReadingsError(
                 f"{name} of reading {who}: expected at least {LEAST_SD:g} m, got less. Check the units."
             )
+    if who := _first_bad(readings, np.isinf(readings.radii)):
+        raise ReadingsError(f"radii of reading {who}: expected finite numbers, got NaN or infinity. Correct them.")
+    if who := _first_bad(readings, readings.radii > LARGEST):
+        raise ReadingsError(f"radii of reading {who}: expected at most {LARGEST:g} m, got more. Check the units.")
     if who := _first_bad(readings, ~(readings.radii >= 0)):
         raise ReadingsError(f"radii of reading {who}: expected zero or more [m], got a negative number or NaN.")
     for name in ("directions", "normals"):
-        norms = np.linalg.norm(getattr(readings, name), axis=1)
-        if who := _first_bad(readings, np.abs(norms - 1) > 1e-6):
+        column = getattr(readings, name)
+        norms = np.linalg.norm(column.values, axis=1)
+        if who := _first_where(readings, column, np.abs(norms - 1) > 1e-6):
             raise ReadingsError(f"{name} of reading {who}: expected unit length, got another. Use from_columns.")
 
 
 def _check_tilts(readings: Readings) -> None:
     """Check that standard deviations of sensed normals are possible for a device and still determine a direction."""
-    sds = readings.normal_sds
+    sds = readings.normal_sds.values
     wrong = (sds < LEAST_TILT_SD) | (sds > LARGEST_TILT_SD * (1 + 1e-9))
-    if who := _first_bad(readings, wrong):
+    if who := _first_where(readings, readings.normal_sds, wrong):
         least, most, got = np.degrees([LEAST_TILT_SD, LARGEST_TILT_SD, sds[wrong][0]])
         raise ReadingsError(
             f"normal_sds of reading {who}: expected from {least:.2g} to {most:.0f} degrees, got {got:.3g}. Check the "
@@ -133,7 +153,7 @@ def _check_tilts(readings: Readings) -> None:
 
 
 def _check_hands(readings: Readings) -> None:
-    Ts = readings.Ts_world_hand[readings.has_hand]
+    Ts = readings.Ts_world_hand.values
     if (np.abs(Ts[:, :3, 3]) > LARGEST).any():
         raise ReadingsError(
             f"Ts_world_hand: expected a hand within {LARGEST:g} m, got one farther away. Check the units."
@@ -167,7 +187,7 @@ def _check_centres(readings: Readings) -> None:
     kinds = [reading_kind(kind) for kind in readings.kinds]
     centre = np.array([kind.is_centre for kind in kinds], dtype=bool)
     stated = np.array([bool(side) for side in readings.material_sides], dtype=bool)
-    sized = {column: ~np.isnan(getattr(readings, column)) for column in SIZES.values()}
+    sized = {column: getattr(readings, column).given for column in SIZES.values()}
     if who := _first_bad(readings, np.any([stated, *sized.values()], axis=0) & ~centre):
         centres = [name for name in reading_kinds() if reading_kind(name).is_centre]
         raise ReadingsError(
@@ -185,7 +205,7 @@ def _check_centres(readings: Readings) -> None:
             f"radii of reading {who}: expected none of the centre of a circle, which is no centre of a tip's ball, got "
             "one. The radius of a hole or boss is hole_radii (hole_radius_mm in a file)."
         )
-    if who := _first_bad(readings, readings.half_angles >= np.pi / 2):
+    if who := _first_where(readings, readings.half_angles, readings.half_angles.values >= np.pi / 2):
         raise ReadingsError(
             f"half_angles of reading {who}: expected the half angle of a cone below pi/2 rad, got more. Is it in "
             "degrees?"
@@ -194,19 +214,18 @@ def _check_centres(readings: Readings) -> None:
 
 def _check_located(readings: Readings) -> None:
     """Check that every row has a point, or a range with hand pose; a free-space ray also needs direction and length."""
-    by_rig = readings.has_hand & np.fromiter(map(bool, readings.sensors), dtype=bool, count=len(readings))
-    ranged = by_rig & ~np.isnan(readings.ranges)
-    if who := _first_bad(readings, ~readings.is_free & ~readings.has_point & ~ranged):
+    has_hand = readings.Ts_world_hand.given
+    by_rig = has_hand & np.fromiter(map(bool, readings.sensors), dtype=bool, count=len(readings))
+    ranged = by_rig & readings.ranges.given
+    if who := _first_bad(readings, ~readings.is_free & ~readings.points.given & ~ranged):
         raise ReadingsError(
             f"reading {who}: expected a point (x, y, z) or a range with sensor and hand pose, got neither. Fill one."
         )
-    aimed = (readings.has_point & readings.has_direction & ~np.isnan(readings.max_ranges)) | by_rig
+    aimed = (readings.points.given & readings.directions.given & readings.max_ranges.given) | by_rig
     if who := _first_bad(readings, readings.is_free & ~aimed):
         raise ReadingsError(
             f"free reading {who}: expected where the beam was (x, y, z, dx, dy, dz and max, or sensor and hand pose), "
             "got less. Fill them in, or drop the row."
         )
-    if who := _first_bad(readings, readings.has_normal & (np.isnan(readings.normals).any(axis=1))):
-        raise ReadingsError(f"normal of reading {who}: expected three numbers, got fewer.")
-    if who := _first_bad(readings, ~np.isnan(readings.normal_sds) & ~readings.has_normal):
+    if who := _first_bad(readings, readings.normal_sds.given & ~readings.normals.given):
         raise ReadingsError(f"normal_sd of reading {who}: expected a normal beside it, got none. Add nx, ny, nz.")

@@ -10,6 +10,7 @@ import numpy as np
 
 from tanteo.errors import InputError, ReadingsError, did_you_mean
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Vectors
+from tanteo.sensors.columns import Column
 from tanteo.sensors.presets import NoiseLaw, SensorPreset, sensor_presets
 from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig, RigSensor
@@ -111,20 +112,20 @@ class Placed:
     """Readings as points, and free-space rays as origin, direction and length, in the world frame.
 
     Attributes:
-        points: ``(n, 3)``; origin of the beam for a free one.
-        directions: ``(n, 3)``, NaN where unknown.
-        ranges: Along the beam ``(n,)``, NaN where unknown.
-        lengths: Of free-space rays ``(n,)``.
-        by_rig: Rows that the rig placed.
-        T_world_units: Poses of the devices that gave them ``(n, 4, 4)``; NaN for the others.
+        points: sensed points ``(n, 3)`` [m]; origin of the beam for a free-space ray.
+        directions: unit directions of beams and approaches ``(n, 3)``.
+        ranges: ranges along the beam ``(n,)`` [m].
+        lengths: lengths of free-space rays ``(n,)`` [m].
+        by_rig: mask of the readings whose position the rig determines ``(n,)``.
+        T_world_units: poses of the rig's devices at these readings ``(n, 4, 4)`` [m].
     """
 
     points: Vectors
-    directions: Vectors
-    ranges: FloatArray
-    lengths: FloatArray
+    directions: Column
+    ranges: Column
+    lengths: Column
     by_rig: BoolArray
-    T_world_units: FloatArray
+    T_world_units: Column
 
 
 def find_devices(
@@ -183,38 +184,43 @@ def place(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> P
         ReadingsError: a range is outside the limits of its device.
     """
     mounted = np.array([d.mount is not None for d in devices])[numbers]
-    by_rig = ~(readings.has_point) & mounted & readings.has_hand
-    lost = np.flatnonzero(~readings.has_point & ~by_rig)
+    has_point = readings.points.given
+    by_rig = ~has_point & mounted & readings.Ts_world_hand.given
+    lost = np.flatnonzero(~has_point & ~by_rig)
     if len(lost):
         raise InputError(
             f"rig: expected it to say where sensor '{readings.sensors[lost[0]]}' of reading "
             f"'{readings.ids[lost[0]]}' sits on the hand, got no rig. Give one (--rig rig.toml), or points."
         )
-    ranges = np.array(readings.ranges)
+    reported = readings.ranges
+    ranges = np.array(reported.values)
     for k, device in enumerate(devices):
-        rows = by_rig & (numbers == k)
+        rows = (by_rig & (numbers == k))[reported.given]
         ranges[rows] = device.along_beam(ranges[rows])
+    along = Column(reported.given, ranges)
     _check_ranges(readings, devices, numbers)
     farthest = np.array([d.max_range for d in devices])[numbers]
-    lengths = np.where(np.isnan(readings.max_ranges), farthest, readings.max_ranges)
-    short = np.flatnonzero(readings.is_free & np.isnan(lengths))
+    lengths = readings.max_ranges.coalesce(Column.from_rows(farthest)).only(readings.is_free)
+    short = np.flatnonzero(readings.is_free & ~lengths.given)
     if len(short):
         raise InputError(
             f"max of free reading '{readings.ids[short[0]]}': expected how far the beam reached, got nothing. "
             "Add the column max_mm, or a preset to the rig."
         )
-    points = np.array(readings.points)
-    directions = np.array(readings.directions)
-    units = np.full((len(readings), 4, 4), np.nan)
+    points = readings.points.filled(0.0)
+    directions = readings.directions
+    units = Column.empty(len(readings), (4, 4))
     if by_rig.any():
         T_hand_sensors = np.stack([d.mount.T_hand_sensor if d.mount else np.eye(4) for d in devices])
         T_hand_units = np.stack([d.mount.T_hand_unit if d.mount else np.eye(4) for d in devices])
-        Ts = readings.Ts_world_hand[by_rig] @ T_hand_sensors[numbers[by_rig]]
-        units[by_rig] = readings.Ts_world_hand[by_rig] @ T_hand_units[numbers[by_rig]]
-        directions[by_rig] = Ts[:, :3, 2]
-        reach = np.where(readings.is_free, 0.0, ranges)[by_rig, None]
-        points[by_rig] = Ts[:, :3, 3] + reach * directions[by_rig]
-    return Placed(points, directions, ranges, lengths, by_rig, units)
+        hands = readings.Ts_world_hand[by_rig]
+        Ts = hands @ T_hand_sensors[numbers[by_rig]]
+        units = Column(by_rig, hands @ T_hand_units[numbers[by_rig]])
+        axes = Ts[:, :3, 2]
+        directions = Column(by_rig, axes).coalesce(directions)
+        reach = along.only(~readings.is_free).filled(0.0)[by_rig, None]
+        points[by_rig] = Ts[:, :3, 3] + reach * axes
+    return Placed(points, directions, along, lengths, by_rig, units)
 
 
 def _advice(got: float, nearest: float, farthest: float) -> str:
@@ -230,7 +236,9 @@ def _advice(got: float, nearest: float, farthest: float) -> str:
 def _check_ranges(readings: Readings, devices: Sequence[Device], numbers: IntArray) -> None:
     nearest = np.array([d.min_range for d in devices])[numbers]
     farthest = np.array([d.max_range for d in devices])[numbers]
-    bad = np.flatnonzero(~readings.is_free & ((readings.ranges < nearest) | (readings.ranges > farthest)))
+    rows = np.flatnonzero(readings.ranges.given & ~readings.is_free)
+    ranges = readings.ranges[rows]
+    bad = rows[(ranges < nearest[rows]) | (ranges > farthest[rows])]
     if len(bad):
         i = bad[0]
         what = _advice(float(readings.ranges[i]), float(nearest[i]), float(farthest[i]))

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from tanteo.errors import InputError, check_kind
 from tanteo.geometry.limits import LARGEST, LEAST_SD, check_length, check_number
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
+from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed, find_devices, place
 from tanteo.sensors.measurements import FreeBeams, PointMeasurements
 from tanteo.sensors.noise import beam_cov
@@ -92,15 +93,15 @@ def measure(
     if bias_sd is not None:
         covs = covs + _unaimed(aims, bias_sd)
         shared.append(offset(aims, hit, bias_sd))
-    sizes = np.fmax(readings.hole_radii, readings.half_angles)
+    sizes = readings.hole_radii.coalesce(readings.half_angles)
     return PointMeasurements(
         ids=tuple(np.array(readings.ids, dtype=object)[hit]),
         points=points[hit],
         covs=covs[hit],
         radii=radii[hit],
-        directions=placed.directions[hit],
-        normals=readings.normals[hit],
-        normal_sds=readings.normal_sds[hit],
+        directions=placed.directions.filled(np.nan)[hit],
+        normals=readings.normals.filled(np.nan)[hit],
+        normal_sds=readings.normal_sds.filled(np.nan)[hit],
         features=tuple(np.array(readings.features, dtype=object)[hit]),
         kinds=tuple(np.array(readings.kinds, dtype=object)[hit]),
         shared=tuple(one.error for one in shared),
@@ -108,7 +109,7 @@ def measure(
         rows=np.flatnonzero(hit),
         free=_free_beams(readings, placed, devices, numbers, shared),
         subtracted_radii=(readings.radii - radii)[hit],
-        sizes=tuple(None if np.isnan(size) else size for size in sizes[hit].tolist()),
+        sizes=tuple(float(sizes[k]) if sizes.given[k] else None for k in np.flatnonzero(hit)),
         material_sides=tuple(_SIDES[readings.material_sides[k]] for k in np.flatnonzero(hit)),
     )
 
@@ -123,9 +124,9 @@ def _check_sds(sd: float | None, bias_sd: float | None) -> None:
         check_length("bias_sd", bias_sd, LEAST_SD)
 
 
-def _unaimed(aims: Vectors, sds: FloatArray | float) -> Covariances:
+def _unaimed(aims: Column, sds: FloatArray | float) -> Covariances:
     """Return the covariance ``(n, 3, 3)`` of a bias in unknown direction, which is treated as independent."""
-    return np.asarray(np.where(np.isnan(aims[:, 0]), np.square(sds), 0.0)[:, None, None] * np.eye(3))
+    return np.asarray(np.where(aims.given, 0.0, np.square(sds))[:, None, None] * np.eye(3))
 
 
 def unstated_sd(
@@ -144,8 +145,8 @@ def unstated_sd(
         rig: rig of the sensors; None if not stated.
     """
     check_readings_kind("readings", readings)
-    said = sd is not None or sensor is not None or rig is not None or bool(np.isfinite(readings.sds).any())
-    return None if said or bool(np.isfinite(readings.ranges).any()) else UNSTATED_SD
+    stated = sd is not None or sensor is not None or rig is not None or bool(readings.sds.given.any())
+    return None if stated or bool(readings.ranges.given.any()) else UNSTATED_SD
 
 
 def _checked(
@@ -169,13 +170,16 @@ def _spreads(
     readings: Readings, placed: Placed, devices: tuple[Device, ...], numbers: IntArray, sd: float | None
 ) -> FloatArray:
     """Return the standard deviation along the beam or normal [m]: from the column, else ``sd``, else the device."""
-    sds = np.array(readings.sds)
+    sds = readings.sds
     if sd is not None:
-        sds[np.isnan(sds)] = sd
+        sds = sds.coalesce(Column.from_rows(np.full(len(readings), sd)))
+    ranges = placed.ranges.filled(np.nan)  # a noise law that depends on the range returns NaN for NaN
+    by_law = np.full(len(readings), np.nan)
     for k, device in enumerate(devices):
-        rows = np.isnan(sds) & (numbers == k)
-        sds[rows] = device.law.sigma(placed.ranges[rows])
-    unknown = np.flatnonzero(np.isnan(sds) & ~readings.is_free)
+        rows = ~sds.given & (numbers == k)
+        by_law[rows] = device.law.sigma(ranges[rows])
+    sds = sds.coalesce(Column.from_rows(by_law))
+    unknown = np.flatnonzero(~sds.given & ~readings.is_free)
     if len(unknown):
         device = devices[numbers[unknown[0]]]
         why = (
@@ -187,13 +191,13 @@ def _spreads(
             f"sd of reading '{readings.ids[unknown[0]]}': expected one standard deviation, got none ({why}). "
             "Add the column sd_mm, or --sd 0.3mm, or --sensor with ranges."
         )
-    return np.where(readings.is_free, 1.0, sds)
+    return sds.only(~readings.is_free).filled(1.0)
 
 
 def _surface_points(readings: Readings, placed: Placed) -> tuple[Vectors, FloatArray]:
     """Return points, moved to the surface where the normal is known, and the remaining tip radii."""
-    known = readings.has_normal & (readings.radii > 0)
-    shift = np.where(known[:, None], readings.radii[:, None] * readings.normals, 0.0)
+    known = readings.normals.given & (readings.radii > 0)
+    shift = readings.radii[:, None] * readings.normals.only(known).filled(0.0)
     return placed.points - shift, np.where(known, 0.0, readings.radii)
 
 
@@ -204,15 +208,15 @@ def _independent(
 
     Along and across a beam, or isotropic, plus the tilt of the normal at the tip's radius.
     """
-    cone = 0.5 * placed.ranges * half_angles
-    is_beam = ~np.isnan(cone) & ~np.isnan(placed.directions[:, 0])
+    aimed = placed.directions.given
+    is_beam = aimed & placed.ranges.given & ~np.isnan(half_angles)
+    cone = 0.5 * placed.ranges.only(is_beam).filled(0.0) * half_angles
     across = np.where(is_beam, np.maximum(cone, _ACROSS_FLOOR * sds), sds)
-    aimed = ~np.isnan(readings.across_sds) & ~np.isnan(placed.directions[:, 0])
-    across = np.where(aimed, readings.across_sds, across)
-    is_beam |= aimed
-    axis = np.where(is_beam[:, None], placed.directions, [0.0, 0.0, 1.0])
+    across = readings.across_sds.only(aimed).filled(across)
+    is_beam |= aimed & readings.across_sds.given
+    axis = placed.directions.only(is_beam).filled([0.0, 0.0, 1.0])
     covs = beam_cov(axis, sds**2, across**2)
-    tilted = (radii < readings.radii) & ~np.isnan(readings.normal_sds)
+    tilted = (radii < readings.radii) & readings.normal_sds.given
     if tilted.any():
         slip = (readings.radii[tilted] * readings.normal_sds[tilted]) ** 2
         covs[tilted] += beam_cov(readings.normals[tilted], np.zeros_like(slip), slip)
@@ -224,7 +228,8 @@ def _repeatability(readings: Readings, points: Vectors, robot: RobotPreset) -> C
 
     Position, plus rotation times the lever arm if the hand is known.
     """
-    arms = np.where(readings.has_hand[:, None], points - readings.Ts_world_hand[:, :3, 3], 0.0)
+    hands = readings.Ts_world_hand
+    arms = np.where(hands.given[:, None], points - hands.filled(0.0)[:, :3, 3], 0.0)
     squares = np.sum(arms**2, axis=-1)[:, None, None]
     turned = squares * np.eye(3) - arms[:, :, None] * arms[:, None, :]
     return np.asarray(robot.pos_repeat_std**2 * np.eye(3) + robot.rot_repeat_std**2 * turned)

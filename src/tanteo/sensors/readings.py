@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,42 +9,10 @@ from typing import Any
 import numpy as np
 
 from tanteo.errors import ReadingsError, check_kind
+from tanteo.geometry import frozen_array
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms, Vectors
 from tanteo.sensors.checks import check_readings
-
-
-def frozen(name: str, value: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """Return a read-only float64 copy with the required shape; broadcast columns of NaN are not expanded in memory.
-
-    Args:
-        name: name of the column, for messages.
-        value: numbers of the column.
-        shape: required shape.
-
-    Raises:
-        ReadingsError: the values are not real numbers, or the shape differs.
-    """
-    array = _numbers(name, value)
-    if array.shape != shape:
-        raise ReadingsError(f"{name}: expected shape {shape}, got {array.shape}. Give one row a reading.")
-    if array.flags.writeable:
-        array = array.copy()
-        array.flags.writeable = False
-    return array
-
-
-def _numbers(name: str, value: FloatArray) -> FloatArray:
-    """Return real numbers as float64; refuse masked and complex arrays, whose conversion would lose information."""
-    if "numpy.ma" in sys.modules and np.ma.is_masked(value):  # the attribute access alone would import numpy.ma
-        raise ReadingsError(f"{name}: expected numbers, got a masked array. Fill it with NaN, or leave the rows out.")
-    try:
-        if np.iscomplexobj(value):
-            raise ReadingsError(f"{name}: expected real numbers, got complex ones. Give their real parts.")
-        return np.asarray(value, dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        if isinstance(error, ReadingsError):
-            raise
-        raise ReadingsError(f"{name}: expected numbers, one row a reading, got others ({error}).") from None
+from tanteo.sensors.columns import Column, column_of, joined, real_numbers, unit_vectors
 
 
 def names_of(values: Sequence[object]) -> tuple[str, ...]:
@@ -108,55 +75,34 @@ def filled_kinds(kinds: Sequence[str] | None, free: BoolArray, n: int) -> tuple[
     return tuple("free" if f else (k or "point") for f, k in zip(free, kinds, strict=True))
 
 
-def units_of(name: str, vectors: Vectors | None) -> Vectors | None:
-    """Return vectors scaled to length one, with NaN rows unchanged; None for None.
-
-    Args:
-        name: name of the column, for messages.
-        vectors: vectors ``(n, 3)``.
-
-    Raises:
-        ReadingsError: the shape is wrong, or a vector is zero or infinite.
-    """
-    if vectors is None:
-        return None
-    vectors = _numbers(name, vectors)
-    if vectors.ndim != 2 or vectors.shape[1] != 3:
-        raise ReadingsError(f"{name}: expected shape (n, 3), got {vectors.shape}. Give one row a reading.")
-    if np.isinf(vectors).any():
-        raise ReadingsError(f"{name}: expected finite numbers, got infinity. Correct them.")
-    norms = np.linalg.norm(vectors, axis=1)
-    short = np.flatnonzero(norms < 1e-9)
-    if len(short):
-        raise ReadingsError(f"{name}: expected a vector that is not zero, got zero in row {short[0] + 1}.")
-    # the check of numbers reports rows that are partly NaN
-    return np.asarray(vectors / np.where(np.isnan(norms), 1.0, norms)[:, None])
-
-
 _COLUMNS = {
-    "points": (3,), "directions": (3,), "normals": (3,), "normal_sds": (), "sds": (), "across_sds": (), "radii": (),
+    "points": (3,), "directions": (3,), "normals": (3,), "normal_sds": (), "sds": (), "across_sds": (),
     "Ts_world_hand": (4, 4), "ranges": (), "max_ranges": (), "hole_radii": (), "half_angles": (),
 }  # fmt: skip
+"""Columns that only some readings have, with the shape of their quantity."""
+
 _NAMES = ("ids", "features", "kinds", "sensors", "material_sides")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """``n`` readings as a structure of arrays; NaN stands for a missing number and ``''`` for a missing name.
+    """``n`` readings as a structure of columns.
 
-    Use :meth:`from_columns`, which fills missing columns, normalizes directions and checks everything.
+    A :class:`~tanteo.sensors.Column` has numbers of only those readings whose device reported them: ``given`` is the
+    mask, ``values`` the numbers, ``column[rows]`` the numbers of rows that have them. Names are empty where there is
+    none. Use :meth:`from_columns`, which normalizes directions and checks everything.
 
     Attributes:
         ids: unique names of the readings.
         points: sensed points in the world, or centres of the tip's ball where ``radii`` is positive ``(n, 3)`` [m];
-            start of the beam for a free-space ray; NaN where the device reported only a range.
+            start of the beam for a free-space ray; not given where the device reported only a range.
         directions: unit viewing or approach directions in the world ``(n, 3)``.
         normals: sensed unit outward surface normals in the world ``(n, 3)``.
         normal_sds: standard deviations of the normals for each of the two tilt components ``(n,)`` [rad].
         sds: standard deviations along the beam or normal ``(n,)`` [m].
         across_sds: standard deviations across the beam ``(n,)`` [m], where better known than by the beam's cone, as for
             an edge located by crossing it.
-        radii: radii of the tip's ball ``(n,)`` [m]; 0 for none.
+        radii: radii of the tip's ball ``(n,)`` [m]; 0 for a sharp tip.
         features: labels; rows with one label lie on one feature.
         kinds: kind of each row: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder`` (contacts on the wall of a
             hole or boss), ``sphere``, ``cone``, ``centre``, ``sphere_centre``, ``apex``, ``point`` or ``free``. A
@@ -180,22 +126,22 @@ class Readings:
     """
 
     ids: tuple[str, ...]
-    points: Vectors
-    directions: Vectors
-    normals: Vectors
-    normal_sds: FloatArray
-    sds: FloatArray
-    across_sds: FloatArray
+    points: Column
+    directions: Column
+    normals: Column
+    normal_sds: Column
+    sds: Column
+    across_sds: Column
     radii: FloatArray
     features: tuple[str, ...]
     kinds: tuple[str, ...]
-    Ts_world_hand: Transforms
-    ranges: FloatArray
+    Ts_world_hand: Column
+    ranges: Column
     sensors: tuple[str, ...]
     is_free: BoolArray
-    max_ranges: FloatArray
-    hole_radii: FloatArray
-    half_angles: FloatArray
+    max_ranges: Column
+    hole_radii: Column
+    half_angles: Column
     material_sides: tuple[str, ...]
     source: str = field(default="readings")
     notes: tuple[str, ...] = ()
@@ -203,7 +149,11 @@ class Readings:
     def __post_init__(self) -> None:
         n = len(self.ids)
         for name, shape in _COLUMNS.items():
-            object.__setattr__(self, name, frozen(name, getattr(self, name), (n, *shape)))
+            object.__setattr__(self, name, column_of(name, getattr(self, name), n, shape))
+        radii = real_numbers("radii", self.radii)
+        if radii.shape != (n,):
+            raise ReadingsError(f"radii: expected shape {(n,)}, got {radii.shape}. Give one row a reading.")
+        object.__setattr__(self, "radii", frozen_array(radii))
         object.__setattr__(self, "is_free", frozen_flags(self.is_free, n))
         for name in ("features", "kinds", "sensors", "material_sides"):
             if len(getattr(self, name)) != n:
@@ -216,39 +166,38 @@ class Readings:
     @classmethod
     def from_columns(
         cls,
-        points: Vectors | None = None,
+        points: Column | Vectors | None = None,
         *,
         n: int | None = None,
         ids: Sequence[str] | None = None,
-        directions: Vectors | None = None,
-        normals: Vectors | None = None,
-        normal_sds: FloatArray | None = None,
-        sds: FloatArray | None = None,
-        across_sds: FloatArray | None = None,
+        directions: Column | Vectors | None = None,
+        normals: Column | Vectors | None = None,
+        normal_sds: Column | FloatArray | None = None,
+        sds: Column | FloatArray | None = None,
+        across_sds: Column | FloatArray | None = None,
         radii: FloatArray | None = None,
         features: Sequence[str] | None = None,
         kinds: Sequence[str] | None = None,
-        Ts_world_hand: Transforms | None = None,
-        ranges: FloatArray | None = None,
+        Ts_world_hand: Column | Transforms | None = None,
+        ranges: Column | FloatArray | None = None,
         sensors: Sequence[str] | None = None,
         is_free: BoolArray | None = None,
-        max_ranges: FloatArray | None = None,
-        hole_radii: FloatArray | None = None,
-        half_angles: FloatArray | None = None,
+        max_ranges: Column | FloatArray | None = None,
+        hole_radii: Column | FloatArray | None = None,
+        half_angles: Column | FloatArray | None = None,
         material_sides: Sequence[str] | None = None,
         source: str = "readings",
         notes: Sequence[str] = (),
     ) -> Readings:
         """Return readings from the given columns in metres and radians, world frame.
 
-        The other columns are missing values.
-
-        The columns are those of the class. ``n``, the number of readings, is needed only if ``points``, ``ranges`` and
-        ``ids`` are all missing. Directions and normals may have any length except zero.
+        A column is a :class:`~tanteo.sensors.Column`, or an array with one row for each reading. Rows of NaN, which
+        tables have in empty cells, are readings without the quantity. Directions and normals may have any length except
+        zero.
 
         Args:
             points: sensed points, or centres of the tip's ball ``(n, 3)`` [m].
-            n: number of readings; None to derive it from the columns.
+            n: number of readings; needed only if ``points``, ``ranges`` and ``ids`` are all missing.
             ids: unique names; None for 1, 2, ...
             directions: viewing or approach directions ``(n, 3)``.
             normals: sensed outward surface normals ``(n, 3)``.
@@ -279,14 +228,12 @@ class Readings:
         free = np.zeros(n, dtype=bool) if is_free is None else flags_of(is_free)
         kinds = filled_kinds(kinds, free, n)
         labels = ("",) * n if features is None else names_of(features)
-        columns = {
-            "points": points, "directions": units_of("directions", directions),
-            "normals": units_of("normals", normals), "normal_sds": normal_sds, "sds": sds,
-            "across_sds": across_sds,
-            "radii": np.zeros(n) if radii is None else radii, "Ts_world_hand": Ts_world_hand,
-            "ranges": ranges, "max_ranges": max_ranges, "hole_radii": hole_radii, "half_angles": half_angles,
+        columns: dict[str, Any] = {
+            "points": points, "directions": unit_vectors("directions", directions),
+            "normals": unit_vectors("normals", normals), "normal_sds": normal_sds, "sds": sds,
+            "across_sds": across_sds, "Ts_world_hand": Ts_world_hand, "ranges": ranges, "max_ranges": max_ranges,
+            "hole_radii": hole_radii, "half_angles": half_angles,
         }  # fmt: skip
-        arrays = {k: np.broadcast_to(np.nan, (n, *_COLUMNS[k])) if v is None else v for k, v in columns.items()}
         return cls(
             ids=tuple(map(str, range(1, n + 1))) if ids is None else names_of(ids),
             features=tuple("" if f else label for f, label in zip(free, labels, strict=True)) if free.any() else labels,
@@ -294,9 +241,10 @@ class Readings:
             sensors=("",) * n if sensors is None else names_of(sensors),
             material_sides=("",) * n if material_sides is None else names_of(material_sides),
             is_free=free,
+            radii=np.zeros(n) if radii is None else radii,
             source=source,
             notes=tuple(notes),
-            **arrays,
+            **{name: column_of(name, column, n, _COLUMNS[name]) for name, column in columns.items()},
         )
 
     def take(self, rows: Sequence[int] | np.ndarray) -> Readings:
@@ -306,29 +254,12 @@ class Readings:
             rows: row numbers, or mask ``(n,)``.
         """
         index = np.arange(len(self))[np.asarray(rows)]
-        arrays = {k: getattr(self, k)[index] for k in _COLUMNS}
+        columns: dict[str, Any] = {k: getattr(self, k).take(index) for k in _COLUMNS}
         names: dict[str, Any] = {k: tuple(getattr(self, k)[i] for i in index) for k in _NAMES}
-        return Readings(**names, **arrays, is_free=self.is_free[index], source=self.source, notes=self.notes)
-
-    @property
-    def has_point(self) -> BoolArray:
-        """Mask of rows with a point ``(n,)``."""
-        return np.asarray(~np.isnan(self.points[:, 0]))
-
-    @property
-    def has_direction(self) -> BoolArray:
-        """Mask of rows with a direction ``(n,)``."""
-        return np.asarray(~np.isnan(self.directions[:, 0]))
-
-    @property
-    def has_normal(self) -> BoolArray:
-        """Mask of rows with a sensed surface normal ``(n,)``."""
-        return np.asarray(~np.isnan(self.normals[:, 0]))
-
-    @property
-    def has_hand(self) -> BoolArray:
-        """Mask of rows with a hand pose ``(n,)``."""
-        return np.asarray(~np.isnan(self.Ts_world_hand[:, 3, 3]))
+        return Readings(
+            **names, **columns, radii=self.radii[index], is_free=self.is_free[index], source=self.source,
+            notes=self.notes,
+        )  # fmt: skip
 
 
 def check_readings_kind(name: str, value: object) -> None:
@@ -374,7 +305,8 @@ def concatenate(parts: Sequence[Readings]) -> Readings:
     """
     if not parts:
         raise ReadingsError("readings: expected at least one set to join, got none.")
-    arrays: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in (*_COLUMNS, "is_free")}
+    columns: dict[str, Any] = {k: joined([getattr(p, k) for p in parts]) for k in _COLUMNS}
+    columns |= {k: np.concatenate([getattr(p, k) for p in parts]) for k in ("radii", "is_free")}
     names: dict[str, Any] = {k: tuple(x for p in parts for x in getattr(p, k)) for k in _NAMES}
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
-    return Readings(**names, **arrays, source=parts[0].source, notes=notes)
+    return Readings(**names, **columns, source=parts[0].source, notes=notes)

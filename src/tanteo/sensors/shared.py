@@ -16,6 +16,7 @@ from tanteo.features import SharedError
 from tanteo.geometry import SO3
 from tanteo.geometry.limits import LARGEST
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Vectors
+from tanteo.sensors.columns import Column
 from tanteo.sensors.devices import Device, Placed
 from tanteo.sensors.noise import body_jacobian
 from tanteo.sensors.presets import RobotPreset
@@ -78,7 +79,7 @@ def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> SharedEffe
     if tip_sd.max() > LARGEST:
         raise InputError(f"tip_sd: expected lengths up to {LARGEST:g} m, got {tip_sd.max():g} m. Check their unit.")
     touched = ~placed.by_rig
-    lost = np.flatnonzero(touched & ~readings.has_hand)
+    lost = np.flatnonzero(touched & ~readings.Ts_world_hand.given)
     if len(lost):
         raise InputError(
             f"tip_sd: expected the hand's pose beside every reading, got none for '{readings.ids[lost[0]]}'. "
@@ -86,42 +87,40 @@ def tip(readings: Readings, placed: Placed, tip_sd: npt.ArrayLike) -> SharedEffe
             "action.read(distance, T_world_hand=...)."
         )
     error = SharedError("tip offset", np.diag(tip_sd**2), "offset of the tip in the hand's frame [m]")
-    J = np.where(touched[:, None, None], readings.Ts_world_hand[:, :3, :3], 0.0)
+    J = readings.Ts_world_hand.only(touched).filled(0.0)[:, :3, :3]
     return SharedEffect(error, J, np.zeros_like(J))
 
 
-def offset(aims: Vectors, rows: BoolArray, bias_sd: float) -> SharedEffect:
+def offset(aims: Column, rows: BoolArray, bias_sd: float) -> SharedEffect:
     """Return one error along all approach directions, such as of a ball's radius, a trigger point or a sensor's zero.
 
     Args:
-        aims: directions in which the error acts ``(n, 3)``; NaN if unknown.
+        aims: directions in which the error acts ``(n, 3)``.
         rows: mask of the affected rows ``(n,)``.
         bias_sd: standard deviation [m].
     """
-    J = np.where((rows & ~np.isnan(aims[:, 0]))[:, None], aims, 0.0)[..., None]
+    J = aims.only(rows).filled(0.0)[..., None]
     return _one("offset of all readings", bias_sd, "along the approach [m]", J)
 
 
-def aims_of(readings: Readings, placed: Placed) -> Vectors:
-    """Return the direction in which a device's bias acts.
-
-    Beam or approach, else opposite to the normal, else NaN ``(n, 3)``.
+def aims_of(readings: Readings, placed: Placed) -> Column:
+    """Return the directions in which a device's bias acts ``(n, 3)``: of beam or approach, else against the normal.
 
     Args:
         readings: readings of the devices.
         placed: readings in the world.
     """
-    return np.where(np.isnan(placed.directions), -readings.normals, placed.directions)
+    return placed.directions.coalesce(readings.normals.map(np.negative))
 
 
 def of_devices(
-    placed: Placed, aims: Vectors, devices: tuple[Device, ...], numbers: IntArray, free: BoolArray
+    placed: Placed, aims: Column, devices: tuple[Device, ...], numbers: IntArray, free: BoolArray
 ) -> list[SharedEffect]:
     """Return bias, scale and mounting errors of every device; the zones of one device share them.
 
     Args:
         placed: readings in the world.
-        aims: directions in which a bias acts ``(n, 3)``; NaN if unknown.
+        aims: directions in which a bias acts ``(n, 3)``.
         devices: devices of the readings.
         numbers: device index of each reading ``(n,)``.
         free: mask of free-space rays ``(n,)``.
@@ -133,16 +132,16 @@ def of_devices(
     own = np.array([list(units).index(device.unit) for device in devices])[numbers]
     for k, (unit, device) in enumerate(units.items()):
         rows = own == k
-        aimed = rows & ~free & ~np.isnan(aims[:, 0])
-        ranged = aimed & ~np.isnan(placed.ranges)
+        aimed = rows & ~free & aims.given
+        ranged = aimed & placed.ranges.given
         if device.bias_sd > 0 and aimed.any():
-            J = np.where(aimed[:, None], aims, 0.0)[..., None]
+            J = aims.only(aimed).filled(0.0)[..., None]
             out.append(_one(f"bias of {unit}", device.bias_sd, "along the beam [m]", J))
         if device.mount is not None and device.mount.cov_scale.any():
             out += _mount_and_scale(placed, device, rows & placed.by_rig, free)
             continue
         if device.scale_sd > 0 and ranged.any():
-            J = np.where(ranged[:, None], aims * placed.ranges[:, None], 0.0)[..., None]
+            J = (aims.only(ranged).filled(0.0) * placed.ranges.only(ranged).filled(0.0)[:, None])[..., None]
             out.append(_one(f"scale of {unit}", device.scale_sd, "along the beam, per range [1]", J))
         mount = rows & placed.by_rig
         if device.mount is not None and device.mount.cov_mount.any() and mount.any():
@@ -169,7 +168,9 @@ def _mount_and_scale(placed: Placed, device: Device, rows: BoolArray, free: Bool
         return []
     mounted, turns = _mounted(placed, rows, free)
     # a device that reports too large a range has a nearer target
-    nearer = np.where((rows & ~free)[:, None], -placed.ranges[:, None] * placed.directions, 0.0)[..., None]
+    hit = rows & ~free
+    nearer = np.zeros((len(rows), 3, 1))
+    nearer[hit, :, 0] = -placed.ranges[hit][:, None] * placed.directions[hit]
     meaning = "mounting of the sensor on the hand, body error [m, rad], and scale error [1]"
     error = SharedError(f"mounting and scale of {device.unit}", device.cov_unit, meaning)
     return [SharedEffect(error, np.concatenate([mounted, nearer], axis=2), np.pad(turns, [(0, 0), (0, 0), (0, 1)]))]

@@ -13,7 +13,7 @@ from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.vision.camera import opencv
 from tanteo.vision.edges import EdgeMap
 from tanteo.vision.fit import REACHES, beside, pixel_length, refine
-from tanteo.vision.image_edges import ImageEdges
+from tanteo.vision.image_edges import SAME_SHIFT, ImageEdges
 from tanteo.vision.models import VisionModel, lay
 from tanteo.vision.propose import propose, slides, small_distances
 from tanteo.vision.regions import Region
@@ -25,9 +25,6 @@ _KEPT = 144
 
 _QUICK = (12.0, 12.0, 9.0, 7.0, 5.0)
 """Reaches of the first refinement, round by round [px]."""
-
-_SAME = 0.02
-"""Poses are one if no point of the part moves by more between them [diagonals]."""
 
 _LIKELY = 6.0
 """Log density below the best of all from which a pose gets others beside it (decision 40)."""
@@ -169,7 +166,7 @@ def _poses_beside(
 def _distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:
     """Return which poses ``(B,)`` are not equal to a better one; symmetries are not considered."""
     points = in_camera(Ts, model.inner)
-    kept = _core.far_apart(points, np.argsort(-scores, kind="stable"), _SAME * model.part.diagonal)
+    kept = _core.far_apart(points, np.argsort(-scores, kind="stable"), SAME_SHIFT * model.part.diagonal)
     return np.isin(np.arange(len(Ts)), kept)
 
 

@@ -50,6 +50,10 @@ _NEAR = 4 * (SAME_SHIFT + 0.5 * SAME_TURN) / 2
 """Motion of the part's points, over their spread, up to which a pose has the constant of one that the image suggests:
 points half a diagonal from the middle move by so much where two poses are just one, twice over."""
 
+_INEXACT = 0.02
+"""Probability that all edges of an image are less exact than stated, each by half of ``_DISPLACED_SD`` more. With 0.3
+a wrong part is too probable (``python benchmarks/vision.py step_12mm,step_15mm 40 0.3 77``)."""
+
 _OF_LENS = np.sqrt(0.5)
 """Share of a lens's error, as a deviation, that shifts all edges alike; the same share is each edge's own
 (decision 43)."""
@@ -93,7 +97,7 @@ class Weights:
     spilled: float = -0.624
 
     def rules(self, *, located: bool = True) -> FloatArray:
-        """Return all constants of the formula, in the order of ``EdgeRules`` ``(17,)``.
+        """Return all constants of the formula, in the order of ``EdgeRules`` ``(18,)``.
 
         Args:
             located: whether there is a sum of where edges are.
@@ -101,7 +105,7 @@ class Weights:
         return np.array([
             STRETCH, _WHOLE, _RIM_SHOWS, _CREASE_SHOWS, REACH, _SPREAD, _DISPLACED, _DISPLACED_SD,
             self.hits, self.misses, self.spilled, _BESIDE, _ALONG, _MOST_PULLED, CORRELATION,
-            ASTRAY if located else 0.0, _NEAR,
+            ASTRAY if located else 0.0, _NEAR, _INEXACT,
         ])  # fmt: skip
 
 

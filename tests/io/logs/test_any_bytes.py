@@ -41,4 +41,4 @@ def test_spoiled_samples_are_read_or_refused(tmp_path, case):
         except InputError as error:
             complaint = str(error)
         assert (readings is not None) != complaint.startswith(str(path)), complaint
-        assert readings is None or (len(readings) > 0 and not np.isinf(readings.points).any())
+        assert readings is None or (len(readings) > 0 and not np.isinf(readings.points.values).any())

@@ -61,7 +61,7 @@ def test_zones_and_their_status_however_they_are_printed(tmp_path, way):
     readings = read_readings(path, **HAND)
     assert len(readings) == 63
     assert readings.is_free.sum() == 1
-    at = dict(zip(readings.sensors, readings.ranges, strict=True))
+    at = dict(zip(readings.sensors, readings.ranges.filled(np.nan), strict=True))
     assert "tof.3.2" not in at
     assert np.isnan(at["tof.1.4"])
     np.testing.assert_allclose(at["tof.1.1"], 0.3)
@@ -100,7 +100,7 @@ def test_four_captures_are_one_frame(tmp_path):
     confidences[15] = 7
     text = "".join(objects(k, distances + k * (distances > 0), confidences) for k in range(4))
     readings = read_readings(save(tmp_path, "# ... reset\n" + text), **HAND)
-    at = dict(zip(readings.sensors, readings.ranges, strict=True))
+    at = dict(zip(readings.sensors, readings.ranges.filled(np.nan), strict=True))
     assert len(readings) == 60  # four unreliable ones
     np.testing.assert_allclose([at["tof.2.1"], at["tof.2.3"], at["tof.1.1"], at["tof.1.3"]], [0.5, 0.501, 0.502, 0.503])
     np.testing.assert_allclose(at["tof.8.1"], 0.52)

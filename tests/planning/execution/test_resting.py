@@ -49,7 +49,7 @@ def test_readings_over_an_edge_are_told_one_by_one():
     readings = as_readings(HAND, log([0.04, 0.07] * 5, [0.05] * 10), "1")
     assert len(readings) > 3
     assert {0.04, 0.07} <= set(np.round(readings.ranges, 6))
-    assert np.isnan(readings.sds[readings.ranges != 0.05]).all()
+    assert not readings.sds.given[readings.ranges[:] != 0.05].any()
 
 
 def test_a_mean_over_a_low_step_is_of_neither_face():

@@ -83,7 +83,7 @@ def test_a_hand_tells_two_plates_apart_by_their_bore(plates):
         done = sense_part(session, unknown.robot, unknown.rules, furniture=unknown.furniture)
         assert done.end.reached
         assert [v.action.acquires for v in done.visits] == ["circle"]
-        assert "places of the rim" in done.visits[0].note
+        assert "of the rim" in done.visits[0].note
         assert off(session, number, unknown.T_world_part) < 1.5e-3
         assert unknown.clear > 0.5 * CLEARANCE
         assert session.probe.standoff == STANDOFF

@@ -16,6 +16,7 @@ from tanteo.posterior import prepare
 from tanteo.render import Run, distinction_page, plan_page
 from tanteo.render.html.charts import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.words import percent
+from tanteo.words.findings import NoPlaceReached
 
 RUN = Run("tanteo plan --part wedge.stl")
 
@@ -69,7 +70,7 @@ def test_a_reading_that_is_made_twice_has_one_arrow(planned, wedge):
 
 
 def test_a_plan_that_cannot_be_made_is_a_page_too(planned, wedge):
-    none = replace(planned, readings=(), reached=False, message="The probe reaches no place of wedge.")
+    none = replace(planned, readings=(), reached=False, findings=(NoPlaceReached(("wedge",)),))
     page = plan_page(none, wedge, TOUCH, 2e-4, 0.95, RUN)
     assert "No plan for wedge keeps the tolerance." in page
     assert "What each reading brings" not in page

@@ -71,7 +71,7 @@ def test_shares_of_a_direction_are_those_of_the_information(wedge):
     sensed = gather(readings)
     exactly = Priors(noise_factor=1.0)
     one = candidate(locate(readings, wedge, priors=exactly).hypotheses[0], sensed, wedge)
-    local = (readings.points - TRUTH[:3, 3]) @ TRUTH[:3, :3]
+    local = (readings.points[:] - TRUTH[:3, 3]) @ TRUTH[:3, :3]
     n = np.repeat(wedge.planes.normals, 5, axis=0)
     rows = np.concatenate([n, np.cross(local, n)], axis=1) / SD
     for way, d in zip(one.ways, directions_of(one, sensed), strict=True):

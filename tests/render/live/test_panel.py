@@ -22,7 +22,7 @@ def session(targets):
 
 def test_before_the_first_reading(session):
     now = Snapshot.of(session)
-    assert panel.headline(now) == "Nothing was sensed yet: 2 parts may be here, bracket_left is drawn."
+    assert panel.headline(now) == "No reading yet: 2 parts may be here, bracket_left is drawn."
     bars = panel.bars(now)
     shares = [float(s) for s in re.findall(r"([\d.]+) %</span>", bars)]
     assert sum(shares) == pytest.approx(100, abs=0.2)

@@ -70,13 +70,13 @@ std::shared_ptr<EdgePart> make_edge_part(std::shared_ptr<EdgeFrame> frame, Ints 
 
 std::shared_ptr<ImageEdges> image_edges(std::shared_ptr<EdgePart> part, std::shared_ptr<EdgeImage> image, Doubles rules,
                                         Doubles level_poses, Doubles levels, double reach, int first) {
-    expect(rules, "rules", {17});
-    if (rules.size() == 0) refuse("rules", "expected 17 numbers");
+    expect(rules, "rules", {18});
+    if (rules.size() == 0) refuse("rules", "expected 18 numbers");
     const double* r = rules.data();
     const EdgeRules all{r[0], r[1],  r[2],  r[3],  r[4],  r[5],  r[6],  r[7], r[8],
-                        r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16]};
+                        r[9], r[10], r[11], r[12], r[13], r[14], r[15], r[16], r[17]};
     for (const int k : {0, 1, 4, 5, 7, 14, 16}) expect(r[k], "rules", 1e-9, 1e9);
-    for (const int k : {2, 3, 6, 15}) expect(r[k], "rules, probabilities", 0, 1 - 1e-12);
+    for (const int k : {2, 3, 6, 15, 17}) expect(r[k], "rules, probabilities", 0, 1 - 1e-12);
     const std::vector<Pose> at = poses(level_poses, "level_poses");
     expect(levels, "levels", {at.size()});
     std::vector<PoseLevel> known;

@@ -202,11 +202,20 @@ ImageEdges::Sums ImageEdges::evaluate(const State& state, const Slope* slope) co
     return sums;
 }
 
-// The sum S: where edges are. Samples that have another edge of the part beside them are left out, and of those of one edge
+// The sum S: where edges are. Samples that have another edge of the part beside them are excluded, and of those of one edge
 // all that are far from its median. With independent variances W^-1 and a common error of deviations b, the inverse of
-// W^-1 + b b' is by Woodbury.
+// W^-1 + b b' is by Woodbury, and its determinant is that of W^-1 times 1 + b' W b.
 void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& beside, Sums& sums, const Slope* slope,
                         const int* columns, int count) const {
+    struct Case {
+        double more, log, chi2 = 0, draws = 0;  // more: variance of the common error beyond the stated one [px^2]
+        std::vector<double> gradient, information;
+    };
+    const size_t n = slope ? slope->size : 0;
+    const auto empty = [&](double more, double share) {
+        return Case{more, std::log(share), 0, 0, std::vector<double>(n), std::vector<double>(n * n)};
+    };
+    Case cases[] = {empty(0, 1 - rules.inexact), empty(0.25 * rules.displaced_sd * rules.displaced_sd, rules.inexact)};
     std::vector<std::vector<const Met*>> edges(part->edges);
     std::vector<char> visible(part->edges);
     for (size_t k = 0; k < all.size(); ++k) {
@@ -218,40 +227,50 @@ void ImageEdges::locate(const std::vector<Met>& all, const std::vector<char>& be
         if (!visible[e]) continue;
         std::vector<const Met*>& own = edges[e];
         sums.astray += std::log(rules.astray);
-        if (own.empty()) {
-            sums.located += std::log(rules.astray);
-            continue;
-        }
         std::sort(own.begin(), own.end(), [](const Met* a, const Met* b) { return a->offset < b->offset; });
-        const double median = 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
-        double square = 0, along = 0, total = 1, draws = 0;
-        std::array<double, MOST_COLUMNS> common{};
-        std::vector<double> weights;
-        for (const Met*& one : own) {
-            const double sd = image->sds[one->at.point], b = image->commons[one->at.point], d = one->offset;
-            const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b * b + rules.spread * rules.spread);
-            const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;
-            const double w = share / (sd * sd);
-            weights.push_back(w);
-            square += w * d * d;
-            along += w * b * d;
-            total += w * b * b;
-            draws += share;
-            if (slope)
-                for (int c = 0; c < count; ++c) common[c] += w * b * one->row[c];
+        const double median = own.empty() ? 0 : 0.5 * (own[(own.size() - 1) / 2]->offset + own[own.size() / 2]->offset);
+        double stated = 1;
+        for (Case& one_case : cases) {
+            double square = 0, along = 0, total = 1, draws = 0;
+            std::array<double, MOST_COLUMNS> common{};
+            std::vector<double> weights;
+            for (const Met*& one : own) {
+                const double sd = image->sds[one->at.point], b0 = image->commons[one->at.point], d = one->offset;
+                const bool with_the_rest = std::fabs(d - median) < 4 * std::sqrt(sd * sd + b0 * b0 + rules.spread * rules.spread);
+                const double share = with_the_rest ? std::min(one->at.span / rules.correlation, 1.0) : 0.0;
+                const double w = share / (sd * sd), b = std::sqrt(b0 * b0 + one_case.more);
+                weights.push_back(w);
+                square += w * d * d;
+                along += w * b * d;
+                total += w * b * b;
+                draws += share;
+                for (int c = 0; slope && c < count; ++c) common[c] += w * b * one->row[c];
+            }
+            if (&one_case == cases) stated = total;
+            const double chi2 = square - along * along / total;
+            const double is_own = own.empty() ? 0 : (1 - rules.astray) * std::sqrt(stated / total) * std::exp(0.5 * (draws - chi2));
+            const double probability = is_own / (is_own + rules.astray);
+            one_case.log += std::log(is_own + rules.astray);
+            one_case.chi2 += probability * chi2;
+            one_case.draws += probability * draws;
+            if (!slope) continue;
+            const Slope own_slope{slope->centre, slope->size, one_case.gradient.data(), one_case.information.data()};
+            for (size_t k = 0; k < own.size(); ++k) {
+                const double w = probability * weights[k];
+                own_slope.add(-w * own[k]->offset, w, own[k]->row.data(), columns, count);
+            }
+            own_slope.add(probability * along / total, -probability / total, common.data(), columns, count);
         }
-        const double chi2 = square - along * along / total;
-        const double is_own = (1 - rules.astray) * std::exp(0.5 * (draws - chi2)), density = is_own + rules.astray;
-        const double probability = is_own / density;
-        sums.located += std::log(density);
-        sums.chi2 += probability * chi2;
-        sums.draws += probability * draws;
-        if (!slope) continue;
-        for (size_t k = 0; k < own.size(); ++k) {
-            const double w = probability * weights[k];
-            slope->add(-w * own[k]->offset, w, own[k]->row.data(), columns, count);
-        }
-        slope->add(probability * along / total, -probability / total, common.data(), columns, count);
+    }
+    const double most = std::max(cases[0].log, cases[1].log), least = std::min(cases[0].log, cases[1].log);
+    const double located = most + std::log1p(std::exp(least - most));
+    sums.located += located;
+    for (const Case& one : cases) {
+        const double probability = std::exp(one.log - located);
+        sums.chi2 += probability * one.chi2;
+        sums.draws += probability * one.draws;
+        for (size_t k = 0; k < n; ++k) slope->gradient[k] += probability * one.gradient[k];
+        for (size_t k = 0; k < n * n; ++k) slope->information[k] += probability * one.information[k];
     }
 }
 

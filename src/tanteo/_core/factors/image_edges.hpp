@@ -8,7 +8,8 @@
 //   log L = h sum_e 1 / (1 + H_e / w) sum_{i met} s_i / l log [q_i p(d_i) / c_i + 1 - q_i]
 //         + m sum_e 1 / (1 + M_e / w) sum_{i missed} s_i / l log(1 - q_i)  +  b B / l^2  +  S - S_0,
 //
-//   p(d) = (1 - a) N(d; 0, sigma) + a N(d; 0, sigma_a),     S = sum_e log [(1 - g) exp((n_e - chi2_e) / 2) + g].
+//   p(d) = (1 - a) N(d; 0, sigma) + a N(d; 0, sigma_a),
+//   S = log sum_k a_k prod_e [(1 - g) (det C_e0 / det C_ek)^(1/2) exp((n_e - chi2_ek) / 2) + g].
 //
 // The first three sums say that edges are there. q_i is the probability that an edge shows (a rim of the part, a crease
 // inside of it), c_i = chance_i / (2 reach) the density of an edge by chance, and a the share of edges that shadows,
@@ -17,10 +18,19 @@
 // area [px^2] of the part's silhouette that lies where the image shows bare table. h, m and b are fitted to rendered
 // scenes (benchmarks/vision_fit.py; decisions 23, 38 and 87).
 //
-// S says where they are. chi2_e is that of the offsets of edge e, of samples that no other edge of the part is beside and
-// that run with the rest of their edge, n_e independent ones: noise of each edge point, independent over a correlation
-// length, and an error that is common to the edge (its neighbours in the image, the lens). An edge that is another's has
-// the density g, relative to that of the part's own with usual noise. S_0, a constant about each pose that the image
+// S says where they are. chi2_ek = d' C_ek^-1 d is that of the offsets d of edge e, of samples that no other edge of the part is
+// beside and that run with the rest of their edge, n_e independent ones, with covariance
+//
+//   C_ek = W^-1 + b_k b_k',     b_ki^2 = b_i^2 + s_k^2:
+//
+// noise of each edge point, independent over a correlation length, and an error that is common to the edge (its neighbours
+// in the image, the lens) with the standard deviations b_i that are stated. Models and lenses may be worse than stated, for
+// all edges of an image alike: in case 1 every edge has an error of its own more, with the standard deviation s_1 = sigma_a / 2
+// (s_0 = 0). The cases have the probabilities a_0 = 1 - a_1 and a_1. The determinants make edges that are as stated prefer
+// case 0: det C_ek = det W^-1 (1 + b_k' W b_k). With a case of sigma_a, too, poses some pixels off are too probable
+// (tests/planning/execution/test_seen.py). An edge that is another's has the density g,
+// relative to that of the part's own with usual noise in case 0. The slope of S is the mean over the cases of their slopes,
+// by their probabilities at the state, and so is its Gauss-Newton information. S_0, a constant about each pose that the image
 // suggests, makes the integral of the whole there that of the first three sums at that pose: the places of
 // edges inform the pose and not the identity, because edges are more exact than models of parts and of light (decision 87).
 // Farther from these poses S_0 is S of edges that are all another's, at least: there the image says nothing of the pose.
@@ -65,6 +75,7 @@ struct EdgeRules {
     double correlation;                   // noise of edge points is one draw over this length [px]
     double astray;                        // g; 0 leaves S out
     double near;                          // S_0 is that of a pose up to this motion, over the spread of the part's marks
+    double inexact;                       // a_1
 };
 
 // S_0 of poses that are nearest to this one.

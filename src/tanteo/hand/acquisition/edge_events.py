@@ -19,6 +19,7 @@ from tanteo.hand.motion.crossing import EdgeEvent
 from tanteo.hand.motion.track import Crease
 from tanteo.hand.robot import Hand
 from tanteo.sensors import error_model
+from tanteo.words.findings import EdgeMetRarely, EdgesMixed, FaceEndsElsewhere, Finding, PlaceBeside
 
 Line = tuple[FloatArray, FloatArray]
 """A point and a direction ``(3,)``."""
@@ -74,7 +75,7 @@ def on_line(hand: Hand, events: Sequence[EdgeEvent], line: Line) -> list[EdgeEve
 
 def agreeing(
     hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray, met: int = 0
-) -> tuple[list[EdgeEvent], str]:
+) -> tuple[list[EdgeEvent], Finding | None]:
     """Events without the one place, of five or more, that is of another edge, if the others then are of one.
 
     Beside the end of an edge a crossing meets the next one. Where enough places control each other, the one whose
@@ -93,12 +94,16 @@ def agreeing(
     """
     why, worst = doubt(hand, events, along, outwards)
     rest = [e for e, out in zip(events, worst, strict=True) if not out]
-    if not worst.any() or count_places(hand, rest, along) < _MANY - 1 or doubt(hand, rest, along, outwards)[0]:
+    if (
+        not worst.any()
+        or count_places(hand, rest, along) < _MANY - 1
+        or doubt(hand, rest, along, outwards)[0] is not None
+    ):
         rest = list(events)
     else:
-        why = ""
-    if not why and 2 * len(rest) < met:
-        why = f"an edge was met {met} times, and only {len(rest)} times this one"
+        why = None
+    if why is None and 2 * len(rest) < met:
+        why = EdgesMixed(met, len(rest))
     return rest, why
 
 
@@ -115,7 +120,9 @@ def _places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> IntAr
     return group
 
 
-def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray) -> tuple[str, BoolArray]:
+def doubt(
+    hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray
+) -> tuple[Finding | None, BoolArray]:
     """What speaks against one straight edge, and which events are of the one place that is beside it.
 
     Events at one place, there and back, meet the same corner or step: only the other places can tell. The share of a
@@ -124,7 +131,7 @@ def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: 
     spots, group = np.array([place_of(hand, e) for e in events]).reshape(-1, 3), _places(hand, events, along)
     counts, none = np.bincount(group), np.zeros(len(events), dtype=bool)
     if len(events) == 0 or len(counts) < 3:
-        return f"the edge was met {len(events)} times, at too few places", none
+        return EdgeMetRarely(len(events), alone=False), none
     x, y, variance = (
         np.bincount(group, weights=v) / counts for v in (spots @ along, spots @ outwards, _variances(hand, events))
     )
@@ -132,12 +139,12 @@ def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: 
     H = A @ np.linalg.solve(A.T @ A, A.T)
     leverages = np.diag(H)
     if leverages.max() > _CONTROLLED:
-        return f"the edge was met {len(events)} times, and one place stands alone", none
+        return EdgeMetRarely(len(events), alone=True), none
     residuals = np.abs(y / np.sqrt(variance) - H @ (y / np.sqrt(variance))) / np.sqrt(1 - leverages)
     worst = int(np.argmax(residuals))
     if residuals[worst] <= _GATE:
-        return "", none
-    return f"one place is {residuals[worst]:.1f} standard deviations beside the line of the others", group == worst
+        return None, none
+    return PlaceBeside(float(residuals[worst]), "line"), group == worst
 
 
 def _variances(hand: Hand, events: Sequence[EdgeEvent]) -> FloatArray:
@@ -164,7 +171,9 @@ _OFTEN = 3
 """Beams that speak against an edge, one of which may be by chance."""
 
 
-def against(run: SensingRun, face: Feature, edge: Feature, crossed: Vectors, outwards: FloatArray) -> str:
+def against(
+    run: SensingRun, face: Feature, edge: Feature, crossed: Vectors, outwards: FloatArray
+) -> FaceEndsElsewhere | None:
     """What the crossings met that cannot be beside an edge of a face; empty if all can be."""
     cloud = cloud_of(run.hand, [m for m in run.motions if m.name == "cross edge"])
     cloud = cloud.keep(cloud.ahead)
@@ -178,10 +187,10 @@ def against(run: SensingRun, face: Feature, edge: Feature, crossed: Vectors, out
     clear = between & (np.abs(y) > _SPOT * spot + _PLACE)
     ends = clear & missed & (y < 0) & (-y < _BEFORE * spot + _LEAST)
     goes_on = clear & met & (y > 0) & (y < _BEYOND * spot + _LEAST)
-    for wrong, words in ((ends, "ends before that line"), (goes_on, "goes on beyond that line")):
+    for wrong, beyond in ((ends, False), (goes_on, True)):
         if np.count_nonzero(wrong) >= _OFTEN:
-            return f"what was crossed is not one edge: between the places where it was met the face {words}"
-    return ""
+            return FaceEndsElsewhere(beyond)
+    return None
 
 
 def _on_face(cloud: Cloud, face: Feature) -> tuple[Vectors, FloatArray]:

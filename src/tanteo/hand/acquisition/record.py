@@ -172,7 +172,7 @@ def _four(readings: Readings, rows: IntArray, label: str) -> IntArray:
             f"plane {label!r}: expected four readings or more of two sensors, got {len(rows)} of {len(names)}. Scan "
             "the face with both frontal sensors."
         )
-    places = readings.Ts_world_hand[rows, :3, 3]
+    places = readings.Ts_world_hand[rows][:, :3, 3]
     away = places - places.mean(axis=0)
     along = away @ np.linalg.svd(away, full_matrices=False)[2][0]
     first, second = (np.flatnonzero(sensors == name) for name in names)

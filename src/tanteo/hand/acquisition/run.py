@@ -13,20 +13,21 @@ from tanteo.hand.motion.following import retreat
 from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.robot import Hand, Robot
 from tanteo.sensors import Readings, RobotPreset, concatenate
+from tanteo.words.findings import AtPose, Finding
 
 Outcome: TypeAlias = Literal["acquired", "lost", "nothing", "limit", "timeout", "unclear"]
 """``acquired``: the feature is sensed. ``unclear``: what was read does not determine it, or contradicts itself. The
 others are the endings of the motion that could not do its part (:data:`tanteo.hand.Ending`)."""
 
 
-Attempt: TypeAlias = tuple[Outcome, str, Feature | None]
-"""How it ended, the same in one sentence, and the feature, which is there exactly if it was acquired."""
+Attempt: TypeAlias = tuple[Outcome, Finding, Feature | None]
+"""Status of an attempt, its reason, and the feature, which is there exactly if it was acquired."""
 
 
 def failed(motion: Motion) -> Attempt:
     """An acquisition that ends with a motion that could not do its part."""
     assert motion.status != "reached"
-    return motion.status, motion.message, None
+    return motion.status, motion.finding, None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +37,7 @@ class Acquired:
     Attributes:
         kind: ``plane``, ``edge`` or ``vertex``.
         status: How it ended.
-        message: The same in one sentence.
+        finding: reason for the status.
         feature: What was asked for; none unless acquired.
         others: Features that were sensed on the way: the face of an edge, the edges of a corner.
         readings: The record, of all labels; none if nothing was read on purpose.
@@ -45,11 +46,16 @@ class Acquired:
 
     kind: str
     status: Outcome
-    message: str
+    finding: Finding
     feature: Feature | None
     others: tuple[Feature, ...]
     readings: Readings | None
     motions: tuple[Motion, ...]
+
+    @property
+    def message(self) -> str:
+        """Return the reason for the status in words."""
+        return self.finding.message
 
     @property
     def acquired(self) -> bool:
@@ -111,7 +117,7 @@ class SensingRun:
 
     def seen(self) -> Cloud:
         """What all motions so far have met, and what is met now."""
-        now = Motion("now", "reached", "", (self.robot.sensed,))
+        now = Motion("now", "reached", AtPose(), (self.robot.sensed,))
         return cloud_of(self.hand, [*self.motions, now])
 
     def known(self) -> Known:
@@ -129,8 +135,8 @@ def back_off(run: SensingRun, distance: float) -> Motion:
     return run.does(retreat(run.robot, distance, run.rules))
 
 
-def finish(kind: str, run: SensingRun, status: Outcome, message: str, feature: Feature | None) -> Acquired:
+def finish(kind: str, run: SensingRun, status: Outcome, finding: Finding, feature: Feature | None) -> Acquired:
     """The result of a run."""
     others = tuple(f for f in run.others if feature is None or f.label != feature.label)
     record = concatenate(run.readings) if run.readings else None
-    return Acquired(kind, status, message, feature, others, record, tuple(run.motions))
+    return Acquired(kind, status, finding, feature, others, record, tuple(run.motions))

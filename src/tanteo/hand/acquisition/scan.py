@@ -22,6 +22,7 @@ from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Hand, HandReading
 from tanteo.sensors import Readings
+from tanteo.words.findings import NoRoom, NotOneFeature, ReadingsTaken, ScanTooShort, SurfaceLost
 
 INSTANTS = 20
 """Instants that are kept of the scan across the pair, and as many of that along it; each is two readings."""
@@ -48,8 +49,7 @@ to it [rad]."""
 _SURE = np.radians(3.0)
 """A plane whose tilt is known no better than this is not acquired [rad]."""
 
-_NO_TURN = Motion("turn", "limit", "there is no known room to turn the hand square to the face", ())
-_NOT_ONE = "what was scanned is not one plane"
+_NO_TURN = Motion("turn", "limit", NoRoom("to turn it square to the face"), ())
 
 
 def scan(run: SensingRun, label: str, width: float) -> Attempt:
@@ -74,9 +74,9 @@ def scan(run: SensingRun, label: str, width: float) -> Attempt:
     if readings is None or attempt[2] is None:
         return attempt
     if doubt:
-        return "unclear", f"{_NOT_ONE}: {doubt}", None
+        return "unclear", NotOneFeature("plane", doubt), None
     if float(np.sqrt(np.diag(attempt[2].P)[1:].max())) > _SURE:
-        return "unclear", "the scan is too short for the tilt of the face", None
+        return "unclear", ScanTooShort(), None
     run.readings.append(readings)
     return attempt
 
@@ -101,11 +101,11 @@ def _scan_once(run: SensingRun, width: float, label: str) -> tuple[Readings | No
         log += [line[k] for k in np.unique(np.linspace(0, len(line) - 1, INSTANTS).round().astype(int))] if line else []
     readings = plane_readings(hand, log, label)
     if readings is None or len(readings) < 4:
-        return None, ("lost", "the surface was not under the frontal sensors for long enough", None), ""
+        return None, ("lost", SurfaceLost(), None), ""
     feature, why = fitted_feature(readings, label, hand.rig, run.errors)
     if feature is None:
-        return None, ("unclear", f"{_NOT_ONE}: {why}", None), ""
-    return readings, ("acquired", f"{len(readings)} readings", feature), why
+        return None, ("unclear", NotOneFeature("plane", why), None), ""
+    return readings, ("acquired", ReadingsTaken(len(readings)), feature), why
 
 
 def _settle(run: SensingRun) -> Motion:

@@ -17,6 +17,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.io.readings.units import ANGLE_UNITS, LENGTH_UNITS
+from tanteo.sensors import Column
 
 _UNITS: Mapping[str, Mapping[str, float]] = {
     "length": LENGTH_UNITS, "angle": ANGLE_UNITS, "time": {"ms": 1e-3, "s": 1.0}, "rate": {"hz": 1.0},
@@ -189,14 +190,22 @@ class Posed(Table, frozen=True, kw_only=True, eq=False):
         return SE3.from_parts(R, np.zeros(3) if self.position is None else self.position)
 
 
-def show(value: Any) -> str:
-    """Return a value for a message, cut to 60 characters.
+def show(value: Any, most: int = 60) -> str:
+    """Return a value for a message, cut to a number of characters.
 
     Args:
         value: value as read.
+        most: largest number of characters.
     """
-    text = value if isinstance(value, str) else repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    text = value if isinstance(value, str) else _bounded_repr(value)
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def _bounded_repr(value: Any) -> str:
+    try:
+        return repr(value)
+    except ValueError:  # a whole number with more digits than Python converts
+        return f"a number of about {int(math.log10(2) * value.bit_length())} digits"
 
 
 @cache
@@ -264,6 +273,8 @@ def as_plain(value: Any) -> Any:
     Args:
         value: table, data class, array or plain value.
     """
+    if isinstance(value, Column):
+        return as_plain(value.filled(np.nan))
     if is_dataclass(value) or isinstance(value, Table):
         return {name: as_plain(getattr(value, name)) for name in fields_of(cast(Any, type(value)))}
     if isinstance(value, np.ndarray | np.generic):

@@ -13,7 +13,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.io.documents import ros_answers as ros
 from tanteo.io.documents.ros_messages import POINT, RANGE, TF
 from tanteo.planning import Session, Step
-from tanteo.sensors import Readings
+from tanteo.sensors import Column, Readings
 
 RECORD, SPREAD = "/tanteo/record", "/tanteo/corner_sd"
 """Topics of the record ``tanteo.session/1`` as text, and of the largest corner standard deviation at each step."""
@@ -42,7 +42,7 @@ def of_step(session: Session, step: Step, readings: Readings | None, stamp: int)
         stamp: time stamp of the step [ns].
     """
     placed = None if readings is None else _in_world(session, readings)
-    points = None if placed is None else placed.points
+    points = None if placed is None else placed.points[:]
     if placed is not None:
         yield from _sensed(placed, stamp)
     if step.part >= 0:
@@ -71,18 +71,18 @@ def of_end(session: Session, document: dict[str, Any], stamp: int) -> Iterator[S
     """
     parts = {target.part.name: target.part for target in session.start.targets}
     placed = [ros.Placed(parts[h.part], h.T_world_part, h.probability) for h in session.answer().hypotheses]
-    points = None if session.readings is None else _in_world(session, session.readings).points
+    points = None if session.readings is None else _in_world(session, session.readings).points[:]
     yield Sent(stamp, "/tanteo/hypotheses", ros.MARKERS, ros.marker_message(placed, points, stamp, _WORLD))
     yield Sent(stamp, RECORD, TEXT, {"data": json.dumps(document, allow_nan=False, separators=(",", ":"))})
 
 
 def _in_world(session: Session, readings: Readings) -> Readings:
     """Return readings with points, directions and largest ranges in the world, also for sensors on a hand."""
-    if not np.isnan(readings.points).any():
+    if readings.points.given.all():
         return readings
-    points = readings.points.copy()
-    directions = readings.directions.copy()
-    most = readings.max_ranges.copy()
+    points = readings.points.filled(np.nan)
+    directions = readings.directions.filled(np.nan)
+    most = readings.max_ranges.filled(np.nan)
     measured = session.sensing.measured(readings)
     points[measured.rows] = measured.points
     directions[measured.rows] = measured.directions
@@ -90,20 +90,28 @@ def _in_world(session: Session, readings: Readings) -> Readings:
     points[rows] = measured.free.origins
     directions[rows] = measured.free.directions
     most[rows] = measured.free.lengths
-    return replace(readings, points=points, directions=directions, max_ranges=most)
+    return replace(
+        readings,
+        points=Column.from_rows(points),
+        directions=Column.from_rows(directions),
+        max_ranges=Column.from_rows(most),
+    )
 
 
 def _sensed(readings: Readings, begin: int) -> Iterator[Sent]:
     """Yield contact readings as points (tip centres), and ranges along the x axis of a probe frame."""
-    for k, (point, direction) in enumerate(zip(readings.points, readings.directions, strict=True)):
+    is_beam = readings.directions.given & (readings.radii == 0) & (readings.ranges.given | readings.is_free)
+    limits = readings.max_ranges.filled(0.0)
+    sds = readings.sds.filled(np.nan)
+    for k, point in enumerate(readings.points[:]):
         stamp = begin + k * _APART
-        distance = float(readings.ranges[k])
-        free = bool(readings.is_free[k])
-        if np.isnan(direction).any() or readings.radii[k] > 0 or (np.isnan(distance) and not free):
+        if not is_beam[k]:
             yield Sent(stamp, "/tanteo/touch", POINT, ros.point_message(point, stamp, _WORLD))
             continue
+        direction = readings.directions[k]
+        free = bool(readings.is_free[k])
+        distance = np.inf if free else float(readings.ranges[k])
         T = SE3.from_parts(SO3.frame_from_axis(direction, 0), point if free else point - distance * direction)
         yield Sent(stamp, "/tf", TF[0], ros.transform(T, _WORLD, _PROBE, stamp))
-        most = float(np.nan_to_num(readings.max_ranges[k]))
-        fields = ros.range_message(np.inf if free else distance, most, float(readings.sds[k]), stamp, _PROBE)
+        fields = ros.range_message(distance, float(limits[k]), float(sds[k]), stamp, _PROBE)
         yield Sent(stamp, "/tanteo/range", RANGE, fields)

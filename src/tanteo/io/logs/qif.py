@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from tanteo.features import CONE
 from tanteo.geometry.typing import FloatArray
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, counted, unique
@@ -247,10 +248,7 @@ def round_row(document: Document, element: Any, kind: str) -> RoundRow | None:
         return None
     point, axis, sd = _placed(document, element)
     size = _radius(document, element)
-    if size < 0 or (size == 0 and kind != "cone"):
-        document.fail("a positive diameter", f"{2 * size:g}", "Correct it.", element)
-    if kind == "cone":
-        point, size = _cone(document, element, point, axis, size)
+    point, size = _LANDMARKS.get(kind, _centre)(document, element, point, axis, size)
     name = child(item, "FeatureName")
     called = ((name.text if name is not None else "") or "").strip() or element.get("label") or element.get("id") or ""
     return RoundRow(called, kind, point, axis, size, _side(document, item), sd)
@@ -288,10 +286,21 @@ def _radius(document: Document, element: Any) -> float:
     return float("nan")
 
 
-def _cone(
+def _centre(
     document: Document, element: Any, point: FloatArray, axis: FloatArray, radius: float
 ) -> tuple[FloatArray, float]:
-    """Return apex and half angle; the apex is ``radius / tan(half angle)`` before the axis point."""
+    """Return centre and radius of a circle, cylinder or sphere."""
+    if radius <= 0:
+        document.fail("a positive diameter", f"{2 * radius:g}", "Correct it.", element)
+    return point, radius
+
+
+def _apex(
+    document: Document, element: Any, point: FloatArray, axis: FloatArray, radius: float
+) -> tuple[FloatArray, float]:
+    """Return apex and half angle of a cone; the apex is ``radius / tan(half angle)`` before the axis point."""
+    if radius < 0:
+        document.fail("a positive diameter", f"{2 * radius:g}", "Correct it.", element)
     for name, share in (("HalfAngle", 1.0), ("FullAngle", 0.5)):
         angle = child(element, name)
         if angle is not None:
@@ -303,6 +312,10 @@ def _cone(
     if radius == 0:  # at the apex
         return point, float("nan")
     return np.full(3, np.nan), float("nan")
+
+
+_LANDMARKS = {CONE.name: _apex}
+"""Functions that return landmark point and size of a round feature, for kinds whose landmark is not the centre."""
 
 
 def _side(document: Document, item: Any) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, TextIO
@@ -12,7 +12,6 @@ import numpy as np
 
 from tanteo.errors import ReadingsError
 from tanteo.geometry import SO3
-from tanteo.geometry.typing import FloatArray
 from tanteo.io.logs.table_text import HEAD_BYTES, Lines, TableText, sniff
 from tanteo.io.readings import units
 from tanteo.io.readings.cells import Sheet
@@ -21,7 +20,7 @@ from tanteo.io.readings.headers import units_row
 from tanteo.io.readings.stated import Stated
 from tanteo.io.readings.table import Table
 from tanteo.replaced import replaced
-from tanteo.sensors import Readings, reading_kind
+from tanteo.sensors import Column, Readings, reading_kind
 
 CHUNK = 50_000
 """Number of rows converted at a time, which limits the text in memory."""
@@ -116,21 +115,23 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
     metres = units.length_unit(unit, "unit")
     radians = units.angle_unit(angle_unit, "angle_unit")
     columns: dict[str, list[Any]] = {"id": list(readings.ids)}
-    for group, vectors in (
-        (POINT, readings.points / metres),
-        (DIRECTION, readings.directions),
-        (NORMAL, readings.normals),
+    for group, vectors, scale in (
+        (POINT, readings.points, metres),
+        (DIRECTION, readings.directions, 1.0),
+        (NORMAL, readings.normals, 1.0),
     ):
         suffix = f"_{unit}" if group is POINT else ""
-        columns |= {name + suffix: _cells(vectors[:, i]) for i, name in enumerate(group)}
-    columns[f"normal_sd_{angle_unit}"] = _cells(readings.normal_sds / radians)
-    radii = np.where(readings.radii > 0, readings.radii, np.nan)
+        columns |= _vector_cells([name + suffix for name in group], vectors, scale)
+    columns[f"normal_sd_{angle_unit}"] = _cells(readings.normal_sds, radians)
+    radii = Column.from_rows(readings.radii, readings.radii > 0)
     lengths = {"radius": radii, "sd": readings.sds, "across_sd": readings.across_sds}
     lengths |= {"range": readings.ranges, "max": readings.max_ranges, "hole_radius": readings.hole_radii}
-    columns |= {f"{name}_{unit}": _cells(values / metres) for name, values in lengths.items()}
-    columns[f"half_angle_{angle_unit}"] = _cells(readings.half_angles / radians)
-    hands = np.concatenate([readings.Ts_world_hand[:, :3, 3] / metres, _quaternions(readings)], axis=1)
-    columns |= {name + (f"_{unit}" if i < 3 else ""): _cells(hands[:, i]) for i, name in enumerate(HAND)}
+    columns |= {f"{name}_{unit}": _cells(values, metres) for name, values in lengths.items()}
+    columns[f"half_angle_{angle_unit}"] = _cells(readings.half_angles, radians)
+    hands = readings.Ts_world_hand.map(
+        lambda Ts: np.concatenate([Ts[:, :3, 3] / metres, SO3.as_quaternion(Ts[:, :3, :3])], axis=1)
+    )
+    columns |= _vector_cells([name + (f"_{unit}" if i < 3 else "") for i, name in enumerate(HAND)], hands)
     columns |= {"feature": list(readings.features), "sensor": list(readings.sensors)}
     columns["kind"] = [kind if reading_kind(kind).is_stated else "" for kind in readings.kinds]
     columns["side"] = list(readings.material_sides)
@@ -144,12 +145,12 @@ def write_readings(readings: Readings, path: str | Path, *, unit: str = "mm", an
         writer.writerows(zip(*columns.values(), strict=True))
 
 
-def _cells(values: FloatArray) -> list[Any]:
-    return [value if value == value else "" for value in values.tolist()]
+def _cells(column: Column, scale: float = 1.0) -> list[Any]:
+    """Return one cell for each reading, in units of the scale; empty for readings without the quantity."""
+    values = iter((column.values / scale).tolist())
+    return [next(values) if given else "" for given in column.given.tolist()]
 
 
-def _quaternions(readings: Readings) -> FloatArray:
-    q = np.full((len(readings), 4), np.nan)
-    given = readings.has_hand
-    q[given] = SO3.as_quaternion(readings.Ts_world_hand[given, :3, :3])
-    return q
+def _vector_cells(names: Sequence[str], column: Column, scale: float = 1.0) -> dict[str, list[Any]]:
+    """Return the cells of each component of a vector by its name."""
+    return {name: _cells(Column(column.given, column.values[:, i]), scale) for i, name in enumerate(names)}

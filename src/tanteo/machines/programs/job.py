@@ -69,7 +69,7 @@ class Job:
         safe_height: world z at which the ball moves over the part [m].
         lowest: world z below the part and all starts, by the same clearance [m].
         centre: centre of the part's bounding box ``(3,)``, world frame [m].
-        around: radius of the vertical cylinder about ``centre`` that contains the part and all starts [m].
+        outer_radius: radius of the vertical cylinder about ``centre`` that contains the part and all starts [m].
     """
 
     part: str
@@ -80,7 +80,7 @@ class Job:
     safe_height: float
     lowest: float
     centre: Vectors
-    around: float
+    outer_radius: float
 
 
 def job_of(
@@ -130,11 +130,11 @@ def _surroundings(plan: Plan, part: Part, probe: Probe, covariance: Covariances)
     """Return a job without touches: the height, depth and radius of the part and all starts, with clearance."""
     corners = SE3.apply(plan.T_world_part, box_corners(part))
     starts = np.array([r.origin for r in plan.readings])
-    room = probe.clearance + probe.radius + _SDS * _height_sd(plan.T_world_part, part, covariance)
+    clearance = probe.clearance + probe.radius + _SDS * _height_sd(plan.T_world_part, part, covariance)
     every, centre = np.concatenate([corners, starts]), corners.mean(axis=0)
-    around = float(np.linalg.norm(every[:, :2] - centre[:2], axis=1).max()) + room
-    heights = float(every[:, 2].max()) + room, float(every[:, 2].min()) - room
-    return Job(part.name, plan.message, (), probe.radius, 0.0, *heights, centre, around)
+    outer_radius = float(np.linalg.norm(every[:, :2] - centre[:2], axis=1).max()) + clearance
+    heights = float(every[:, 2].max()) + clearance, float(every[:, 2].min()) - clearance
+    return Job(part.name, plan.message, (), probe.radius, 0.0, *heights, centre, outer_radius)
 
 
 def transfer(job: Job, one: Touch, other: Touch) -> list[tuple[Vectors, Rotations]]:
@@ -171,11 +171,11 @@ def first_way(job: Job, touch: Touch) -> list[tuple[Vectors, Rotations]]:
 def _column(job: Job, touch: Touch) -> list[Vectors]:
     """Return the path from an outer point up to the safe height; below the part it first leaves the cylinder."""
     places = [touch.outer]
-    aside = touch.outer[:2] - job.centre[:2]
-    distance = float(np.linalg.norm(aside))
-    if touch.outer[2] < job.safe_height - _NEAR and distance < job.around - _NEAR:
-        way = aside / distance if distance > 0 else np.array([1.0, 0.0])
-        places.append(np.array([*(job.centre[:2] + job.around * way), touch.outer[2]]))
+    sideways = touch.outer[:2] - job.centre[:2]
+    distance = float(np.linalg.norm(sideways))
+    if touch.outer[2] < job.safe_height - _NEAR and distance < job.outer_radius - _NEAR:
+        way = sideways / distance if distance > 0 else np.array([1.0, 0.0])
+        places.append(np.array([*(job.centre[:2] + job.outer_radius * way), touch.outer[2]]))
     top = np.array([*places[-1][:2], job.safe_height])
     return [*places, top] if np.linalg.norm(top - places[-1]) > _NEAR else places
 
@@ -186,7 +186,7 @@ def _way_to_contact(surface: Surface, T: Transforms, origin: Vectors, direction:
     way = ball_contact(surface, SE3.apply(to_part, origin), direction @ T[:3, :3], radius)
     if not np.isfinite(way):
         raise InputError(
-            "--program: expected touches that meet the part, got one that passes it. Plan with a larger sd."
+            "--program: expected touches that reach the part, got one that misses it. Plan with a larger sd."
         )
     return way
 
@@ -216,7 +216,7 @@ def leaves(origin: Vectors, back: Vectors, job: Job) -> Vectors:
         The point ``(3,)`` [m]; the start itself if it is outside already.
     """
     a, b = origin[:2] - job.centre[:2], back[:2]
-    flat, half, rest = float(b @ b), float(a @ b), float(a @ a) - job.around**2
+    flat, half, rest = float(b @ b), float(a @ b), float(a @ a) - job.outer_radius**2
     ways = [(-half + np.sqrt(half**2 - flat * rest)) / flat] if flat > 0 and rest < 0 else []
     if rest >= 0:
         return origin

@@ -15,7 +15,7 @@ from tanteo.planning.execution.possible import OFF, Possible
 from tanteo.planning.predictions import predict
 from tanteo.planning.samples import draw
 from tanteo.planning.state import SensingState
-from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, error_model, measure
+from tanteo.sensors import Column, PointMeasurements, Readings, Rig, RobotPreset, error_model, measure
 
 _NEAR, _FORM = 4.0, 1e-3
 """Standard deviations, and an additional form error [m], within which a reading may belong to furniture."""
@@ -109,13 +109,13 @@ def beyond_furniture(readings: Readings, of_it: BoolArray, rig: Rig) -> Readings
         return readings
     law = error_model(rig).law
     number = rig.numbers(readings.sensors)
-    sds = law.sigma(np.nan_to_num(readings.ranges, nan=0.1)[:, None] * np.ones(len(rig.sensors)))
+    sds = law.sigma(readings.ranges.filled(0.1)[:, None] * np.ones(len(rig.sensors)))
     sd = sds[np.arange(len(readings)), number]
-    short = np.maximum(readings.ranges - _NEAR * sd - 5 * _FORM, 1e-3)
+    short = np.maximum(readings.ranges[of_it] - _NEAR * sd[of_it] - 5 * _FORM, 1e-3)
     return Readings.from_columns(
-        ids=readings.ids, ranges=np.where(of_it, np.nan, readings.ranges), sensors=readings.sensors,
-        Ts_world_hand=readings.Ts_world_hand, sds=np.where(of_it, np.nan, readings.sds),
-        is_free=readings.is_free | of_it, max_ranges=np.where(of_it, short, readings.max_ranges),
+        ids=readings.ids, ranges=readings.ranges.only(~of_it), sensors=readings.sensors,
+        Ts_world_hand=readings.Ts_world_hand, sds=readings.sds.only(~of_it), is_free=readings.is_free | of_it,
+        max_ranges=Column(of_it, short).coalesce(readings.max_ranges),
         source=readings.source,
     )  # fmt: skip
 
@@ -153,7 +153,7 @@ def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings |
         log: readings at rest.
         name: prefix of the identifiers of the readings.
     """
-    model, rows = error_model(hand.rig), list[tuple[str, Transforms, float, float]]()
+    model, rows = error_model(hand.rig), list[tuple[str, Transforms, float | None, float | None]]()
     T = log[-1].T_world_hand
     for i in range(len(hand.rig.sensors)):
         met = np.array([s.ranges[i] for s in log if s.states[i] == MET])
@@ -165,9 +165,9 @@ def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings |
                 rows.append((sensor, T, float(met.mean()), sd / np.sqrt(len(met))))
             else:
                 some = np.unique(np.linspace(0, len(met) - 1, _ALONE).round().astype(np.int64))
-                rows += [(sensor, T, float(r), float("nan")) for r in met[some]]
+                rows += [(sensor, T, float(r), None) for r in met[some]]
         elif free and not len(met):
-            rows.append((sensor, T, float("nan"), float("nan")))
+            rows.append((sensor, T, None, None))
     return _readings(rows, name) if rows else None
 
 
@@ -183,20 +183,22 @@ def of_parts(hand: Hand, readings: Readings, possible: Possible) -> Readings | N
         possible: poses of parts that the belief allows.
     """
     sensors = hand.rig.numbers(readings.sensors)
-    reach = np.where(readings.is_free, error_model(hand.rig).max_range[sensors], readings.ranges)
-    Ts = readings.Ts_world_hand
+    reach = readings.ranges.only(~readings.is_free).filled(error_model(hand.rig).max_range[sensors])
+    Ts = readings.Ts_world_hand[:]
     along = np.linspace(0.0, 1.0, _ALONG)[:, None] * np.minimum(reach, _FARTHEST)
     points = SE3.apply(Ts, hand.origins[sensors] + along[..., None] * hand.axes[sensors])
     told = np.isin(sensors, hand.frontal) | (possible.distances(points).min(axis=0) < OFF)
     return readings.take(np.flatnonzero(told)) if told.any() else None
 
 
-def _readings(rows: list[tuple[str, Transforms, float, float]], name: str) -> Readings:
+def _readings(rows: list[tuple[str, Transforms, float | None, float | None]], name: str) -> Readings:
+    """Return the readings of sensor, hand pose, range and standard deviation; a row without a range is a free ray."""
     sensors, Ts, ranges, sds = zip(*rows, strict=True)
-    free = np.isnan(np.array(ranges))
+    free = np.array([one is None for one in ranges])
     return Readings.from_columns(
         ids=[f"{name}.{k + 1}" for k in range(len(rows))],
-        ranges=np.array(ranges), sensors=sensors, Ts_world_hand=_rigid(np.array(Ts)), sds=np.array(sds), is_free=free,
+        ranges=np.array(ranges, dtype=np.float64), sensors=sensors, Ts_world_hand=_rigid(np.array(Ts)),
+        sds=np.array(sds, dtype=np.float64), is_free=free,
         source="sense part",
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import LARGEST
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.sensors import Readings
+from tanteo.words import Finding
 
 _BEYOND = 3.0
 """A finite distance of more than so many times the range is no reading of this sensor, but one of another unit."""
@@ -29,7 +30,7 @@ class Action:
         part: at which part it is aimed.
         face: at which of its faces.
         gain: what it is expected to tell [nats]; NaN where the policy does not ask.
-        why: in words.
+        reason: why the policy chose it.
         radius: of the ball that touches [m]: the range is that of its centre; 0 for a point or beam.
         acquires: kind of the feature that a hand is to acquire whole, ``circle`` or ``cylinder``, whose name is then in
             ``face``; empty for one reading.
@@ -51,7 +52,7 @@ class Action:
     part: str
     face: str
     gain: float
-    why: str
+    reason: Finding
     radius: float = 0.0
     acquires: str = ""
 
@@ -85,11 +86,11 @@ class Action:
         x, y, z = 1e3 * self.origin
         dx, dy, dz = self.direction
         if self.acquires:
-            what = f"{self.face} of {self.part}, whole, as a {self.acquires}"
-            return f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm in the world: {what}; {self.why}"
+            what = f"acquire {self.face} of {self.part} as a {self.acquires}"
+            return f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm in the world: {what}. {self.reason.message}"
         return (
-            f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
-            f"{self.part} is expected after {1e3 * self.expected:.1f} mm; {self.why}"
+            f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
+            f"{self.part} is expected after {1e3 * self.expected:.1f} mm. {self.reason.message}"
         )
 
     def read(

@@ -7,7 +7,7 @@ import numpy as np
 from tanteo.errors import ReadingsError
 from tanteo.features import shared_root
 from tanteo.geometry import SE3, SO3
-from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Rotations, Transforms, Vectors
+from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Rotations, Vectors
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.context import SharedOf
 from tanteo.planning.probe import Probe
@@ -15,7 +15,8 @@ from tanteo.planning.session.values import Sensing
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
 from tanteo.posterior import goodness_of_fit, what_limits
-from tanteo.sensors import PointMeasurements, Readings
+from tanteo.sensors import Column, PointMeasurements, Readings
+from tanteo.words.findings import SharedErrorLimits
 
 _TURNED, _STILL = 0.3, 0.1
 """Where directions differ by so much [rad] and hands by such a share of it, the hand is not turned to the approach."""
@@ -54,13 +55,12 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
     return ahead
 
 
-def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> str:
-    """A sentence on the shared error that limits the answer; empty if none does."""
+def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> SharedErrorLimits | None:
+    """Return the shared error that limits the answer, or None."""
     if readings is None or not state.modes:
-        return ""
+        return None
     measured = measured_by(sensing, probe, readings)
-    found = what_limits(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
-    return "" if found is None else found.message
+    return what_limits(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
 
 
 def measured_by(sensing: Sensing, probe: Probe, readings: Readings) -> PointMeasurements:
@@ -80,14 +80,14 @@ def _as_readings(c: Candidates, readings: Readings, measured: PointMeasurements,
     ways = np.where(np.isnan(ways), 0.0, ways)
     near = np.argmax(c.directions @ ways.T, axis=1)
     rows = measured.rows[near]
-    hands = readings.Ts_world_hand[rows]
-    if readings.has_hand[rows].any():
-        known = readings.has_hand[measured.rows] & ways.any(axis=1)
-        still = _is_still(ways[known], readings.Ts_world_hand[measured.rows[known], :3, :3])
+    hands = readings.Ts_world_hand.take(rows)
+    if hands.given.any():
+        known = readings.Ts_world_hand.given[measured.rows] & ways.any(axis=1)
+        still = _is_still(ways[known], readings.Ts_world_hand[measured.rows[known]][:, :3, :3])
         hands = _brought(hands, measured.points[near], ways[near], c, still=still)
     return Readings.from_columns(
-        c.aims, directions=c.directions, sds=readings.sds[rows], radii=np.full(len(c), probe.radius),
-        ranges=np.where(np.isnan(readings.ranges[rows]), np.nan, c.ranges), Ts_world_hand=hands,
+        c.aims, directions=c.directions, sds=readings.sds.take(rows), radii=np.full(len(c), probe.radius),
+        ranges=Column.from_rows(c.ranges).only(readings.ranges.given[rows]), Ts_world_hand=hands,
         sensors=[readings.sensors[k] for k in rows],
     )  # fmt: skip
 
@@ -101,12 +101,13 @@ def _is_still(ways: Vectors, Rs: Rotations) -> bool:
     return bool(apart > _TURNED and turned < _STILL * apart)
 
 
-def _brought(hands: Transforms, points: Vectors, ways: Vectors, c: Candidates, *, still: bool) -> Transforms:
+def _brought(hands: Column, points: Vectors, ways: Vectors, c: Candidates, *, still: bool) -> Column:
     """Hands moved to the candidates' aims with what they met, turned with the approach unless they are held alike."""
-    turn = np.tile(np.eye(3), (len(c), 1, 1)) if still else _turns(ways, c.directions)
-    arms = hands[:, :3, 3] - points
-    out = SE3.from_parts(turn @ hands[:, :3, :3], c.aims + np.einsum("nij,nj->ni", turn, arms))
-    return np.where(np.isnan(hands), np.nan, out)
+    held, Ts = hands.given, hands.values
+    turn = (np.tile(np.eye(3), (len(c), 1, 1)) if still else _turns(ways, c.directions))[held]
+    arms = Ts[:, :3, 3] - points[held]
+    moved = SE3.from_parts(turn @ Ts[:, :3, :3], c.aims[held] + np.einsum("nij,nj->ni", turn, arms))
+    return Column(held, moved)
 
 
 def _turns(source: Vectors, target: Vectors) -> Rotations:

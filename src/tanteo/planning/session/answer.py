@@ -34,6 +34,7 @@ from tanteo.posterior import (
 )
 from tanteo.words.findings import (  # fmt: skip
     EmptySpace,
+    Finding,
     MovedMeanwhile,
     NoPartLeft,
     NothingMet,
@@ -92,32 +93,32 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
     enough = bool(stop.reached(state))
     least = _least(stop, float(state.of_parts().max(initial=0.0)) if enough else 1.0)
     prior_p = p_of_start(state)
-    status, findings = verdict(
+    status, finding = verdict(
         hypotheses, state.unknown, significance,
         worst=_worst(touches, found[0], prior_p), shares=shares, prior_p=prior_p, least=least, known=enough,
     )  # fmt: skip
     placed = stop.tolerance is not None and (enough or stop.chance(state) >= CONFIDENCE)
     if status == "ambiguous" and (placed or enough):
         status = "recognized" if placed else "ambiguous"
-        findings = (_in_some_pose(hypotheses[0], state, stop, shares),)
+        finding = _in_some_pose(hypotheses[0], state, stop, shares)
     more = (
         face_elsewhere(touches, found[0], state.unknown, start.priors),
         WiderPrior() if status == "unknown" and prior_p < significance else None,
         moved_meanwhile(state),
     )
-    findings = (*findings, *(one for one in more if one is not None))
+    findings = (finding, *(one for one in more if one is not None))
     return Answer(status, findings, hypotheses, state.unknown, seed=seed, significance=significance)
 
 
-def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> str:
-    """Why the answer is not accepted, in words, where that is known; empty if nothing contradicts it.
+def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> tuple[Finding, ...]:
+    """Return the findings of an answer that is not accepted; none if nothing contradicts it.
 
     Before the goal is reached, a part that is known but not where it was said to be does: more readings of it do not
     make the prior pose right. Then, whatever the joint test says.
     """
     known = reached or (state.of_parts().max(initial=0.0) > CONFIDENCE and p_of_start(state) < SUSPECT)
     answer = answered(state, stop, 0, 1, significance) if known else None
-    return answer.message if answer is not None and answer.status == "unknown" else ""
+    return answer.findings if answer is not None and answer.status == "unknown" else ()
 
 
 def p_of_start(state: SensingState) -> float:
@@ -178,4 +179,4 @@ def step_of(state: SensingState, stop: Stop, observation: Observation) -> Step:
         inside = stop.chance(state)
     ids = () if observation.readings is None else observation.readings.ids
     known = state.of_parts(), state.unknown, T, part, C, largest_corner_sd(state), float(inside)
-    return Step(ids, observation.action, *known, observation.note)
+    return Step(ids, observation.action, *known, observation.findings)

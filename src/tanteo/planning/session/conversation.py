@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,14 +21,14 @@ from tanteo.planning.session.ahead import limits, shared_of
 from tanteo.planning.session.answer import answered, step_of
 from tanteo.planning.session.questions import action_of, answers, is_same, new_readings, unlike, whole_action
 from tanteo.planning.session.values import Done, Observation, Sensing, Step
-from tanteo.planning.session.worth import OUT_OF_REACH, enough, once_more, worth_acquiring, worth_making
+from tanteo.planning.session.worth import enough, once_more, worth_acquiring, worth_making
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin, update
 from tanteo.planning.stopping import Stop
 from tanteo.planning.whole import Offers
 from tanteo.posterior import Answer, PosePrior
 from tanteo.sensors import Readings, check_readings_kind, concatenate, find_stuck
-from tanteo.words.findings import NoPartLeft, Stuck
+from tanteo.words.findings import NoPartLeft, NoPlaceReached, Stuck
 
 _CANDIDATES = 500
 """Readings among which one is chosen."""
@@ -127,7 +127,7 @@ class Session:
     def observations(self) -> tuple[Observation, ...]:
         """All that has to be kept to :meth:`resume` from here."""
         readings = iter(self._readings)
-        return tuple(Observation(s.action, next(readings) if s.ids else None, s.note) for s in self._steps)
+        return tuple(Observation(s.action, next(readings) if s.ids else None, s.findings) for s in self._steps)
 
     @property
     def count(self) -> int:
@@ -147,18 +147,17 @@ class Session:
         question. ``put(None)`` drops it, and the next one is chosen by all that is known.
         """
         if end := enough(self.stop, self._state, self.count, self.significance):
-            stuck = self._stuck()
-            return self._said(end if stuck is None else replace(end, why=f"{end.why} {stuck.message}"))
+            return self._explained(end.adding(self._stuck()))
         if self._asked is not None:
             return self._asked
         if not len(self._state.weights):
-            return Done(False, NoPartLeft().message)
+            return Done(False, (NoPartLeft(),))
         candidates = self._open(propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         context = self._context(candidates)
-        chosen = self._chosen(context) if len(candidates) else Done(False, OUT_OF_REACH)
+        chosen = self._chosen(context) if len(candidates) else Done(False, (NoPlaceReached(),))
         better = worth_acquiring(self.stop, context, self._offers(chosen), chosen)
         if better is None and isinstance(chosen, Done):
-            return self._said(chosen) if len(candidates) else chosen
+            return self._explained(chosen) if len(candidates) else chosen
         self._questions += 1
         if better is not None:
             self._asked = whole_action(self._state, *better, self._questions)
@@ -191,11 +190,11 @@ class Session:
         shared = shared_of(self.sensing, self.probe, self._joined, state)
         return DecisionContext(*values, part_only=part_only, part_open=not known, feature=stop.feature, shared=shared)
 
-    def _said(self, end: Done) -> Done:
-        """The end with the shared error that is in the way of the goal, where one is."""
+    def _explained(self, end: Done) -> Done:
+        """Return the end with the shared error that prevents the goal, if one does."""
         if end.reached or self.stop.tolerance is None:
             return end
-        return replace(end, why=f"{end.why} {limits(self.sensing, self.probe, self._joined, self._state)}".rstrip())
+        return end.adding(limits(self.sensing, self.probe, self._joined, self._state))
 
     def refuse(self, action: Action) -> None:
         """The reading cannot be made, or was in vain: readings near it are not asked for again.
@@ -233,11 +232,11 @@ class Session:
             InputError: the readings cannot be made into measurements; nothing has changed then.
         """
         check_readings_kind("readings", readings)
-        fresh, note = new_readings(self._readings, readings)
+        fresh, remarks = new_readings(self._readings, readings)
         asked = self._asked
         if action is None and fresh is not None and asked is not None and answers(fresh, asked):
             action = asked
-        return self._take(Observation(action, fresh, note))
+        return self._take(Observation(action, fresh, remarks))
 
     def resume(
         self,

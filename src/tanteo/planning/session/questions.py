@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from tanteo.geometry import SE3
 from tanteo.planning.candidates import Candidates
@@ -17,7 +18,9 @@ from tanteo.planning.context import Choice, DecisionContext
 from tanteo.planning.session.action import Action
 from tanteo.planning.state import SensingState
 from tanteo.planning.whole import WholeFeature
-from tanteo.sensors import Readings
+from tanteo.sensors import Column, Readings
+from tanteo.words import Finding
+from tanteo.words.findings import MostInformation, RepeatedNames
 
 _OF_A_QUESTION = re.compile(r"a\d+")
 """Names of readings that answer questions."""
@@ -32,7 +35,7 @@ def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
     part, expected = context.state.target(int(c.mode[k])).part, float(c.ranges[k] - _short(context, k))
     return Action(
         number, c.origins[k], c.directions[k], context.probe.max_range, expected, part.name,
-        part.faces[c.face[k]].name, choice.gain, choice.why, context.probe.radius,
+        part.faces[c.face[k]].name, choice.gain, choice.reason, context.probe.radius,
     )  # fmt: skip
 
 
@@ -40,10 +43,9 @@ def whole_action(state: SensingState, one: WholeFeature, gain: float, number: in
     """The question of that number that has a feature acquired whole."""
     down = -one.T_world_feature[:3, 2]
     expected = float((one.T_world_feature[:3, 3] - one.origin) @ down)
-    why = f"it is expected to tell {gain:.2f} nats about part and pose"
     return Action(
-        number, one.origin, down, 2 * expected, expected, state.target(one.mode).part.name, one.name, gain, why,
-        acquires=one.kind,
+        number, one.origin, down, 2 * expected, expected, state.target(one.mode).part.name, one.name, gain,
+        MostInformation(gain), acquires=one.kind,
     )  # fmt: skip
 
 
@@ -85,17 +87,19 @@ def answers(readings: Readings, action: Action) -> bool:
     if action.name in readings.ids:
         return True
     far = action.expected if 0 < action.expected < np.inf else action.max_range  # who asked may not have said
-    near, away = _LIKE * far, readings.points - action.origin
+    near, away = _LIKE * far, readings.points.filled(action.origin) - action.origin
     along = away @ action.direction
     beside = np.linalg.norm(away - along[:, None] * action.direction, axis=1)
-    turned = np.linalg.norm(readings.directions - action.direction, axis=1)
-    there = np.where(readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0))
+    turned = np.linalg.norm(readings.directions.filled(action.direction) - action.direction, axis=1)
+    there = readings.points.given & np.where(
+        readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0)
+    )
     others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids], dtype=bool)
-    return bool(np.any(there & ~(turned > _LIKE) & ~others))  # where it is not known, NaN, the way does not count
+    return bool(np.any(there & (turned <= _LIKE) & ~others))  # a reading without direction counts as along the question
 
 
-def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, str]:
-    """The readings that are new, named so that no name comes twice; and what was done about names."""
+def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, tuple[Finding, ...]]:
+    """Return the new readings with unique names, or None without any, and a remark on repeated names."""
     known = {name: (r, k) for r in before for k, name in enumerate(r.ids)}
     taken = {*known, *readings.ids}
     keep, names = list[int](), list[str]()
@@ -112,15 +116,12 @@ def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readin
             renamed.append(new)
         keep.append(k)
         names.append(new)
-    notes = [f"{', '.join(again)}: told before"] if again else []
-    notes += (
-        [f"{', '.join(corrected)}: told before with other errors, radius or normal, which hold"] if corrected else []
-    )
-    notes += [f"{', '.join(renamed)}: named anew, as the name was taken"] if renamed else []
+    some = again or corrected or renamed
+    remarks = (RepeatedNames(tuple(again), tuple(corrected), tuple(renamed)),) if some else ()
     if not keep:
-        return None, "; ".join(notes)
+        return None, remarks
     fresh = readings if len(keep) == len(readings) else readings.take(np.array(keep))
-    return fresh if not renamed else replace(fresh, ids=tuple(names)), "; ".join(notes)
+    return fresh if not renamed else replace(fresh, ids=tuple(names)), remarks
 
 
 _WHERE = "points", "directions", "ranges", "Ts_world_hand", "max_ranges", "is_free"
@@ -138,7 +139,13 @@ def _bearers(known: dict[str, tuple[Readings, int]], name: str) -> list[tuple[Re
 
 
 def _equal(columns: Sequence[str], a: Readings, i: int, b: Readings, j: int) -> bool:
+    """Return whether two readings have the same sensor, and equal values in some columns."""
     return a.sensors[i] == b.sensors[j] and all(
-        np.array_equal(getattr(a, name)[i], getattr(b, name)[j], equal_nan=getattr(a, name).dtype != bool)
-        for name in columns
+        np.array_equal(_cell(a, name, i), _cell(b, name, j)) for name in columns
     )
+
+
+def _cell(readings: Readings, name: str, row: int) -> npt.ArrayLike:
+    """Return the value of one reading in a column; an empty array if it has none."""
+    column = getattr(readings, name)
+    return column.take([row]).values if isinstance(column, Column) else column[row]

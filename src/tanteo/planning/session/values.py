@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.planning.probe import Probe
 from tanteo.planning.session.action import Action
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.words import Finding, message_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,26 +75,36 @@ class Sensing:
         """
         beam = None if probe is None or probe.contact else probe
         measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
-        touches = as_contact_points(measured, self.tolerance, readings.ranges[measured.rows]).with_places()
+        touches = as_contact_points(measured, self.tolerance, readings.ranges.take(measured.rows)).with_places()
         free = as_free_rays(measured, self.tolerance)
         return touches, free if beam is None else free.up_to(beam.max_incidence)
 
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """Nothing more to ask.
+    """End of a session: there is no next reading.
 
     Attributes:
-        reached: the goal is reached; else nothing is left that is worth its cost, or that can be made.
-        why: in words.
+        reached: whether the goal is reached; otherwise no reading is possible or worth its cost.
+        findings: reasons for the end, the verdict first.
 
     Example:
-        >>> tanteo.Done(True, "all corners are within 0.5 mm").reached
-        True
+        >>> from tanteo.words import findings
+        >>> tanteo.Done(False, (findings.ReadingLimit(allowed=30, made=30),)).message
+        'The limit of readings is reached: 30 were allowed, and 30 were made.'
     """
 
     reached: bool
-    why: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def message(self) -> str:
+        """The findings in words."""
+        return message_of(self.findings)
+
+    def adding(self, *findings: Finding | None) -> Done:
+        """Return the end with further findings; None is skipped."""
+        return replace(self, findings=(*self.findings, *(one for one in findings if one is not None)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +121,7 @@ class Step:
         covariance: of that pose ``(6, 6)``.
         corner_sd: largest standard deviation of a corner of that part's box, over all poses that it may have [m].
         within: probability that all corners, or the feature, are within the tolerance; NaN without one.
-        note: what a person should know; empty for nothing.
+        findings: remarks on the readings for the user.
     """
 
     ids: tuple[str, ...]
@@ -122,7 +133,12 @@ class Step:
     covariance: Covariances
     corner_sd: float
     within: float
-    note: str = ""
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def note(self) -> str:
+        """The remarks in words; empty without any."""
+        return message_of(self.findings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,9 +148,9 @@ class Observation:
     Attributes:
         action: the question that it answers; None where it answers none.
         readings: those of it that were new; None if all of them had been told before.
-        note: what a person should know; empty for nothing.
+        findings: remarks on the readings for the user.
     """
 
     action: Action | None
     readings: Readings | None
-    note: str = ""
+    findings: tuple[Finding, ...] = ()

@@ -18,6 +18,7 @@ from tanteo.planning.session.values import Done, Step
 from tanteo.planning.state import SensingState
 from tanteo.planning.stopping import Stop
 from tanteo.planning.whole import Offers, WholeFeature, whole_information, whole_seconds
+from tanteo.words.findings import LargestFaceLeast, NotWorthCost, ReadingLimit, RepeatMisfit
 
 
 def once_more(state: SensingState, steps: Sequence[Step]) -> Candidates:
@@ -57,27 +58,19 @@ def _candidates(state: SensingState, actions: Sequence[Action]) -> Candidates:
     return Candidates(origins, directions, np.zeros(len(actions), dtype=int), faces, met.distances).take(reached)
 
 
-_AGAIN = "a reading of this beam does not fit, and once more it shows whether the sensor erred"
-
 _LEAST_GAIN = 0.1
 """What a feature that is acquired whole has to tell at least [nats]: it takes a minute and more."""
-
-OUT_OF_REACH = (
-    "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
-    "approach or a better prior pose."
-)
-"""What is said where no candidate can be made."""
 
 
 def enough(stop: Stop, state: SensingState, count: int, significance: float) -> Done | None:
     """The end: the goal is reached, the readings contradict what they are of, or there are no more; else None."""
-    why = stop.reached(state)
-    if against := contradiction(state, stop, significance, reached=bool(why)):
+    goal = stop.reached(state)
+    if against := contradiction(state, stop, significance, reached=goal is not None):
         return Done(False, against)
-    if why:
-        moved = moved_meanwhile(state)
-        return Done(True, f"Enough: {why}.{'' if moved is None else f' {moved.message}'}")
-    return Done(False, all_made(stop.max_measurements, count)) if count >= stop.max_measurements else None
+    if goal is not None:
+        return Done(True, (goal,)).adding(moved_meanwhile(state))
+    limit = stop.max_measurements
+    return Done(False, (ReadingLimit(limit, count),)) if count >= limit else None
 
 
 def worth_making(
@@ -93,12 +86,12 @@ def worth_making(
         best = most_information(context)
     told = information_of_repeat(state) if len(repeats) else 0.0
     if told > 0 and told >= stop.least_gain and told >= best:
-        return replace(context, candidates=repeats), Choice(0, told, _AGAIN)
+        return replace(context, candidates=repeats), Choice(0, told, RepeatMisfit())
     if not best < stop.least_gain or stop.settles(state, best, stop.max_measurements - context.count):
         return context, choice
     if stop.confirms(state):
         return context, _to_confirm(context)
-    return Done(False, f"No reading is worth its cost: the best would tell {best:.3f} nats.")
+    return Done(False, (NotWorthCost(best),))
 
 
 def worth_acquiring(
@@ -121,14 +114,8 @@ def worth_acquiring(
     return (offers[k], float(gains[k])) if worth else None
 
 
-def all_made(max_measurements: int, count: int) -> str:
-    """That there are no more readings to make: those that nobody asked for count too, so it may be more than that."""
-    asked = "1 reading was" if max_measurements == 1 else f"{max_measurements} readings were"
-    made = "1 was" if count == 1 else f"{count} were"
-    return f"{asked} asked for at most, and {made} made."
-
-
 def _to_confirm(context: DecisionContext) -> Choice:
     """A reading where a part that is only like the likeliest one may differ: on the face that was sensed least."""
     choice = POLICIES["largest-face"].choose(context)
-    return replace(choice, why=f"{choice.why}: a part that is only like this one would differ there")
+    assert isinstance(choice.reason, LargestFaceLeast)
+    return replace(choice, reason=replace(choice.reason, confirms=True))

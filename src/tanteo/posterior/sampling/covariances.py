@@ -1,4 +1,4 @@
-"""The covariance that is told of a mode: unobserved directions, shared errors, faces that are off as a whole."""
+"""Covariance of a mode: unobserved directions, shared errors, deviations of whole faces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tanteo.posterior.fit_at_mode import GoodnessOfFit
 
 
 def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
-    """Of the pose, uniform along unobserved directions; and the same if the shared errors were known."""
+    """Return the covariance of the pose, uniform along free directions, and the same given the shared errors."""
     mode, part = one.mode, one.mode.prepared.part
     scale = part_scale(part)
     whole = without_spins(part, pose_information(mode.information))
@@ -32,7 +32,7 @@ def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | Non
 
 
 def _times(one: Covariances, other: Covariances) -> float:
-    """By how much the second is larger, on average over the motions; those that are exact to rounding do not count."""
+    """Return the mean variance ratio of the second to the first over all motions that are not exact to rounding."""
     size = np.sqrt(np.diag(one).clip(1e-300))
     inverse = np.linalg.pinv(one / np.outer(size, size), rcond=1e-13, hermitian=True)
     return float(np.trace(inverse @ (other / np.outer(size, size)))) / 6
@@ -54,11 +54,11 @@ def _with_free(
 
 
 def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covariances, Covariances]:
-    """What the covariances lack because a made face deviates as a whole, not anew at every point, twice ``(6, 6)``.
+    """Return the covariance that deviations of whole faces add, with shared errors estimated and given.
 
-    The estimate weighs points as if their deviations were independent; for that estimator, points of one face with one
-    deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1``. First with the shared errors that are
-    estimated beside the pose, then as if these were known.
+    The estimate weights points as if their deviations were independent. For that estimator, points of one face with one
+    deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1`` to the covariance ``(6, 6)``. The first
+    is with the shared errors estimated beside the pose, the second with these known.
     """
     if points.tolerance == 0:
         return np.zeros((6, 6)), np.zeros((6, 6))
@@ -80,12 +80,12 @@ def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covaria
 
 
 def _inverse(A: FloatArray) -> FloatArray:
-    """Inverse of an information matrix; directions that it says nothing of have none of it."""
+    """Return the inverse of an information matrix; directions without information get no variance."""
     size = np.sqrt(np.maximum(np.diag(A), 1e-300))
     return np.asarray(np.linalg.pinv(A / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size))
 
 
 def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:
-    """``gain extra gain'``, without what is negative of it."""
+    """Return ``gain extra gain'`` without its negative eigenvalues."""
     values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
     return np.asarray((vectors * values.clip(0.0)) @ vectors.T)

@@ -17,7 +17,7 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray,
 from tanteo.parts import NamedFace, Part, Surface, exact_faces, named_class, named_feature, signed_distance
 from tanteo.planning import Sensing
 from tanteo.posterior import Hypothesis, PosePrior
-from tanteo.sensors import PointMeasurements, Readings
+from tanteo.sensors import Column, PointMeasurements, Readings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,7 @@ class Sensed:
         source: Name of the readings' file.
         measured: Points with covariance and shared errors, and the free-space rays.
         repeatability: The robot's share of ``measured.covs`` ``(n, 3, 3)`` [m^2].
-        reach: Length of the beam or path before each point ``(n,)`` [m]; NaN where unknown.
+        reach: lengths of the beams before the points ``(n,)`` [m].
         tolerance: Standard deviation of the made part's surface against its CAD [m].
         prior: What was known of the pose beforehand.
     """
@@ -36,7 +36,7 @@ class Sensed:
     source: str
     measured: PointMeasurements
     repeatability: Covariances
-    reach: FloatArray
+    reach: Column
     tolerance: float = 0.0
     prior: PosePrior | None = None
 
@@ -56,7 +56,7 @@ def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior 
     sensing = Sensing() if sensing is None else sensing
     measured = sensing.measured(readings)
     alone = measured if sensing.robot is None else replace(sensing, robot=None).measured(readings)
-    reach = np.asarray(readings.ranges[measured.rows])
+    reach = readings.ranges.take(measured.rows)
     return Sensed(readings.source, measured, measured.covs - alone.covs, reach, sensing.tolerance, prior)
 
 

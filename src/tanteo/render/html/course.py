@@ -68,8 +68,8 @@ def _line(step: Step, names: Sequence[str]) -> Html:
     question = "Not asked for" if action is None else f"{action.face} of {action.part}"
     after = f"{names[best]} {percent(float(step.probabilities[best]))}"
     sd = f", largest corner sd {uncertain(step.corner_sd)}" if np.isfinite(step.corner_sd) else ""
-    why = "" if action is None else f" – {action.why}"
-    return element("li", element("strong", question), f"{why} → {after}{sd}")
+    reason = "" if action is None else f". {action.reason.message}"
+    return element("li", element("strong", question), f"{reason} → {after}{sd}")
 
 
 def _probabilities(session: Session) -> Html:

@@ -56,7 +56,7 @@ def scene_document(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shap
     parts = list(dict.fromkeys(c.part.name for c in candidates))
     shown = {c.part.name: c.part for c in candidates}
     rows = _chosen_rows(len(measured), candidates)
-    reach = np.where(np.isnan(sensed.reach), _ARM * size, sensed.reach)
+    reach = sensed.reach.filled(_ARM * size)
     starts = measured.points - np.nan_to_num(measured.directions) * reach[:, None]
     free = measured.free
     ends = free.origins + free.directions * free.lengths[:, None]

@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import IntArray, Vectors
 from tanteo.planning import Action, Candidates, Probe, SensingState, Session, has_room, within_cone
-from tanteo.render.live.snapshot import BY_HAND
+from tanteo.words.findings import ChosenByUser, ClickFailed
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,28 +89,28 @@ _TILTS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """How far a reading is tilted from the normal towards the middle of the probe's cone, if there is no room before."""
 
 
-def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number: int) -> Action | str:
-    """The reading of a click, or why there is none.
+def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number: int) -> Action | ClickFailed:
+    """Return the reading of a click, or why there is none.
 
     It looks along the inward normal of what was pointed at, or as near to that as the probe may and has room for.
     """
     hit = _first(session.state, modes, eye, ray / np.linalg.norm(ray))
     if hit is None:
-        return "There is nothing where you clicked: click on a part or near one."
+        return ClickFailed("nothing")
     mode, face, point, inward = hit
     ways = _ways(session.probe, mode, face, point, inward)
     ways = ways.take(has_room(session.state, ways, session.probe, anywhere=False))
     if not len(ways):
-        return "There is no room to sense that: click on another place."
+        return ClickFailed("space")
     if session.able is not None:
         ways = ways.take(session.able(session.state, ways))
     if not len(ways):
-        return "The hand cannot come to where it would sense that: click on another place."
+        return ClickFailed("reach")
     part, probe = session.state.target(mode).part, session.probe
     name = part.faces[face].name if face >= 0 else "a place beside it"
     return Action(
         number, ways.origins[0], ways.directions[0], probe.max_range, float(ways.ranges[0]), part.name, name, np.nan,
-        BY_HAND,
+        ChosenByUser(),
     )  # fmt: skip
 
 

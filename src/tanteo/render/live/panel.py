@@ -14,7 +14,8 @@ from tanteo.render.live import colors
 from tanteo.render.live.drawing import OPEN
 from tanteo.render.live.primitives import Colour
 from tanteo.render.live.snapshot import RIVAL_LAYERS, Result, Snapshot, by_hand
-from tanteo.words import percent
+from tanteo.words import headline_of, percent
+from tanteo.words.findings import Finding, Leader, NoPartLeft, NothingSensedYet, PlacesSensed, PlannerResult, StepResult
 
 _BARS = 5
 """Parts that have a bar of their own."""
@@ -38,19 +39,19 @@ def _framed(*children: Html | str) -> str:
 
 
 def headline(now: Snapshot) -> str:
-    """What is believed now, in a sentence."""
-    b, n = now.state, len(now.names)
-    if not now.steps:
-        drawn = f"{now.names[now.order[0]]} is drawn"
-        return f"Nothing was sensed yet: {n} parts may be here, {drawn}." if n > 1 else "Nothing was sensed yet."
-    if not len(b.weights):
-        return "No part explains the readings."
+    """Return the current belief in one sentence."""
+    found = leader(now)
+    return headline_of((found,)) or found.message
+
+
+def leader(now: Snapshot) -> Finding:
+    """Return the most probable part as a finding."""
     best = int(now.order[0])
-    words = f"{now.names[best]}: {percent(float(b.of_parts()[best]))}"
-    if not now.decided:
-        return f"Not decided; the likeliest is {words}"
-    sd = now.steps[-1].corner_sd
-    return words if np.isnan(sd) else f"{words}, largest corner sd {1e3 * sd:.3g} mm"
+    if not now.steps:
+        return NothingSensedYet(len(now.names), now.names[best])
+    if not len(now.state.weights):
+        return NoPartLeft()
+    return Leader(now.names[best], float(now.state.of_parts()[best]), now.decided, float(now.steps[-1].corner_sd))
 
 
 def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> str:
@@ -70,13 +71,11 @@ def verdict(now: Snapshot, words: Sequence[str], table: str = "") -> str:
 def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
     """How sure the planner was after so many places; not of what, which would tell the answer."""
     if not steps:
-        return "The planner has sensed nothing yet."
+        return PlannerResult(0).message
     last = steps[-1]
-    sure = percent(float(last.probabilities.max(initial=0.0)))
-    sure = f"{sure} sure, largest corner sd {1e3 * last.corner_sd:.3g} mm"
-    if through and len(steps) < places:
-        return f"The planner was through after {len(steps)}: {sure}."
-    return f"The planner after {len(steps)}: {sure}."
+    probability = float(last.probabilities.max(initial=0.0))
+    finished = through and len(steps) < places
+    return PlannerResult(len(steps), probability, float(last.corner_sd), finished).message
 
 
 def compared(mine: Result, planned: Result, places: tuple[int, int], *, truth: bool) -> str:
@@ -116,10 +115,7 @@ def _said(value: str | float) -> str:
 
 def counted(now: Snapshot) -> str:
     """Places sensed so far, and by whom."""
-    policy, mine = now.places
-    if not mine or not policy:
-        return f"Places sensed: {policy + mine}" + (", all by you" if mine else "")
-    return f"Places sensed: {policy + mine} ({mine} by you, {policy} by the policy)"
+    return PlacesSensed(*now.places).message
 
 
 def bars(now: Snapshot) -> str:
@@ -161,15 +157,11 @@ def steps(lines: Sequence[str]) -> str:
 def step_line(now: Snapshot) -> str:
     """What the last step told, in a line."""
     step = now.steps[-1]
-    who = "you" if by_hand(step.action) else "policy"
-    at = "told" if step.action is None else f"{step.action.face} of {step.action.part}"
-    if step.part < 0:
-        return f"{len(now.steps)}. {who}, {at}: no part explains the readings"
+    target = "" if step.action is None else f"{step.action.face} of {step.action.part}"
     best = int(np.argmax(step.probabilities))
-    return (
-        f"{len(now.steps)}. {who}, {at}: {now.names[best]} {percent(float(step.probabilities[best]))}, "
-        f"largest corner sd {1e3 * step.corner_sd:.3g} mm"
-    )
+    name = now.names[best] if step.part >= 0 else ""
+    probability, sd = float(step.probabilities[best]), float(step.corner_sd)
+    return StepResult(len(now.steps), by_hand(step.action), target, name, probability, sd).message
 
 
 MARKS: dict[str, tuple[str, Colour]] = {

@@ -36,12 +36,14 @@ from tanteo.render.live.contest import Rival
 from tanteo.render.live.primitives import Primitive
 from tanteo.render.live.shows import Show
 from tanteo.render.live.snapshot import Snapshot, by_hand, ending_words, result
+from tanteo.words.findings import EndedByUser
 
 _FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
 """Seconds between two pictures of a moving hand; between two places without a hand in real time; of one wait."""
 
-HELP = "Press Go or Step, or click on a part: you sense there yourself."
-YOUR_TURN = "Your turn: click where to sense. The planner plays the same scene, unseen."
+HELP = "Press Go or Step, or click on a part to sense there yourself."
+COMPARING = "The policy '{}' senses the same scene now ..."
+YOUR_TURN = "Your turn: click where to sense. The planner senses the same scene, hidden from you."
 
 
 class Page(Protocol):
@@ -111,7 +113,7 @@ class Player:
             return self._show.run(self)
         except Left as left:
             if isinstance(left.how, AnswerNow):
-                return Done(False, "It was ended here.")
+                return Done(False, (EndedByUser(),))
             raise
 
     def _begin(self) -> None:
@@ -137,7 +139,7 @@ class Player:
             self._lines.append(f"{line} ({note})" if note else line)
             self._note = note
         else:
-            self._note = f"Not sensed there: {note}."
+            self._note = f"No reading there. {note}"
         if self._mode == "step":
             self._mode = "paused"
         self._gate()
@@ -161,7 +163,7 @@ class Player:
         self._rival.turn()  # while the person looks
         self._wait(_LOOK / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
         if self._show.hand is None:
-            self._say("Sensing there ...")  # what it tells may take a second
+            self._say("Sensing ...")  # what it tells may take a second
 
     def _wait(self, seconds: float, *, resting: bool) -> None:
         """Take commands for so long, and for as long as it is paused."""
@@ -219,7 +221,7 @@ class Player:
         seen = np.array([k for k in now.drawn_modes().tolist() if now.layer(k) not in click.hidden], dtype=np.int64)
         found = picked(session, seen, click.eye, click.ray, session.asked.number)
         if not isinstance(found, Action):
-            self._say(found)
+            self._say(found.message)
             return
         session.put(found)
         if self._mode == "paused":
@@ -234,7 +236,7 @@ class Player:
         self.page.show("truth", drawing.truth_primitives(truth))
         words, table = [*ending_words(session, done, truth)], ""
         if Snapshot.of(session).places[1] or self._contest:
-            self._end([*words, f"Playing what '{self.policy}' does alone ..."])
+            self._end([*words, COMPARING.format(self.policy)])
             table = self._compared()
         self._end(words, table)
         while True:
@@ -248,7 +250,7 @@ class Player:
                 self.seed = self.seed if command.seed is None else command.seed
                 self.policy, self.speed = command.policy or self.policy, command.speed or self.speed
             else:
-                self._end([*words, "It is over: press Restart to begin again."], table)
+                self._end([*words, "The session has ended. Press Restart to begin again."], table)
 
     def _compared(self) -> str:
         """The person's run beside what the policy comes to alone on the same scene, as a table."""

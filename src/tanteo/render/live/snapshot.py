@@ -13,7 +13,8 @@ from tanteo.hand import Solid
 from tanteo.parts import Surface
 from tanteo.planning import Action, Done, SensingState, Session, Step
 from tanteo.render.html.shapes import Shapes, shapes_of
-from tanteo.render.html.words import headline, length
+from tanteo.render.html.words import headline
+from tanteo.words.findings import ChosenByUser, TruthWithin
 
 RIVAL_LAYERS = ("rival 1", "rival 2", "rival 3")
 """Layers of what else it may be, the likeliest first."""
@@ -30,13 +31,10 @@ _DECIDED = 0.5
 _FITS = 4.0
 """A reading farther from the surface than so many standard deviations does not fit."""
 
-BY_HAND = "it was chosen by hand"
-"""Why a reading is made that a person chose."""
-
 
 def by_hand(action: Action | None) -> bool:
-    """Whether a person chose it."""
-    return action is not None and action.why == BY_HAND
+    """Return whether the user chose an action."""
+    return action is not None and isinstance(action.reason, ChosenByUser)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,9 +131,9 @@ class Snapshot:
 def ending_words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterator[str]:
     """The answer and why it ended; how far the truth is from it."""
     yield headline(session.answer())
-    yield done.why
+    yield done.message
     if len(session.state.weights) and truth:
-        yield f"No place of the true surface is farther from it than {length(apart(session, truth))}."
+        yield TruthWithin(apart(session, truth)).message
 
 
 def apart(session: Session, truth: Sequence[Solid]) -> float:

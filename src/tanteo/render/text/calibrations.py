@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.render.text.layout import PLAIN, Layout, printable
+from tanteo.words import parameter_words
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
@@ -64,7 +65,7 @@ def _beam_lines(beam: BeamFit, layout: Layout) -> list[str]:
         )
     else:
         lines.append("  repeats     none: how readings of one place differ is in the line above")
-    return [*lines, *(f"  not told    {words}" for words in beam.undetermined)]
+    return [*lines, *(f"  undetermined {parameter_words(one)}" for one in beam.undetermined)]
 
 
 def _with_sd(sds: FloatArray, cov_of_squares: FloatArray, units: Sequence[float]) -> list[str]:

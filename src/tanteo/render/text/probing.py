@@ -50,7 +50,7 @@ def probed_lines(
     headline, *rest = answer_lines(answer, verbose=verbose, layout=layout)
     cost = f"  cost        {count} readings of {printable(machine)}"
     covariance = covariance_lines(answer.hypotheses[0].covariance) if answer.hypotheses else []
-    return [headline, cost, *rest, *covariance, printable(end.why)]
+    return [headline, cost, *rest, *covariance, printable(end.message)]
 
 
 def covariance_lines(C: Covariances) -> Sequence[str]:

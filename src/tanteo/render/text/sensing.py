@@ -11,6 +11,7 @@ from tanteo.geometry import SO3
 from tanteo.hand import EdgeGuess, FaceGuess, RoundGuess
 from tanteo.render.text.answers import answer_lines
 from tanteo.render.text.layout import PLAIN, Layout, printable
+from tanteo.words import acquisition_message
 
 if TYPE_CHECKING:
     from tanteo.features import Feature
@@ -65,20 +66,7 @@ def sensed_lines(
     )
     if verbose:
         lines += [f"    {m.seconds:6.2f} s  {m.name:10}  {m.status:8}  {printable(m.message)}" for m in got.motions]
-    return [*lines, "", printable(_sentence(got))]
-
-
-def _sentence(got: Acquired) -> str:
-    message = got.message[:1].upper() + got.message[1:]
-    advice = {
-        "acquired": "",
-        "nothing": " Give a better idea of where it is, or start nearer to it.",
-        "lost": " Start more squarely before the face, or choose one that is wider.",
-        "limit": " Give the hand more room, a smaller stand-off, or a start from another side.",
-        "timeout": " Start nearer.",
-        "unclear": " Sense it from another place, or sense the faces beside it.",
-    }[got.status]
-    return f"{message}.{advice}"
+    return [*lines, "", printable(acquisition_message(got.status, got.finding))]
 
 
 def _where(feature: Feature | None) -> str:
@@ -167,13 +155,13 @@ def executed_lines(
         f"  cost        {count} readings, {done.seconds:.1f} s simulated, {done.travel:.2f} m of travel, "
         f"clearance {1e3 * clearance:.1f} mm at least"
     )
-    return [headline, cost, *rest, printable(done.end.why)]
+    return [headline, cost, *rest, printable(done.end.message)]
 
 
 def executed_facts(done: Executed, count: int, clearance: float) -> list[tuple[str, str]]:
     """What a session took that a hand carried out, as names and values for a report."""
     return [
-        ("Why it ended", done.end.why),
+        ("Why it ended", done.end.message),
         ("Questions, readings", f"{len(done.visits)}, {count}"),
         ("Time and way of the hand, simulated", f"{done.seconds:.1f} s, {done.travel:.2f} m"),
         ("Least clearance", f"{1e3 * clearance:.1f} mm"),

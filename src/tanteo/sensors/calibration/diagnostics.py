@@ -1,4 +1,4 @@
-"""What a log does not tell about a beam, in words."""
+"""Directions in the parameters of a beam that a log does not determine, and the status of a calibration."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from scipy.linalg import qr
 
 from tanteo.geometry.typing import FloatArray
 from tanteo.sensors.calibration.geometry import BEAM, WEAK
+from tanteo.words.findings import BeamsUndetermined, Calibrated, Undetermined
 
 _UNTOLD = 0.5
 """A direction whose variance is still this share of what it was before the log has not been told."""
@@ -16,32 +17,24 @@ _UNTOLD = 0.5
 _PART = 0.2
 """A parameter is named where it has this share of such a direction."""
 
-_ADVICE = "Turn the hand about two axes across the beam between readings, by 20 degrees or more, and change the range."
-
 _POSE = 5
 """The first parameters of a beam: where it is. Then scale and slant."""
 
-_NAMES = (
-    "the origin across the beam (x)",
-    "the origin across the beam (y)",
-    "the offset along the beam",
-    "the beam's direction (turn about x)",
-    "the beam's direction (turn about y)",
-    "the scale",
-)
+_NAMES = "x", "y", "offset", "rx", "ry", "scale"
 
 
-def undetermined(cov: FloatArray, prior: FloatArray) -> tuple[str, ...]:
-    """Directions in a beam's parameters that the log did not tell.
+def undetermined(sensor: str, cov: FloatArray, prior: FloatArray) -> tuple[Undetermined, ...]:
+    """Return the directions in the parameters of a sensor's beam that the log does not determine.
 
     Judged in the coordinates that make the prior a unit ball: what a unit is does not matter.
     """
     vectors = _unmoved(cov, prior, len(BEAM) - 1)
-    words = []
+    found = []
     for vector in _plain(vectors).T:
         shares = vector**2
-        words.append(_joined([_NAMES[i] for i in np.argsort(-shares) if shares[i] > _PART]))
-    return tuple(words)
+        names = tuple(_NAMES[i] for i in np.argsort(-shares) if shares[i] > _PART)
+        found.append(Undetermined(sensor, names))
+    return tuple(found)
 
 
 def is_lost(cov: FloatArray) -> bool:
@@ -68,22 +61,16 @@ def _plain(vectors: FloatArray) -> FloatArray:
     return np.asarray(basis / np.linalg.norm(basis, axis=0))
 
 
-def _joined(parts: Sequence[str]) -> str:
-    if len(parts) == 1:
-        return parts[0]
-    return f"{parts[0]} apart from {' and '.join(parts[1:])}"
+def status_of(
+    names: Sequence[str], undetermined: Sequence[Undetermined], lost: Sequence[bool]
+) -> tuple[str, Calibrated | BeamsUndetermined]:
+    """Return the status of a calibration and its verdict.
 
-
-def status_of(names: Sequence[str], words: Sequence[tuple[str, ...]], lost: Sequence[bool]) -> tuple[str, str]:
-    """Status and one sentence, from what the log does not tell of each sensor and which of their beams are lost."""
-    told = [f"{'; nor '.join(w)} of '{name}'" for name, w in zip(names, words, strict=True) if w]
+    Args:
+        names: names of the sensors.
+        undetermined: what the log does not determine, of all sensors.
+        lost: whether the beam of each sensor has no place at all.
+    """
     if any(lost):
-        status, first = "insufficient", f"This log does not tell {'; nor '.join(told)}."
-    elif told:
-        status = "calibrated"
-        first = (
-            f"Calibrated {', '.join(names)}, but this log adds little on {'; nor '.join(told)}: kept as known before."
-        )
-    else:
-        return "calibrated", f"Calibrated {', '.join(names)}."
-    return status, f"{first} {_ADVICE}"
+        return "insufficient", BeamsUndetermined(tuple(undetermined))
+    return "calibrated", Calibrated(tuple(names), tuple(undetermined))

@@ -138,7 +138,8 @@ def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
     beams, beam = _numbered(readings.sensors, used)
     planes, plane = _numbered(readings.features, used)
     rows = np.flatnonzero(used)
-    keys = np.concatenate([np.stack([beam, plane], axis=1), readings.Ts_world_hand[rows, :3].reshape(-1, 12)], axis=1)
+    hands = readings.Ts_world_hand[rows][:, :3].reshape(-1, 12)
+    keys = np.concatenate([np.stack([beam, plane], axis=1), hands], axis=1)
     _, first, station = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(np.argsort(first))
     station, first = order[station.ravel()], np.sort(first)
@@ -176,7 +177,7 @@ def _usable(readings: Readings) -> BoolArray:
     used = ~readings.is_free
     for i in np.flatnonzero(used):
         name = readings.ids[i]
-        if np.isnan(readings.ranges[i]) or not readings.sensors[i] or not readings.has_hand[i]:
+        if not readings.ranges.given[i] or not readings.sensors[i] or not readings.Ts_world_hand.given[i]:
             raise ReadingsError(
                 f"reading '{name}': expected a range with its sensor and the hand's pose, got less. Fill in range_mm, "
                 "sensor and the hand_ columns."

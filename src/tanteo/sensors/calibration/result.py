@@ -12,6 +12,8 @@ from tanteo.geometry import SO3, freeze
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
 from tanteo.sensors.calibration.fit import Fit
 from tanteo.sensors.calibration.log import PlaneLog, Repeats
+from tanteo.words import message_of
+from tanteo.words.findings import Finding, Undetermined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +30,7 @@ class BeamFit:
         repeats: From reading to reading at one place.
         place_sds: From place to place: floor [m], per range, and across the beam per range, ``(3,)``.
         place_cov: Of the squares of ``place_sds``, ``(3, 3)``.
-        undetermined: What the log does not tell about it, in words; empty if it tells all.
+        undetermined: combinations of parameters that the log does not determine.
     """
 
     name: str
@@ -39,7 +41,7 @@ class BeamFit:
     repeats: Repeats
     place_sds: FloatArray
     place_cov: FloatArray
-    undetermined: tuple[str, ...]
+    undetermined: tuple[Undetermined, ...]
 
     def __post_init__(self) -> None:
         freeze(self, "T_hand_beam", "cov", "place_sds", "place_cov")
@@ -92,7 +94,7 @@ class Calibration:
     Attributes:
         status: ``calibrated``; ``insufficient`` where neither log nor rig tells where a beam is, or where a quarter of
             the places contradict the rest.
-        message: One sentence for a person.
+        findings: reasons for the status, the verdict first.
         beams: The sensors.
         planes: The planes.
         outliers: Readings that were set aside.
@@ -106,7 +108,7 @@ class Calibration:
     """
 
     status: str
-    message: str
+    findings: tuple[Finding, ...]
     beams: tuple[BeamFit, ...]
     planes: tuple[PlaneFit, ...]
     outliers: tuple[Outlier, ...]
@@ -120,6 +122,11 @@ class Calibration:
 
     def __post_init__(self) -> None:
         freeze(self, "ranges", "incidences", "residuals", "sds", "cov")
+
+    @property
+    def message(self) -> str:
+        """The findings in words."""
+        return message_of(self.findings)
 
     def number_of(self, plane: str) -> int:
         """Number of a plane by its label.
