@@ -1,4 +1,4 @@
-// Two points of the walls of cylinders along a line: with their normals they tell where two axes are.
+// Two points on walls of cylinders along a line: with their normals they determine two axes.
 #include <cmath>
 
 #include "proposals/plane_search.hpp"
@@ -8,7 +8,7 @@ namespace tanteo {
 namespace {
 
 constexpr double ALONG = 0.01;  // sine up to which a cylinder is along a line
-constexpr int TURNS = 8;        // about an axis where nothing tells the turn
+constexpr int TURNS = 8;        // about an axis with an unknown rotation
 constexpr double PI = 3.14159265358979;
 
 Vec3 across(const Vec3& x, const Vec3& way) { return x - dot(x, way) * way; }
