@@ -61,10 +61,6 @@ PENDING: tuple[str, ...] = (
     #
     "docs/pictures",
     #
-    "docs/conf.py",
-    #
-    "ARCHITECTURE.md",
-    #
     "examples",
     #
     "benchmarks",

@@ -25,8 +25,8 @@ void PlaneSearch::on_walls() {
     }
 }
 
-// Both axes in the part have to be as far apart as they are where the points have them. Where they are one, nothing tells
-// how the part is turned about it.
+// The distance of both axes in the part must agree with that of the points. If both are one axis, the rotation of the part
+// about it is unknown.
 void PlaneSearch::on_two_walls(size_t i, const ModelRound& one, const ModelRound& other) {
     const SensedPlane &a = sensed[base->second], &b = sensed[base->third];
     const Vec3 &normal = lines[base->first].normal, v = way(i);

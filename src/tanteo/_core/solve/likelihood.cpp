@@ -143,7 +143,7 @@ void Likelihood::find_elements(size_t g) {
     for (const int element : group.elements) {
         const double share = shape.measure_of(element);
         group.log_prior.push_back(element >= 0 && !by_area ? 0.0 : std::log(share));
-        group.factor.push_back(1 / share);  // a density over all of them is that much larger over this one
+        group.factor.push_back(1 / share);  // ratio of the density on this element to that on all elements
     }
     group.on_element.assign(rows.size() * E, 0.0);
     for (size_t r = 0; r < rows.size(); ++r) {
