@@ -24,6 +24,8 @@ MOST = {
     "files that ask for kinds in Python": 1,
     "code lines of Python in the judged packages": 10178,
     "code lines of C++": 9550,
+    "words of docs": 33500,
+    "live decisions": 40,
 }
 """Largest accepted figures: the numbers may fall."""
 
