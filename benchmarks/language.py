@@ -53,16 +53,11 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/hand",
     #
-    #
     "docs/decisions/0087-an-image-is-a-factor-of-the-one-posterior.md",
     #
     "docs/notebooks",
     #
     "docs/pictures",
-    #
-    "docs/conf.py",
-    #
-    "ARCHITECTURE.md",
     #
     "examples",
     #

@@ -20,10 +20,12 @@ MOST = {
     "tuned numbers in posterior": 110,
     "kinds asked for in C++": 0,
     "files that ask for kinds in C++": 0,
-    "kinds asked for in Python": 2,
-    "files that ask for kinds in Python": 1,
+    "kinds asked for in Python": 0,
+    "files that ask for kinds in Python": 0,
     "code lines of Python in the judged packages": 10107,
     "code lines of C++": 9550,
+    "words of docs": 33500,
+    "live decisions": 40,
 }
 """Largest accepted figures: the numbers may fall."""
 

@@ -57,7 +57,7 @@ def test_one_more_outlier_costs_a_similar_part_its_odds(targets, seed):
     assert len(other.outliers) == len(best.outliers) + 1
 
 
-def test_probabilities_of_similar_parts_with_outliers_are_calibrated(targets):
+def test_probabilities_hold_among_similar_parts_with_outliers(targets):
     """No more best answers are wrong than their probabilities state, at a level of 1 in 1000."""
     found = [answered(targets, (51, k)) for k in range(100, 116)]
     wrong = sum(right < 0.5 * answer.best.probability for answer, right in found)
