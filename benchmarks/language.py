@@ -51,10 +51,6 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/io",
     #
-    "src/tanteo/sensors",
-    #
-    "src/tanteo/hand",
-    #
     "src/tanteo/features",
     #
     "src/tanteo/parts",

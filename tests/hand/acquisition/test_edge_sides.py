@@ -8,7 +8,7 @@ import pytest
 from felt_scenes import gripper
 from tanteo.features import EDGE, PLANE, Feature
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FREE, LOST, MET, HandReading, Motion
+from tanteo.hand import FREE, HIT, LOST, HandReading, Motion
 from tanteo.hand.acquisition.edge_events import against
 
 STANDOFF, OUT = 0.02, np.array([0.0, 1.0, 0.0])
@@ -26,7 +26,7 @@ def crossing(x, border, name="cross edge", below=None):
         ranges, states = np.full(len(hand.origins), np.nan), np.full(len(hand.origins), LOST)
         on, states[first] = y < border, FREE
         if on or below is not None:
-            ranges[first], states[first] = STANDOFF + (0.0 if on else below), MET
+            ranges[first], states[first] = STANDOFF + (0.0 if on else below), HIT
         foot = np.array([x, y, STANDOFF]) - R @ hand.origins[first]
         log.append(HandReading(0.01 * k, SE3.from_parts(R, foot), ranges, states))
     return Motion(name, "reached", "", tuple(log))
@@ -46,7 +46,7 @@ def test_nothing_is_against_an_edge_where_the_face_ends():
 def test_a_face_that_ends_before_or_goes_on_beyond_is_against_it(below):
     far = 1.2 * SPOT + 1.8e-3
     assert "ends before that line" in said(crossing(0.01, 0.0), crossing(-0.01, -far, below=below))
-    assert "goes on beyond that line" in said(crossing(0.01, 0.0), crossing(-0.01, far, below=below))
+    assert "continues beyond that line" in said(crossing(0.01, 0.0), crossing(-0.01, far, below=below))
 
 
 def test_what_a_spot_may_meet_is_not_against_it():
@@ -70,7 +70,7 @@ def test_only_crossings_count():
 
 def missed(s):
     nothing = np.full(s.ranges.shape, np.nan)
-    return HandReading(s.time, s.T_world_hand, nothing, np.where(s.states == MET, FREE, s.states))
+    return HandReading(s.time, s.T_world_hand, nothing, np.where(s.states == HIT, FREE, s.states))
 
 
 def test_the_pose_of_the_hand_may_be_any():
@@ -79,4 +79,4 @@ def test_the_pose_of_the_hand_may_be_any():
     log = tuple(HandReading(s.time, T @ s.T_world_hand, s.ranges, s.states) for s in motion.log)
     session = SimpleNamespace(hand=gripper(), standoff=STANDOFF, motions=[Motion("cross edge", "reached", "", log)])
     face, edge = (Feature(f.kind, T, f.P, f.label) for f in (FACE, EDGE_))
-    assert "goes on" in against(session, face, edge, SE3.apply(T, PLACES), T[:3, :3] @ OUT)
+    assert "continues" in against(session, face, edge, SE3.apply(T, PLACES), T[:3, :3] @ OUT)

@@ -66,7 +66,7 @@ def test_one_straight_edge_is_not_doubted():
 def test_a_place_of_another_edge_is_found(k):
     xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
     ys = np.where(np.arange(6) == k, 0.004, 0.0)
-    assert "beside the line of the others" in said(edge(xs, ys))
+    assert "off the line of the others" in said(edge(xs, ys))
     assert said(edge(xs, 0 * ys)) == ""
 
 
@@ -96,20 +96,20 @@ def test_most_of_what_was_met_has_to_be_of_the_one_edge():
     """Of fourteen events of several edges five are on one line by chance sooner or later."""
     events = edge([-0.02, 0.0, 0.02], [0, 0, 0])
     assert agreeing(gripper(), events, ALONG, OUTWARDS, 12) == (events, "")
-    assert "met 13 times, and only 6 times" in agreeing(gripper(), events, ALONG, OUTWARDS, 13)[1]
+    assert "of 13 crossings of edges only 6" in agreeing(gripper(), events, ALONG, OUTWARDS, 13)[1]
     doubtful = edge([0, 0.003], [0, 0])
-    assert "too few places" in agreeing(gripper(), doubtful, ALONG, OUTWARDS, 13)[1]
+    assert "too few positions" in agreeing(gripper(), doubtful, ALONG, OUTWARDS, 13)[1]
 
 
 def test_three_places_control_each_other():
     """There and back meet the same corner: the number of events does not help, the middle place does."""
     xs = np.array([-0.01, 0.0, 0.01])
     assert said(edge(xs, [0, 0, 0])) == ""
-    assert "beside the line" in said(edge(xs, [0, 0, 0.0027]))
-    assert "at too few places" in said(edge(xs[:2], [0, 0]) * 4)
-    assert "at too few places" in said([])
-    assert "at too few places" in said(edge([0, 0.003, 0.006, 0.009], [0] * 4))
-    assert "stands alone" in said(edge([-0.006, 0.0, 0.07], [0, 0, 0]))
+    assert "off the line" in said(edge(xs, [0, 0, 0.0027]))
+    assert "at too few positions" in said(edge(xs[:2], [0, 0]) * 4)
+    assert "at too few positions" in said([])
+    assert "at too few positions" in said(edge([0, 0.003, 0.006, 0.009], [0] * 4))
+    assert "do not verify one position" in said(edge([-0.006, 0.0, 0.07], [0, 0, 0]))
 
 
 def test_sensors_may_differ_by_their_mounting():

@@ -75,13 +75,13 @@ def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
         return "unclear", "the bore is too narrow for beams that come over its rim to reach two rings", None
     found, why = _ring(run, circle, first)
     if len(found) < LEAST_RING:
-        return "unclear", f"{_met(found, first)}{why}", None
+        return "unclear", f"{_coverage(found, first)}{why}", None
     while second - first >= LEAST_GAP:
         other, why = _ring(run, circle, second)
         if len(other) >= LEAST_RING:
             return _fitted(run, (found, other), (first, second), label)
         missed, second = second, first + 0.5 * (second - first)
-    return "unclear", f"{_met(other, missed)}{why}", None
+    return "unclear", f"{_coverage(other, missed)}{why}", None
 
 
 def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallReading], str]:
@@ -97,9 +97,9 @@ def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallRead
     return found, why
 
 
-def _met(ring: Sequence[WallReading], depth: float) -> str:
-    places = "one place" if len(ring) == 1 else f"{len(ring)} places"
-    return f"the wall was met at {places} of {len(ANGLES)}, {1e3 * depth:.2g} mm below the rim"
+def _coverage(ring: Sequence[WallReading], depth: float) -> str:
+    positions = "one position" if len(ring) == 1 else f"{len(ring)} positions"
+    return f"the wall was measured at {positions} of {len(ANGLES)}, {1e3 * depth:.2g} mm below the rim"
 
 
 def _fitted(run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[float, ...], label: str) -> Attempt:

@@ -10,7 +10,7 @@ import re
 from tanteo.io.logs.contents import Contents
 from tanteo.io.logs.log import Log, unique
 
-_HINT = re.compile(
+_MARK = re.compile(
     r"\brobtarget\b|\bMODULE\s+\w+|\[\s*\[[^\[\]\n]{3,100}\]\s*,\s*\[[^\[\]\n]{3,120}\]\s*,\s*\[", re.IGNORECASE
 )
 _TARGET = re.compile(r"(?:\b(\w+)\s*:=\s*)?\[\s*\[([^\[\]\n]{3,200})\]\s*,\s*\[([^\[\]\n]{3,200})\]\s*,\s*\[")
@@ -23,7 +23,7 @@ def recognise(contents: Contents) -> bool:
     Args:
         contents: file to test.
     """
-    return "[" in contents.head and ":" in contents.head and _HINT.search(contents.head) is not None
+    return "[" in contents.head and ":" in contents.head and _MARK.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:

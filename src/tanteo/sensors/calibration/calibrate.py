@@ -1,4 +1,4 @@
-"""From a log of planes to beams, noise and outliers."""
+"""Calibrate beams, noise and outliers from a log of planes."""
 
 from __future__ import annotations
 
@@ -22,19 +22,20 @@ from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig
 
 _FEWEST_STATIONS = 4
-"""More parameters than three stations of a plane can never be told."""
+"""Smallest number of stations: three stations on a plane cannot determine the parameters."""
 
 _CEILING = 0.9
-"""Share of its largest reading from which on a device that is set aside may just have met nothing."""
+"""Fraction of a device's largest reading above which an outlier may be a beam without an echo."""
 
 _POSE = 5
-"""The first parameters of a beam: where it is."""
+"""Number of pose parameters of a beam, which come first."""
 
 _ROUGH, _UNLIKELY = 8.0, 1e-3
-"""Scatter from place to place in that at one place, and probability of where a beam is by its rig, that are doubted."""
+"""Limits of warnings: ratio of the scatter between places to that at one place, and p value of a beam's pose in the
+rig."""
 
-_MOST_ASIDE = 0.25
-"""Share of other places set aside beyond which the log is not of these planes, or not of these poses of the hand."""
+_MOST_EXCLUDED = 0.25
+"""Fraction of unexplained outliers above which the labels or the hand poses are probably wrong."""
 
 
 def calibrate(
@@ -48,18 +49,18 @@ def calibrate(
 
     All sensors and planes of the log are estimated together, with one beam for each sensor: use one log for each
     mounting. Noise, the outlier fraction and the geometry are estimated at once; nothing has to be chosen. What the
-    log does not tell keeps the uncertainty that it had before and is named.
+    log does not determine keeps its prior uncertainty and is named.
 
     Args:
-        readings: Ranges with sensor and hand pose; rows with one label of kind ``plane`` are on one plane, rows
-            without a label all on one.
-        rig: Where the sensors should be. Its mounting errors are prior knowledge; without a rig there is hardly any.
-        sensor: Preset (or its name) of the sensors that the rig does not have: scale error and cone.
-        robot: Preset (or its name): its absolute error moves the planes, not the beams.
+        readings: ranges with sensor and hand pose; rows with one label of kind ``plane`` are on one plane, and all rows
+            without a label on one plane.
+        rig: nominal poses of the sensors, whose mounting errors are prior knowledge; None for a weak prior.
+        sensor: preset, or its name, of the sensors that the rig does not contain: scale error and cone.
+        robot: preset, or its name; its absolute error moves the planes, not the beams.
 
     Raises:
-        ReadingsError: Readings that are no ranges of planes, or too few places.
-        InputError: A sensor that the rig does not have, or an unknown preset.
+        ReadingsError: a reading is no range of a plane, or there are too few hand poses.
+        InputError: the rig does not contain a sensor, or a preset is unknown.
 
     Example:
         >>> log, rig = tanteo.read_readings("readings/plane_log.csv"), tanteo.read_rig("readings/tof_rig.toml")
@@ -92,8 +93,8 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
     squares = law_cov(*about)
     fit = replace(fit, cov=with_noise_uncertain(*about))
     beams = _beams(log, fit, prior, squares)
-    told = [beam.undetermined for beam in beams]
-    status, message = status_of(log.beams, told, [is_lost(beam.cov) for beam in beams])
+    undetermined = [beam.undetermined for beam in beams]
+    status, message = status_of(log.beams, undetermined, [is_lost(beam.cov) for beam in beams])
     if disbelieved := _disbelieved(log, fit):
         status, message = "insufficient", disbelieved
     if status == "calibrated":
@@ -115,7 +116,7 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
 
 
 def _beams(log: PlaneLog, fit: Fit, prior: Prior, squares: FloatArray) -> tuple[BeamFit, ...]:
-    """Each beam with what is not determined of it, and the covariances of its noise law ``squares``."""
+    """Return the beams with their undetermined parameters, and the covariances ``squares`` of their noise laws."""
     covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
     return tuple(
         BeamFit(
@@ -134,40 +135,40 @@ def _beams(log: PlaneLog, fit: Fit, prior: Prior, squares: FloatArray) -> tuple[
 
 
 def _disbelieved(log: PlaneLog, fit: Fit) -> str:
-    """Why nothing of it is believed; empty if it may be."""
+    """Return why the fit is rejected; empty if it is accepted."""
     if not fit.explains:
         return (
             "No beams and planes explain these readings better than chance. Check labels, hand poses and units, and "
             "take more places on each plane."
         )
     inexplicable = (fit.outlier > 0.5) & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
-    if np.mean(inexplicable) > _MOST_ASIDE:
+    if np.mean(inexplicable) > _MOST_EXCLUDED:
         return (
-            f"{np.sum(inexplicable)} of {len(inexplicable)} places contradict what the rest says, so that the rest is "
-            "not believed either. Check the labels of the planes, and frame, units and quaternions of the hand poses."
+            f"{np.sum(inexplicable)} of {len(inexplicable)} places contradict the rest, so the fit is rejected. Check "
+            "the labels of the planes, and frame, units and quaternions of the hand poses."
         )
     return ""
 
 
 def _doubts(beams: Sequence[BeamFit], log: PlaneLog, fit: Fit, prior: Prior, *, rigged: bool) -> str:
-    """Sentences on what does not go together, though a calibration came of it."""
-    says = ""
+    """Return warnings about inconsistencies of an accepted calibration."""
+    warnings = ""
     off = prior.deviation(fit.setup)
     for k, beam in enumerate(beams):
         within = float(beam.repeats.law.sigma(float(np.median(log.ranges[log.beam == k]))))
         if beam.repeats.dof and beam.place_sds[0] > _ROUGH * within:
-            says += (
+            warnings += (
                 f" From place to place '{beam.name}' scatters {beam.place_sds[0] / within:.0f} times as much as at one "
                 "place: check labels and hand poses."
             )
         d, C = off[beam_slice(k)][:_POSE], prior.covs[k][:_POSE, :_POSE]
         p = float(chdtrc(_POSE, d @ np.linalg.solve(C, d)))
         if rigged and p < _UNLIKELY:
-            says += (
+            warnings += (
                 f" '{beam.name}' is {1e3 * np.linalg.norm(d[:3]):.3g} mm and {np.degrees(np.linalg.norm(d[3:])):.2g} "
                 f"deg from where the rig has it, more than it allows (p = {p:.1g}): is it the rig of this log?"
             )
-    return says
+    return warnings
 
 
 def _plane(log: PlaneLog, fit: Fit, p: int, robot: RobotPreset | None) -> PlaneFit:

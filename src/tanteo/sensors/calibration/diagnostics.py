@@ -1,4 +1,4 @@
-"""What a log does not tell about a beam, in words."""
+"""Name the parameters of a beam that a log does not determine."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from scipy.linalg import qr
 from tanteo.geometry.typing import FloatArray
 from tanteo.sensors.calibration.geometry import BEAM, WEAK
 
-_UNTOLD = 0.5
-"""A direction whose variance is still this share of what it was before the log has not been told."""
+_UNDETERMINED = 0.5
+"""Ratio of posterior to prior variance above which a direction is undetermined."""
 
 _PART = 0.2
-"""A parameter is named where it has this share of such a direction."""
+"""Squared component above which a parameter is named in an undetermined direction."""
 
 _ADVICE = "Turn the hand about two axes across the beam between readings, by 20 degrees or more, and change the range."
 
 _POSE = 5
-"""The first parameters of a beam: where it is. Then scale and slant."""
+"""Number of pose parameters of a beam, which come first; scale and slant follow."""
 
 _NAMES = (
     "the origin across the beam (x)",
@@ -32,9 +32,13 @@ _NAMES = (
 
 
 def undetermined(cov: FloatArray, prior: FloatArray) -> tuple[str, ...]:
-    """Directions in a beam's parameters that the log did not tell.
+    """Return the directions in a beam's parameters that the log does not determine, as text.
 
-    Judged in the coordinates that make the prior a unit ball: what a unit is does not matter.
+    The comparison uses coordinates in which the prior covariance is the identity, so it does not depend on units.
+
+    Args:
+        cov: posterior covariance of the parameters ``(7, 7)``.
+        prior: prior covariance ``(7, 7)``.
     """
     vectors = _unmoved(cov, prior, len(BEAM) - 1)
     words = []
@@ -45,20 +49,24 @@ def undetermined(cov: FloatArray, prior: FloatArray) -> tuple[str, ...]:
 
 
 def is_lost(cov: FloatArray) -> bool:
-    """Whether neither the log nor a rig tells where a beam is: hardly better than somewhere on the hand."""
+    """Return whether neither the log nor a rig determines the pose of a beam better than somewhere on the hand.
+
+    Args:
+        cov: posterior covariance of the parameters ``(7, 7)``.
+    """
     return _unmoved(cov, np.diag([WEAK[term] ** 2 for term in BEAM]), _POSE).shape[1] > 0
 
 
 def _unmoved(cov: FloatArray, prior: FloatArray, n: int) -> FloatArray:
-    """Directions ``(n, k)`` whose variance is still that of the prior, or nearly."""
+    """Return the directions whose variance is about that of the prior ``(n, k)``."""
     L = np.linalg.cholesky(prior[:n, :n])
     whitened = np.linalg.solve(L, np.linalg.solve(L, cov[:n, :n]).T)
     values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
-    return np.asarray(vectors[:, values > _UNTOLD])
+    return np.asarray(vectors[:, values > _UNDETERMINED])
 
 
 def _plain(vectors: FloatArray) -> FloatArray:
-    """Basis of the same space with as many zeros as there are independent directions: readable."""
+    """Return a basis of the same space with one parameter of its own in each vector, for readable names."""
     if vectors.shape[1] == 0:
         return vectors
     # columns with pivots: each pivot parameter gets a vector of its own
@@ -75,14 +83,20 @@ def _joined(parts: Sequence[str]) -> str:
 
 
 def status_of(names: Sequence[str], words: Sequence[tuple[str, ...]], lost: Sequence[bool]) -> tuple[str, str]:
-    """Status and one sentence, from what the log does not tell of each sensor and which of their beams are lost."""
-    told = [f"{'; nor '.join(w)} of '{name}'" for name, w in zip(names, words, strict=True) if w]
+    """Return status and message of a calibration.
+
+    Args:
+        names: names of the sensors.
+        words: undetermined parameters of each sensor, as text.
+        lost: whether the pose of each beam is undetermined.
+    """
+    unknown = [f"{'; nor '.join(w)} of '{name}'" for name, w in zip(names, words, strict=True) if w]
     if any(lost):
-        status, first = "insufficient", f"This log does not tell {'; nor '.join(told)}."
-    elif told:
+        status, first = "insufficient", f"This log does not determine {'; nor '.join(unknown)}."
+    elif unknown:
         status = "calibrated"
         first = (
-            f"Calibrated {', '.join(names)}, but this log adds little on {'; nor '.join(told)}: kept as known before."
+            f"Calibrated {', '.join(names)}, but this log adds little on {'; nor '.join(unknown)}: the prior is kept."
         )
     else:
         return "calibrated", f"Calibrated {', '.join(names)}."
