@@ -49,11 +49,6 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/io",
     #
-    "src/tanteo/sensors",
-    #
-    "src/tanteo/hand",
-    #
-    "docs/decisions/0087-an-image-is-a-factor-of-the-one-posterior.md",
     #
     "docs/notebooks",
     #

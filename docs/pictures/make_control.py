@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import Cell, Hand, Loop, Rules, Scene, SimulatedHand, box, clearances, follow, gripper_body, settle
+from tanteo.hand import Cell, Hand, Loop, Rules, Scene, SimulatedHand, align, box, clearances, follow, gripper_body
 from tanteo.io import read_rig
 
 HERE = Path(__file__).resolve().parent
@@ -46,7 +46,7 @@ def settle_with(latency: float, told: float) -> tuple[np.ndarray, np.ndarray]:
         plate, HAND, over(0, STANDOFF + 0.01, math.radians(20)), rng=np.random.default_rng(0), cell=cell
     )
     told_robot = Observation(robot, told)
-    settle(told_robot, STANDOFF, Rules(clearance=0.008, timeout=2.0))
+    align(told_robot, STANDOFF, Rules(clearance=0.008, timeout=2.0))
     Ts = np.array(robot.truth)
     heights = Ts[:, 2, 3] + (Ts[:, :3, :3] @ HAND.front)[:, 2]
     return 0.01 * np.arange(len(Ts)), np.stack([1e3 * heights, np.degrees(np.arcsin(-Ts[:, 2, 0]))])

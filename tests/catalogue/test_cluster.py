@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from tanteo.catalogue import at_work, build_catalogue, check_scheduler, open_catalogue, spread, spreading
+from tanteo.catalogue import at_work, build_catalogue, check_scheduler, open_catalogue, run_tasks, spreading
 from tanteo.cli import main
 from tanteo.errors import InputError
 
@@ -100,7 +100,7 @@ def test_large_files_are_tasks_of_their_own(tmp_path, monkeypatch):
         (tmp_path / str(k)).write_bytes(b"x" * size)
         requests[k] = spreading.Request(str(tmp_path / str(k)), "mm", str(k))
     asked = []
-    monkeypatch.setattr(spreading, "spread", lambda scheduler, work, tasks, settle: asked.extend(tasks.values()))
+    monkeypatch.setattr(spreading, "run_tasks", lambda scheduler, work, tasks, settle: asked.extend(tasks.values()))
     spreading.read_on_cluster(requests, print, "local:1")
     assert [list(task) for task in asked] == [[0, 1, 2], [3]]
 
@@ -129,7 +129,7 @@ def test_a_worker_that_is_killed_loses_nothing(cluster, lent):
             killed.append(first.pid)
             os.kill(first.pid, signal.SIGKILL)
 
-    spread(cluster.address, slow, {k: k for k in range(12)}, settle, modules=str(lent))
+    run_tasks(cluster.address, slow, {k: k for k in range(12)}, settle, modules=str(lent))
     assert {k: result[0] for k, result in found.items()} == {k: k * k for k in range(12)}
     assert 1 <= len({pid for _, pid in found.values()}) <= 2
 
@@ -140,7 +140,7 @@ def test_a_worker_that_comes_later_does_the_work(cluster, lent):
     later = threading.Timer(1.0, cluster.worker)
     later.start()
     found = {}
-    spread(cluster.address, slow, {0: 3}, found.__setitem__, modules=str(lent))
+    run_tasks(cluster.address, slow, {0: 3}, found.__setitem__, modules=str(lent))
     later.join()
     assert found[0][0] == 9
 
@@ -149,7 +149,7 @@ def test_a_task_that_ends_its_worker_costs_itself_only(lent):
     from lent_work import fatal
 
     found = {}
-    spread("local:1", fatal, {0: 1}, found.__setitem__, modules=str(lent))
+    run_tasks("local:1", fatal, {0: 1}, found.__setitem__, modules=str(lent))
     assert "every worker that tried it died" in found[0]
 
 
@@ -157,13 +157,13 @@ def test_what_the_work_raises_is_raised_here(lent):
     from lent_work import wrong
 
     with pytest.raises(ZeroDivisionError, match="of its own"):
-        spread("local:1", wrong, {0: 1}, print, modules=str(lent))
+        run_tasks("local:1", wrong, {0: 1}, print, modules=str(lent))
 
 
 def test_a_cluster_without_workers_is_told(cluster, monkeypatch):
     monkeypatch.setattr("tanteo.catalogue.cluster.work.LONGEST_WAIT", 1.0)
     with pytest.raises(InputError, match=r"expected a worker at tcp.*Start one"):
-        spread(cluster.address, abs, {0: -1}, print)
+        run_tasks(cluster.address, abs, {0: -1}, print)
 
 
 def test_a_scheduler_that_ends_is_told(cluster, lent, monkeypatch):
@@ -172,7 +172,7 @@ def test_a_scheduler_that_ends_is_told(cluster, lent, monkeypatch):
     cluster.worker()
     start = time.monotonic()
     with pytest.raises(InputError, match="connection was lost"):
-        spread(cluster.address, slow, {k: k for k in range(9)}, lambda k, _: cluster.end(), modules=str(lent))
+        run_tasks(cluster.address, slow, {k: k for k in range(9)}, lambda k, _: cluster.end(), modules=str(lent))
     assert time.monotonic() - start < 30
 
 
@@ -209,7 +209,7 @@ def test_processes_end_when_who_began_them_was_killed():
     import psutil
 
     code = "import time, tanteo.catalogue as c, tanteo.catalogue.cluster.own as o; o.LEFT = 1.0\n"
-    code += "c.spread('local:1', time.sleep, {0: 600}, print)"
+    code += "c.run_tasks('local:1', time.sleep, {0: 600}, print)"
     with subprocess.Popen([sys.executable, "-c", code]) as begun:
         try:
             own = psutil.Process(begun.pid)
@@ -243,7 +243,7 @@ def test_processes_that_cannot_begin_are_told(monkeypatch):
 
     monkeypatch.setattr("tanteo.catalogue.cluster.own.SubprocessCluster", none)
     with pytest.raises(InputError, match="2 processes of this computer, got: Scheduler failed"):
-        spread("local:2", abs, {0: -1}, print)
+        run_tasks("local:2", abs, {0: -1}, print)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the open ports from /proc")
@@ -252,7 +252,7 @@ def test_own_processes_listen_on_this_machine_only(lent):
 
     before = set(lent_work.listening(0))
     found = {}
-    spread("local:1", lent_work.listening, {0: 0}, found.__setitem__, modules=str(lent))
+    run_tasks("local:1", lent_work.listening, {0: 0}, found.__setitem__, modules=str(lent))
     opened = set(found[0]) - before
     assert opened
     assert all(address.startswith("0100007F:") for address in opened)  # 127.0.0.1

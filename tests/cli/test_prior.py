@@ -82,7 +82,7 @@ def test_options_and_file_together(locate, tmp_path):
         (["--table", "-5+-1"], 2, "--table: expected a unit"),
         (["--box", "1,2,3mm"], 2, "--box: expected six lengths"),
         (["--pose-prior", "1,2,3mm +- 1mm"], 2, "--pose-prior: expected x, y, z and roll, pitch, yaw"),
-        (["--pose-prior", NEAR, "--as-published"], 2, "--as-published: expected nothing known of the pose"),
+        (["--pose-prior", NEAR, "--as-published"], 2, "--as-published: expected no prior knowledge of the pose"),
         (["--prior", "none.toml"], 1, "none.toml: expected"),
         (["--prior", "prior.toml"], 1, "prior.toml, table: expected top_mm"),
         (["--prior", "near.toml", "--pose-prior", NEAR], 2, "--pose-prior: expected it once, got it in near.toml too"),

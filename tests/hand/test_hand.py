@@ -5,7 +5,16 @@ import pytest
 
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import Body, Hand, about, advance, gap, gripper_body, shift, turn
+from tanteo.hand import (
+    Body,
+    Hand,
+    advance,
+    gripper_body,
+    point_velocities,
+    pose_difference,
+    rotation_twist,
+    translation_twist,
+)
 from tanteo.io import read_rig
 from tanteo.sensors import Rig
 
@@ -27,33 +36,37 @@ def test_gap_is_what_is_missing():
     rng = np.random.default_rng(1)
     for _ in range(50):
         a, b = SE3.exp(rng.normal(size=(2, 6)))
-        p, w = gap(a, b)
+        p, w = pose_difference(a, b)
         D = SE3.inverse(a) @ b
         np.testing.assert_allclose(p, D[:3, 3], atol=1e-14)
         np.testing.assert_allclose(w, SO3.log(D[:3, :3]), atol=1e-9)
-    np.testing.assert_allclose(gap(a, a)[1], 0, atol=1e-15)
+    np.testing.assert_allclose(pose_difference(a, a)[1], 0, atol=1e-15)
 
 
 @pytest.mark.parametrize("axis", range(3))
 def test_gap_of_half_a_turn(axis):
     half = SE3.from_parts(SO3.axis_rotation(axis, np.pi), np.zeros(3))
-    w = gap(np.eye(4), half)[1]
+    w = pose_difference(np.eye(4), half)[1]
     np.testing.assert_allclose(SO3.exp(w), half[:3, :3], atol=1e-9)
 
 
 def test_turn_leaves_its_pivot_where_it_is():
     rng = np.random.default_rng(2)
     pivot, rate = rng.normal(size=(2, 3))
-    np.testing.assert_allclose(about(pivot[None], turn(rate, pivot)), 0, atol=1e-15)
-    T = advance(np.eye(4), turn(rate, pivot), 0.5)
+    np.testing.assert_allclose(point_velocities(pivot[None], rotation_twist(rate, pivot)), 0, atol=1e-15)
+    T = advance(np.eye(4), rotation_twist(rate, pivot), 0.5)
     np.testing.assert_allclose(SE3.apply(T, pivot), pivot, atol=1e-14)
 
 
 def test_velocities_of_points_against_differences():
     rng = np.random.default_rng(3)
-    points, twist, h = rng.normal(size=(4, 3)), shift([1, 2, 3]) + turn([0.3, -0.2, 0.5], np.zeros(3)), 1e-6
+    points, twist, h = (
+        rng.normal(size=(4, 3)),
+        translation_twist([1, 2, 3]) + rotation_twist([0.3, -0.2, 0.5], np.zeros(3)),
+        1e-6,
+    )
     moved = [SE3.apply(advance(np.eye(4), twist, s * h), points) for s in (1, -1)]
-    np.testing.assert_allclose(about(points, twist), (moved[0] - moved[1]) / (2 * h), atol=1e-8)
+    np.testing.assert_allclose(point_velocities(points, twist), (moved[0] - moved[1]) / (2 * h), atol=1e-8)
 
 
 def test_the_body_covers_the_sensors(rig):

@@ -80,7 +80,7 @@ def test_stamps_without_transforms_are_left_out(tmp_path):
         recording.range(t, 0.2)
     readings = read_readings(recording.write(tmp_path))
     assert len(readings) == 1
-    assert any("1 of 2 readings were left out" in note for note in readings.notes)
+    assert any("1 of 2 readings were excluded" in note for note in readings.notes)
 
 
 def test_topics_and_worlds_are_named(tmp_path):
@@ -175,7 +175,7 @@ def test_nothing_is_known_within_a_gap_of_transforms(tmp_path):
         recording.range(t, 0.2)
     readings = read_readings(recording.write(tmp_path))
     assert len(readings) == 2
-    assert any("1 of 3 readings were left out: no transform" in note for note in readings.notes)
+    assert any("1 of 3 readings were excluded: no transform" in note for note in readings.notes)
 
 
 def test_a_hand_that_rests_over_a_gap_is_where_it_was(tmp_path):
@@ -228,7 +228,7 @@ def test_numbers_that_are_none_are_left_out(tmp_path):
     assert np.allclose(readings.directions[0], (hand(0.55) @ T_HAND_SENSOR)[:3, 0], atol=1e-6)
     notes = " ".join(readings.notes)
     assert "5 of 6 ranges are too near or none" in notes
-    assert "1 messages were left out because their numbers form no valid pose" in notes
+    assert "1 messages were excluded because their numbers form no valid pose" in notes
 
 
 def test_of_two_topics_of_hand_poses_one_is_named(tmp_path):

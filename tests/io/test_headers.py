@@ -142,4 +142,4 @@ def test_what_is_beside_in_a_report_is_said(tmp_path):
     readings = read_readings(path)
     assert readings.ids == ("P1",)
     np.testing.assert_allclose(readings.points, [[1.5e-3, 2e-3, 3e-3]])
-    assert "Columns left out: Nominal X, Dev X, Time." in readings.notes
+    assert "Columns excluded: Nominal X, Dev X, Time." in readings.notes

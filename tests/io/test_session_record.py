@@ -302,7 +302,7 @@ def test_questions_that_cannot_be_are_named(recorded):
             read_record(path)
 
 
-def settle(path, target):
+def align(path, target):
     """Load; what is loaded makes a session before its first reading, what is refused names the file."""
     complaint = str(path)
     try:
@@ -339,7 +339,7 @@ def test_a_record_with_anything_in_it(recorded, steps, new):
     else:
         place[key] = new[0]
     path.write_text(json.dumps(document))
-    settle(path, session.start.targets[0])
+    align(path, session.start.targets[0])
 
 
 @RELAXED

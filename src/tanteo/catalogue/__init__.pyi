@@ -5,7 +5,7 @@ from .cache import cache_folder as cache_folder
 from .cluster.own import own_processes as own_processes
 from .cluster.work import at_work as at_work
 from .cluster.work import check_scheduler as check_scheduler
-from .cluster.work import spread as spread
+from .cluster.work import run_tasks as run_tasks
 from .file_warnings import cad_files as cad_files
 from .file_warnings import coarse_meshes as coarse_meshes
 from .file_warnings import repaired as repaired

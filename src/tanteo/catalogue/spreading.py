@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from tanteo.catalogue.cache import cache_key
-from tanteo.catalogue.cluster.work import spread
+from tanteo.catalogue.cluster.work import run_tasks
 from tanteo.catalogue.pool import Request, read_in_processes
 from tanteo.catalogue.record import Record
 from tanteo.catalogue.worker import memory_for
@@ -28,7 +28,7 @@ def read_on_cluster(
     Args:
         requests: requests by number.
         on_result: function called in this thread with the number and the part's record, or the error message.
-        scheduler: address of the scheduler, see :func:`tanteo.catalogue.spread`.
+        scheduler: address of the scheduler, see :func:`tanteo.catalogue.run_tasks`.
     """
     batches = dict(enumerate(_batches(requests)))
 
@@ -36,7 +36,7 @@ def read_on_cluster(
         for index, request in batches[k].items():
             on_result(index, f"{request.path}: {results}" if isinstance(results, str) else results[index])
 
-    spread(scheduler, read_batch, batches, on_batch)
+    run_tasks(scheduler, read_batch, batches, on_batch)
 
 
 def _batches(requests: Mapping[int, Request]) -> Iterator[Requests]:

@@ -84,8 +84,8 @@ def gripper_body(rig: Rig) -> Body:
     fronts = np.array([s.T_hand_sensor[:3, 3] for s in rig.sensors if s.T_hand_sensor[2, 2] > FRONTAL_COSINE])
     if not len(fronts):
         raise InputError(f"{rig.source}: expected a sensor along the hand's +z, got none. Add one.")
-    behind = np.linspace(finger_radius, finger_length, 1 + int(np.ceil(finger_length / finger_radius)))
-    fingers = fronts[:, None] - behind[:, None] * np.array([0.0, 0.0, 1.0])
+    depths = np.linspace(finger_radius, finger_length, 1 + int(np.ceil(finger_length / finger_radius)))
+    fingers = fronts[:, None] - depths[:, None] * np.array([0.0, 0.0, 1.0])
     back = fronts[:, 2].min() - finger_length
     depth = np.linspace(palm_radius, max(palm_length - palm_radius, palm_radius), 3)
     palm = np.array([*fronts.mean(axis=0)[:2], back]) - depth[:, None] * np.array([0.0, 0.0, 1.0])
@@ -95,7 +95,7 @@ def gripper_body(rig: Rig) -> Body:
     return Body(np.concatenate([fingers, palm]), radii, blind)
 
 
-MET, FREE, NEAR, LOST = 0, 1, 2, 3
+HIT, FREE, NEAR, LOST = 0, 1, 2, 3
 """States of a reading: range measured; nothing within range; too near for a range; echo without a valid range."""
 
 
@@ -107,7 +107,7 @@ class HandReading:
         time: time since the start [s].
         T_world_hand: reported pose of the hand ``(4, 4)``.
         ranges: ranges of the rig's sensors, in the rig's order ``(k,)`` [m]; NaN without a range.
-        states: state of every reading ``(k,)``: :data:`MET`, :data:`FREE`, :data:`NEAR` or :data:`LOST`.
+        states: state of every reading ``(k,)``: :data:`HIT`, :data:`FREE`, :data:`NEAR` or :data:`LOST`.
     """
 
     time: float

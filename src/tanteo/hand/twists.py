@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.geometry.typing import FloatArray, Tangents, Transforms, Vectors
 
 
-def shift(velocity: Vectors) -> Tangents:
+def translation_twist(velocity: Vectors) -> Tangents:
     """Return the twist of a pure translation.
 
     Args:
@@ -20,7 +20,7 @@ def shift(velocity: Vectors) -> Tangents:
     return out
 
 
-def turn(rate: Vectors, pivot: Vectors) -> Tangents:
+def rotation_twist(rate: Vectors, pivot: Vectors) -> Tangents:
     """Return the twist of a rotation about a fixed point.
 
     Args:
@@ -32,7 +32,7 @@ def turn(rate: Vectors, pivot: Vectors) -> Tangents:
     return np.array([b * z - c * y, c * x - a * z, a * y - b * x, x, y, z])
 
 
-def about(points: Vectors, twist: Tangents) -> Vectors:
+def point_velocities(points: Vectors, twist: Tangents) -> Vectors:
     """Return the velocities of points that are fixed to the hand.
 
     Args:
@@ -78,7 +78,7 @@ def advance(T: Transforms, twist: Tangents, time: float) -> Transforms:
     return T @ out
 
 
-def gap(T_from: Transforms, T_to: Transforms) -> tuple[Vectors, Vectors]:
+def pose_difference(T_from: Transforms, T_to: Transforms) -> tuple[Vectors, Vectors]:
     """Return the translation [m] and the rotation vector [rad] from one pose to another, in the frame of the first.
 
     Args:

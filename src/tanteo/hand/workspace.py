@@ -64,13 +64,13 @@ class ForbiddenBox:
         away = away * np.where(local < 0, -1.0, 1.0)
         return far + np.minimum(beyond.max(axis=-1), 0.0), np.asarray(away @ self.T_world_box[:3, :3].T)
 
-    def crossed(self, starts: Vectors, ends: Vectors, room: float = 0.0) -> BoolArray:
+    def crossed(self, starts: Vectors, ends: Vectors, margin: float = 0.0) -> BoolArray:
         """Return whether straight segments pass through the box enlarged on all sides; touching it does not count.
 
         Args:
             starts: start points ``(*batch, 3)``, world frame [m].
             ends: end points ``(*batch, 3)``, world frame [m].
-            room: enlargement of the box on every side [m].
+            margin: enlargement of the box on every side [m].
 
         Returns:
             One flag per segment ``(*batch,)``.
@@ -78,7 +78,7 @@ class ForbiddenBox:
         to_box = SE3.inverse(self.T_world_box)
         here, there = SE3.apply(to_box, starts), SE3.apply(to_box, ends)
         along = np.where(np.abs(there - here) < _STILL, _STILL, there - here)
-        at = (self.low - room - here) / along, (self.high + room - here) / along  # fractions of the segment
+        at = (self.low - margin - here) / along, (self.high + margin - here) / along  # fractions of the segment
         enters, leaves = np.minimum(*at).max(axis=-1), np.maximum(*at).min(axis=-1)
         return np.asarray((enters < leaves) & (enters < 1) & (leaves > 0))
 
@@ -132,7 +132,7 @@ class Workspace:
 
     @property
     def limits(self) -> tuple[str, ...]:
-        """Return a description of each column of :meth:`rooms`: the finite bounds, then the forbidden boxes."""
+        """Return a description of each column of :meth:`margins`: the finite bounds, then the forbidden boxes."""
         ends = (("low", self.low), ("high", self.high))
         bounds = [f"the {end} end of its workspace in {'xyz'[k]}" for end, b in ends for k in _finite(b)]
         return (*bounds, *(f"the forbidden box '{b.name}'" for b in self.forbidden))
@@ -149,13 +149,13 @@ class Workspace:
         """
         low, high = _finite(self.low), _finite(self.high)
         inwards = np.concatenate([np.eye(3)[low], -np.eye(3)[high]])
-        rooms = [points[..., low] - self.low[low], self.high[high] - points[..., high]]
+        margins = [points[..., low] - self.low[low], self.high[high] - points[..., high]]
         ways = [np.broadcast_to(inwards, (*points.shape[:-1], *inwards.shape))]
         for box in self.forbidden:
             far, away = box.distances(points)
-            rooms.append(far[..., None])
+            margins.append(far[..., None])
             ways.append(away[..., None, :])
-        return np.concatenate(rooms, axis=-1), np.concatenate(ways, axis=-2)
+        return np.concatenate(margins, axis=-1), np.concatenate(ways, axis=-2)
 
     def of_body(self, body: Body, Ts_world_hand: Transforms) -> FloatArray:
         """Return the distance of the whole body from every limit.

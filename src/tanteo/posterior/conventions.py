@@ -79,10 +79,9 @@ def _reversed(name: str) -> Callable[[Readings], Readings | None]:
 def _mirrored(readings: Readings) -> Readings | None:
     if readings.Ts_world_hand.given.any():
         return None
-    points, directions, normals = (
-        column.map(lambda v: v * _MIRROR) for column in (readings.points, readings.directions, readings.normals)
-    )
-    return replace(readings, points=points, directions=directions, normals=normals)
+    names = "points", "directions", "normals"
+    vectors: dict[str, Any] = {name: getattr(readings, name).map(lambda v: v * _MIRROR) for name in names}
+    return replace(readings, **vectors)
 
 
 def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
@@ -92,11 +91,10 @@ def _longer(unit: str, read: str) -> Callable[[Readings], Readings | None]:
     def undo(readings: Readings) -> Readings | None:
         Ts = np.array(readings.Ts_world_hand.values)
         Ts[:, :3, 3] *= factor
-        return replace(
-            readings, Ts_world_hand=readings.Ts_world_hand.map(lambda _: Ts), radii=factor * readings.radii,
-            points=readings.points.map(lambda v: factor * v), ranges=readings.ranges.map(lambda r: factor * r),
-            max_ranges=readings.max_ranges.map(lambda r: factor * r),
-        )  # fmt: skip
+        names = "points", "ranges", "max_ranges"
+        lengths: dict[str, Any] = {name: getattr(readings, name).map(lambda v: factor * v) for name in names}
+        lengths |= {"Ts_world_hand": readings.Ts_world_hand.map(lambda _: Ts), "radii": factor * readings.radii}
+        return replace(readings, **lengths)
 
     return undo
 

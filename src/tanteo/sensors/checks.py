@@ -148,7 +148,7 @@ def _check_tilts(readings: Readings) -> None:
         least, most, got = np.degrees([LEAST_TILT_SD, LARGEST_TILT_SD, sds[wrong][0]])
         raise ReadingsError(
             f"normal_sds of reading {who}: expected from {least:.2g} to {most:.0f} degrees, got {got:.3g}. Check the "
-            "unit, or leave out a normal that is known no better."
+            "unit, or drop a normal that is not known better."
         )
 
 

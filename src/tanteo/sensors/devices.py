@@ -133,7 +133,7 @@ def find_devices(
 ) -> tuple[tuple[Device, ...], IntArray]:
     """Return the devices of the readings, and the index of the device of each reading.
 
-    The ``sensor`` column names a sensor of the rig; without a rig it may name a preset. Rows without a name belong to
+    The ``sensor`` column names a sensor of the rig; without a rig it may name a preset. Rows without a name use
     ``sensor``.
 
     Args:
@@ -164,10 +164,10 @@ def misspelt(readings: Readings) -> str:
     """
     known = sensor_presets()
     for name in dict.fromkeys(readings.sensors):
-        hint = "" if name in known else did_you_mean(name, known, _NEAR)
-        if hint:
+        suggestion = "" if name in known else did_you_mean(name, known, _NEAR)
+        if suggestion:
             unknown = f"column sensor: '{name}' is no known sensor (tanteo sensor list)"
-            return f"{unknown}, so no noise figures are assumed for it.{hint}"
+            return f"{unknown}, so no noise figures are assumed for it.{suggestion}"
     return ""
 
 

@@ -1,6 +1,6 @@
 """Simulate devices: readings with errors drawn from the error model that the estimation assumes.
 
-For simulators and tests only. Input are true ranges and incidences along rays, from a caller that knows the geometry;
+For simulators and tests only. Input are true ranges and incidences along rays, from a caller with the geometry;
 output are readings with a status.
 
 One run, in the order of the calls::
@@ -105,8 +105,8 @@ def emit(
         Reported ranges ``(*batch, k)`` [m], NaN where there is none, and statuses ``(*batch, k)``.
     """
     ranges = np.asarray(ranges, dtype=np.float64)
-    met = np.isfinite(ranges)
-    d = np.where(met, ranges, 0.0)
+    echo = np.isfinite(ranges)
+    d = np.where(echo, ranges, 0.0)
     if aims is not None:
         d = d * aims[..., 2]
     noise = model.law.sigma(d) * rng.standard_normal(d.shape)
@@ -115,7 +115,7 @@ def emit(
     # the last assignment has priority: no target, then too near, then too oblique
     statuses = np.where(incidences > model.max_incidence, int(Status.OBLIQUE), int(Status.OK))
     statuses = np.where(least < model.min_range, int(Status.NEAR), statuses)
-    statuses = np.where(~met | (reported > model.max_range), int(Status.NONE), statuses)
+    statuses = np.where(~echo | (reported > model.max_range), int(Status.NONE), statuses)
     return np.where(statuses == int(Status.OK), reported, np.nan), statuses
 
 

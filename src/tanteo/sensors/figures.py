@@ -33,7 +33,7 @@ class ErrorModel:
             axis.
         T_hand_sensors: poses of the sensors on the rig ``(k, 4, 4)`` [m]; identity for presets.
         cov_unit: covariances of mounting (body error at the device) and scale error, one draw per unit ``(k, 7, 7)``.
-        T_hand_units: poses of the devices that the beams belong to ``(k, 4, 4)`` [m].
+        T_hand_units: poses of the devices that the beams are part of ``(k, 4, 4)`` [m].
         unit: index of the first sensor of the same device ``(k,)``; such sensors share the draw.
     """
 

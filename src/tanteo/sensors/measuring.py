@@ -152,7 +152,7 @@ def unstated_sd(
 def _checked(
     readings: Readings, sensor: SensorPreset | str | None, robot: RobotPreset | str | None, rig: Rig | None
 ) -> tuple[SensorPreset | None, RobotPreset | None]:
-    """Return the presets looked up by name; refuse arguments of the wrong type."""
+    """Return the presets of the names; refuse arguments of the wrong type."""
     check_readings_kind("readings", readings)
     if rig is not None:
         check_kind("rig", rig, Rig, "Read its file first: tanteo.io.read_rig(path).")

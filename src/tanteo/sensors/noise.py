@@ -213,12 +213,12 @@ def blend(ranges: FloatArray, *, threshold: float = 0.5, nearest: bool = False) 
     """
     if not 0 < threshold <= 1:
         raise InputError(f"threshold: expected a share above 0 and up to 1, got {threshold:g}. Use 0.5.")
-    met = np.isfinite(ranges)
-    share = met.mean(axis=-1)
+    hits = np.isfinite(ranges)
+    share = hits.mean(axis=-1)
     if nearest:
-        reading = np.min(ranges, axis=-1, where=met, initial=np.inf)
+        reading = np.min(ranges, axis=-1, where=hits, initial=np.inf)
     else:
-        reading = np.sum(ranges, axis=-1, where=met) / np.maximum(met.sum(axis=-1), 1)
+        reading = np.sum(ranges, axis=-1, where=hits) / np.maximum(hits.sum(axis=-1), 1)
     return np.where((share >= threshold) & (share > 0), reading, np.inf), share
 
 

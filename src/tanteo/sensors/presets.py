@@ -222,7 +222,7 @@ def sensor_preset(name: str) -> SensorPreset:
         >>> preset.name
         'keyence_il300'
     """
-    return _look_up("sensor", name, sensor_presets())
+    return _preset_named("sensor", name, sensor_presets())
 
 
 def robot_preset(name: str) -> RobotPreset:
@@ -238,7 +238,7 @@ def robot_preset(name: str) -> RobotPreset:
         >>> tanteo.robot_preset("calibrated_small").name
         'calibrated_small'
     """
-    return _look_up("robot", name, robot_presets())
+    return _preset_named("robot", name, robot_presets())
 
 
 def _table(cls: type[_P], file: str) -> Mapping[str, _P]:
@@ -259,8 +259,8 @@ def _values(cls: type[SensorPreset] | type[RobotPreset], row: Mapping[str, str])
     return out
 
 
-def _look_up(what: str, name: str, table: Mapping[str, _P]) -> _P:
+def _preset_named(what: str, name: str, table: Mapping[str, _P]) -> _P:
     if name not in table:
-        hint = did_you_mean(name, table, 0.4)
-        raise InputError(f"{what}: expected one of {', '.join(table)}, got '{name}'.{hint}")
+        suggestion = did_you_mean(name, table, 0.4)
+        raise InputError(f"{what}: expected one of {', '.join(table)}, got '{name}'.{suggestion}")
     return table[name]

@@ -33,7 +33,7 @@ class RigSensor:
         scale: known scale error of the ranges, which is removed; the device reports ``1 + scale`` times the range.
         scale_sd: standard deviation of the remaining scale error; NaN to use the preset's.
         cov_scale: covariance between mounting error and scale error ``(6,)``, from a joint calibration.
-        unit: name of the device that the beam belongs to, as a zone of a multi-zone sensor; beams of one unit share
+        unit: name of the device with the beam, as a zone of a multi-zone sensor; beams of one unit share
             bias, scale and mounting. Empty for a separate device.
         T_hand_unit: pose of the device on the hand ``(4, 4)`` [m], at which its mounting error acts; NaN for that of
             the beam.
@@ -58,7 +58,7 @@ class RigSensor:
 
     @property
     def device(self) -> str:
-        """Name of the device that the beam belongs to."""
+        """Name of the device with the beam."""
         return self.unit or self.name
 
     def __post_init__(self) -> None:
@@ -140,7 +140,9 @@ class Rig:
         known = {s.name: i for i, s in enumerate(self.sensors)} | {"": -1}
         for name in dict.fromkeys(names):
             if name not in known:
-                hint = did_you_mean(name, known, 0.4)
+                suggestion = did_you_mean(name, known, 0.4)
                 expected = ", ".join(s.name for s in self.sensors)
-                raise InputError(f"sensor of a reading: expected one of the rig's ({expected}), got '{name}'.{hint}")
+                raise InputError(
+                    f"sensor of a reading: expected one of the rig's ({expected}), got '{name}'.{suggestion}"
+                )
         return np.fromiter((known[n] for n in names), dtype=np.int64, count=len(names))

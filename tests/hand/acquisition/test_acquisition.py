@@ -19,17 +19,17 @@ from tanteo.hand import (
     box,
     clearances,
     features_of,
-    look,
     plane_as_published,
     sense_edge,
     sense_plane,
     sense_vertex,
+    spiral_scan,
 )
 from tanteo.hand.acquisition.patch import find_patches, stands
 from tanteo.hand.acquisition.record import exact_poses
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import scan
-from tanteo.hand.acquisition.seen import cloud_of, over, room
+from tanteo.hand.acquisition.seen import clearance, cloud_of, over
 from tanteo.io import read_readings, write_readings
 
 SENSE = {"plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex}
@@ -174,7 +174,7 @@ def test_ideas_must_make_sense():
 
 def test_the_patch_and_the_stands_of_a_block():
     robot = robot_on()
-    cloud = cloud_of(gripper(), [look(robot, 0.25, RULES)])
+    cloud = cloud_of(gripper(), [spiral_scan(robot, 0.25, RULES)])
     patch = find_patches(cloud, FACE)[0]
     assert np.degrees(np.arccos(patch.normal[2])) < 3
     assert abs(patch.point[2] - 0.05) < 2e-3
@@ -184,7 +184,7 @@ def test_the_patch_and_the_stands_of_a_block():
         assert ((feet[:, :2] > -2e-3) & (feet[:, :2] < [0.122, 0.082])).all()
     assert not over(cloud, patch.point, patch.normal).met.any()
     poses = [facing(gripper(), patch.point, patch.normal, [1, 0, 0], h, start()) for h in (0.06, 0.005)]
-    far_room, near_room = room(cloud, gripper().body, np.array(poses))
+    far_room, near_room = clearance(cloud, gripper().body, np.array(poses))
     assert far_room > 0.055 > near_room
 
 

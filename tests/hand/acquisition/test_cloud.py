@@ -7,8 +7,8 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3
-from tanteo.hand import Body, Rules, Scene, SimulatedHand, box, look
-from tanteo.hand.acquisition.seen import Cloud, beside, cloud_of, over, room
+from tanteo.hand import Body, Rules, Scene, SimulatedHand, box, spiral_scan
+from tanteo.hand.acquisition.seen import Cloud, beside, clearance, cloud_of, over
 
 
 def straight_down(points, met=True, sd=4e-4, slope=0.0):
@@ -23,8 +23,10 @@ def straight_down(points, met=True, sd=4e-4, slope=0.0):
 def test_room_is_from_the_skin_to_what_was_met():
     body = Body(np.array([[0.0, 0, 0], [0.1, 0, 0]]), np.array([0.01, 0.02]), np.array([False, True]))
     poses = np.stack([np.eye(4), SE3.from_parts(np.eye(3), np.array([0.0, 0.0, 0.3]))])
-    np.testing.assert_allclose(room(straight_down([0.1, 0.05, 0.0]), body, poses), [0.03, np.hypot(0.3, 0.05) - 0.02])
-    assert np.isinf(room(straight_down([0.1, 0.05, 0.0], met=False), body, poses)).all()
+    np.testing.assert_allclose(
+        clearance(straight_down([0.1, 0.05, 0.0]), body, poses), [0.03, np.hypot(0.3, 0.05) - 0.02]
+    )
+    assert np.isinf(clearance(straight_down([0.1, 0.05, 0.0], met=False), body, poses)).all()
 
 
 @pytest.mark.parametrize("incidence", [0.0, 30.0, 60.0])
@@ -52,6 +54,6 @@ def test_of_beams_that_met_nothing_only_those_ahead_are_kept():
     R = np.diag([1.0, -1.0, -1.0])
     start = SE3.from_parts(R, np.array([0.0, 0.0, 0.06]) - R @ gripper().front)
     robot = SimulatedHand(scene, gripper(), start, rng=np.random.default_rng(0))
-    cloud = cloud_of(gripper(), [look(robot, 0.25, Rules(clearance=0.012))])
-    assert cloud.ahead[~cloud.met].all()
-    assert (~cloud.met).any()
+    cloud = cloud_of(gripper(), [spiral_scan(robot, 0.25, Rules(clearance=0.012))])
+    assert cloud.ahead[~cloud.hit].all()
+    assert (~cloud.hit).any()

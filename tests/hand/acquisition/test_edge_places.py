@@ -4,9 +4,9 @@ import numpy as np
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3
-from tanteo.hand import Rules, Scene, SimulatedHand, box, clearances, look
+from tanteo.hand import Rules, Scene, SimulatedHand, box, clearances, spiral_scan
 from tanteo.hand.acquisition import crossings
-from tanteo.hand.acquisition.crossings import Search, cross_at, known_way, look_over, pose_over
+from tanteo.hand.acquisition.crossings import Search, cross_at, known_way, pose_over, scan_above
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import scan
 from tanteo.hand.acquisition.ways import nearly_known
@@ -57,13 +57,13 @@ def test_the_same_edge_without_a_post_is_crossed():
 def test_looks_end_when_all_is_known_and_are_two_at_most(monkeypatch):
     """After a first look elsewhere, which is a small one."""
     session, face = beside_the_edge()
-    assert session.does(look(session.robot, 0.02, session.rules)).reached
+    assert session.does(spiral_scan(session.robot, 0.02, session.rules)).reached
     needed = pose_over(session, face, PLACE - 0.012 * ALONG, ALONG)[None]
     assert not nearly_known(session, needed)
-    assert look_over(session, face, needed).reached
+    assert scan_above(session, face, needed).reached
     assert nearly_known(session, needed)
     looks = [m for m in session.motions if m.name == "look"]
     assert len(looks) == 1 + 1
     monkeypatch.setattr(crossings, "nearly_known", lambda *_: False)
-    look_over(session, face, needed)
+    scan_above(session, face, needed)
     assert len([m for m in session.motions if m.name == "look"]) == 1 + 3

@@ -8,7 +8,7 @@ import pytest
 from felt_scenes import gripper
 from tanteo.features import EDGE, PLANE, Feature
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FREE, LOST, MET, HandReading, Motion
+from tanteo.hand import FREE, HIT, LOST, HandReading, Motion
 from tanteo.hand.acquisition.edge_events import against
 from tanteo.words.findings import AtPose, FaceEndsElsewhere
 
@@ -27,7 +27,7 @@ def crossing(x, border, name="cross edge", below=None):
         ranges, states = np.full(len(hand.origins), np.nan), np.full(len(hand.origins), LOST)
         on, states[first] = y < border, FREE
         if on or below is not None:
-            ranges[first], states[first] = STANDOFF + (0.0 if on else below), MET
+            ranges[first], states[first] = STANDOFF + (0.0 if on else below), HIT
         foot = np.array([x, y, STANDOFF]) - R @ hand.origins[first]
         log.append(HandReading(0.01 * k, SE3.from_parts(R, foot), ranges, states))
     return Motion(name, "reached", AtPose(), tuple(log))
@@ -71,7 +71,7 @@ def test_only_crossings_count():
 
 def missed(s):
     nothing = np.full(s.ranges.shape, np.nan)
-    return HandReading(s.time, s.T_world_hand, nothing, np.where(s.states == MET, FREE, s.states))
+    return HandReading(s.time, s.T_world_hand, nothing, np.where(s.states == HIT, FREE, s.states))
 
 
 def test_the_pose_of_the_hand_may_be_any():

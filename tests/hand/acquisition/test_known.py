@@ -5,7 +5,7 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FaceGuess, Rules, Scene, SimulatedHand, Workspace, box, clearances, look, sense_plane
+from tanteo.hand import FaceGuess, Rules, Scene, SimulatedHand, Workspace, box, clearances, sense_plane, spiral_scan
 from tanteo.hand.acquisition.seen import _CELL, GAP, Known, _cells, _middles
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
@@ -63,7 +63,7 @@ def test_after_a_look_there_is_room_to_move_in_but_not_beyond():
     robot = robot_on(TABLE, over())
     before = Known(gripper(), [robot.sensed])
     assert not before.holds(gripper().body, over(x=0.005, y=0.005)[None], 0.0)
-    known = Known(gripper(), look(robot, 0.22, RULES, spacing=0.05).log)
+    known = Known(gripper(), spiral_scan(robot, 0.22, RULES, spacing=0.05).log)
     near = np.stack([over(height=0.08, y=0.004), *(over(height=h) for h in (0.03, 0.04, 0.05, 0.08))])
     assert known.holds(gripper().body, near, 0.0)
     assert not known.holds(gripper().body, over(x=0.06)[None], 0.0)

@@ -16,9 +16,9 @@ from tanteo.hand import (
     box,
     clearances,
     go_to,
-    look,
     retreat,
     sense_plane,
+    spiral_scan,
 )
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import WIDTHS, scan
@@ -81,7 +81,7 @@ def test_the_hand_turns_square_where_it_knows_that_it_has_room():
     assert (status, session.motions) == ("limit", [])
     assert isinstance(message, NoRoom)
     assert retreat(robot, 0.05, RULES).reached
-    session.does(look(robot, 0.3, RULES, spacing=0.05))
+    session.does(spiral_scan(robot, 0.3, RULES, spacing=0.05))
     assert session.does(go_to(robot, T, RULES)).reached
     status, message, _ = scan(session, "plane", WIDTHS[0])
     assert status == "acquired", message

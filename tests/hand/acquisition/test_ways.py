@@ -7,7 +7,7 @@ from felt_scenes import gripper
 from tanteo.geometry import SE3
 from tanteo.hand import Rules, Scene, SimulatedHand, Workspace, box, clearances, go_to
 from tanteo.hand.acquisition.run import SensingRun
-from tanteo.hand.acquisition.ways import ROOM, look_around
+from tanteo.hand.acquisition.ways import SWING, scan_surroundings
 
 TILT, SPACING = 0.25, 0.09
 STANDOFF = 0.02
@@ -31,12 +31,12 @@ def farthest(log):
 
 def test_first_looks_swing_as_far_as_free_later_ones_farther():
     session, _ = session_on()
-    assert look_around(session, TILT, SPACING).reached
-    assert look_around(session, TILT, SPACING).reached
-    assert all(0.015 < farthest(motion.log) < ROOM for motion in session.motions)
+    assert scan_surroundings(session, TILT, SPACING).reached
+    assert scan_surroundings(session, TILT, SPACING).reached
+    assert all(0.015 < farthest(motion.log) < SWING for motion in session.motions)
     aside = SE3.from_parts(OVER[:3, :3], OVER[:3, 3] + [0.001, 0.0, 0.0])
     assert session.does(go_to(session.robot, aside, session.rules)).reached
-    assert look_around(session, TILT, SPACING).reached
+    assert scan_surroundings(session, TILT, SPACING).reached
     assert farthest(session.motions[-1].log) > 0.026
 
 
@@ -44,9 +44,9 @@ def test_first_looks_swing_as_far_as_free_later_ones_farther():
 def test_a_corner_that_no_beam_meets_is_not_swung_into(angle):
     """A post beside the tips, as near as the start allows: its edge points at the hand, between the lateral beams."""
     R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    away = np.array([0.028 + ROOM + STANDOFF / 2 + 0.006, 0.0]) @ R.T
+    away = np.array([0.028 + SWING + STANDOFF / 2 + 0.006, 0.0]) @ R.T
     session, scene = session_on(box("post", [*(away - 0.004), 0.0], [*(away + 0.004), 0.094]))
     body = gripper().body
-    assert clearances(scene, body, OVER[None])[0] > ROOM + STANDOFF / 2
-    look_around(session, TILT, SPACING)
+    assert clearances(scene, body, OVER[None])[0] > SWING + STANDOFF / 2
+    scan_surroundings(session, TILT, SPACING)
     assert clearances(scene, body, np.array(session.robot.truth)).min() > STANDOFF / 2

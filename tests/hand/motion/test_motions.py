@@ -18,17 +18,17 @@ from tanteo.hand import (
     Solid,
     Workspace,
     advance,
+    align,
+    aligned_pose,
     approach,
     box,
     clearances,
     cross_edge,
     follow,
     go_to,
-    look,
     retreat,
-    settle,
-    settled,
-    turn,
+    rotation_twist,
+    spiral_scan,
 )
 from tanteo.hand.motion.crossing import crossing_sd
 
@@ -125,7 +125,7 @@ def test_a_lateral_sensor_stops_the_hand():
 @pytest.mark.parametrize("tilt", [-0.5, -0.1, 0.0, 0.3, 0.5])
 def test_settling_is_square_in_the_plane_of_the_pair(tilt):
     robot = robot_on(PLATE, over(height=0.03, tilt=(0, tilt, 0)))
-    assert settle(robot, STANDOFF, RULES).reached
+    assert align(robot, STANDOFF, RULES).reached
     assert abs(math.asin(robot.truth[-1][2, 0])) < math.radians(2)
     assert front_of(robot)[2] == pytest.approx(STANDOFF, abs=2.5e-3)
     assert least(PLATE, robot) > 0.5 * STANDOFF
@@ -133,16 +133,16 @@ def test_settling_is_square_in_the_plane_of_the_pair(tilt):
 
 def test_where_the_hand_will_settle_is_known_beforehand():
     robot = robot_on(PLATE, over(height=0.03, tilt=(0, 0.3, 0)))
-    expected = settled(gripper(), robot.sensed, STANDOFF)
-    assert settle(robot, STANDOFF, RULES).reached
+    expected = aligned_pose(gripper(), robot.sensed, STANDOFF)
+    assert align(robot, STANDOFF, RULES).reached
     off = SE3.log(SE3.inverse(expected) @ robot.sensed.T_world_hand)
     assert np.linalg.norm(off[3:]) < math.radians(2)
     assert np.linalg.norm(SE3.apply(expected, gripper().front) - front_of(robot)) < 2e-3
-    assert settled(gripper(), robot_on(PLATE, over(x=0.1)).sensed, STANDOFF) is None
+    assert aligned_pose(gripper(), robot_on(PLATE, over(x=0.1)).sensed, STANDOFF) is None
 
 
 def test_settling_needs_both_sensors():
-    assert settle(robot_on(PLATE, over(x=0.1)), STANDOFF, RULES).status == "lost"
+    assert align(robot_on(PLATE, over(x=0.1)), STANDOFF, RULES).status == "lost"
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.05, 0.1])
@@ -178,7 +178,7 @@ def test_settling_does_not_turn_into_a_step():
     solids = [box("floor", [-0.2, -0.2, -0.09], [0.2, 0.2, -0.05]), box("block", [-0.1, -0.1, -0.05], [0.005, 0.1, 0])]
     scene = Scene.of(solids)
     robot = robot_on(scene, over(height=STANDOFF))
-    motion = settle(robot, STANDOFF, RULES, max_tilt=math.radians(25))
+    motion = align(robot, STANDOFF, RULES, max_tilt=math.radians(25))
     assert motion.status == "lost"
     assert "not over one surface" in motion.message
     assert least(scene, robot) > 0.9 * STANDOFF
@@ -267,7 +267,7 @@ def test_back_along_the_axis():
 def test_to_a_pose():
     robot = robot_on(PLATE, over())
     begin = over(x=0.05, y=-0.03, height=0.05, tilt=(0.2, -0.1, 0))
-    target = advance(begin, turn(np.array([0.0, 0.0, 1.2]), gripper().front), 1.0)
+    target = advance(begin, rotation_twist(np.array([0.0, 0.0, 1.2]), gripper().front), 1.0)
     assert go_to(robot, target, RULES).reached
     off = SE3.log(SE3.inverse(robot.sensed.T_world_hand) @ target)
     assert np.linalg.norm(off[3:]) < 4e-3
@@ -279,7 +279,7 @@ def test_to_a_pose():
 
 def test_a_look_comes_back_and_sweeps_all_round():
     robot = robot_on(PLATE, over())
-    motion = look(robot, 0.25, RULES)
+    motion = spiral_scan(robot, 0.25, RULES)
     assert motion.reached
     assert np.linalg.norm(front_of(robot) - [0, 0, 0.06]) < 2e-3
     tilts = [math.acos(-s.T_world_hand[2, 2]) for s in motion.log]
@@ -287,7 +287,7 @@ def test_a_look_comes_back_and_sweeps_all_round():
     sides = np.array([(s.T_world_hand[:3, :3] @ gripper().axes[2:].T)[:2] for s in motion.log])
     azimuths = np.sort(np.arctan2(sides[:, 1], sides[:, 0]).ravel())
     assert np.diff(azimuths).max() < math.radians(15)
-    assert look(robot_on(PLATE, over(height=0.5)), 0.1, RULES).status == "nothing"
+    assert spiral_scan(robot_on(PLATE, over(height=0.5)), 0.1, RULES).status == "nothing"
 
 
 @pytest.mark.parametrize("name", ["clearance", "speed", "turn", "patience", "timeout"])
@@ -303,5 +303,5 @@ def test_a_slanted_solid_is_met_where_it_is():
     scene = Scene.of([Solid.at("plate", plate.vertices, plate.triangles, T)])
     robot = robot_on(scene, over())
     assert approach(robot, STANDOFF, RULES, reach=0.1).reached
-    assert settle(robot, STANDOFF, RULES).reached
+    assert align(robot, STANDOFF, RULES).reached
     assert math.asin(-robot.truth[-1][2, 0]) == pytest.approx(0.3, abs=0.03)

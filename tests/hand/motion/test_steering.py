@@ -7,7 +7,7 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry.typing import Tangents
-from tanteo.hand import FREE, LOST, MET, NEAR, ForbiddenBox, HandReading, Rules, Steering, Workspace, advance, approach
+from tanteo.hand import FREE, HIT, LOST, NEAR, ForbiddenBox, HandReading, Rules, Steering, Workspace, advance, approach
 from tanteo.hand.motion.following import seen_surface
 
 AHEAD: Tangents = np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
@@ -33,8 +33,8 @@ class Observation:
 def share(robot, rules, twist=AHEAD):
     steering = Steering("test", robot, rules)
     steering.step(twist)
-    np.testing.assert_array_equal(robot.commands[-1], twist * steering.share)
-    return steering.share
+    np.testing.assert_array_equal(robot.commands[-1], twist * steering.fraction)
+    return steering.fraction
 
 
 def test_what_is_too_near_for_a_range_stops_the_way_there():
@@ -45,20 +45,20 @@ def test_what_is_too_near_for_a_range_stops_the_way_there():
 
 
 def test_the_way_left_beyond_the_clearance_sets_the_speed():
-    rules, robot = Rules(0.01), Observation(MET)
+    rules, robot = Rules(0.01), Observation(HIT)
     overhang = robot.hand.overhangs[list(robot.hand.frontal)].max()
     gain = Steering("test", robot, rules).loop.gain
-    near = Observation(MET, 0.01 + overhang + 0.002)
+    near = Observation(HIT, 0.01 + overhang + 0.002)
     assert share(near, rules) == pytest.approx(gain * 0.002 / 0.05, rel=1e-6)
-    assert share(Observation(MET, 0.01 + overhang - 1e-4), rules) == 0.0
-    assert share(Observation(MET, 0.01 + overhang + 0.06 / gain), rules) == 1.0
+    assert share(Observation(HIT, 0.01 + overhang - 1e-4), rules) == 0.0
+    assert share(Observation(HIT, 0.01 + overhang + 0.06 / gain), rules) == 1.0
 
 
 class Blinking(Observation):
     """A robot that moves as it is told, before a thing of which an echo comes at every so-manieth reading only."""
 
     def __init__(self, distance, every):
-        super().__init__(MET, distance)
+        super().__init__(HIT, distance)
         self.distance, self.every, self.count = distance, every, 0
 
     def step(self, twist):
@@ -67,7 +67,7 @@ class Blinking(Observation):
         states, ranges = np.array(self.sensed.states), np.full(len(self.sensed.ranges), np.nan)
         pair = list(self.hand.frontal)
         echo = self.count % self.every == 0
-        states[pair], ranges[pair] = (MET, self.distance - T[2, 3]) if echo else (FREE, np.nan)
+        states[pair], ranges[pair] = (HIT, self.distance - T[2, 3]) if echo else (FREE, np.nan)
         self.sensed = HandReading(self.sensed.time + self.period, T, ranges, states)
         return self.sensed
 
@@ -85,10 +85,10 @@ def test_what_gives_no_echo_any_more_is_forgotten():
     for _ in range(20):
         run.step(AHEAD)
     gone = run.sensed.T_world_hand[2, 3]
-    np.testing.assert_allclose(run.room[list(run.hand.frontal)], 0.08 - gone, atol=0.05 * robot.period * 1.01)
+    np.testing.assert_allclose(run.free_range[list(run.hand.frontal)], 0.08 - gone, atol=0.05 * robot.period * 1.01)
     for _ in range(40):
         run.step(0 * AHEAD)
-    assert np.isinf(run.room).all()
+    assert np.isinf(run.free_range).all()
 
 
 def test_a_box_ahead_of_body_slows_it_and_one_behind_does_not():
@@ -104,6 +104,6 @@ def test_height_and_tilt_are_those_of_plane_under_both_sensors(tilt):
     """A plane 50 mm from the middle between them, perpendicularly."""
     half = 0.5 * gripper().baseline
     ranges = 0.05 / np.cos(tilt) + np.array([-half, half]) * np.tan(tilt)
-    height, angle, both = seen_surface(Steering("test", Observation(MET, ranges), Rules(0.01)))
+    height, angle, both = seen_surface(Steering("test", Observation(HIT, ranges), Rules(0.01)))
     assert both
     assert (height, angle) == (pytest.approx(0.05), pytest.approx(tilt))

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from felt_scenes import gripper
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FREE, LOST, MET, NEAR, Cell, Scene, SimulatedHand, Solid, box, clearances, shift
+from tanteo.hand import FREE, HIT, LOST, NEAR, Cell, Scene, SimulatedHand, Solid, box, clearances, translation_twist
 from tanteo.sensors import Readings, error_model, measure, robot_preset
 
 DOWN = SE3.from_parts(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 0.15]))
@@ -31,7 +31,7 @@ def test_a_command_moves_the_hand_after_the_latency(table, latency):
     robot = robot_on(table, latency=latency)
     velocity = 0.05
     for k in range(1, 31):
-        sensed = robot.step(shift([velocity, 0, 0]))
+        sensed = robot.step(translation_twist([velocity, 0, 0]))
         expected = velocity * max(k * 0.01 - latency, 0.0)
         assert sensed.T_world_hand[0, 3] == pytest.approx(expected, abs=1e-12)
         assert sensed.time == pytest.approx(0.01 * k)
@@ -52,15 +52,18 @@ def test_commands_must_be_finite(table, twist):
 
 
 def test_one_seed_one_run(table):
-    runs = [[robot.step(shift([0.01, 0, 0])).ranges for _ in range(20)] for robot in (robot_on(table), robot_on(table))]
+    runs = [
+        [robot.step(translation_twist([0.01, 0, 0])).ranges for _ in range(20)]
+        for robot in (robot_on(table), robot_on(table))
+    ]
     np.testing.assert_array_equal(runs[0], runs[1])
     other = robot_on(table, seed=1)
-    assert (other.step(shift([0.01, 0, 0])).ranges[:2] != runs[0][0][:2]).all()
+    assert (other.step(translation_twist([0.01, 0, 0])).ranges[:2] != runs[0][0][:2]).all()
 
 
 def test_states(table):
     robot = robot_on(table)
-    assert list(robot.sensed.states) == [MET, MET, FREE, FREE, FREE, FREE]
+    assert list(robot.sensed.states) == [HIT, HIT, FREE, FREE, FREE, FREE]
     low = robot_on(table, T=SE3.from_parts(DOWN[:3, :3], np.array([0, 0, 0.101])))
     assert list(low.sensed.states[:2]) == [NEAR, NEAR]
     tilted = SE3.from_parts(DOWN[:3, :3] @ SO3.exp([0, 1.32, 0]), np.array([0, 0, 0.06]))

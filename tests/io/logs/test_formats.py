@@ -67,7 +67,7 @@ def test_positions_of_robots_are_poses_with_a_tool(tmp_path, case):
         ("qif", ["1 feature of other kinds"]),
         ("fanuc", ["1 position in joints"]),
         ("kuka", ["1 position in axes, relative or of home"]),
-        ("asc with colours and normals", ["3 of 9 columns were left out", "--normal-sd"]),
+        ("asc with colours and normals", ["3 of 9 columns were excluded", "--normal-sd"]),
         ("bcnc xyz", ["taken as points of the surface"]),
         ("csv of a spreadsheet", ["decimal commas"]),
     ],

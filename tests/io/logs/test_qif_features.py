@@ -75,14 +75,14 @@ def test_what_was_not_measured_is_left_out(tmp_path):
     text = document(feature("Circle", CIRCLE, "1") + feature("Circle", CIRCLE, "2"), modes={"2": "Set"})
     readings = read(tmp_path, text)
     assert readings.ids == ("F1",)
-    assert "1 feature of other kinds than points and round ones, or not measured, left out." in readings.notes
+    assert "1 feature of other kinds than points and round ones, or not measured, excluded." in readings.notes
 
 
 def test_features_of_a_point_set_do_not_count_twice(tmp_path):
     points = "<MeasuredPointSet><Points>1 2 3 4 5 6 7 8 8</Points></MeasuredPointSet>"
     readings = read(tmp_path, document(feature("Circle", CIRCLE), extra=points), radius=0.0)
     assert readings.kinds == ("point",) * 3
-    assert any("1 round feature left out" in note for note in readings.notes)
+    assert any("1 round feature excluded" in note for note in readings.notes)
 
 
 @pytest.mark.parametrize(

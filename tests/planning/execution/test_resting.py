@@ -9,7 +9,7 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3
-from tanteo.hand import FREE, LOST, MET, HandReading, Scene, box
+from tanteo.hand import FREE, HIT, LOST, HandReading, Scene, box
 from tanteo.planning import Furniture, PossiblePoses, at_pose, begin
 from tanteo.planning.execution.resting import as_readings, beyond_furniture, of_parts
 from tanteo.sensors import error_model, measure
@@ -26,7 +26,7 @@ def log(first, second, T=ABOVE):
     for a, b in zip(first, second, strict=True):
         ranges, states = np.full(len(HAND.origins), np.nan), np.full(len(HAND.origins), LOST)
         for i, value in ((FIRST, a), (SECOND, b)):
-            states[i] = FREE if np.isnan(value) else LOST if value < 0 else MET
+            states[i] = FREE if np.isnan(value) else LOST if value < 0 else HIT
             ranges[i] = value if value > 0 else np.nan
         out.append(HandReading(0.0, T, ranges, states))
     return out
@@ -78,7 +78,7 @@ def test_side_beams_are_told_where_part_may_be_and_nowhere_else(targets):
     states, ranges = np.full(len(HAND.origins), FREE), np.full(len(HAND.origins), np.nan)
     names = [sensor.name for sensor in HAND.rig.sensors]
     for name, value in (("side_left", 0.05), ("side_right", 0.06)):
-        states[names.index(name)], ranges[names.index(name)] = MET, value
+        states[names.index(name)], ranges[names.index(name)] = HIT, value
     readings = as_readings(HAND, [HandReading(0.0, ABOVE, ranges, states)] * 10, "1")
     assert set(readings.sensors) == set(names)
     box = targets[0].part.box

@@ -7,7 +7,7 @@ import pytest
 
 from felt_scenes import gripper
 from tanteo.geometry import SE3, SO3
-from tanteo.hand import FREE, LOST, MET, HandReading
+from tanteo.hand import FREE, HIT, LOST, HandReading
 from tanteo.planning import Action
 from tanteo.render import Snapshot
 from tanteo.render.live import colors, drawing
@@ -127,11 +127,11 @@ def test_the_next_reading_points_at_its_place(moments):
 def test_the_hand_is_where_it_says_and_beams_end_where_they_met():
     hand = gripper()
     T = SE3.from_parts(SO3.exp(np.array([3.0, 0.2, -0.4])), [0.1, 0.2, 0.3])
-    states = np.array([MET, FREE, LOST] * 4)[: len(hand.origins)]
-    ranges = np.where(states == MET, 0.07, np.nan)
+    states = np.array([HIT, FREE, LOST] * 4)[: len(hand.origins)]
+    ranges = np.where(states == HIT, 0.07, np.nan)
     body, seen, free = drawing.hand_primitives(hand, HandReading(0.0, T, ranges, states))
     np.testing.assert_array_equal(body.T, T)
-    met = np.flatnonzero(states == MET)
+    met = np.flatnonzero(states == HIT)
     ends = SE3.apply(T, hand.origins[met] + 0.07 * hand.axes[met])
     np.testing.assert_allclose(seen.segments[:, 1], ends)
     length = np.linalg.norm(free.segments - SE3.apply(T, hand.origins[states == FREE][:1]), axis=-1).min()

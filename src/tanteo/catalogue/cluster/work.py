@@ -51,7 +51,7 @@ def check_scheduler(address: str) -> str:
     )
 
 
-def spread(
+def run_tasks(
     scheduler: str,
     work: Callable[[Task], Result],
     tasks: Mapping[int, Task],
@@ -75,9 +75,9 @@ def spread(
         Exception: ``work`` raised it.
 
     Example:
-        >>> from tanteo.catalogue.cluster.work import spread
+        >>> from tanteo.catalogue.cluster.work import run_tasks
         >>> squares = {}
-        >>> spread("local:2", abs, {0: -3, 1: 5}, squares.__setitem__)
+        >>> run_tasks("local:2", abs, {0: -3, 1: 5}, squares.__setitem__)
         >>> sorted(squares.items())
         [(0, 3), (1, 5)]
     """

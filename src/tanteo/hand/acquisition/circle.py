@@ -9,7 +9,7 @@ import numpy as np
 from tanteo.errors import DegenerateError
 from tanteo.features import Feature, feature_covariance
 from tanteo.geometry.limits import SUSPECT
-from tanteo.hand.acquisition.crossings import look_over, pose_over
+from tanteo.hand.acquisition.crossings import pose_over, scan_above
 from tanteo.hand.acquisition.guesses import RoundGuess
 from tanteo.hand.acquisition.plane import acquire_plane
 from tanteo.hand.acquisition.record import circle_in_face, face_label, labelled_readings
@@ -44,7 +44,7 @@ _FIRST, _AGAIN = 0.006, 0.003
 _OTHER = 5.0
 """Deviation from the guess, in standard deviations, beyond which a rim is a different one."""
 
-_LOOKS = 2
+_SCANS = 2
 """Number of additional scans from above if the rim is not clear."""
 
 
@@ -101,17 +101,17 @@ def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Att
 def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
     """Return the rim as the beams show it, after additional scans if it is unclear."""
     disc = seen_disc(run, face, guess)
-    for _ in range(_LOOKS):
+    for _ in range(_SCANS):
         if disc.gain >= 2 * LEAST_GAIN and disc.inside > 20:
             break
         centre, axes = in_face(face, guess)
         T = run.robot.sensed.T_world_hand
         along = turned(face, T[:3, :3] @ run.hand.pair, 0.0)
-        looked = look_over(
+        scanned = scan_above(
             run, face, np.stack([pose_over(run, face, centre + s * axes[:, 0], along) for s in (0, 0.02, -0.02)])
         )
         disc = seen_disc(run, face, guess)
-        if not looked.reached:
+        if not scanned.reached:
             break
     return disc
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from tanteo.features import Feature
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
-from tanteo.hand.acquisition.plane import HOVER, LOOKS
+from tanteo.hand.acquisition.plane import HOVER, SCANS
 from tanteo.hand.acquisition.run import SensingRun, back_off
 from tanteo.hand.acquisition.seen import Cloud, over
-from tanteo.hand.acquisition.ways import facing, fits, fitting, look_around, moved, nearly_known
+from tanteo.hand.acquisition.ways import facing, fits, fitting, moved, nearly_known, scan_surroundings
 from tanteo.hand.motion.crossing import Crossing, cross_edge
 from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import go_to, path
@@ -31,7 +31,7 @@ The tips are what would hit an obstacle beyond the edge, and a crossing is slow.
 _FARTHER = 0.03
 """Additional distance that is scanned if the surface continues to the end of the known space [m]."""
 
-_LOOKS = 2
+_SCANS = 2
 """Largest number of scans at one position."""
 
 
@@ -87,7 +87,7 @@ def stand(run: SensingRun, face: Feature, place: Vectors, along: FloatArray) -> 
     way = path(T, down, run.hand.front, 12)
     if not (fits(run, cloud, way) and nearly_known(run, way)):
         way = path(moved(down, HOVER * face.T_world_feature[:3, 2]), down, run.hand.front, 12)
-        there = look_over(run, face, way[::-1])
+        there = scan_above(run, face, way[::-1])
         if not there.reached:
             return there
         if not nearly_known(run, way):
@@ -95,7 +95,7 @@ def stand(run: SensingRun, face: Feature, place: Vectors, along: FloatArray) -> 
     return run.does(go_to(run.robot, down, run.rules))
 
 
-def look_over(run: SensingRun, face: Feature, needed: Transforms, *, crossing: bool = False) -> Motion:
+def scan_above(run: SensingRun, face: Feature, needed: Transforms, *, crossing: bool = False) -> Motion:
     """Move above the first free pose and scan until the space of the fingers at all poses is known."""
     back = rise(run, face)
     if not back.reached:
@@ -105,12 +105,12 @@ def look_over(run: SensingRun, face: Feature, needed: Transforms, *, crossing: b
     places = above[fitting(run, cloud, above)]
     there = next((T for T in places if fits(run, cloud, path(now, T, run.hand.front, 12))), None)
     if there is None:
-        return Motion("look", "limit", NoRoom("over the edge"), ())
+        return Motion("scan", "limit", NoRoom("over the edge"), ())
     last = run.does(go_to(run.robot, there, run.rules))
-    for tilt, spacing in LOOKS[1 : 1 + _LOOKS]:
+    for tilt, spacing in SCANS[1 : 1 + _SCANS]:
         if not last.reached or (all(_crossable(run, needed)) if crossing else nearly_known(run, needed)):
             break
-        last = look_around(run, tilt, spacing)
+        last = scan_surroundings(run, tilt, spacing)
     return last
 
 
@@ -144,19 +144,19 @@ def cross_at(
 ) -> Crossing:
     """Cross an edge from above a position on the face, within known free space; scan again if that is too short."""
     least = search.least
-    for number in range(_LOOKS + 1):
+    for number in range(_SCANS + 1):
         last = stand(run, face, place, along)
         if not last.reached:
             return Crossing(last, ())
         T = run.robot.sensed.T_world_hand
         free = free_way(run, raised(run, face), T, outwards, search.reach + search.spread)
         seen = known_way(run, T, outwards, free)
-        if seen >= min(free, least) or number == _LOOKS:
+        if seen >= min(free, least) or number == _SCANS:
             crossing = _cross(run, outwards, min(free, seen), search)
-            if crossing.motion.status != "limit" or seen >= min(free, search.reach) or number == _LOOKS:
+            if crossing.motion.status != "limit" or seen >= min(free, search.reach) or number == _SCANS:
                 break
             least = seen + _FARTHER
-        look_over(run, face, _way(T, outwards, min(free, least))[::-1], crossing=True)
+        scan_above(run, face, _way(T, outwards, min(free, least))[::-1], crossing=True)
     return crossing
 
 

@@ -76,13 +76,13 @@ def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
         return "unclear", NoTwoRings(), None
     found, why = _ring(run, circle, first)
     if len(found) < LEAST_RING:
-        return "unclear", _met(found, first, why), None
+        return "unclear", _coverage(found, first, why), None
     while second - first >= LEAST_GAP:
         other, why = _ring(run, circle, second)
         if len(other) >= LEAST_RING:
             return _fitted(run, (found, other), (first, second), label)
         missed, second = second, first + 0.5 * (second - first)
-    return "unclear", _met(other, missed, why), None
+    return "unclear", _coverage(other, missed, why), None
 
 
 def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallReading], Finding | None]:
@@ -99,10 +99,10 @@ def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallRead
     return found, why
 
 
-def _met(ring: Sequence[WallReading], depth: float, last: Finding | None) -> Finding:
-    """Return that the wall was met at too few places, with the last motion that failed."""
-    met = WallMetRarely(len(ring), len(ANGLES), depth)
-    return met if last is None else AfterMotion(met, last)
+def _coverage(ring: Sequence[WallReading], depth: float, last: Finding | None) -> Finding:
+    """Return that the wall was measured at too few positions, with the last motion that failed."""
+    few = WallMetRarely(len(ring), len(ANGLES), depth)
+    return few if last is None else AfterMotion(few, last)
 
 
 def _fitted(run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[float, ...], label: str) -> Attempt:

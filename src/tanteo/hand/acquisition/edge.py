@@ -1,6 +1,6 @@
-"""An edge: its face first, then crossings of it, there and back, at several places; fit.
+"""Acquire an edge: first its face, then crossings of the edge in both directions at several positions, then a fit.
 
-Where the surface only bends, the face beyond is sensed too, and the edge is where the two planes meet.
+If the surface only bends, the hand also senses the face beyond, and the edge is the intersection of the two planes.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from tanteo.errors import DegenerateError
 from tanteo.features import Feature, relate_all
 from tanteo.fitting import edge_from_planes
 from tanteo.geometry.typing import FloatArray
-from tanteo.hand.acquisition.crossings import Search, cross_at, look_over, pose_over, rise
+from tanteo.hand.acquisition.crossings import Search, cross_at, pose_over, rise, scan_above
 from tanteo.hand.acquisition.edge_events import Line, against, agreeing, count_places, line_through, on_line, place_of
 from tanteo.hand.acquisition.edge_search import FoundEdge, cross_beside, find_edge
 from tanteo.hand.acquisition.guesses import EdgeGuess, FaceGuess
@@ -43,18 +43,26 @@ from tanteo.words.findings import (
 )
 
 _OTHER_FACE = 0.02
-"""The other face is looked for so far beyond the bend [m]."""
+"""Distance beyond the bend at which the search for the other face starts [m]."""
 
 _BESIDE = 0.006
-"""The planes meet no farther from where the surface was seen to bend [m]; a bend is seen less sharply than a drop."""
+"""Largest distance of the planes' intersection from the measured bend [m]; a bend is measured less sharply than a
+drop."""
 
 
 def acquire_crease(
     run: SensingRun, face: Feature, outwards: FloatArray, creases: Sequence[Crease], label: str
 ) -> Attempt:
-    """The edge of a face at which the surface bends away, as the line in which two sensed planes meet.
+    """Acquire an edge at which the surface bends, as the intersection of two sensed planes.
 
-    Of an edge that is rounded it is where its faces would meet.
+    For a rounded edge, this is the intersection of its extended faces.
+
+    Args:
+        run: running acquisition.
+        face: sensed face of the edge.
+        outwards: direction out of the face, across the edge ``(3,)``.
+        creases: bends that the sensors passed.
+        label: label of the edge.
     """
     normal = face.T_world_feature[:3, 2]
     place = np.median([place_of(run.hand, c) for c in creases], axis=0)
@@ -86,13 +94,13 @@ def acquire_crease(
 
 
 def _turned(outwards: FloatArray, normal: FloatArray, angle: float) -> tuple[FloatArray, FloatArray]:
-    """The way out of a face and its normal, turned by a bend [rad]."""
+    """Return the direction out of a face, and its normal, rotated by the angle of a bend [rad]."""
     c, s = math.cos(angle), math.sin(angle)
     return c * outwards - s * normal, c * normal + s * outwards
 
 
 def _between(run: SensingRun, face: Feature, place: FloatArray, normal: FloatArray, along: FloatArray) -> Motion:
-    """The hand over the bend, turned half towards the other face, as far as there is room; it has to be seen."""
+    """Move the hand over the bend, rotated half towards the other face, if the sensed points leave enough clearance."""
     back = rise(run, face)
     if not back.reached:
         return back
@@ -104,24 +112,24 @@ def _between(run: SensingRun, face: Feature, place: FloatArray, normal: FloatArr
 
 
 INSET = 0.02
-"""The face of an edge is looked for this far inside of where the edge should be [m]."""
+"""Distance inside of the expected edge at which the search for its face starts [m]."""
 
 OFFSETS = (0.0, 0.012, -0.012, 0.024, -0.024, 0.006, -0.006)
-"""Where along the edge it is crossed, from where it was met first [m]."""
+"""Positions of the crossings along the edge, relative to the first crossing [m]."""
 
-ENOUGH, MET = 3, 5
-"""So many crossings are enough if they met the edge at so many places that control each other, two a crossing where
-both sensors meet it: of fewer places one that is on another edge, just past the corner, may pass."""
+ENOUGH, PLACES = 3, 5
+"""Sufficient numbers of crossings, and of positions on the edge that verify each other. A crossing gives two positions
+if both sensors cross. With fewer positions, one on another edge just past the corner may remain undetected."""
 
 _MOST_ASKEW = math.radians(15.0)
-"""Crossings at a greater angle to the edge's normal only serve to find its direction."""
+"""Angle to the edge's normal above which a crossing only serves to find the direction of the edge [rad]."""
 
 _IN_FACE = 30.0
-"""Squared distance of an edge from its face, by height and rise in their covariance, beyond which it is not in it; less
-than one edge of a million is beyond by chance."""
+"""Largest squared Mahalanobis distance of an edge from its face, by height and slope; less than one edge in a million
+exceeds it by chance."""
 
 _BEYOND = 0.01
-"""A crossing goes this far over the edge, at least [m]."""
+"""Smallest distance by which a crossing goes beyond the edge [m]."""
 
 
 def sense_edge(
@@ -135,8 +143,8 @@ def sense_edge(
 ) -> Acquired:
     """Acquire a straight edge; the face is acquired with it (:attr:`Acquired.others`).
 
-    Where the face drops off, the edge is made of crossings. Where it only bends, by 12 degrees or more, the face beyond
-    is acquired as well, and the edge is where both planes meet.
+    If the surface ends, the edge is a fit to crossings. If it only bends, by 12 degrees or more, the hand also acquires
+    the face beyond, and the edge is the intersection of both planes.
 
     Args:
         robot: robot with the hand in front of the face, within the range of its beams.
@@ -159,7 +167,14 @@ def sense_edge(
 
 
 def acquire_edge(run: SensingRun, face: Feature, guess: EdgeGuess, label: str) -> Attempt:
-    """Acquire the edge within a running acquisition, with the hand over the face."""
+    """Acquire the edge within a running acquisition, with the hand over the face.
+
+    Args:
+        run: running acquisition.
+        face: sensed face of the edge.
+        guess: approximate position of the edge.
+        label: label of the edge.
+    """
     normal = face.T_world_feature[:3, 2]
     along = guess.direction - (guess.direction @ normal) * normal
     if np.linalg.norm(along) < 0.2:
@@ -170,7 +185,7 @@ def acquire_edge(run: SensingRun, face: Feature, guess: EdgeGuess, label: str) -
     if not found.events:
         return acquire_crease(run, face, found.outwards, found.creases, label)
     attempt: Attempt = ("unclear", EdgeAtOnePlace(), None)
-    # the two sensors may have met two edges: then each of them looks for its own beside the place
+    # if the two sensors crossed two different edges, each sensor searches for its own one beside the position
     for sensors in (run.hand.frontal, *((i,) for i in run.hand.frontal)):
         mine = [e for e in found.events if e.sensor in sensors]
         if len(sensors) == 1 and mine:
@@ -186,7 +201,7 @@ def acquire_edge(run: SensingRun, face: Feature, guess: EdgeGuess, label: str) -
 def _cross_again(
     run: SensingRun, face: Feature, line: Line, found: FoundEdge, events: list[EdgeEvent], label: str
 ) -> Attempt:
-    """Crossings square to the line that is known by now, at several places along it; fit."""
+    """Cross the edge at right angles to the known line at several positions, and fit the edge."""
     point, along, outwards = _squared(face, line, found.outwards)
     kept = list(events) if outwards @ found.outwards > math.cos(_MOST_ASKEW) else []
     inset = run.standoff * 0.3 + 0.006
@@ -195,18 +210,18 @@ def _cross_again(
     places = [middle + offset * along for offset in OFFSETS]
     needed = np.stack([pose_over(run, face, place, along) for place in places[:ENOUGH]])
     if not nearly_known(run, needed):
-        look_over(run, face, needed)
+        scan_above(run, face, needed)
     last: Finding | None = None
-    met = len(events)
+    total = len(events)
     for number, place in enumerate(places):
-        known = number >= ENOUGH and count_places(run.hand, kept, along) >= MET
-        if known and agreeing(run.hand, kept, along, outwards, met)[1] is None:
+        known = number >= ENOUGH and count_places(run.hand, kept, along) >= PLACES
+        if known and agreeing(run.hand, kept, along, outwards, total)[1] is None:
             break
         crossing = cross_at(run, face, place, along, outwards, search)
         kept += on_line(run.hand, crossing.events, line)
-        met += len(crossing.events)
+        total += len(crossing.events)
         last = None if crossing.motion.reached else crossing.motion.finding
-    kept, doubts = agreeing(run.hand, kept, along, outwards, met)
+    kept, doubts = agreeing(run.hand, kept, along, outwards, total)
     if doubts is not None:
         return "unclear", doubts if last is None else AfterMotion(doubts, last), None
     readings = labelled_readings(run.hand, kept, label, "edge")
@@ -225,7 +240,7 @@ def _cross_again(
 def _off_face(face: Feature, edge: Feature) -> EdgeOffFace | None:
     """Return that an edge is not in its face, or None.
 
-    Over a narrow bevel the ranges grow too little to be off the face, so that its far end is what is crossed.
+    Over a narrow bevel the ranges grow too little to leave the face, so the sensors cross the far end of the bevel.
     """
     found = relate_all([face, edge]).column("edge_plane_coplanarity")
     off = found.value[0]
@@ -235,7 +250,7 @@ def _off_face(face: Feature, edge: Feature) -> EdgeOffFace | None:
 
 
 def _squared(face: Feature, line: Line, outwards: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A line laid into the face, and the way out of the face across it."""
+    """Return a line projected into the face as point and direction, and the direction out of the face across it."""
     normal, (point, along) = face.T_world_feature[:3, 2], line
     along = along - (along @ normal) * normal
     along = along / np.linalg.norm(along)

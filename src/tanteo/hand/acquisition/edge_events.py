@@ -1,7 +1,7 @@
-"""Where edge events are in the world, the line that they are on, and whether the face ends there.
+"""Locate edge events in the world, fit a line to them, and check that the face ends at that line.
 
-Three places of three edges are on one line by chance now and then, and then control each other. What the crossings met
-between these places tells: there the face ends before that line, or goes on beyond it.
+Three positions on three edges may lie on one line by chance, and then seem to verify each other. The beams of the
+crossings between these positions show the error: the face ends before that line, or continues beyond it.
 """
 
 from __future__ import annotations
@@ -22,36 +22,46 @@ from tanteo.sensors import error_model
 from tanteo.words.findings import EdgeMetRarely, EdgesMixed, FaceEndsElsewhere, Finding, PlaceBeside
 
 Line = tuple[FloatArray, FloatArray]
-"""A point and a direction ``(3,)``."""
+"""Point and unit direction of a line, each ``(3,)``."""
 
 _APART = 0.0025
-"""Root mean square of the distances from their middle that places need to have a direction [m]."""
+"""Smallest rms distance of positions from their mean that determines a direction [m]."""
 
 _SAME = 0.004
-"""Events farther than this from the line of the others are of another edge [m]."""
+"""Distance from the line of the other events above which an event lies on another edge [m]."""
 
 ONE_PLACE = 0.005
-"""Events nearer to each other than this along an edge are at one place [m]."""
+"""Distance along an edge below which two events have the same position [m]."""
 
 _CONTROLLED = 0.9
-"""Largest leverage of one place on the line: beyond, the others hardly show that it is of another edge."""
+"""Largest leverage of one position on the line; above it, the other positions cannot verify it."""
 
 _MANY = 5
-"""Of so many places one may be of another edge: four are left, which control each other."""
+"""Number of positions from which one may be rejected: the remaining four verify each other."""
 
 _GATE = 3.3
-"""A place that is farther from the line of all, in standard deviations of its residual, is of another edge."""
+"""Standardized residual above which a position lies on another edge."""
 
 
 def place_of(hand: Hand, event: EdgeEvent | Crease) -> FloatArray:
-    """Where an event was ``(3,)`` [m]."""
+    """Return the position of an event in the world ``(3,)`` [m].
+
+    Args:
+        hand: hand whose sensor recorded the event.
+        event: edge event or crease.
+    """
     T = event.T_world_hand
     local = hand.origins[event.sensor] + event.distance * hand.axes[event.sensor]
     return np.asarray(T[:3, :3] @ local + T[:3, 3])
 
 
 def line_through(hand: Hand, events: Sequence[EdgeEvent]) -> Line | None:
-    """The line through events; None if they are all at one place."""
+    """Return the line through events; None if they all have the same position.
+
+    Args:
+        hand: hand whose sensors recorded the events.
+        events: edge events.
+    """
     if not events:
         return None
     places = np.array([place_of(hand, e) for e in events])
@@ -63,34 +73,46 @@ def line_through(hand: Hand, events: Sequence[EdgeEvent]) -> Line | None:
 
 
 def distance_from(hand: Hand, event: EdgeEvent, line: Line) -> float:
-    """Of an event from a line [m]."""
+    """Return the distance of an event from a line [m].
+
+    Args:
+        hand: hand whose sensor recorded the event.
+        event: edge event.
+        line: line in the world.
+    """
     away = place_of(hand, event) - line[0]
     return float(np.linalg.norm(away - (away @ line[1]) * line[1]))
 
 
 def on_line(hand: Hand, events: Sequence[EdgeEvent], line: Line) -> list[EdgeEvent]:
-    """Those of some events that may be of the same edge as a line."""
+    """Return the events that may lie on the edge of a line.
+
+    Args:
+        hand: hand whose sensors recorded the events.
+        events: edge events.
+        line: line in the world.
+    """
     return [e for e in events if distance_from(hand, e, line) < _SAME]
 
 
 def agreeing(
-    hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray, met: int = 0
+    hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray, total: int = 0
 ) -> tuple[list[EdgeEvent], Finding | None]:
-    """Events without the one place, of five or more, that is of another edge, if the others then are of one.
+    """Return the events without one position on another edge, if there are five positions and the rest is consistent.
 
-    Beside the end of an edge a crossing meets the next one. Where enough places control each other, the one whose
-    residual is beyond the gate is known to be the wrong one (data snooping; Baarda 1968). Of many events of several
-    edges a few are on one line by chance: most of what was met has to be of the one edge.
+    Beside the end of an edge, a crossing hits the next edge. If enough positions verify each other, the one whose
+    standardized residual exceeds the gate is rejected (data snooping; Baarda 1968). A few of many events on several
+    edges lie on one line by chance, so the line must contain most of the events.
 
     Args:
-        hand: That met them.
-        events: Near the line of the edge.
-        along: Direction of the edge ``(3,)``.
-        outwards: Across it ``(3,)``.
-        met: How many there were, with those that are not near the line.
+        hand: hand whose sensors recorded the events.
+        events: events near the line of the edge.
+        along: direction of the edge ``(3,)``.
+        outwards: direction across the edge ``(3,)``.
+        total: number of all events, including those far from the line.
 
     Returns:
-        The events, and what speaks against all of them being of one straight edge; empty if nothing does.
+        The events, and why they do not lie on one straight edge; empty if they do.
     """
     why, worst = doubt(hand, events, along, outwards)
     rest = [e for e, out in zip(events, worst, strict=True) if not out]
@@ -102,18 +124,24 @@ def agreeing(
         rest = list(events)
     else:
         why = None
-    if why is None and 2 * len(rest) < met:
-        why = EdgesMixed(met, len(rest))
+    if why is None and 2 * len(rest) < total:
+        why = EdgesMixed(total, len(rest))
     return rest, why
 
 
 def count_places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> int:
-    """At how many places along an edge events are."""
+    """Return the number of different positions of events along an edge.
+
+    Args:
+        hand: hand whose sensors recorded the events.
+        events: edge events.
+        along: direction of the edge ``(3,)``.
+    """
     return len(np.unique(_places(hand, events, along)))
 
 
 def _places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> IntArray:
-    """The number of the place of each event along an edge."""
+    """Return the index of each event's position along an edge ``(n,)``."""
     x = np.array([place_of(hand, e) for e in events]).reshape(-1, 3) @ along
     order, group = np.argsort(x), np.zeros(len(events), dtype=np.int64)
     group[order[1:]] = np.cumsum(np.diff(x[order]) > ONE_PLACE)
@@ -123,10 +151,19 @@ def _places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> IntAr
 def doubt(
     hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray
 ) -> tuple[Finding | None, BoolArray]:
-    """What speaks against one straight edge, and which events are of the one place that is beside it.
+    """Return why events do not lie on one straight edge, and the mask of the events at the worst position.
 
-    Events at one place, there and back, meet the same corner or step: only the other places can tell. The share of a
-    place's own error that the line takes over is its leverage; the rest shows in its residual (Baarda 1968).
+    Events at one position, in both directions, hit the same corner or step, so only the other positions can verify it.
+    The leverage is the fraction of a position's error that the line absorbs; the rest is in its residual (Baarda 1968).
+
+    Args:
+        hand: hand whose sensors recorded the events.
+        events: edge events.
+        along: direction of the edge ``(3,)``.
+        outwards: direction across the edge ``(3,)``.
+
+    Returns:
+        Message, empty if the events are consistent, and mask ``(n,)``.
     """
     spots, group = np.array([place_of(hand, e) for e in events]).reshape(-1, 3), _places(hand, events, along)
     counts, none = np.bincount(group), np.zeros(len(events), dtype=bool)
@@ -148,7 +185,10 @@ def doubt(
 
 
 def _variances(hand: Hand, events: Sequence[EdgeEvent]) -> FloatArray:
-    """Of a place across the edge: half that of an event, which comes there and back, and the sensor's mounting."""
+    """Return the variance of each event's position across the edge ``(n,)`` [m^2].
+
+    It is half the variance of an event, because each position is crossed in both directions, plus that of the mounting.
+    """
     unit = error_model(hand.rig).cov_unit
     out = []
     for e in events:
@@ -158,35 +198,43 @@ def _variances(hand: Hand, events: Sequence[EdgeEvent]) -> FloatArray:
 
 
 _SPOT, _PLACE = 1.2, 1e-3
-"""Within so many radii of its spot, and so far more [m], a beam beside an edge may meet the face or miss it."""
+"""Distance from an edge, in radii of the spot and additional [m], within which a beam may hit or miss the face."""
 
 _BEFORE, _BEYOND, _LEAST = 3.0, 2.0, 2e-3
-"""A crossing takes care of so many radii before an edge and beyond it, and so far more [m]: farther off there may be
-another edge of the same face."""
+"""Distances before and beyond an edge that are checked, in radii of the spot, and additional distance [m]; farther away
+the face may have another edge."""
 
 _DROP = 0.15
-"""A range that is longer by this share of the stand-off is off the face."""
+"""Excess of a range, as a fraction of the stand-off, from which the beam has left the face."""
 
 _OFTEN = 3
-"""Beams that speak against an edge, one of which may be by chance."""
+"""Number of contradicting beams that reject an edge; one may contradict it by chance."""
 
 
 def against(
     run: SensingRun, face: Feature, edge: Feature, crossed: Vectors, outwards: FloatArray
 ) -> FaceEndsElsewhere | None:
-    """What the crossings met that cannot be beside an edge of a face; empty if all can be."""
+    """Return why the beams of the crossings contradict an edge of a face; None if they do not.
+
+    Args:
+        run: running acquisition.
+        face: sensed face.
+        edge: fitted edge.
+        crossed: positions of the crossings ``(n, 3)`` [m].
+        outwards: direction out of the face, across the edge ``(3,)``.
+    """
     cloud = cloud_of(run.hand, [m for m in run.motions if m.name == "cross edge"])
     cloud = cloud.keep(cloud.ahead)
     foot, way = _on_face(cloud, face)
     spot, slack = way * cloud.slopes, np.maximum(_DROP * run.standoff, 6 * cloud.sds)
-    met = cloud.met & (np.abs(cloud.ranges - way) < slack)
-    missed = ~cloud.met | (cloud.ranges > way + slack)
+    on_face = cloud.hit & (np.abs(cloud.ranges - way) < slack)
+    missed = ~cloud.hit | (cloud.ranges > way + slack)
     origin, along = edge.T_world_feature[:3, 3], edge.T_world_feature[:3, 0]
     x, y, places = (foot - origin) @ along, (foot - origin) @ outwards, (crossed - origin) @ along
     between = (x > places.min() + spot) & (x < places.max() - spot)
     clear = between & (np.abs(y) > _SPOT * spot + _PLACE)
     ends = clear & missed & (y < 0) & (-y < _BEFORE * spot + _LEAST)
-    goes_on = clear & met & (y > 0) & (y < _BEYOND * spot + _LEAST)
+    goes_on = clear & on_face & (y > 0) & (y < _BEYOND * spot + _LEAST)
     for wrong, beyond in ((ends, False), (goes_on, True)):
         if np.count_nonzero(wrong) >= _OFTEN:
             return FaceEndsElsewhere(beyond)
@@ -194,7 +242,7 @@ def against(
 
 
 def _on_face(cloud: Cloud, face: Feature) -> tuple[Vectors, FloatArray]:
-    """Where the axes of the beams meet a plane ``(n, 3)``, and after which way ``(n,)`` [m]."""
+    """Return the intersections of the beams' axes with a plane ``(n, 3)``, and their distances ``(n,)`` [m]."""
     point, normal = face.T_world_feature[:3, 3], face.T_world_feature[:3, 2]
     way = ((point - cloud.starts) @ normal) / np.minimum(cloud.beams @ normal, -1e-6)
     return cloud.starts + way[:, None] * cloud.beams, way

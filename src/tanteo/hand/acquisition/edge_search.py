@@ -1,4 +1,4 @@
-"""The edge that a hand looks for: outwards from one place or another until it is met."""
+"""Search for an edge: move outwards over the face from several positions until the sensors cross it."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from tanteo.hand.motion.track import Crease
 from tanteo.words.findings import NotUnderSensors
 
 _REACH = 0.05
-"""An edge is searched for so much farther than where it should be [m]."""
+"""Distance of the search beyond the expected edge [m]."""
 
 _ELSEWHERE = (0.012, -0.012, 0.024, -0.024, 0.036, -0.036)
-"""Where along the edge the search for it may begin, from where the face was scanned [m]."""
+"""Positions along the edge at which the search may begin, relative to the scan of the face [m]."""
 
 _ENOUGH = 0.01
-"""A search should have room, and all be seen, for so much farther than where the edge should be [m]."""
+"""Distance beyond the expected edge that should be known to be free [m]."""
 
 _PLACES = 3
-"""So many of them are tried, where the sensors are not over the face or lose it."""
+"""Number of positions that are tried if the sensors are not over the face or lose it."""
 
 _SHIFT = 0.010
-"""Along the line of the sensors, for a second crossing where only one of them has met the edge [m]."""
+"""Offset along the line of the sensors for a second crossing if only one sensor crossed the edge [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundEdge:
-    """An edge that was met.
+    """First crossing of an edge.
 
     Attributes:
-        front: Where the hand's front began the crossing ``(3,)`` [m].
-        along: Of the pair ``(3,)``, unit.
-        outwards: Of the crossing ``(3,)``, unit.
-        search: How far it went.
-        events: Of all sensors that crossed.
-        creases: Of those below which the surface bent away instead.
+        front: position of the hand's front at the start of the crossing ``(3,)`` [m].
+        along: unit direction of the sensor pair ``(3,)``.
+        outwards: unit direction of the crossing ``(3,)``.
+        search: distances of the crossing.
+        events: events of all sensors that crossed.
+        creases: bends under the sensors where the surface does not end.
     """
 
     front: FloatArray
@@ -53,7 +53,17 @@ class FoundEdge:
 
 
 def find_edge(run: SensingRun, face: Feature, along: FloatArray, wanted: FloatArray) -> FoundEdge | Motion:
-    """Outwards until an edge or a crease is met, the pair along where it should run; else the motion that failed."""
+    """Move outwards over a face until the sensors cross an edge or a bend.
+
+    Args:
+        run: running acquisition.
+        face: sensed face.
+        along: expected direction of the edge ``(3,)``, unit.
+        wanted: expected point of the edge ``(3,)`` [m].
+
+    Returns:
+        The first crossing, or the motion that failed.
+    """
     outwards = np.cross(along, face.T_world_feature[:3, 2])
     front = front_of(run)
     needed = max(float((wanted - front) @ outwards), 0.0)
@@ -73,10 +83,10 @@ def find_edge(run: SensingRun, face: Feature, along: FloatArray, wanted: FloatAr
 def _places(
     run: SensingRun, face: Feature, known: tuple[FloatArray, FloatArray, FloatArray], search: Search
 ) -> list[FloatArray]:
-    """Beside the front: the places from which there is room for enough first, then those with most room."""
+    """Return start positions for the search, those with the largest free distance first."""
     front, along, outwards = known
     T, cloud = run.robot.sensed.T_world_hand, raised(run, face)
-    # between the two sensors there may be a slot: below each of them the face was felt
+    # there may be a slot between the two sensors; each of them has measured the face below it
     feet = [T[:3, :3] @ run.hand.origins[sensor] + T[:3, 3] for sensor in run.hand.frontal]
     places = [front, *feet, *(front + shift * along for shift in _ELSEWHERE)]
     free = [free_way(run, cloud, pose_over(run, face, p, along), outwards, search.reach) for p in places]
@@ -85,7 +95,14 @@ def _places(
 
 
 def cross_beside(run: SensingRun, face: Feature, found: FoundEdge, sensor: int) -> list[EdgeEvent]:
-    """Two more crossings by one sensor, to both sides of the first."""
+    """Cross an edge twice more with one sensor, on both sides of the first crossing; return its events.
+
+    Args:
+        run: running acquisition.
+        face: sensed face.
+        found: first crossing.
+        sensor: index of the sensor.
+    """
     events: list[EdgeEvent] = []
     for shift in (_SHIFT, -_SHIFT):
         place = found.front + shift * found.along

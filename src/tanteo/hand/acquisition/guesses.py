@@ -1,4 +1,4 @@
-"""Rough ideas of where a feature is: what acquisition starts from. World frame, metres."""
+"""Define approximate poses of features, from which an acquisition starts; world frame, metres."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def _unit(name: str, value: npt.ArrayLike) -> FloatArray:
 
 
 SD, TURN_SD = 0.015, np.radians(30.0)
-"""Of a guess: place [m] and attitude [rad]."""
+"""Default standard deviations of a guess: position [m] and orientation [rad]."""
 
 
 RADIUS_SHARE = 0.2
-"""Of a guess of a radius, one standard deviation as a share of it."""
+"""Default standard deviation of a guessed radius, as a fraction of it."""
 
 
-def _settle(guess: FaceGuess | EdgeGuess | VertexGuess | RoundGuess, *directions: str) -> None:
-    """Its point and these directions as arrays, which are checked like its spread."""
+def _check_fields(guess: FaceGuess | EdgeGuess | VertexGuess | RoundGuess, *directions: str) -> None:
+    """Check the fields of a guess, and store its point and directions as read-only arrays."""
     for name, unit in (("sd", "m"), ("turn_sd", "rad")):
         value = getattr(guess, name)
         if not 0 < value < np.inf:
@@ -48,14 +48,13 @@ def _settle(guess: FaceGuess | EdgeGuess | VertexGuess | RoundGuess, *directions
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceGuess:
-    """Somewhere on a flat face.
+    """Approximate pose of a flat face.
 
     Attributes:
-        point: About there ``(3,)`` [m].
-        normal: About its outward normal ``(3,)``; made unit.
-        sd: How well the place is known, one standard deviation along the normal [m]. What is found farther off than
-            five of them is another face.
-        turn_sd: How well the normal is known [rad].
+        point: approximate point on the face ``(3,)`` [m].
+        normal: approximate outward normal ``(3,)``; normalized.
+        sd: standard deviation of the point along the normal [m]; a face more than five of them away is another one.
+        turn_sd: standard deviation of the normal [rad].
     """
 
     point: FloatArray
@@ -64,19 +63,20 @@ class FaceGuess:
     turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
-        _settle(self, "normal")
+        _check_fields(self, "normal")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeGuess:
-    """Somewhere on a straight edge, and the face from which it is to be sensed.
+    """Approximate pose of a straight edge and of the face from which it is sensed.
 
     Attributes:
-        point: About there ``(3,)`` [m].
-        direction: About along the edge, with the face on its left as seen from outside ``(3,)``; made unit.
-        normal: About the outward normal of that face ``(3,)``; made unit.
-        sd: As of a :class:`FaceGuess` [m].
-        turn_sd: The same [rad].
+        point: approximate point on the edge ``(3,)`` [m].
+        direction: approximate direction of the edge, with the face on its left in a view from outside ``(3,)``;
+            normalized.
+        normal: approximate outward normal of the face ``(3,)``; normalized.
+        sd: standard deviation of the point along the normal [m].
+        turn_sd: standard deviation of the normal [rad].
     """
 
     point: FloatArray
@@ -86,27 +86,31 @@ class EdgeGuess:
     turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
-        _settle(self, "direction", "normal")
+        _check_fields(self, "direction", "normal")
         if np.linalg.norm(np.cross(self.direction, self.normal)) < 0.1:
             raise InputError("direction: expected one across the normal, got one along it. An edge lies in its face.")
 
     def face(self, inset: float) -> FaceGuess:
-        """The idea of the face, this far inside of the edge [m]."""
+        """Return the guess of the face at a distance inside of the edge.
+
+        Args:
+            inset: distance from the edge [m].
+        """
         inwards = np.cross(self.normal, self.direction)
         return FaceGuess(self.point + inset * inwards / np.linalg.norm(inwards), self.normal, self.sd, self.turn_sd)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VertexGuess:
-    """About where two edges of one face meet.
+    """Approximate pose of a corner, at which two edges of one face intersect.
 
     Attributes:
-        point: About the corner ``(3,)`` [m].
-        arriving: Direction of the edge that ends in it, with the face on its left ``(3,)``; made unit.
-        leaving: Direction of the edge that begins in it, with the face on its left ``(3,)``; made unit.
-        normal: About the outward normal of the face ``(3,)``; made unit.
-        sd: As of a :class:`FaceGuess` [m].
-        turn_sd: The same [rad].
+        point: approximate position of the corner ``(3,)`` [m].
+        arriving: direction of the edge that ends at the corner, with the face on its left ``(3,)``; normalized.
+        leaving: direction of the edge that begins at the corner, with the face on its left ``(3,)``; normalized.
+        normal: approximate outward normal of the face ``(3,)``; normalized.
+        sd: standard deviation of the point along the normal [m].
+        turn_sd: standard deviation of the normal [rad].
     """
 
     point: FloatArray
@@ -117,12 +121,16 @@ class VertexGuess:
     turn_sd: float = TURN_SD
 
     def __post_init__(self) -> None:
-        _settle(self, "arriving", "leaving", "normal")
+        _check_fields(self, "arriving", "leaving", "normal")
         if np.linalg.norm(np.cross(self.arriving, self.leaving)) < 0.1:
             raise InputError("leaving: expected an edge that meets the other, got parallel ones. A corner has two.")
 
     def edges(self, along: float) -> tuple[EdgeGuess, EdgeGuess]:
-        """Both edges, this far from the corner [m]."""
+        """Return the guesses of both edges at a distance from the corner.
+
+        Args:
+            along: distance from the corner [m].
+        """
         spread = self.sd, self.turn_sd
         return (
             EdgeGuess(self.point - along * self.arriving, self.arriving, self.normal, *spread),
@@ -132,16 +140,16 @@ class VertexGuess:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RoundGuess:
-    """About a bore or a boss that ends in a flat face.
+    """Approximate pose and radius of a bore or a boss that ends in a flat face.
 
     Attributes:
-        point: About the centre of its rim ``(3,)`` [m].
-        axis: About its axis, out of the material: the outward normal of the face ``(3,)``; made unit.
-        radius: About that [m].
-        convex: A boss, with the face inside the rim; otherwise a bore, with the face around it.
-        sd: How well the centre is known [m].
-        turn_sd: How well the axis is known [rad].
-        radius_share: How well the radius is known, as a share of it.
+        point: approximate centre of the rim ``(3,)`` [m].
+        axis: approximate axis out of the material, which is the outward normal of the face ``(3,)``; normalized.
+        radius: approximate radius [m].
+        convex: whether it is a boss, with the face inside the rim; otherwise a bore, with the face around it.
+        sd: standard deviation of the centre [m].
+        turn_sd: standard deviation of the axis [rad].
+        radius_share: standard deviation of the radius, as a fraction of it.
 
     Example:
         >>> tanteo.hand.RoundGuess([0, 0, 0.02], [0, 0, 2], 0.015).axis.tolist()
@@ -157,12 +165,12 @@ class RoundGuess:
     radius_share: float = RADIUS_SHARE
 
     def __post_init__(self) -> None:
-        _settle(self, "axis")
+        _check_fields(self, "axis")
         if not 0 < self.radius < np.inf:
             raise InputError(f"radius: expected a positive length [m], got {self.radius}. Correct it.")
         if not 0 < self.radius_share < 1:
-            raise InputError(f"radius_share: expected a share from 0 to 1, got {self.radius_share}. Correct it.")
+            raise InputError(f"radius_share: expected a fraction from 0 to 1, got {self.radius_share}. Correct it.")
 
     def face(self) -> FaceGuess:
-        """The idea of the face in which it ends."""
+        """Return the guess of the face in which the bore or boss ends."""
         return FaceGuess(self.point, self.axis, self.sd, self.turn_sd)

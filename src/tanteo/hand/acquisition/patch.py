@@ -1,4 +1,4 @@
-"""The flat patch that fits an idea best among what was seen from afar, and where on it the hand has room."""
+"""Find flat patches near a guess in the sensed points, and positions of the hand with clearance over them."""
 
 from __future__ import annotations
 
@@ -16,54 +16,54 @@ from tanteo.hand.acquisition.seen import Cloud
 
 _SEEDS = 48
 _NEIGHBOURS = 0.015
-"""A patch is first looked for within this distance of a seed [m]."""
+"""Radius around a seed of the points for the first plane [m]."""
 
 _FEW = 8
-"""Points that make a patch."""
+"""Smallest number of points of a patch."""
 
 _GATE = 3.0
-"""Points of a patch are within so many standard deviations of it ..."""
+"""Largest distance of a point from its patch, in standard deviations."""
 
 _FORM = 3e-4
-"""... with this much for the form of the surface [m]."""
+"""Standard deviation of the form of the surface, added to that of a point [m]."""
 
 _ELSE = 0.03
-"""A point that is not of the patch may be anywhere within this [m]."""
+"""Width of the uniform density of points outside of the patch [m]."""
 
 _BLURRED = 0.003, math.radians(6.0)
-"""What is seen from afar is no better known than this, whatever the idea [m, rad]."""
+"""Smallest standard deviations for the comparison of distant measurements with a guess [m, rad]."""
 
 _FARTHEST = 8 / 3, 2.5
-"""A face that is farther off the idea, or turned more, in standard deviations of both, is not the one that is meant."""
+"""Largest distance and rotation of a face from the guess, in standard deviations."""
 
 _WIDEST = 0.015
-"""More room than this to the border of a patch is no better [m]."""
+"""Clearance to the border of a patch above which more clearance has no value [m]."""
 
 _PATCHES = 3
-"""Patches that are proposed at most."""
+"""Largest number of proposed patches."""
 
 _ONE_FACE = math.radians(12.0), 0.005
-"""Patches that are no more askew [rad] and apart [m] may be of one face."""
+"""Largest angle [rad] and distance [m] of two patches on one face."""
 
 _SHARED = 0.5
-"""Planes that share more of their points are one patch."""
+"""Fraction of common points above which two planes are one patch."""
 
 _STANDS = 150
-"""Places that are proposed at most."""
+"""Largest number of proposed positions."""
 
 _SUPPORT = 0.008
-"""Where a finger shall sense, a point of the patch is this near [m]."""
+"""Largest distance from a sensor's spot to the nearest point of the patch [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Patch:
-    """A flat piece of surface.
+    """Flat piece of a surface.
 
     Attributes:
-        point: The centroid of its points ``(3,)`` [m].
-        normal: Outward ``(3,)``.
-        inside: Its points ``(k, 3)`` [m].
-        border: Where the plane of the patch is known to be empty or covered ``(m, 3)`` [m].
+        point: centroid of its points ``(3,)`` [m].
+        normal: outward unit normal ``(3,)``.
+        inside: points of the patch ``(k, 3)`` [m].
+        border: points of its plane that are known to be empty or covered ``(m, 3)`` [m].
     """
 
     point: FloatArray
@@ -72,15 +72,27 @@ class Patch:
     border: Vectors
 
     def turned(self, normal: FloatArray) -> float:
-        """Angle between its normal and another [rad]."""
+        """Return the angle between the normal and another one [rad].
+
+        Args:
+            normal: other unit normal ``(3,)``.
+        """
         return math.acos(min(1.0, max(-1.0, float(self.normal @ normal))))
 
     def is_of(self, other: Patch) -> bool:
-        """Whether both may be of one face."""
+        """Return whether two patches may lie on the same face.
+
+        Args:
+            other: other patch.
+        """
         return self._is_near(other.point, other.normal)
 
     def is_on(self, plane: Feature) -> bool:
-        """Whether it may be of a face that was sensed."""
+        """Return whether the patch may lie on a sensed face.
+
+        Args:
+            plane: sensed face.
+        """
         return self._is_near(plane.T_world_feature[:3, 3], plane.T_world_feature[:3, 2])
 
     def _is_near(self, point: FloatArray, normal: FloatArray) -> bool:
@@ -89,20 +101,24 @@ class Patch:
 
 
 def find_patches(cloud: Cloud, guess: FaceGuess) -> list[Patch]:
-    """Patches that explain the points, the best first, those near the idea preferred; none if there are none.
+    """Return the patches that explain the points near a guess, best first.
 
-    Every seed's neighbourhood proposes a plane; planes are judged by all points and refined by those that agree. Of
-    planes that share most of their points the best is taken.
+    The neighbourhood of every seed proposes a plane. All points score a plane, and the consistent ones refine it. The
+    best of the planes with mostly common points is kept.
+
+    Args:
+        cloud: sensed points.
+        guess: approximate pose of the face.
     """
-    points, met = cloud.points, cloud.met & cloud.ahead
-    candidates, found = np.flatnonzero(met), list[tuple[float, FloatArray, FloatArray, BoolArray]]()
+    points, hit = cloud.points, cloud.hit & cloud.ahead
+    candidates, found = np.flatnonzero(hit), list[tuple[float, FloatArray, FloatArray, BoolArray]]()
     for seed in candidates[:: max(1, len(candidates) // _SEEDS)]:
-        near = met & (np.sum((points - points[seed]) ** 2, axis=1) < _NEIGHBOURS**2)
+        near = hit & (np.sum((points - points[seed]) ** 2, axis=1) < _NEIGHBOURS**2)
         if near.sum() < _FEW:
             continue
         point, normal = _plane(points[near], cloud.beams[near], np.ones(int(near.sum())))
         for _ in range(3):
-            agree, sds = _agreeing(cloud, met, point, normal)
+            agree, sds = _agreeing(cloud, hit, point, normal)
             if agree.sum() < _FEW:
                 break
             point, normal = _plane(points[agree], cloud.beams[agree], 1 / sds[agree] ** 2)
@@ -124,17 +140,17 @@ def _plane(points: Vectors, beams: Vectors, weights: FloatArray) -> tuple[FloatA
     return centre, -normal if normal @ beams.mean(axis=0) > 0 else normal
 
 
-def _agreeing(cloud: Cloud, met: BoolArray, point: FloatArray, normal: FloatArray) -> tuple[BoolArray, FloatArray]:
+def _agreeing(cloud: Cloud, hit: BoolArray, point: FloatArray, normal: FloatArray) -> tuple[BoolArray, FloatArray]:
     cosines = -(cloud.beams @ normal)
     sds = np.sqrt(cloud.deviations(cosines) ** 2 + _FORM**2)
     off = np.abs((cloud.points - point) @ normal)
-    return met & (off < _GATE * sds) & (cosines > 0.1), sds
+    return hit & (off < _GATE * sds) & (cosines > 0.1), sds
 
 
 def _gain(points: Vectors, sds: FloatArray, point: FloatArray, normal: FloatArray) -> float:
-    """How much better than chance a plane explains points that are near it (log of the ratio of likelihoods).
+    """Return the log likelihood ratio of a plane against a uniform density, for points near the plane.
 
-    Counted points would prefer a tilted plane through two faces: it meets many, but none of them well.
+    The number of points would prefer a tilted plane through two faces, which is near many points but fits none well.
     """
     off = ((points - point) @ normal) / sds
     return float(np.sum(np.log(_ELSE / (math.sqrt(2 * math.pi) * sds)) - 0.5 * off**2))
@@ -149,21 +165,26 @@ def _near(guess: FaceGuess, point: FloatArray, normal: FloatArray) -> float:
 
 
 def _seen_through(cloud: Cloud, point: FloatArray, normal: FloatArray, agree: BoolArray) -> Vectors:
-    """Where frontal beams that are not of a patch went through its plane, or ended before it."""
+    """Return the points at which frontal beams outside of a patch pass its plane, or end before it ``(m, 3)`` [m]."""
     height, closing = (cloud.starts - point) @ normal, -(cloud.beams @ normal)
     steep = closing > 0.1
     to_plane = height / np.where(steep, closing, 1.0)
-    known = cloud.ahead & steep & (to_plane > 0) & (cloud.met | (cloud.ranges > to_plane)) & ~agree
+    known = cloud.ahead & steep & (to_plane > 0) & (cloud.hit | (cloud.ranges > to_plane)) & ~agree
     ends = (cloud.starts + np.minimum(cloud.ranges, to_plane)[:, None] * cloud.beams)[known]
     return np.asarray(ends - ((ends - point) @ normal)[:, None] * normal)
 
 
 def stands(patch: Patch, baseline: float, wanted: FloatArray) -> list[tuple[float, FloatArray, FloatArray]]:
-    """Where the hand may stand over a patch, both its frontal sensors on it, best first, rather near the wanted place.
+    """Return positions of the hand over a patch with both frontal sensors on it, best first.
+
+    Args:
+        patch: patch to scan.
+        baseline: distance of the frontal sensors [m].
+        wanted: preferred position ``(3,)`` [m].
 
     Returns:
-        Room to the border around both sensors [m], the point under the hand's front ``(3,)`` [m], and the direction
-        from the first sensor to the second ``(3,)``.
+        For each position: clearance of both sensors to the border [m], point under the hand's front ``(3,)`` [m], and
+        unit direction from the first sensor to the second ``(3,)``.
     """
     plane = SO3.frame_from_axis(patch.normal, 2)[:, :2]
     inside, border = ((points - patch.point) @ plane for points in (patch.inside, patch.border))
@@ -171,7 +192,7 @@ def stands(patch: Patch, baseline: float, wanted: FloatArray) -> list[tuple[floa
     turns = np.arange(12) * math.pi / 12
     pair = 0.5 * baseline * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     spots = centres[:, None, None] + np.stack([-pair, pair], axis=1)
-    # each stand needs support under both sensors and room around them
+    # each position needs points under both sensors and clearance around them
     support = cKDTree(inside).query(spots)[0].max(axis=-1)
     width = np.full(support.shape, _WIDEST)
     if len(border):

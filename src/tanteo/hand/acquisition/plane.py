@@ -1,4 +1,4 @@
-"""A face: look, choose a patch, stand over it, come down and scan it."""
+"""Acquire a face: scan the surroundings, choose a patch, move over it, descend and scan it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tanteo.hand.acquisition.patch import Patch, find_patches, stands
 from tanteo.hand.acquisition.run import Acquired, Attempt, SensingRun, back_off, failed, finish
 from tanteo.hand.acquisition.scan import ALONG, WIDTHS, scan
 from tanteo.hand.acquisition.seen import beside, cloud_of, over
-from tanteo.hand.acquisition.ways import come_near, facing, fits, known, look_around, moved
+from tanteo.hand.acquisition.ways import come_near, facing, fits, known, moved, scan_surroundings
 from tanteo.hand.motion.following import approach
 from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.motion.travelling import go_to, path
@@ -22,49 +22,59 @@ from tanteo.sensors import RobotPreset, error_model
 from tanteo.words.findings import FaceNotRepeated, FacesTooNarrow, Finding, NoFlatFace, NoRoom, NotAllSeen, OtherFace
 
 HOVER = 0.06
-"""The hand stands so much higher than the stand-off before it comes down [m]."""
+"""Height above the stand-off before the descent [m]."""
 
 _HIGHER, _IN_REACH = 0.075, 0.8
-"""It looks from this much higher, where it does not know yet what is beside it: what its fingers swing through there,
-it sees from there farther down; but no farther from the face than this share of the frontal sensors' range [m]."""
+"""Height above the stand-off for a scan of unknown surroundings [m], and its bound as a fraction of the frontal
+sensors' range. From there the beams cover the space that the fingers sweep farther down."""
 
 _BELOW = 0.3
-"""It comes down so many stand-offs farther than to where it should meet the face: what is below was not seen."""
+"""Distance of the descent beyond the expected face, as a fraction of the stand-off."""
 
-LOOKS = ((0.25, 0.09), *(((0.22, 0.05),) * 9))
-"""Of each look around: tilt of the hand's axis at its end, and from turn to turn of the spiral [rad]."""
+SCANS = ((0.25, 0.09), *(((0.22, 0.05),) * 9))
+"""Tilt of the hand's axis at the end of each spiral scan, and its increase from turn to turn [rad]."""
 
 
 _ELSEWHERE = 0.008
-"""Another place to stand is this far from those that failed [m]."""
+"""Smallest distance of a new position from those that failed [m]."""
 
 _NARROW = FacesTooNarrow()
-_NO_ROOM = NoRoom("over the face")
+_NO_CLEARANCE = NoRoom("over the face")
 _UNSEEN = NotAllSeen("over the face")
 _UNSURE: Attempt = ("unclear", FaceNotRepeated(), None)
 
 
 _ASTRAY = np.radians(12.0)
-"""A face whose normal is this far from what it should be is looked at once more from above [rad]."""
+"""Angle between the normal of a patch and its guess above which the hand scans again from above [rad]."""
 
 _WIDE = 0.004
-"""Least room around both sensors on a patch [m]."""
+"""Smallest clearance around both sensors on a patch [m]."""
 
 
 _OTHER = 5.0
-"""A face that is more standard deviations off the idea is another one."""
+"""Deviation from the guess, in standard deviations, beyond which a face is another one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """Patches that could not be scanned, where the hand stood ``(3,)`` [m], and other patches that were seen."""
+    """Record of failed scans.
+
+    Attributes:
+        patches: patches whose scan failed.
+        places: positions of the hand at these scans, each ``(3,)`` [m].
+        others: other patches that were found.
+    """
 
     patches: list[Patch]
     places: list[FloatArray]
     others: list[Patch]
 
     def in_vain(self, patch: Patch) -> bool:
-        """Whether the face of a patch could not be scanned, at more places than one."""
+        """Return whether scans of the face of a patch failed at more than one position.
+
+        Args:
+            patch: patch to check.
+        """
         return sum(patch.is_of(other) for other in self.patches) > 1
 
 
@@ -84,8 +94,9 @@ def sense_plane(
 
     Args:
         robot: robot with the hand in front of the face, within the range of its beams.
-        guess: About where the face is.
-        standoff: Of the hand's front during the scan [m]; :data:`LEAST_STANDOFF` clearances or more.
+        guess: approximate pose of the face.
+        standoff: distance of the hand's front from the face during the scan [m], at least :data:`LEAST_STANDOFF`
+            clearances.
         rules: limits of the motions.
         label: label of the readings and the feature.
         errors: error model of the reported poses, for the covariance.
@@ -99,11 +110,17 @@ def sense_plane(
 
 
 def acquire_plane(run: SensingRun, guess: FaceGuess, label: str, *, beside: Feature | None = None) -> Attempt:
-    """The same within a run, for another face than ``beside``; the hand is left over the face, square to it.
+    """Acquire a face within a running acquisition; at the end the hand is over the face, square to it.
 
-    What was seen obliquely from afar is seen better from above: the hand looks again from over the patch, until its
-    idea of the face stays the same, and again if the face then is not where it should be, or not all was seen where the
-    hand is to go. Where a patch could not be scanned at two places, the others that were seen come first.
+    Distant, oblique measurements are improved from above: the hand scans again from over the patch until its estimate
+    of the face is stable, and again if the face is not at its expected pose or the space for the hand is not known. If
+    the scan of a patch failed at two positions, other patches come first.
+
+    Args:
+        run: running acquisition.
+        guess: approximate pose of the face.
+        label: label of the face.
+        beside: sensed face that must not be acquired again; None for none.
     """
     attempt: Attempt = ("nothing", NoFlatFace(), None)
     near = come_near(run, guess)
@@ -111,16 +128,16 @@ def acquire_plane(run: SensingRun, guess: FaceGuess, label: str, *, beside: Feat
         return failed(near)
     begin = len(run.motions)
     wanted, first, tried = guess, begin, Tried([], [], [])
-    for tilt, spacing in LOOKS:
-        looked = look_around(run, tilt, spacing)
-        if looked.status == "timeout":
-            return failed(looked)
+    for tilt, spacing in SCANS:
+        scanned = scan_surroundings(run, tilt, spacing)
+        if scanned.status == "timeout":
+            return failed(scanned)
         patches = find_patches(cloud_of(run.hand, run.motions[first:]), wanted)
         patches = [p for p in patches if beside is None or not p.is_on(beside)]
         if tried.patches:
             patches = sorted([*patches, *tried.others], key=tried.in_vain)
         if not patches:
-            attempt = attempt if looked.reached or tried.places else failed(looked)
+            attempt = attempt if scanned.reached or tried.places else failed(scanned)
             continue
         patch, width, ends = _over_one(run, patches, wanted, guess.point, tried.places)
         if patch is None:
@@ -128,7 +145,7 @@ def acquire_plane(run: SensingRun, guess: FaceGuess, label: str, *, beside: Feat
             continue
         attempt = ends
         tried.others.extend(p for p in patches if not p.is_of(patch))
-        # the next look is from here: what it shows replaces what was seen before
+        # the next scan starts from this pose, and its points replace the earlier ones
         wanted, first = replace(guess, point=patch.point, normal=patch.normal), len(run.motions)
         if not width:
             continue
@@ -147,7 +164,12 @@ def acquire_plane(run: SensingRun, guess: FaceGuess, label: str, *, beside: Feat
 
 
 def as_guessed(guess: FaceGuess, attempt: Attempt) -> Attempt:
-    """A face that was sensed, unless the idea was known too well for it to be the one that was meant."""
+    """Return an acquired face, or a failure if it deviates too much from the guess.
+
+    Args:
+        guess: approximate pose of the face.
+        attempt: result of the acquisition.
+    """
     face = attempt[2]
     if face is None:
         return attempt
@@ -164,11 +186,11 @@ def as_guessed(guess: FaceGuess, attempt: Attempt) -> Attempt:
 def _over_one(
     run: SensingRun, patches: list[Patch], wanted: FaceGuess, place: FloatArray, avoid: list[FloatArray]
 ) -> tuple[Patch | None, float, Attempt]:
-    """The hand over the first patch that has room for it.
+    """Move the hand over the first patch with enough clearance.
 
     Returns:
-        The patch; the half width of the scan for which the hand may come down, 0 if it should look once more; what is
-        to be said if it all ends here.
+        The patch; the half width of the scan for which the hand may descend, 0 for another scan from above; the result
+        if the acquisition ends here.
     """
     why = list[Motion]()
     for patch in patches:
@@ -190,13 +212,17 @@ def _over_one(
 def hover(
     run: SensingRun, patch: Patch, wanted: FloatArray, avoid: list[FloatArray], *, closely: bool
 ) -> tuple[Motion, float]:
-    """Bring the hand over a patch, where what was seen leaves room for it there and below at the stand-off.
+    """Move the hand over a patch, where the sensed points leave clearance there and below at the stand-off.
 
-    It stands rather near the wanted place, off those to avoid; closely, as it comes down next: only where all was seen
-    free that the fingers will take.
+    Args:
+        run: running acquisition.
+        patch: patch to scan.
+        wanted: preferred position ``(3,)`` [m].
+        avoid: positions to avoid, each ``(3,)`` [m].
+        closely: whether the descent follows, so that the space of the fingers must be known to be free.
 
     Returns:
-        How it ended, and the half width of the scan for which there is room [m].
+        The last motion, and the half width of the scan that has clearance [m].
     """
     hand, cloud = run.hand, run.seen()
     raised, other = over(cloud, patch.point, patch.normal), beside(cloud, patch.point, patch.normal)
@@ -214,7 +240,7 @@ def hover(
             scanned = np.array([[0, 0], [width, 0], [-width, 0], [0, ALONG], [0, -ALONG]])
             low = moved(down, scanned @ [np.cross(patch.normal, along), along])
             if not (fits(run, raised, low) and fits(run, other, path(now, up, hand.front, 24))):
-                why = _UNSEEN if why == _UNSEEN else _NO_ROOM
+                why = _UNSEEN if why == _UNSEEN else _NO_CLEARANCE
             elif closely and not known(run, np.concatenate([low, path(down, up, hand.front, 8)])):
                 why = _UNSEEN
             else:

@@ -1,6 +1,6 @@
-"""Ideas from a part and about where it is: the features that a hand can best go to, flat ones and round ones.
+"""Derive guesses of features from a part and its uncertain pose, for the features that a hand can approach best.
 
-What an image or a belief says of a part's pose says where its features are, and how well that is known.
+The pose and its covariance, from an image or a belief, determine the pose of each feature and its uncertainty.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
+from tanteo.hand.acquisition.approach_view import ApproachView
 from tanteo.hand.acquisition.guesses import EdgeGuess, FaceGuess, RoundGuess, VertexGuess
 from tanteo.hand.acquisition.in_sight import Finder, corners, edges, faces
-from tanteo.hand.acquisition.look import Look
 from tanteo.hand.acquisition.rims_in_sight import rims, walls
 from tanteo.parts import Part, Surface
 
@@ -68,8 +68,11 @@ def predicted(
         raise InputError(f"kind: expected {', '.join(others)} or {last}, got '{kind}'. Use one of these.")
     found, guess_of = known
     R = T_world_part[:3, :3]
-    look, out = Look(part, Surface(part.vertices, part.triangles), R.T @ (towards / np.linalg.norm(towards))), []
-    for seen in found(look):
+    view, out = (
+        ApproachView(part, Surface(part.vertices, part.triangles), R.T @ (towards / np.linalg.norm(towards))),
+        [],
+    )
+    for seen in found(view):
         J = np.concatenate([np.eye(3), -SO3.hat(seen.point)], axis=1)
         place, turn = (np.linalg.eigvalsh(C)[-1] for C in (J @ covariance @ J.T, covariance[3:, 3:]))
         point, directions = SE3.apply(T_world_part, seen.point), (R @ d for d in seen.directions)

@@ -1,4 +1,4 @@
-"""The record of an acquisition: labelled raw ranges with the hand's pose, and the features that they make."""
+"""Record acquisitions as labelled raw ranges with hand poses, and compute features from a record."""
 
 from __future__ import annotations
 
@@ -13,56 +13,67 @@ from tanteo.fitting import FitReport, circle_on_plane, fit_labelled, plane_from_
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import IntArray, Transforms
 from tanteo.hand.motion.crossing import EdgeEvent
-from tanteo.hand.robot import MET, Hand, HandReading
+from tanteo.hand.robot import HIT, Hand, HandReading
 from tanteo.sensors import Readings, Rig, RobotPreset, measure, reading_kind
 
 if TYPE_CHECKING:
     from tanteo.hand.acquisition.wall import WallReading
 
 _ATTEMPTS = 500
-"""Poses are nudged by less than 1e-12 until they survive the way through a quaternion; half of them do at once."""
+"""Largest number of changes, below 1e-12, until a pose is exactly reproduced from its quaternion; half need none."""
 
 
 def features_of(
     readings: Readings, rig: Rig, robot: RobotPreset | str | None = None, *, tolerance: float = 0.0
 ) -> tuple[dict[str, Feature], tuple[str, ...]]:
-    """The feature of every label of a record, the same to the last bit whether it was kept or read from its file.
+    """Return the feature of every label of a record, bit-identical for a record in memory and in its file.
 
     Args:
-        readings: Ranges with hand poses and labels.
-        rig: Where the sensors sit.
-        robot: Errors of the robot; none are assumed without it.
-        tolerance: sd of the made surface against its ideal form [m].
+        readings: ranges with hand poses and labels.
+        rig: range sensors on the hand.
+        robot: preset of the robot's errors; None to assume none.
+        tolerance: standard deviation of the made surface from its ideal form [m].
 
     Returns:
-        Features by label, and notes on what could not be used.
+        Features by label, and notes on readings that were excluded.
     """
     features, notes = dict[str, Feature](), list[str]()
     for label in dict.fromkeys(readings.features):
-        # each label by itself: beside others its sums may be rounded in another order
+        # compute each label alone: together with others its sums may be rounded in another order
         own = readings.take(np.flatnonzero(np.array(readings.features) == label))
         face = features.get(face_label(label))
         if face is not None and reading_kind(own.kinds[0]).feature is CIRCLE:
             features[label] = circle_in_face(own, face, label, rig, robot)[0]
             continue
         fitted = fit_labelled(measure(own, rig=rig, robot=robot), tolerance)
-        notes += [*fitted.notes, *(f"reading {name} was left out" for name in fitted.rejected)]
+        notes += [*fitted.notes, *(f"reading {name} was excluded" for name in fitted.rejected)]
         features |= {f.label: f for f in fitted.features if isinstance(f, Feature)}
     return features, tuple(notes)
 
 
 def face_label(label: str) -> str:
-    """Of the face in which a rim is."""
+    """Return the label of the face in which a rim lies.
+
+    Args:
+        label: label of the rim.
+    """
     return f"{label} face"
 
 
 def circle_in_face(
     readings: Readings, face: Feature, label: str, rig: Rig, robot: RobotPreset | str | None = None
 ) -> tuple[Feature, FitReport]:
-    """The rim of which readings are crossings: a circle in its face, which knows its axis and height far better.
+    """Return the circle of a rim from its crossings and its face, which determines axis and height more accurately.
+
+    Args:
+        readings: crossings of the rim.
+        face: sensed face of the rim.
+        label: label of the rim.
+        rig: range sensors on the hand.
+        robot: preset of the robot's errors; None to assume none.
 
     Raises:
-        DegenerateError: the crossings do not determine it.
+        DegenerateError: the crossings do not determine the circle.
     """
     m = measure(readings, rig=rig, robot=robot)
     shared = tuple(zip(m.shared, m.jacobians, strict=True))
@@ -70,8 +81,14 @@ def circle_in_face(
 
 
 def plane_readings(hand: Hand, log: Sequence[HandReading], label: str) -> Readings | None:
-    """Readings of the frontal sensors at the instants of a scan; none if there are none."""
-    rows = [(k, i) for k, s in enumerate(log) for i in hand.frontal if s.states[i] == MET]
+    """Return the readings of the frontal sensors during a scan; None if there are none.
+
+    Args:
+        hand: sensors and body of the hand.
+        log: readings of the hand during the scan.
+        label: label of the plane.
+    """
+    rows = [(k, i) for k, s in enumerate(log) for i in hand.frontal if s.states[i] == HIT]
     if not rows:
         return None
     n = len(rows)
@@ -87,7 +104,14 @@ def plane_readings(hand: Hand, log: Sequence[HandReading], label: str) -> Readin
 
 
 def labelled_readings(hand: Hand, places: Sequence[EdgeEvent | WallReading], label: str, kind: str) -> Readings:
-    """Readings of the crossings of an edge or a rim, or of the wall of a bore or a boss."""
+    """Return the readings of crossings of an edge or rim, or of the wall of a bore or boss.
+
+    Args:
+        hand: sensors and body of the hand.
+        places: crossings or wall readings.
+        label: label of the feature.
+        kind: kind of the readings.
+    """
     n = len(places)
     return Readings.from_columns(
         ids=[f"{label} {k + 1}" for k in range(n)],
@@ -103,7 +127,11 @@ def labelled_readings(hand: Hand, places: Sequence[EdgeEvent | WallReading], lab
 
 
 def exact_poses(Ts: Transforms) -> Transforms:
-    """Poses that are the same to the last bit after a readings file has kept them as quaternions."""
+    """Return poses that a readings file, which stores quaternions, reproduces bit for bit.
+
+    Args:
+        Ts: poses ``(n, 4, 4)`` [m].
+    """
     Ts = np.array(Ts, dtype=np.float64)
     R = Ts[:, :3, :3]
     for k in range(_ATTEMPTS):
@@ -120,7 +148,14 @@ def exact_poses(Ts: Transforms) -> Transforms:
 def fitted_feature(
     readings: Readings, label: str, rig: Rig, robot: RobotPreset | str | None
 ) -> tuple[Feature | None, str]:
-    """One label's feature, or None and why."""
+    """Return the feature of one label, or None, and notes or the reason of the failure.
+
+    Args:
+        readings: ranges with hand poses and labels.
+        label: label of the feature.
+        rig: range sensors on the hand.
+        robot: preset of the robot's errors; None to assume none.
+    """
     try:
         features, notes = features_of(readings, rig, robot)
     except DegenerateError as error:
@@ -129,20 +164,20 @@ def fitted_feature(
 
 
 def plane_as_published(readings: Readings, rig: Rig, label: str, robot: RobotPreset | str | None = None) -> Feature:
-    """The plane whose normal is across two directions, each through two readings of a scan.
+    """Return the plane whose normal is perpendicular to two directions, each through two readings of a scan.
 
     The first direction joins readings of the two sensors near the middle of the scan, the second one the first
     sensor's readings at both ends of it. The origin is the first of the four points. :func:`features_of` uses all
     readings and is several times better (``math.md`` section 8).
 
     Args:
-        readings: A record with the scan of a plane by two sensors.
-        rig: Where the sensors sit.
-        label: Of the scan.
-        robot: Errors of the robot; none are assumed without it.
+        readings: record with the scan of a plane by two sensors.
+        rig: range sensors on the hand.
+        label: label of the scan.
+        robot: preset of the robot's errors; None to assume none.
 
     Raises:
-        InputError: The label has not two sensors, or not four readings.
+        InputError: the label does not have exactly two sensors, or has fewer than four readings.
     """
     rows = np.flatnonzero(np.array(readings.features) == label)
     four = _four(readings, rows, label)
@@ -164,7 +199,7 @@ def plane_as_published(readings: Readings, rig: Rig, label: str, robot: RobotPre
 
 
 def _four(readings: Readings, rows: IntArray, label: str) -> IntArray:
-    """The four rows, in the order of the construction."""
+    """Return the rows of the four readings, in the order of the construction ``(4,)``."""
     sensors = np.array(readings.sensors)[rows]
     names = list(dict.fromkeys(sensors.tolist()))
     if len(names) != 2 or len(rows) < 4:

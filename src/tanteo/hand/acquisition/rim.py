@@ -1,7 +1,7 @@
-"""Crossings of the rim of a bore or a boss along its radii, and the circle in the face on which they are.
+"""Cross the rim of a bore or boss along its radii, and fit the circle in the face.
 
-A cone that crosses a rim of radius ``R`` sees the rim curve away on both sides: the middle of the crossing is nearer to
-the axis than the rim by the mean of ``v^2 / 2 R`` over the spot, ``rho^2 / 8 R``. Events are moved out by it.
+The rim of radius ``R`` curves away on both sides of a crossing cone. The middle of the crossing is therefore nearer to
+the axis than the rim by the mean of ``v^2 / 2 R`` over the spot, ``rho^2 / 8 R``. Events are moved outwards by it.
 """
 
 from __future__ import annotations
@@ -26,35 +26,35 @@ from tanteo.sensors import error_model
 from tanteo.words.findings import Finding, NotCrossed, PlaceBeside, RimMetRarely
 
 _BEYOND = 2.5e-3
-"""A crossing goes on so far beyond twice the spot [m]: what is narrower is not met."""
+"""Distance of a crossing beyond twice the spot [m]; narrower structures cannot be detected."""
 
 _ON_BOSS = 0.006
-"""Each frontal sensor stands so far inside of the rim of a boss, at least [m]."""
+"""Smallest distance of each frontal sensor inside of the rim of a boss [m]."""
 
 _SAME = 0.25, 0.006
-"""Places are of the rim that is looked for within this share of its radius, or this much [m]."""
+"""Largest deviation of a position from the expected rim, as a fraction of its radius, and at least [m]."""
 
 _GATE = 3.3
-"""A place that is farther from the circle of all, in standard deviations of its residual, is on something else."""
+"""Standardized residual above which a position lies on another rim."""
 
 _CONTROLLED = 0.9
-"""Largest leverage of one place on the circle: beyond, the others hardly show that it is on something else."""
+"""Largest leverage of one position on the circle; above it, the other positions cannot verify it."""
 
 LEAST_PLACES = 4
-"""Of three places any circle fits."""
+"""Smallest number of positions on a rim: a circle fits any three."""
 
 _MOST_OPEN = math.radians(135.0)
-"""Largest part of a rim without a place on it: the end of a slot is open for 150 degrees at least [rad]."""
+"""Largest angle of a rim without a position [rad]; the end of a slot is open for at least 150 degrees."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """Where one sensor crossed the rim, there and back.
+    """Position at which one sensor crossed the rim in both directions.
 
     Attributes:
-        events: Both.
-        point: Their mean ``(3,)`` [m].
-        variance: Of the point along the crossing [m^2].
+        events: events of both directions.
+        point: mean of their positions ``(3,)`` [m].
+        variance: variance of the point along the crossing [m^2].
     """
 
     events: tuple[EdgeEvent, ...]
@@ -111,7 +111,7 @@ def cross_rim(
 
 
 def _places(run: SensingRun, events: Sequence[EdgeEvent], disc: Disc, face: Feature) -> list[Place]:
-    """Of each sensor that crossed, with its events moved out to the rim."""
+    """Return the position of each sensor that crossed, with its events moved outwards to the rim."""
     normal, slopes = face.T_world_feature[:3, 2], np.tan(error_model(run.hand.rig).beam_half_angle)
     unit, places = error_model(run.hand.rig).cov_unit, list[Place]()
     for sensor in dict.fromkeys(e.sensor for e in events):
@@ -134,7 +134,13 @@ def _is_of(place: Place, disc: Disc, slack: float) -> bool:
 
 
 def disc_through(places: Sequence[Place], face: Feature, start: Disc) -> Disc | None:
-    """The circle in the face through three places or more, from a circle near it; None if they do not determine it."""
+    """Return the circle in the face through three positions or more; None if they do not determine it.
+
+    Args:
+        places: positions on the rim.
+        face: face of the rim.
+        start: approximate circle.
+    """
     if len(places) < 3:
         return None
     from scipy.optimize import least_squares  # slow to import
@@ -178,7 +184,7 @@ def controlled(places: Sequence[Place], face: Feature, disc: Disc) -> tuple[list
 
 
 def _doubt(places: list[Place], face: Feature, disc: Disc) -> tuple[Finding | None, int | None]:
-    """What speaks against one circle, and the place that does."""
+    """Return why positions do not determine one circle, and the index of a position that does not fit."""
     if len(places) < LEAST_PLACES:
         return RimMetRarely(len(places), "few", math.nan), None
     circle = disc_through(places, face, disc)
@@ -203,7 +209,13 @@ def _doubt(places: list[Place], face: Feature, disc: Disc) -> tuple[Finding | No
 
 
 def turned(face: Feature, first: FloatArray, angle: float) -> FloatArray:
-    """A direction in the face, turned about its normal by an angle [rad] ``(3,)``."""
+    """Return a direction in a face, rotated about its normal ``(3,)``.
+
+    Args:
+        face: face with the normal.
+        first: direction before the rotation ``(3,)``; it is projected into the face.
+        angle: angle of the rotation [rad].
+    """
     normal = face.T_world_feature[:3, 2]
     first = first - (first @ normal) * normal
     first = first / np.linalg.norm(first)

@@ -1,7 +1,7 @@
-"""Where the beams so far show a bore or a boss in a face: the circle that tells best which of them met the face.
+"""Estimate the rim of a bore or boss in a face from the beams so far, as the circle of largest likelihood.
 
-A beam whose axis passes the plane of the face inside a bore goes on, beside it it ends there; at a boss it is the other
-way round. Where the axis is near the rim, the share of the cone on either side says how likely each is.
+A beam whose axis passes the plane of the face inside a bore continues; outside it ends at the face. A boss has the
+inverse effect. Near the rim, the fraction of the cone on either side is the probability of each.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.seen import cloud_of
 
 _STEEP = 0.5
-"""Beams that come to the face at a smaller cosine than this say little about where they pass it."""
+"""Smallest cosine between a beam and the normal of the face for the beam to be used."""
 
 _SURE, _FORM = 4.0, 1e-3
-"""A point is on the face within so many standard deviations and this much more [m]; else it is below or above."""
+"""Largest distance of a point on the face from its plane, in standard deviations, and additional distance [m]."""
 
 _ASTRAY = 0.02
-"""Share of beams that say the contrary, whatever is there."""
+"""Probability that a beam contradicts the circle by chance."""
 
 _SOFT = 0.276
 """Scale of the logistic law, in radii of a cone's spot, that has the variance of a point of a disc along one axis."""
@@ -58,7 +58,13 @@ class Disc:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Passing:
-    """Beams where they pass the plane: their places ``(n, 2)`` and spots ``(n,)`` [m], and which went on ``(n,)``."""
+    """Beams at the plane of the face.
+
+    Attributes:
+        feet: intersections with the plane ``(n, 2)`` [m].
+        spots: radii of the spots ``(n,)`` [m].
+        through: mask of the beams that continue beyond the plane ``(n,)``.
+    """
 
     feet: Vectors
     spots: FloatArray
@@ -66,14 +72,25 @@ class _Passing:
 
 
 def in_face(face: Feature, guess: RoundGuess) -> tuple[FloatArray, FloatArray]:
-    """The guessed centre in the plane of the face ``(3,)``, and two axes across its normal ``(3, 2)``."""
+    """Return the guessed centre in the plane of a face ``(3,)`` [m], and two axes across its normal ``(3, 2)``.
+
+    Args:
+        face: face of the rim.
+        guess: approximate bore or boss.
+    """
     origin, normal = face.T_world_feature[:3, 3], face.T_world_feature[:3, 2]
     centre = guess.point - ((guess.point - origin) @ normal) * normal
     return np.asarray(centre), np.asarray(SO3.frame_from_axis(normal, 2)[:, :2])
 
 
 def seen_disc(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
-    """The circle that the beams so far show near the guess."""
+    """Return the most likely circle near a guess, from the beams so far.
+
+    Args:
+        run: running acquisition.
+        face: face of the rim.
+        guess: approximate bore or boss.
+    """
     centre, axes = in_face(face, guess)
     reach = 2 * guess.sd + 1.6 * guess.radius + 0.005
     beams = _passing(run, face, centre, axes, reach)
@@ -93,7 +110,7 @@ def seen_disc(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
 
 
 def _passing(run: SensingRun, face: Feature, centre: FloatArray, axes: FloatArray, reach: float) -> _Passing:
-    """The beams that pass the plane near the guess, or end there."""
+    """Return the beams that pass the plane near the guess, or end there."""
     origin, normal = face.T_world_feature[:3, 3], face.T_world_feature[:3, 2]
     cloud = cloud_of(run.hand, run.motions)
     cosines = -(cloud.beams @ normal)
@@ -107,7 +124,7 @@ def _passing(run: SensingRun, face: Feature, centre: FloatArray, axes: FloatArra
 
 
 def _log_likelihoods(beams: _Passing, tried: FloatArray, convex: bool) -> FloatArray:
-    """Of which beams went on, for circles ``(m, 3)`` of centre and radius ``(m,)``."""
+    """Return the log likelihood of circles, each of centre and radius ``(m, 3)``, given the beams ``(m,)``."""
     out = np.empty(len(tried))
     for k, (x, y, r) in enumerate(tried):
         away = np.hypot(beams.feet[:, 0] - x, beams.feet[:, 1] - y)
@@ -120,6 +137,6 @@ def _log_likelihoods(beams: _Passing, tried: FloatArray, convex: bool) -> FloatA
 
 
 def _misfit(tried: FloatArray, guess: RoundGuess) -> FloatArray:
-    """Minus log density of circles by the guess ``(m,)``."""
+    """Return the negative log prior density of circles, given the guess ``(m,)``."""
     place = np.sum(tried[:, :2] ** 2, axis=1) / guess.sd**2
     return np.asarray(0.5 * (place + (np.log(tried[:, 2] / guess.radius) / guess.radius_share) ** 2))

@@ -1,4 +1,4 @@
-"""Bores and bosses of a part that a hand can come to: those that end in a flat face, as their rim or their wall."""
+"""List the bores and bosses of a part that a hand can approach: those that end in a flat face, by rim or wall."""
 
 from __future__ import annotations
 
@@ -6,64 +6,72 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from tanteo.hand.acquisition.approach_view import FACING, ApproachView
 from tanteo.hand.acquisition.in_sight import InSight
-from tanteo.hand.acquisition.look import FACING, Look
 from tanteo.parts import Rim, RoundFeature, round_features
 
 _SHARE = 0.05
-"""How well the radius of a part's bore or boss is known, as a share of it."""
+"""Standard deviation of the radius of a part's bore or boss, as a fraction of it."""
 
 _BESIDE, _START = 0.002, 0.018
-"""Beside a rim its face has to be in sight, so far from it, and from how far crossings of it start [m]."""
+"""Distances from a rim at which its face must be accessible, and at which crossings start [m]."""
 
 _RADII, _IN_SIGHT = 12, 9
-"""Radii on which that is looked at, and on how many it has to be."""
+"""Number of radii that are checked, and smallest number of accessible ones."""
 
 
-def rims(look: Look) -> Iterator[InSight]:
-    """Rims of bores and bosses, the circles of chamfers among them."""
-    for one, rim, plane in _open(look):
-        yield _in_sight(look, f"rim of {one.name}", rim, plane, hole=one.hole)
+def rims(view: ApproachView) -> Iterator[InSight]:
+    """Yield the rims of bores and bosses, including the circles of chamfers.
+
+    Args:
+        view: part and direction of approach.
+    """
+    for one, rim, plane in _open(view):
+        yield _in_sight(view, f"rim of {one.name}", rim, plane, hole=one.hole)
 
 
-def walls(look: Look) -> Iterator[InSight]:
-    """Walls of bores and bosses that are cylinders up to their rim."""
-    for one, rim, plane in _open(look):
+def walls(view: ApproachView) -> Iterator[InSight]:
+    """Yield the walls of bores and bosses that are cylinders up to their rim.
+
+    Args:
+        view: part and direction of approach.
+    """
+    for one, rim, plane in _open(view):
         if one.surface == "cylinder":
-            yield _in_sight(look, one.name, rim, plane, hole=one.hole)
+            yield _in_sight(view, one.name, rim, plane, hole=one.hole)
 
 
-def _open(look: Look) -> Iterator[tuple[RoundFeature, Rim, int]]:
-    """Bores and bosses with an end that faces the hand, and the row of the plane in which it lies."""
-    row = {int(f): k for k, f in enumerate(look.part.planes.faces)}
-    for one in round_features(look.part):
+def _open(view: ApproachView) -> Iterator[tuple[RoundFeature, Rim, int]]:
+    """Yield the bores and bosses with an end that faces the hand, its rim, and the index of its plane."""
+    row = {int(f): k for k, f in enumerate(view.part.planes.faces)}
+    for one in round_features(view.part):
         for rim in one.rims:
             planes = [row[f] for f in rim.faces if f in row]
-            if rim.open and planes and rim.axis @ look.towards >= FACING and _clear(look, rim, planes[0], one.hole):
+            if rim.open and planes and rim.axis @ view.towards >= FACING and _clear(view, rim, planes[0], one.hole):
                 yield one, rim, planes[0]
 
 
-def _clear(look: Look, rim: Rim, plane: int, hole: bool) -> bool:
-    """Whether the face beside the rim is in sight nearly all around, and of a bore nothing is over its middle."""
-    away = 2 * look.part.diagonal
-    over = look.surface.cast(rim.centre + away * rim.axis, -rim.axis).distances if hole else np.inf
-    return _RADII * _beside(look, rim, plane, _BESIDE, hole) >= _IN_SIGHT and bool(over > away * (1 - 1e-6))
+def _clear(view: ApproachView, rim: Rim, plane: int, hole: bool) -> bool:
+    """Return whether the face around a rim is accessible on most radii, and the centre of a bore is not covered."""
+    away = 2 * view.part.diagonal
+    over = view.surface.cast(rim.centre + away * rim.axis, -rim.axis).distances if hole else np.inf
+    return _RADII * _beside(view, rim, plane, _BESIDE, hole) >= _IN_SIGHT and bool(over > away * (1 - 1e-6))
 
 
-def _beside(look: Look, rim: Rim, plane: int, far: float, hole: bool) -> float:
-    """Share of the radii on which the face is in sight so far from the rim [m]."""
+def _beside(view: ApproachView, rim: Rim, plane: int, far: float, hole: bool) -> float:
+    """Return the fraction of radii on which the face is accessible at a distance from the rim [m]."""
     turns = np.arange(_RADII) * (2 * np.pi / _RADII)
-    out = np.stack([np.cos(turns), np.sin(turns)], axis=1) @ look.part.planes.Ts_part_feature[plane][:3, :2].T
+    out = np.stack([np.cos(turns), np.sin(turns)], axis=1) @ view.part.planes.Ts_part_feature[plane][:3, :2].T
     r = rim.radius + far if hole else max(rim.radius - far, 0.0)
-    return float(np.mean([look.open(plane, rim.centre + r * u) for u in out]))
+    return float(np.mean([view.open(plane, rim.centre + r * u) for u in out]))
 
 
-def _in_sight(look: Look, name: str, rim: Rim, plane: int, *, hole: bool) -> InSight:
-    """A rim or wall, worth the less the less room crossings have to start on its face.
+def _in_sight(view: ApproachView, name: str, rim: Rim, plane: int, *, hole: bool) -> InSight:
+    """Return a rim or wall with its value, which decreases with the obstructed starts of crossings on its face.
 
-    Of a boss the radius counts, as far as a sensor comes from its middle, and not its width.
+    For a boss the radius counts instead of the width, because a sensor crosses from its centre.
     """
     more = {"radius": rim.radius, "convex": not hole, "radius_share": _SHARE}
-    room = 0.05 + _beside(look, rim, plane, _START, hole)
-    value = room * look.value(plane, rim.centre, (2.0 if hole else 1.0) * rim.radius)
-    return InSight(name, [int(look.part.planes.faces[plane])], rim.centre, (rim.axis,), value, more)
+    free = 0.05 + _beside(view, rim, plane, _START, hole)
+    value = free * view.value(plane, rim.centre, (2.0 if hole else 1.0) * rim.radius)
+    return InSight(name, [int(view.part.planes.faces[plane])], rim.centre, (rim.axis,), value, more)

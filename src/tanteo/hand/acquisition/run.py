@@ -21,27 +21,31 @@ others are the endings of the motion that could not do its part (:data:`tanteo.h
 
 
 Attempt: TypeAlias = tuple[Outcome, Finding, Feature | None]
-"""Status of an attempt, its reason, and the feature, which is there exactly if it was acquired."""
+"""Status, reason as a finding, and the feature; None unless the status is ``acquired``."""
 
 
 def failed(motion: Motion) -> Attempt:
-    """An acquisition that ends with a motion that could not do its part."""
+    """Return the result of an acquisition that ends with a failed motion.
+
+    Args:
+        motion: motion that did not reach its goal.
+    """
     assert motion.status != "reached"
     return motion.status, motion.finding, None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Acquired:
-    """One acquisition that has ended.
+    """Result of an acquisition.
 
     Attributes:
-        kind: ``plane``, ``edge`` or ``vertex``.
-        status: How it ended.
+        kind: kind of the feature: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
+        status: status at the end.
         finding: reason for the status.
-        feature: What was asked for; none unless acquired.
-        others: Features that were sensed on the way: the face of an edge, the edges of a corner.
-        readings: The record, of all labels; none if nothing was read on purpose.
-        motions: All motions in order.
+        feature: acquired feature; None unless the status is ``acquired``.
+        others: further sensed features, such as the face of an edge or the edges of a corner.
+        readings: record of all labels; None if there are no readings of features.
+        motions: motions in order.
     """
 
     kind: str
@@ -59,7 +63,7 @@ class Acquired:
 
     @property
     def acquired(self) -> bool:
-        """The feature is sensed."""
+        """Whether the feature was acquired."""
         return self.status == "acquired"
 
     @property
@@ -111,17 +115,21 @@ class SensingRun:
         return self.robot.hand
 
     def does(self, motion: Motion) -> Motion:
-        """Remember a motion."""
+        """Append a motion to the run, and return it.
+
+        Args:
+            motion: motion that has ended.
+        """
         self.motions.append(motion)
         return motion
 
     def seen(self) -> Cloud:
-        """What all motions so far have met, and what is met now."""
+        """Return the points that all motions and the current reading have measured."""
         now = Motion("now", "reached", AtPose(), (self.robot.sensed,))
         return cloud_of(self.hand, [*self.motions, now])
 
     def known(self) -> Known:
-        """Where beams and hand have been in all motions so far."""
+        """Return the space that beams and hand have covered in all motions so far."""
         count, before = self._known
         if before is None or count < len(self.motions):
             log = [s for motion in self.motions[count:] for s in motion.log] or [self.robot.sensed]
@@ -131,12 +139,25 @@ class SensingRun:
 
 
 def back_off(run: SensingRun, distance: float) -> Motion:
-    """Away from the surface along the hand's axis."""
+    """Retreat from the surface along the hand's axis.
+
+    Args:
+        run: running acquisition.
+        distance: distance of the retreat [m].
+    """
     return run.does(retreat(run.robot, distance, run.rules))
 
 
 def finish(kind: str, run: SensingRun, status: Outcome, finding: Finding, feature: Feature | None) -> Acquired:
-    """The result of a run."""
+    """Return the result of a run.
+
+    Args:
+        kind: kind of the feature.
+        run: acquisition.
+        status: status at the end.
+        finding: reason for the status.
+        feature: acquired feature; None if there is none.
+    """
     others = tuple(f for f in run.others if feature is None or f.label != feature.label)
     record = concatenate(run.readings) if run.readings else None
     return Acquired(kind, status, finding, feature, others, record, tuple(run.motions))

@@ -1,7 +1,8 @@
-"""A scan of a face: settle square to it, go across the line of the two frontal sensors and along it, fit.
+"""Scan a face: align the hand with it, move across the line of the two frontal sensors and along it, and fit a plane.
 
-Across it each sensor sees one line of the surface. Two lines along a bend, one on each side of it, are in one plane
-that is not there; along the line each sensor sees the slope of what is under it alone, and the fit tells.
+In a motion across the line, each sensor measures one line of the surface. Two lines along a bend, one on each side,
+lie in one plane that does not exist. In a motion along the line, each sensor measures the slope of its own side, so the
+fit rejects that plane.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from tanteo.hand.acquisition.record import fitted_feature, plane_readings
 from tanteo.hand.acquisition.run import Attempt, SensingRun, failed
 from tanteo.hand.acquisition.seen import over
 from tanteo.hand.acquisition.ways import fits, nearly_known, squared
-from tanteo.hand.motion.following import follow, settle, settled
+from tanteo.hand.motion.following import align, aligned_pose, follow
 from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Hand, HandReading
@@ -25,37 +26,42 @@ from tanteo.sensors import Readings
 from tanteo.words.findings import NoRoom, NotOneFeature, ReadingsTaken, ScanTooShort, SurfaceLost
 
 INSTANTS = 20
-"""Instants that are kept of the scan across the pair, and as many of that along it; each is two readings."""
+"""Number of instants of the scan across the pair, and of that along it; each has two readings."""
 
 ALONG = 0.005
-"""The scan along the pair goes so far to each side [m]."""
+"""Distance of the scan along the pair to each side [m]."""
 
 WIDTHS = 0.015, 0.0075, 0.004
-"""Half widths of a scan across the pair, where there is room for it [m]."""
+"""Half widths of a scan across the pair, the largest with enough clearance first [m]."""
 
 _MOST_ASKEW = np.radians(25.0)
-"""A face over which the hand stands by two looks is not more askew than this [rad]."""
+"""Largest tilt of a face after two scans from above [rad]."""
 
 _LITTLE = np.radians(6.0)
-"""A turn by less takes the fingers no farther aside than they had to have room for when they came down [rad]."""
+"""Rotation below which the clearance of the descent is sufficient for the fingers [rad]."""
 
 _SQUARE = np.radians(1.5)
-"""A hand that is more askew than this to what it scanned turns square and scans again [rad]."""
+"""Tilt to the scanned plane above which the hand is aligned and scans again [rad]."""
 
 _FLAT = np.radians(6.0)
-"""A scan along which the hand has to turn by more than this has left the face: over a ridge its fingers would come near
-to it [rad]."""
+"""Rotation of the hand during a scan above which it has left the face; over a ridge its fingers would come near to it
+[rad]."""
 
 _SURE = np.radians(3.0)
-"""A plane whose tilt is known no better than this is not acquired [rad]."""
+"""Standard deviation of the tilt above which a plane is not acquired [rad]."""
 
 _NO_TURN = Motion("turn", "limit", NoRoom("to turn it square to the face"), ())
 
 
 def scan(run: SensingRun, label: str, width: float) -> Attempt:
-    """Settle and scan, again and narrower where the hand was not square or the readings disagree with one plane.
+    """Align and scan; repeat with a smaller width if the hand was not aligned or the readings do not fit one plane.
 
     The hand is at the stand-off over the face.
+
+    Args:
+        run: running acquisition.
+        label: label of the plane.
+        width: half width of the scan across the pair [m].
     """
     for again in range(3):
         readings, attempt, doubt = _scan_once(run, width, label)
@@ -82,9 +88,9 @@ def scan(run: SensingRun, label: str, width: float) -> Attempt:
 
 
 def _scan_once(run: SensingRun, width: float, label: str) -> tuple[Readings | None, Attempt, str]:
-    """Settle, go across the pair and along it to both sides, fit; and what speaks against one plane."""
+    """Align, scan across the pair and along it, and fit; return readings, result, and why they fit no plane."""
     hand, robot, standoff, rules = run.hand, run.robot, run.standoff, run.rules
-    square = _settle(run)
+    square = _align(run)
     if not square.reached:
         return None, failed(square), ""
     log, home = list[HandReading](), robot.sensed.T_world_hand
@@ -108,16 +114,16 @@ def _scan_once(run: SensingRun, width: float, label: str) -> tuple[Readings | No
     return readings, ("acquired", ReadingsTaken(len(readings)), feature), why
 
 
-def _settle(run: SensingRun) -> Motion:
-    """Settle, where there is room for the turn."""
-    target = settled(run.hand, run.robot.sensed, run.standoff)
+def _align(run: SensingRun) -> Motion:
+    """Align the hand with the face if there is clearance for the rotation."""
+    target = aligned_pose(run.hand, run.robot.sensed, run.standoff)
     if target is not None and not _may_turn(run, target):
         return _NO_TURN
-    return run.does(settle(run.robot, run.standoff, run.rules, max_tilt=_MOST_ASKEW))
+    return run.does(align(run.robot, run.standoff, run.rules, max_tilt=_MOST_ASKEW))
 
 
 def _may_turn(run: SensingRun, target: Transforms) -> bool:
-    """Whether what was seen leaves room to turn over a face: far behind the sensors the fingers go far aside."""
+    """Return whether the sensed points leave clearance for a rotation, which moves the rear of the fingers sideways."""
     hand, T = run.hand, run.robot.sensed.T_world_hand
     if T[:3, 2] @ target[:3, 2] > math.cos(_LITTLE):
         return True
@@ -128,12 +134,12 @@ def _may_turn(run: SensingRun, target: Transforms) -> bool:
 
 
 def _askew(run: SensingRun, face: Feature) -> float:
-    """Angle between the hand's axis and the normal of a plane [rad]."""
+    """Return the angle between the hand's axis and the normal of a plane [rad]."""
     cosine = -face.T_world_feature[:3, 2] @ run.robot.sensed.T_world_hand[:3, 2]
     return float(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def _on_surface(log: tuple[HandReading, ...], hand: Hand, standoff: float) -> list[HandReading]:
-    """Of a scan, the instants at which both frontal sensors read about the stand-off."""
+    """Return the readings of a scan in which both frontal sensors measure approximately the stand-off."""
     pair = list(hand.frontal)
     return [s for s in log if bool((np.abs(np.nan_to_num(s.ranges[pair]) - standoff) < 0.25 * standoff).all())]

@@ -1,7 +1,7 @@
-"""What was met so far, as points in the world, and what is known to be free: beams and the hand itself were there.
+"""Store the sensed points in the world, and the space that is known to be free.
 
-A beam says that its way was free, and the hand that it fitted where it was. A place is known if one of them came near
-enough; things narrower than twice :data:`GAP` may stay unseen between two beams.
+The path of a beam is free, and so is the space that the hand has occupied. A point is known if one of them came near
+enough. Objects narrower than twice :data:`GAP` may remain undetected between two beams.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ from scipy.spatial import cKDTree
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.hand.motion.steering import Motion
-from tanteo.hand.robot import FREE, MET, Body, Hand, HandReading
+from tanteo.hand.robot import FREE, HIT, Body, Hand, HandReading
 from tanteo.sensors import error_model
 
 _MOST = 1500
-"""Beams that are kept, evenly over the logs."""
+"""Largest number of stored beams, spread evenly over the logs."""
 
 _OUT, _FORM = 4.0, 1e-3
-"""A point is out of a plane beyond so many standard deviations and this much more [m]: of 1,500 on the plane hardly one
-is by chance."""
+"""Distance from a plane, in standard deviations and additional [m], above which a point is not on it; of 1,500 points
+on the plane, about none exceeds it by chance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
-    """Beams and what they met.
+    """Beams with their ranges.
 
     Attributes:
-        starts: Of the beams ``(n, 3)`` in the world [m].
-        beams: Unit directions ``(n, 3)``.
-        ranges: ``(n,)`` [m]; as far as the sensor reaches where nothing was met.
-        met: Something was met ``(n,)``.
-        sds: Standard deviation of the range, what the sensor's readings share included ``(n,)`` [m].
-        slopes: Tangents of the cones' half angles ``(n,)``.
-        ahead: Given by a frontal sensor ``(n,)``.
+        starts: starts of the beams ``(n, 3)``, world frame [m].
+        beams: unit directions ``(n, 3)``.
+        ranges: ranges ``(n,)`` [m]; the largest range of the sensor without an echo.
+        hit: mask of the beams with an echo ``(n,)``.
+        sds: standard deviations of the ranges, including the sensor's shared errors ``(n,)`` [m].
+        slopes: tangents of the cones' half angles ``(n,)``.
+        ahead: mask of the beams of frontal sensors ``(n,)``.
     """
 
     starts: Vectors
     beams: Vectors
     ranges: FloatArray
-    met: BoolArray
+    hit: BoolArray
     sds: FloatArray
     slopes: FloatArray
     ahead: BoolArray
@@ -54,58 +54,94 @@ class Cloud:
         return np.asarray(self.starts + self.ranges[:, None] * self.beams)
 
     def deviations(self, cosines: FloatArray) -> FloatArray:
-        """Standard deviation of the points across surfaces that are met at these cosines ``(*batch, n)`` [m]."""
+        """Return the standard deviations of the points across a surface ``(*batch, n)`` [m].
+
+        Args:
+            cosines: cosines of the incidences ``(*batch, n)``.
+        """
         sines = 1.0 - cosines**2
         return np.asarray(np.sqrt((cosines * self.sds) ** 2 + 0.25 * (self.ranges * self.slopes) ** 2 * sines))
 
     def heights(self, point: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Heights of the points over a plane and their standard deviations there ``(n,)`` [m]."""
+        """Return the heights of the points over a plane, and their standard deviations ``(n,)`` [m].
+
+        Args:
+            point: point on the plane ``(3,)`` [m].
+            normal: unit normal ``(3,)``.
+        """
         return (self.points - point) @ normal, self.deviations(np.clip(-(self.beams @ normal), 0.0, 1.0))
 
     def keep(self, rows: BoolArray) -> Cloud:
-        """Some of the beams."""
+        """Return some of the beams.
+
+        Args:
+            rows: mask of the beams ``(n,)``.
+        """
         return Cloud(*(getattr(self, name)[rows] for name in self.__slots__))
 
 
 def over(cloud: Cloud, point: FloatArray, normal: FloatArray) -> Cloud:
-    """What stands out of a plane: a hand that stays over the plane need not mind the rest."""
+    """Return the points above a plane, which are the only obstacles for a hand over it.
+
+    Args:
+        cloud: sensed points.
+        point: point on the plane ``(3,)`` [m].
+        normal: unit normal ``(3,)``.
+    """
     height, sd = cloud.heights(point, normal)
-    return cloud.keep(cloud.met & (height > _OUT * sd + _FORM))
+    return cloud.keep(cloud.hit & (height > _OUT * sd + _FORM))
 
 
 def beside(cloud: Cloud, point: FloatArray, normal: FloatArray) -> Cloud:
-    """All but what lies in a plane, to which the hand keeps its distance by other means."""
+    """Return the points that do not lie in a plane, to which the hand controls its distance.
+
+    Args:
+        cloud: sensed points.
+        point: point on the plane ``(3,)`` [m].
+        normal: unit normal ``(3,)``.
+    """
     height, sd = cloud.heights(point, normal)
-    return cloud.keep(cloud.met & (np.abs(height) > _OUT * sd + _FORM))
+    return cloud.keep(cloud.hit & (np.abs(height) > _OUT * sd + _FORM))
 
 
 def cloud_of(hand: Hand, motions: Iterable[Motion]) -> Cloud:
-    """What the beams of some motions met, thinned evenly."""
+    """Return the beams of some motions, thinned evenly.
+
+    Args:
+        hand: sensors and body of the hand.
+        motions: motions with their logs.
+    """
     log: list[HandReading] = [s for motion in motions for s in motion.log]
     log = log[:: max(1, len(log) * len(hand.origins) // (3 * _MOST))]
     model, (starts, beams, states, ranges) = error_model(hand.rig), _beams(hand, log)
     ahead = np.zeros(states.shape, dtype=bool)
     ahead[:, list(hand.frontal)] = True
-    met = states == MET
-    reach = np.where(met, ranges, np.where(np.isfinite(model.max_range), model.max_range, 0.0))
-    use = met | ((states == FREE) & ahead)
+    hit = states == HIT
+    reach = np.where(hit, ranges, np.where(np.isfinite(model.max_range), model.max_range, 0.0))
+    use = hit | ((states == FREE) & ahead)
     scale_var = model.cov_unit[:, 6, 6]
     sds = np.sqrt(model.law.sigma(reach) ** 2 + model.bias_sd**2 + scale_var * reach**2)
     slopes = np.broadcast_to(np.tan(model.beam_half_angle), reach.shape)
-    return Cloud(starts[use], beams[use], reach[use], met[use], sds[use], slopes[use], ahead[use])
+    return Cloud(starts[use], beams[use], reach[use], hit[use], sds[use], slopes[use], ahead[use])
 
 
 def _beams(hand: Hand, log: Sequence[HandReading]) -> tuple[Vectors, Vectors, IntArray, FloatArray]:
-    """Starts and directions of all beams ``(n, k, 3)``, and their states and ranges ``(n, k)``."""
+    """Return starts and directions of all beams ``(n, k, 3)``, and their states and ranges ``(n, k)``."""
     T = np.array([s.T_world_hand for s in log])[:, None]
     beams = hand.axes @ np.swapaxes(T[:, 0, :3, :3], 1, 2)
     states, ranges = np.array([s.states for s in log]), np.array([s.ranges for s in log])
     return SE3.apply(T, hand.origins), beams, states, ranges
 
 
-def room(cloud: Cloud, body: Body, Ts_world_hand: Transforms) -> FloatArray:
-    """Least distance of the body at each of some poses ``(m, 4, 4)`` from what was met ``(m,)`` [m]."""
-    points = cloud.points[cloud.met]
+def clearance(cloud: Cloud, body: Body, Ts_world_hand: Transforms) -> FloatArray:
+    """Return the smallest distance of the body from the sensed points at each pose ``(m,)`` [m].
+
+    Args:
+        cloud: sensed points.
+        body: body of the hand.
+        Ts_world_hand: poses of the hand ``(m, 4, 4)`` [m].
+    """
+    points = cloud.points[cloud.hit]
     if not len(points):
         return np.full(len(Ts_world_hand), np.inf)
     centres = body.placed(Ts_world_hand)
@@ -113,16 +149,16 @@ def room(cloud: Cloud, body: Body, Ts_world_hand: Transforms) -> FloatArray:
 
 
 GAP = 0.0055
-"""A place is known if a beam went by at this distance or less [m]."""
+"""Largest distance of a known point from a beam [m]."""
 
 _PACE = 0.004
-"""From point to point along a beam [m]."""
+"""Distance of consecutive points along a beam [m]."""
 
 _CELL = 0.002
-"""Points of beams nearer to each other than about this count once [m]."""
+"""Size of the cells in which points of beams count once [m]."""
 
 _BITS = 21
-"""Of a cell's number along each axis."""
+"""Number of bits of a cell's index along each axis."""
 
 _HALF = 2 ** (_BITS - 1)
 """Cells from the origin to the end of the world, which is two kilometres away."""
@@ -153,7 +189,11 @@ class Known:
         self._trees = [(reach, cKDTree(_middles(cells), balanced_tree=False)) for reach, cells in self._cells.items()]
 
     def has(self, points: Vectors) -> BoolArray:
-        """Which of some places ``(*batch, 3)`` are known."""
+        """Return the mask of the known points ``(*batch,)``.
+
+        Args:
+            points: points to check ``(*batch, 3)``, world frame [m].
+        """
         flat = points.reshape(-1, 3)
         out = np.zeros(len(flat), dtype=bool)
         for reach, tree in self._trees:
@@ -162,17 +202,29 @@ class Known:
         return out.reshape(points.shape[:-1])
 
     def shares(self, body: Body, Ts_world_hand: Transforms, margin: float) -> Iterator[float]:
-        """Pose by pose ``(m, 4, 4)``, how much is known around what is not blind of a body, up to a margin [m]."""
+        """Return, pose by pose, the known fraction of the space around the spheres of a body that are not blind.
+
+        Args:
+            body: body of the hand.
+            Ts_world_hand: poses of the hand ``(m, 4, 4)`` [m].
+            margin: distance from the spheres that is included [m].
+        """
         skin = _skin(body.centres[~body.blind], body.radii[~body.blind] + margin)
         return (float(self.has(SE3.apply(T, skin)).mean()) for T in Ts_world_hand)
 
     def holds(self, body: Body, Ts_world_hand: Transforms, margin: float) -> bool:
-        """Whether that is all of it at all of them."""
+        """Return whether the space around a body is completely known at all poses.
+
+        Args:
+            body: body of the hand.
+            Ts_world_hand: poses of the hand ``(m, 4, 4)`` [m].
+            margin: distance from the spheres that is included [m].
+        """
         return all(share == 1.0 for share in self.shares(body, Ts_world_hand, margin))
 
 
 def _skin(centres: Vectors, radii: FloatArray) -> Vectors:
-    """Points all over some spheres that are in none of the others ``(n, 3)``."""
+    """Return points on spheres that are not inside of another one ``(n, 3)``."""
     points = (centres[:, None] + radii[:, None, None] * _SHELL).reshape(-1, 3)
     depths = radii - np.linalg.norm(points[:, None] - centres, axis=-1)
     return points[(depths < 1e-9).all(axis=1)]
@@ -183,27 +235,27 @@ _SHELL /= np.linalg.norm(_SHELL, axis=1, keepdims=True)
 
 
 def _along_beams(hand: Hand, log: Sequence[HandReading]) -> Vectors:
-    """Points along the free ways of all beams ``(n, 3)``."""
+    """Return points along the free paths of all beams ``(n, 3)``."""
     farthest, (starts, beams, states, ranges) = error_model(hand.rig).max_range, _beams(hand, log)
-    reach = np.where(states == MET, ranges, np.where((states == FREE) & np.isfinite(farthest), farthest, 0.0))
+    reach = np.where(states == HIT, ranges, np.where((states == FREE) & np.isfinite(farthest), farthest, 0.0))
     steps = np.arange(0.0, reach.max(initial=0.0), _PACE)
     points = starts[..., None, :] + steps[:, None] * beams[..., None, :]
     return np.asarray(points[steps < reach[..., None]])
 
 
 def _cells(points: Vectors) -> IntArray:
-    """Numbers of the cells that hold some points, each once."""
+    """Return the unique indices of the cells that contain points."""
     i = np.round(points / _CELL).astype(np.int64) + _HALF
     return _once((i[:, 0] << 2 * _BITS) + (i[:, 1] << _BITS) + i[:, 2])
 
 
 def _once(cells: IntArray) -> IntArray:
-    """Each number once: sorted, as :func:`numpy.unique` hashes whole numbers, which is slower here."""
+    """Return unique indices by sorting, because :func:`numpy.unique` hashes integers, which is slower here."""
     ordered = np.sort(cells)
     return np.asarray(ordered[np.diff(ordered, prepend=-1) > 0])
 
 
 def _middles(cells: IntArray) -> Vectors:
-    """Of cells ``(n, 3)`` [m]."""
+    """Return the centres of cells ``(n, 3)`` [m]."""
     i = np.stack([cells >> 2 * _BITS, cells >> _BITS, cells], axis=-1) & (2 * _HALF - 1)
     return np.asarray(_CELL * (i - _HALF))

@@ -15,12 +15,12 @@ from tanteo.features import Feature
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.hand.acquisition.crossings import raised
-from tanteo.hand.acquisition.plane import HOVER, LOOKS
+from tanteo.hand.acquisition.plane import HOVER, SCANS
 from tanteo.hand.acquisition.run import SensingRun
-from tanteo.hand.acquisition.ways import BETWEEN, fits, look_around, moved, nearly_known
+from tanteo.hand.acquisition.ways import BETWEEN, fits, moved, nearly_known, scan_surroundings
 from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import dwell, go_to, path
-from tanteo.hand.robot import MET
+from tanteo.hand.robot import HIT
 from tanteo.sensors import error_model
 from tanteo.words.findings import NoRoom, NotAllSeen
 
@@ -28,34 +28,34 @@ SLANT = math.radians(35.0)
 """Of the beam to the axis: it meets the wall at an angle that sensors answer to, and comes deep enough into a bore."""
 
 _CLEAR = 1.2
-"""A cone keeps this many radii of its spot off the rim."""
+"""Distance of a cone from the rim, in radii of its spot."""
 
 _INSTANTS = 24
-"""Readings at rest of which one mean is made."""
+"""Number of readings at rest that are averaged."""
 
 _SPARE = 1e-3
-"""The hand keeps so much more than it must from the face when it leans [m]."""
+"""Additional clearance from the face of a tilted hand [m]."""
 
 _OTHER = 0.004, 0.05
-"""Ranges are of the wall within this [m] and this share of where it should be, beside what the cone spreads them."""
+"""Largest deviation of a range to the wall from its expected value [m, fraction], beyond the spread within the cone."""
 
-_LOOKS = 2
-"""Looks over one place, at most."""
+_SCANS = 2
+"""Largest number of scans over one position."""
 
 _MOST_MISSED = 0.1
-"""Share of the readings at rest that may have no range, or one that is not of the wall."""
+"""Largest fraction of readings at rest without a range to the wall."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallReading:
-    """One place of the wall.
+    """Averaged reading of one position on the wall.
 
     Attributes:
-        sensor: Its number on the rig.
-        T_world_hand: The hand's pose, by the robot ``(4, 4)``.
-        distance: Range along the beam's axis [m].
-        along_sd: Standard deviation of it, apart from what the sensor's readings share [m].
-        across_sd: Of where the beam met the wall, across it [m].
+        sensor: index of the sensor on the rig.
+        T_world_hand: pose of the hand that the robot reports ``(4, 4)`` [m].
+        distance: range along the beam's axis [m].
+        along_sd: standard deviation of the range, without the sensor's shared errors [m].
+        across_sd: standard deviation of the position on the wall across the beam [m].
     """
 
     sensor: int
@@ -66,7 +66,11 @@ class WallReading:
 
 
 def height_of(run: SensingRun) -> float:
-    """Height of the sensor over the face at which the hand, leaning, has its room over it [m]."""
+    """Return the height of the sensor over the face at which the tilted hand has enough clearance [m].
+
+    Args:
+        run: running acquisition.
+    """
     body, hand = run.hand.body, run.hand
     down = math.cos(SLANT) * np.array([0.0, 0.0, 1.0]) + math.sin(SLANT) * np.cross(hand.pair, [0.0, 0.0, 1.0])
     lower = max(float(((body.centres - hand.origins[i]) @ down + body.radii).max()) for i in hand.frontal)
@@ -74,10 +78,15 @@ def height_of(run: SensingRun) -> float:
 
 
 def depths(run: SensingRun, circle: Feature) -> tuple[float, float]:
-    """Below the rim, of the first ring and of the deepest that beams over the rim reach [m]."""
+    """Return the depths below the rim of the first ring, and of the deepest one that the beams can reach [m].
+
+    Args:
+        run: running acquisition.
+        circle: sensed rim.
+    """
     radius, height = circle.radius or 0.0, height_of(run)
     half_angle = float(error_model(run.hand.rig).beam_half_angle[list(run.hand.frontal)].max())
-    # the cone meets the wall below the rim only
+    # the whole cone hits the wall below the rim
     across = math.tan(half_angle) / math.sin(SLANT)
     first = _CLEAR * across * height / (math.cos(SLANT) - _CLEAR * across)
     if circle.convex:
@@ -89,17 +98,17 @@ def depths(run: SensingRun, circle: Feature) -> tuple[float, float]:
 def read_wall(
     run: SensingRun, circle: Feature, out: FloatArray, depth: float, sensor: int
 ) -> tuple[WallReading | None, Motion]:
-    """The mean of some readings of the wall at one angle and depth, and how the last motion ended.
+    """Return the mean of readings of the wall at one angle and depth, and the last motion.
 
     Args:
-        run: The run; the rim is sensed.
-        circle: The rim, z out of the material.
-        out: Direction of the radius ``(3,)``, unit.
-        depth: Below the rim [m].
-        sensor: Number of the frontal sensor that looks.
+        run: running acquisition.
+        circle: sensed rim, with z out of the material.
+        out: unit direction of the radius ``(3,)``.
+        depth: depth below the rim [m].
+        sensor: index of the frontal sensor.
     """
     target, expected = _aimed(run, circle, out, depth, sensor)
-    # in along the beams, which have seen the way
+    # move in along the beams, whose path is known to be free
     above = moved(target, -HOVER * target[:3, 2])
     come = path(above, target, run.hand.front, 8)
     last = _over(run, circle, above, come)
@@ -115,23 +124,23 @@ def read_wall(
 
 
 def _over(run: SensingRun, circle: Feature, above: Transforms, come: Transforms) -> Motion:
-    """The hand to over the rim, and looks from there until the way in is known."""
+    """Move the hand over the rim, and scan from there until the path to the wall is known to be free."""
     way = np.concatenate([path(run.robot.sensed.T_world_hand, above, run.hand.front, 12), come])
     last = Motion("wall", "limit", NoRoom("over the rim"), ())
     if not fits(run, raised(run, circle), way):
         return last
     last = run.does(go_to(run.robot, above, run.rules))
-    for tilt, spacing in LOOKS[1 : 1 + _LOOKS]:
+    for tilt, spacing in SCANS[1 : 1 + _SCANS]:
         if not last.reached or nearly_known(run, come):
             return last
-        last = look_around(run, tilt, spacing)
+        last = scan_surroundings(run, tilt, spacing)
     if nearly_known(run, come) or last.status == "timeout":
         return last
     return Motion("wall", "limit", NotAllSeen("over the rim"), ())
 
 
 def _aimed(run: SensingRun, circle: Feature, out: FloatArray, depth: float, sensor: int) -> tuple[Transforms, float]:
-    """The pose in which a sensor looks at a place of the wall, and the range to it [m]."""
+    """Return the hand pose at which a sensor points at a position on the wall, and the range to it [m]."""
     hand, T = run.hand, circle.T_world_feature
     normal, radius = T[:3, 2], circle.radius or 0.0
     place = T[:3, 3] + radius * out - depth * normal
@@ -145,10 +154,10 @@ def _aimed(run: SensingRun, circle: Feature, out: FloatArray, depth: float, sens
 
 
 def _mean(run: SensingRun, stood: Motion, circle: Feature, sensor: int, expected: float) -> WallReading | None:
-    """One reading of those at rest; None where they are not of the wall."""
+    """Return the mean of the readings at rest; None if they do not hit the wall."""
     log, model = stood.log[len(stood.log) // 4 :], error_model(run.hand.rig)
     T, half_angle = log[-1].T_world_hand, float(model.beam_half_angle[sensor])
-    ranges = np.array([s.ranges[sensor] if s.states[sensor] == MET else np.nan for s in log])
+    ranges = np.array([s.ranges[sensor] if s.states[sensor] == HIT else np.nan for s in log])
     reach = _cone(run, T, circle, sensor, half_angle)
     slack = _OTHER[0] + _OTHER[1] * expected
     own = (ranges > np.nanmin(reach) - slack) & (ranges < np.nanmax(reach) + slack)
@@ -163,7 +172,7 @@ def _mean(run: SensingRun, stood: Motion, circle: Feature, sensor: int, expected
 
 
 def _cone(run: SensingRun, T: Transforms, circle: Feature, sensor: int, half_angle: float) -> FloatArray:
-    """Ranges to the wall below a circle: along the axis of a beam, and along rays all over its cone [m]."""
+    """Return ranges to the wall below a circle: along the axis of a beam, and along rays in its cone [m]."""
     to_circle = SE3.inverse(circle.T_world_feature) @ T
     start = SE3.apply(to_circle, run.hand.origins[sensor])
     z = run.hand.axes[sensor]
@@ -179,7 +188,7 @@ def _cone(run: SensingRun, T: Transforms, circle: Feature, sensor: int, half_ang
 
 
 def _to_wall(start: FloatArray, rays: FloatArray, radius: float, *, inside: bool) -> FloatArray:
-    """Ranges to a cylinder about z ``(n,)`` [m]; NaN for rays that pass it. Inside it is the far wall that is met."""
+    """Return ranges to a cylinder about z ``(n,)`` [m]; NaN for rays that miss it, and the far wall from inside."""
     a = np.sum(rays[:, :2] ** 2, axis=1)
     b = rays[:, :2] @ start[:2]
     root = b**2 - a * (start[:2] @ start[:2] - radius**2)

@@ -1,4 +1,4 @@
-"""Poses of the hand over a plane, ways between them and whether there is room for them; from afar to before a face."""
+"""Compute poses of the hand over a plane, check the clearance of paths, and bring the hand into range of a face."""
 
 from __future__ import annotations
 
@@ -9,48 +9,61 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, Transforms, Vectors
 from tanteo.hand.acquisition.guesses import FaceGuess
 from tanteo.hand.acquisition.run import SensingRun
-from tanteo.hand.acquisition.seen import Cloud, room
+from tanteo.hand.acquisition.seen import Cloud, clearance
 from tanteo.hand.motion.steering import Motion
-from tanteo.hand.motion.travelling import go_to, look, looked
+from tanteo.hand.motion.travelling import go_to, spiral_poses, spiral_scan
 from tanteo.hand.robot import Hand
 from tanteo.sensors import error_model
 
 _SLACK = 2e-3
-"""Beyond the clearance to the bounds of the workspace: nearer, the guard would slow the hand to a stop [m]."""
+"""Additional clearance to the bounds of the workspace [m]; the guard slows the hand at a smaller one."""
 
 
 BETWEEN = 5e-3
-"""Something may be nearer than the points that were met on it, by so much [m]."""
+"""Largest distance of a surface from the sensed points on it [m]."""
 
 
 _NEARLY = 0.97
-"""So much of the fingers' skin is nearly all of it."""
+"""Fraction of the fingers' surface that counts as nearly complete."""
 
-ROOM = 0.025
-"""Where it looks for the first time the hand swings no part of it farther to any side [m]."""
+SWING = 0.025
+"""Largest displacement of any part of the hand during the first scan [m]."""
 
 _LEAST_SWING = 0.08
-"""A look with less tilt shows nothing new [rad]."""
+"""Smallest useful tilt of a scan [rad]."""
 
 
-def look_around(run: SensingRun, tilt: float, spacing: float) -> Motion:
-    """A look with as much tilt as there is room for; every second one goes between the turns of the one before.
+def scan_surroundings(run: SensingRun, tilt: float, spacing: float) -> Motion:
+    """Scan the surroundings in a spiral with the largest tilt that the clearance allows; alternate scans interleave.
 
-    Until it has gone somewhere after a look, no part of it goes farther than the free space around its start allows.
+    Before the first motion to another pose, no part of the hand moves farther than :data:`SWING`.
+
+    Args:
+        run: running acquisition.
+        tilt: tilt of the hand's axis at the end of the spiral [rad].
+        spacing: increase of the tilt from turn to turn [rad].
     """
     names = [motion.name for motion in run.motions]
     led = "look" in names and set(names[names.index("look") :]) != {"look"}
     begin = np.pi * (names.count("look") % 2)
-    widest = swing(run, tilt, spacing, begin, np.inf if led else ROOM)
-    return run.does(look(run.robot, widest, run.rules, spacing=spacing, begin=begin))
+    widest = swing(run, tilt, spacing, begin, np.inf if led else SWING)
+    return run.does(spiral_scan(run.robot, widest, run.rules, spacing=spacing, begin=begin))
 
 
 def swing(run: SensingRun, tilt: float, spacing: float, begin: float, farthest: float) -> float:
-    """The tilt of a look, less where the workspace or what was met leaves no room, or a finger would go too far [m]."""
+    """Return the tilt of a scan, reduced until workspace, sensed points and the allowed displacement permit it [rad].
+
+    Args:
+        run: running acquisition.
+        tilt: requested tilt [rad].
+        spacing: increase of the tilt from turn to turn [rad].
+        begin: start angle of the spiral [rad].
+        farthest: largest displacement of any part of the hand [m].
+    """
     hand, T = run.hand, run.robot.sensed.T_world_hand
     cloud = run.seen() if run.motions else None
     while tilt > _LEAST_SWING:
-        way = looked(hand, T, tilt, spacing=spacing, begin=begin)
+        way = spiral_poses(hand, T, tilt, spacing=spacing, begin=begin)
         gone = np.linalg.norm(hand.body.placed(way) - hand.body.placed(T), axis=-1).max()
         free = _allowed(run, way).all() if cloud is None else fits(run, cloud, way)
         if free and gone <= farthest:
@@ -60,7 +73,7 @@ def swing(run: SensingRun, tilt: float, spacing: float, begin: float, farthest: 
 
 
 def _allowed(run: SensingRun, way: Transforms) -> BoolArray:
-    """At which poses the workspace has room for the hand, or as much to every limit as where it is now."""
+    """Return the mask of the poses within the workspace, or as near to its limits as the current pose ``(m,)``."""
     body, space = run.hand.body, run.rules.workspace
     here = space.of_body(body, run.robot.sensed.T_world_hand)
     least = np.minimum(run.rules.clearance + _SLACK, here - 1e-3)
@@ -68,36 +81,71 @@ def _allowed(run: SensingRun, way: Transforms) -> BoolArray:
 
 
 def fitting(run: SensingRun, cloud: Cloud, way: Transforms) -> BoolArray:
-    """At which of some poses ``(m, 4, 4)`` the hand has room, as far as is known ``(m,)``."""
-    return _allowed(run, way) & (room(cloud, run.hand.body, way) >= run.rules.clearance + BETWEEN)
+    """Return the mask of the poses with enough clearance, as far as is known ``(m,)``.
+
+    Args:
+        run: running acquisition.
+        cloud: sensed points.
+        way: poses of the hand ``(m, 4, 4)`` [m].
+    """
+    return _allowed(run, way) & (clearance(cloud, run.hand.body, way) >= run.rules.clearance + BETWEEN)
 
 
 def fits(run: SensingRun, cloud: Cloud, way: Transforms) -> bool:
-    """Whether it has room at all of them."""
+    """Return whether all poses have enough clearance.
+
+    Args:
+        run: running acquisition.
+        cloud: sensed points.
+        way: poses of the hand ``(m, 4, 4)`` [m].
+    """
     return bool(fitting(run, cloud, way).all())
 
 
 def known(run: SensingRun, way: Transforms) -> bool:
-    """Whether all that the fingers take at some poses was seen free or taken before."""
+    """Return whether the space of the fingers at some poses is completely known to be free.
+
+    Args:
+        run: running acquisition.
+        way: poses of the hand ``(m, 4, 4)`` [m].
+    """
     return run.known().holds(run.hand.body, way, 0.0)
 
 
 def nearly_known(run: SensingRun, way: Transforms) -> bool:
-    """The same, but for gaps between single beams: beside places that are known."""
+    """Return whether the space of the fingers is known to be free except for gaps between single beams.
+
+    Args:
+        run: running acquisition.
+        way: poses of the hand ``(m, 4, 4)`` [m].
+    """
     return all(share >= _NEARLY for share in run.known().shares(run.hand.body, way, 0.0))
 
 
 def moved(T: Transforms, shift: Vectors) -> Transforms:
-    """A pose displaced in the world by one shift ``(3,)`` or by several ``(m, 3)``, or poses ``(m, 4, 4)`` by one."""
+    """Return poses after a translation in the world.
+
+    Args:
+        T: one pose ``(4, 4)``, or several ``(m, 4, 4)`` [m].
+        shift: one translation ``(3,)``, or several ``(m, 3)`` [m].
+    """
     out = np.array(np.broadcast_to(T, (*np.broadcast_shapes(T.shape[:-2], np.shape(shift)[:-1]), 4, 4)))
     out[..., :3, 3] += shift
     return out
 
 
 def facing(hand: Hand, place: Vectors, normal: Vectors, along: Vectors, height: float, near: Transforms) -> Transforms:
-    """The pose of the hand square to a plane, its front this high over a place, its pair along a line.
+    """Return the pose of the hand square to a plane, with its sensor pair along a line.
 
-    Of the two such poses the one that is less turned from ``near``.
+    There are two such poses; this is the one with the smaller rotation from ``near``.
+
+    Args:
+        hand: sensors and body of the hand.
+        place: point on the plane under the hand's front ``(3,)`` [m].
+        normal: unit normal of the plane ``(3,)``.
+        along: direction of the sensor pair ``(3,)``.
+        height: height of the hand's front over the plane [m].
+        near: reference pose ``(4, 4)`` [m].
     """
     z = -normal
     y = np.cross(z, along)
@@ -112,7 +160,12 @@ def facing(hand: Hand, place: Vectors, normal: Vectors, along: Vectors, height: 
 
 
 def squared(run: SensingRun, face: Feature) -> Transforms:
-    """The pose with the hand turned square to a plane about its front, as little as need be."""
+    """Return the pose of the hand after the smallest rotation about its front that aligns it with a plane.
+
+    Args:
+        run: running acquisition.
+        face: plane.
+    """
     hand, T, normal = run.hand, run.robot.sensed.T_world_hand, face.T_world_feature[:3, 2]
     front = T[:3, :3] @ hand.front + T[:3, 3]
     along = T[:3, :3] @ hand.pair
@@ -121,19 +174,21 @@ def squared(run: SensingRun, face: Feature) -> Transforms:
 
 
 _FAR, _NEAR = 0.8, 0.5
-"""Shares of the frontal sensors' range: beyond the first the hand comes nearer, to the second."""
+"""Distances as fractions of the frontal sensors' range: above the first the hand approaches, to the second."""
 
 _WORTH = 0.025
-"""Within range it stays where it begins, with free space around it, if it would win no more than this [m]."""
+"""Gain in distance below which a hand within range does not approach [m]."""
 
 
 def come_near(run: SensingRun, guess: FaceGuess) -> Motion | None:
-    """Bring the hand before a face that its frontal beams would hardly reach; None where they do.
+    """Bring the hand into range of a face; it first moves over the face at constant distance, then straight down.
 
-    It keeps its distance until it stands over the place, and comes straight down then.
+    Args:
+        run: running acquisition.
+        guess: approximate pose of the face.
 
     Returns:
-        The last motion; one that did not reach its pose ends the way.
+        The last motion, which may have failed; None if the face is already in range.
     """
     hand, T = run.hand, run.robot.sensed.T_world_hand
     front = T[:3, :3] @ hand.front + T[:3, 3]

@@ -17,8 +17,8 @@ from tanteo.geometry.typing import BoolArray, Transforms, Vectors
 from tanteo.hand.motion.following import level
 from tanteo.hand.motion.steering import Ending, Motion, Rules, Steering
 from tanteo.hand.motion.track import Crease, Surface, Track, crease_angle, crease_of
-from tanteo.hand.robot import MET, NEAR, HandReading, Robot
-from tanteo.hand.twists import shift
+from tanteo.hand.robot import HIT, NEAR, HandReading, Robot
+from tanteo.hand.twists import translation_twist
 from tanteo.sensors import error_model
 from tanteo.words.findings import BendsAway, EdgeCrossed, EdgeNotRepeated, NoEdge, NotUnderSensors
 
@@ -94,8 +94,8 @@ def cross_edge(
 ) -> Crossing:
     """Move straight until both frontal sensors are off the surface or the reach is exceeded, then move straight back.
 
-    The hand keeps its orientation; it should be settled square to the surface before. Ranges do not control the motion,
-    but the steering still slows it down near obstacles.
+    The hand keeps its orientation, so align it with the surface before. Ranges do not control the motion, but the
+    steering still slows it down near obstacles.
 
     Args:
         robot: robot with the hand over the surface.
@@ -120,11 +120,11 @@ def cross_edge(
     back = _come_back(run, -heading * speed, out[0]) if ended != "timeout" else []
     events, creases = list[EdgeEvent](), list[Crease]()
     for number in np.flatnonzero(~np.isnan(surface.ranges)):
-        met = [_met(run, int(number), leg, surface) for leg in (out, back[::-1])]
-        creases += [m for m in met if isinstance(m, Crease)]
+        hits = [_event_of(run, int(number), leg, surface) for leg in (out, back[::-1])]
+        creases += [m for m in hits if isinstance(m, Crease)]
         # a sensor that only left or only returned has passed something else than this edge
-        if isinstance(met[0], EdgeEvent) and isinstance(met[1], EdgeEvent):
-            events += [met[0], replace(met[1], outwards=False)]
+        if isinstance(hits[0], EdgeEvent) and isinstance(hits[1], EdgeEvent):
+            events += [hits[0], replace(hits[1], outwards=False)]
     if events:
         motion = run.end("reached", EdgeCrossed(len(events), len(events) // 2))
     elif creases:
@@ -138,7 +138,7 @@ def cross_edge(
     return Crossing(motion, tuple(events), tuple(creases))
 
 
-def _met(run: Steering, number: int, leg: list[HandReading], surface: Surface) -> EdgeEvent | Crease | None:
+def _event_of(run: Steering, number: int, leg: list[HandReading], surface: Surface) -> EdgeEvent | Crease | None:
     """Return the edge or crease that one sensor passed on a leg that begins over the surface, or None."""
     if len(leg) < 2 * _BESIDE:
         return None
@@ -162,11 +162,11 @@ def _surface(run: Steering, standoff: float) -> Surface:
         run.step(np.zeros(6))
         readings.append(run.sensed.ranges[pair])
     table = np.array(readings)
-    met = (np.abs(table - standoff) < _NEAR * standoff).mean(axis=0) > _MOSTLY
-    ranges = np.array([np.median(c[np.isfinite(c)]) if m else np.nan for c, m in zip(table.T, met, strict=True)])
+    hits = (np.abs(table - standoff) < _NEAR * standoff).mean(axis=0) > _MOSTLY
+    ranges = np.array([np.median(c[np.isfinite(c)]) if m else np.nan for c, m in zip(table.T, hits, strict=True)])
     model = error_model(run.hand.rig)
     every = np.full(len(model), standoff)
-    every[pair] = np.where(met, ranges, standoff)
+    every[pair] = np.where(hits, ranges, standoff)
     sds = model.law.sigma(every)[pair]
     spots = np.tan(model.beam_half_angle[pair]) * every[pair]
     return Surface(ranges, np.maximum(_DROP * standoff, 6 * sds), sds, spots)
@@ -175,7 +175,7 @@ def _surface(run: Steering, standoff: float) -> Surface:
 def _dropped(surface: Surface, sensed: HandReading, pair: tuple[int, int]) -> BoolArray:
     """Return which of the two sensors miss the surface: a longer range, none, or a grazed side face."""
     ranges, states = sensed.ranges[list(pair)], sensed.states[list(pair)]
-    return np.asarray(np.where(states == MET, ranges > surface.ranges + surface.slack, states != NEAR))
+    return np.asarray(np.where(states == HIT, ranges > surface.ranges + surface.slack, states != NEAR))
 
 
 def _leave(
@@ -191,10 +191,10 @@ def _leave(
     known = ~np.isnan(surface.ranges)
     off = np.zeros(2)
     while True:
-        if ending := run.step(shift(velocity)):
+        if ending := run.step(translation_twist(velocity)):
             return leg, ending
         leg.append(run.sensed)
-        off = np.where(_dropped(surface, run.sensed, pair) & known, off + speed * run.share * run.robot.period, 0.0)
+        off = np.where(_dropped(surface, run.sensed, pair) & known, off + speed * run.fraction * run.robot.period, 0.0)
         beyond = off > 2 * surface.spots + _BEYOND
         gone = float(np.linalg.norm(run.sensed.T_world_hand[:3, 3] - start[:3, 3]))
         if beyond[known].all() or (beyond.any() and off.max() > spread):
@@ -208,7 +208,7 @@ def _come_back(run: Steering, velocity: Vectors, first: HandReading) -> list[Han
     leg, pace = [run.sensed], velocity / np.linalg.norm(velocity)
     while True:
         left = first.T_world_hand[:3, 3] - run.sensed.T_world_hand[:3, 3]
-        if float(run.sensed.T_world_hand[:3, :3] @ pace @ left) < 0 or run.step(shift(velocity)):
+        if float(run.sensed.T_world_hand[:3, :3] @ pace @ left) < 0 or run.step(translation_twist(velocity)):
             return leg
         leg.append(run.sensed)
 
@@ -217,7 +217,7 @@ def _event(sensor: int, number: int, track: Track, surface: Surface, last: int) 
     """Return where one sensor passed the edge; None if it was not fully over the surface before."""
     ways, on, spot = track.ways, track.on, float(surface.spots[number])
     # Sum the steps whose reading is on the surface, from well before the spot reaches the edge. Misses before that
-    # belong to another edge nearby.
+    # lie on another edge nearby.
     shares = np.gradient(ways)
     begin = int(np.searchsorted(ways, ways[last] - 3 * spot - _BEYOND))
     place = float(ways[begin] - 0.5 * shares[begin] + shares[begin : last + 1] @ on[begin : last + 1])

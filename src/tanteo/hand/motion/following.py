@@ -1,4 +1,4 @@
-"""Guarded motions: approach a surface up to a stand-off, retreat from it, settle square to it, and follow it.
+"""Guarded motions: approach a surface up to a stand-off, retreat from it, align square to it, and follow it.
 
 The ranges of the two frontal sensors give the height ``h`` of the hand's front above the surface and the tilt ``a``
 about the axis perpendicular to the pair. :class:`~tanteo.hand.Loop` drives both to their references. The hand rotates
@@ -15,8 +15,8 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Tangents, Transforms, Vectors
 from tanteo.hand.motion.steering import Motion, Rules, Steering, blind, frontal
-from tanteo.hand.robot import MET, Hand, HandReading, Robot
-from tanteo.hand.twists import advance, shift, turn
+from tanteo.hand.robot import HIT, Hand, HandReading, Robot
+from tanteo.hand.twists import advance, rotation_twist, translation_twist
 from tanteo.words.findings import (
     AtStandoff,
     Followed,
@@ -52,7 +52,7 @@ def approach(robot: Robot, standoff: float, rules: Rules, *, reach: float) -> Mo
     start, still = run.sensed.T_world_hand, 0
     while True:
         ranges, _ = frontal(run)
-        ranges = np.where(np.isfinite(ranges), ranges, run.room[list(run.hand.frontal)])
+        ranges = np.where(np.isfinite(ranges), ranges, run.free_range[list(run.hand.frontal)])
         error = float(ranges.min()) - standoff
         if blind(run):
             return run.end("lost", NoRanges())
@@ -63,7 +63,7 @@ def approach(robot: Robot, standoff: float, rules: Rules, *, reach: float) -> Mo
         if gone > reach:
             return run.end("nothing", NoSurfaceAhead(reach))
         speed = float(np.clip(run.loop.gain * error, -rules.speed, rules.speed)) if np.isfinite(error) else rules.speed
-        if ending := run.step(shift(np.array([0.0, 0.0, speed]))):
+        if ending := run.step(translation_twist(np.array([0.0, 0.0, speed]))):
             return run.end(ending)
 
 
@@ -87,7 +87,7 @@ def retreat(robot: Robot, distance: float, rules: Rules) -> Motion:
         if left < 5e-4:
             return run.end("reached", MovedBack(distance))
         speed = min(run.loop.gain * left + 1e-3, rules.speed)
-        if ending := run.step(shift(np.array([0.0, 0.0, -speed]))):
+        if ending := run.step(translation_twist(np.array([0.0, 0.0, -speed]))):
             return run.end(ending)
 
 
@@ -105,10 +105,10 @@ _ASTRAY = 3
 """Number of successive outliers that end the motion; a single one may be an echo from the rim of the cone."""
 
 _AT_REST, _LEVEL = 0.03, math.radians(1.0)
-"""Largest height error, as a fraction of the stand-off, and tilt [rad] of a settled hand."""
+"""Largest height error, as a fraction of the stand-off, and tilt [rad] of an aligned hand."""
 
 
-def settle(robot: Robot, standoff: float, rules: Rules, *, max_tilt: float = math.radians(60.0)) -> Motion:
+def align(robot: Robot, standoff: float, rules: Rules, *, max_tilt: float = math.radians(60.0)) -> Motion:
     """Rotate the hand square to the surface in the plane of its two frontal sensors, at the stand-off.
 
     The tilt about the line through the sensors stays unchanged. The paper's second direction needs a quarter turn of
@@ -123,7 +123,7 @@ def settle(robot: Robot, standoff: float, rules: Rules, *, max_tilt: float = mat
     Returns:
         ``reached``; ``lost`` if one of the two sensors hits no surface, or a different one; ``limit``; ``timeout``.
     """
-    run = Steering("settle", robot, rules)
+    run = Steering("align", robot, rules)
     window = 8 + run.loop.delay
     recent: list[tuple[float, float]] = []
     while True:
@@ -140,8 +140,8 @@ def settle(robot: Robot, standoff: float, rules: Rules, *, max_tilt: float = mat
             return run.end(ending)
 
 
-def settled(hand: Hand, sensed: HandReading, standoff: float) -> Transforms | None:
-    """Return the pose to which :func:`settle` would bring the hand, computed from one reading.
+def aligned_pose(hand: Hand, sensed: HandReading, standoff: float) -> Transforms | None:
+    """Return the pose to which :func:`align` would bring the hand, computed from one reading.
 
     Args:
         hand: sensors and body of the hand.
@@ -152,11 +152,13 @@ def settled(hand: Hand, sensed: HandReading, standoff: float) -> Transforms | No
         The pose ``(4, 4)`` for a flat surface; None unless both frontal sensors have a range.
     """
     ranges = sensed.ranges[list(hand.frontal)]
-    if not (sensed.states[list(hand.frontal)] == MET).all():
+    if not (sensed.states[list(hand.frontal)] == HIT).all():
         return None
     height, tilt = _height_and_tilt(hand, ranges)
-    turned = advance(sensed.T_world_hand, turn(tilt * _axis(hand), hand.front + np.array([0.0, 0.0, height])), 1.0)
-    return advance(turned, shift(np.array([0.0, 0.0, height - standoff])), 1.0)
+    turned = advance(
+        sensed.T_world_hand, rotation_twist(tilt * _axis(hand), hand.front + np.array([0.0, 0.0, height])), 1.0
+    )
+    return advance(turned, translation_twist(np.array([0.0, 0.0, height - standoff])), 1.0)
 
 
 def follow(
@@ -194,7 +196,7 @@ def follow(
         correction = hold(run, standoff, height, tilt) if not jumped else np.zeros(6)
         before = run.sensed.T_world_hand
         slower = max(_CREEP, 1.0 - abs(tilt) / _BENT)
-        if ending := run.step(shift(slower * speed * heading) + correction):
+        if ending := run.step(translation_twist(slower * speed * heading) + correction):
             return run.end(ending)
         moved = SE3.apply(run.sensed.T_world_hand, run.hand.front) - SE3.apply(before, run.hand.front)
         gone += max(float(before[:3, :3] @ heading @ moved), 0.0)
@@ -203,8 +205,8 @@ def follow(
 
 def seen_surface(run: Steering) -> tuple[float, float, bool]:
     """Return height [m] and tilt [rad] of the surface under the frontal sensors, and whether both have a range."""
-    ranges, met = frontal(run)
-    if not met.all():
+    ranges, hit = frontal(run)
+    if not hit.all():
         return float(ranges.min()), 0.0, False
     return *_height_and_tilt(run.hand, ranges), True
 
@@ -225,7 +227,7 @@ def hold(run: Steering, standoff: float, height: float, tilt: float) -> Tangents
     speed = max(-rules.speed, min(rules.speed, gain * (height - standoff)))
     rate = max(-rules.turn, min(rules.turn, gain * tilt))
     below = run.hand.front + np.array([0.0, 0.0, height])
-    return shift(np.array([0.0, 0.0, speed])) + turn(rate * _axis(run.hand), below)
+    return translation_twist(np.array([0.0, 0.0, speed])) + rotation_twist(rate * _axis(run.hand), below)
 
 
 def level(direction: Vectors) -> FloatArray:

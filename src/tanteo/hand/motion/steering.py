@@ -14,8 +14,8 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry.typing import FloatArray, Tangents
 from tanteo.hand.motion.control import Loop
-from tanteo.hand.robot import LOST, MET, NEAR, HandReading, Robot
-from tanteo.hand.twists import about, gap
+from tanteo.hand.robot import HIT, LOST, NEAR, HandReading, Robot
+from tanteo.hand.twists import point_velocities, pose_difference
 from tanteo.hand.workspace import Workspace
 from tanteo.words.findings import AtLimit, Finding, NearSurface, TimedOut
 
@@ -103,17 +103,17 @@ class Steering:
 
     Attributes:
         loop: gain for distances and angles, chosen from the robot's latency.
-        share: fraction of the last command's velocity that was sent, 0 to 1.
+        fraction: part of the last command's velocity that was sent, 0 to 1.
         refused: reason why commands were slowed down recently; None if none were.
-        room: remembered free range along each beam ``(k,)`` [m]; infinite without a recent range.
+        free_range: remembered free range along each beam ``(k,)`` [m]; infinite without a recent range.
     """
 
     def __init__(self, name: str, robot: Robot, rules: Rules) -> None:
         self.robot, self.rules, self.hand = robot, rules, robot.hand
         self.loop = Loop.of(robot.latency, robot.period)
         self.refused: Finding | None = None
-        self.share = 1.0
-        self.room, self._until = np.full(len(self.hand.origins), np.inf), np.zeros(len(self.hand.origins))
+        self.fraction = 1.0
+        self.free_range, self._until = np.full(len(self.hand.origins), np.inf), np.zeros(len(self.hand.origins))
         self._name, self._log = name, [robot.sensed]
         self._stuck, self._deadline = 0.0, robot.sensed.time + rules.timeout
         self._limits = rules.workspace.limits
@@ -133,9 +133,9 @@ class Steering:
             ``limit`` if commands have been refused for too long, ``timeout`` if the time is over, else None.
         """
         self._remember()
-        self.share, why = self._slowed(twist)
-        self._log.append(self.robot.step(twist * self.share))
-        if self.share < _STUCK:
+        self.fraction, why = self._slowed(twist)
+        self._log.append(self.robot.step(twist * self.fraction))
+        if self.fraction < _STUCK:
             self.refused, self._stuck = why, self._stuck + self.robot.period
         else:
             self._stuck = 0.0
@@ -158,37 +158,37 @@ class Steering:
         return Motion(self._name, status, finding, tuple(self._log))
 
     def _remember(self) -> None:
-        """Update :attr:`room` with the most recent reading."""
+        """Update :attr:`free_range` with the most recent reading."""
         sensed = self.sensed
         if len(self._log) > 1:  # a remembered surface comes nearer by the motion of the sensor along its beam
-            moved = gap(self._log[-2].T_world_hand, sensed.T_world_hand)
-            way = about(self.hand.origins, np.concatenate(moved))
-            self.room = np.maximum(self.room - np.sum(way * self.hand.axes, axis=1), 0.0)
-        met = (sensed.states == MET) | (sensed.states == NEAR)
-        self.room = np.where(met, np.where(sensed.states == MET, sensed.ranges, 0.0), self.room)
-        self._until[met] = sensed.time + _REMEMBERED
-        self.room[sensed.time >= self._until] = np.inf
+            moved = pose_difference(self._log[-2].T_world_hand, sensed.T_world_hand)
+            way = point_velocities(self.hand.origins, np.concatenate(moved))
+            self.free_range = np.maximum(self.free_range - np.sum(way * self.hand.axes, axis=1), 0.0)
+        hit = (sensed.states == HIT) | (sensed.states == NEAR)
+        self.free_range = np.where(hit, np.where(sensed.states == HIT, sensed.ranges, 0.0), self.free_range)
+        self._until[hit] = sensed.time + _REMEMBERED
+        self.free_range[sensed.time >= self._until] = np.inf
 
     def _slowed(self, twist: Tangents) -> tuple[float, Finding | None]:
         """Return the fraction of a command's velocity that keeps the clearance, and the reason for the limit."""
-        share: float = 1.0
+        fraction: float = 1.0
         why: Finding | None = None
-        closing = np.einsum("ij,ij->i", about(self.hand.origins, twist), self.hand.axes)
-        free = self.loop.gain * (self.room - self.hand.overhangs - self.rules.clearance)
+        closing = np.einsum("ij,ij->i", point_velocities(self.hand.origins, twist), self.hand.axes)
+        free = self.loop.gain * (self.free_range - self.hand.overhangs - self.rules.clearance)
         for i in np.flatnonzero((closing > 0) & (closing > free)):
             allowed = max(float(free[i] / closing[i]), 0.0)
-            if allowed < share:
-                share, why = allowed, NearSurface(self.hand.rig.sensors[i].name)
-        return self._within(twist, share, why)
+            if allowed < fraction:
+                fraction, why = allowed, NearSurface(self.hand.rig.sensors[i].name)
+        return self._within(twist, fraction, why)
 
     def _within(self, twist: Tangents, share: float, why: Finding | None) -> tuple[float, Finding | None]:
         """Reduce the fraction of :meth:`_slowed` further where the body nears a bound or forbidden box."""
         if not self._limits:
             return share, why
         T, body = self.sensed.T_world_hand, self.hand.body
-        room, away = self.rules.workspace.clearances(body.placed(T))
-        free = self.loop.gain * np.maximum(room - body.radii[:, None] - self.rules.clearance, 0.0)
-        closing = -np.einsum("kmi,ki->km", away, about(body.centres, twist) @ T[:3, :3].T)
+        margins, away = self.rules.workspace.clearances(body.placed(T))
+        free = self.loop.gain * np.maximum(margins - body.radii[:, None] - self.rules.clearance, 0.0)
+        closing = -np.einsum("kmi,ki->km", away, point_velocities(body.centres, twist) @ T[:3, :3].T)
         ratio = np.where(closing > free, free / np.where(closing > free, closing, 1.0), 1.0).min(axis=0)
         worst = int(np.argmin(ratio))
         return (float(ratio[worst]), AtLimit(self._limits[worst])) if ratio[worst] < share else (share, why)
@@ -201,11 +201,11 @@ def frontal(steering: Steering) -> tuple[FloatArray, FloatArray]:
     """
     sensed, pair = steering.sensed, list(steering.hand.frontal)
     states = sensed.states[pair]
-    ranges = np.where(states == MET, sensed.ranges[pair], np.where(states == NEAR, 0.0, np.inf))
+    ranges = np.where(states == HIT, sensed.ranges[pair], np.where(states == NEAR, 0.0, np.inf))
     return ranges, np.isfinite(ranges)
 
 
 def blind(steering: Steering) -> bool:
     """Return whether neither frontal sensor has a range although at least one has an echo."""
     states = steering.sensed.states[list(steering.hand.frontal)]
-    return bool((states != MET).all() and (states == LOST).any())
+    return bool((states != HIT).all() and (states == LOST).any())

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
-from tanteo.hand.robot import FREE, LOST, MET, HandReading
-from tanteo.hand.twists import advance, gap
+from tanteo.hand.robot import FREE, HIT, LOST, HandReading
+from tanteo.hand.twists import advance, pose_difference
 
 _DROPS = 3
 """Number of readings beyond the surface that confirm an edge."""
@@ -60,9 +60,9 @@ class Track:
         states = np.array([s.states[sensor] for s in leg])
         Ts = np.array([s.T_world_hand for s in leg])
         ways = np.concatenate([[0.0], np.linalg.norm(np.diff(Ts[:, :3, 3], axis=0), axis=1).cumsum()])
-        met = states == MET
-        on = met & (np.abs(ranges - distance) < slack)
-        dropped = np.where(met, ranges > distance + slack, states == FREE)
+        hits = states == HIT
+        on = hits & (np.abs(ranges - distance) < slack)
+        dropped = np.where(hits, ranges > distance + slack, states == FREE)
         return cls(Ts, ways, ranges, on, dropped, states == LOST)
 
     def last_on(self, gap: float, *, blindly: bool = False) -> int | None:
@@ -86,7 +86,7 @@ class Track:
         k = int(np.clip(np.searchsorted(self.ways, way), 1, len(self.ways) - 1))
         before, after = self.Ts_world_hand[k - 1], self.Ts_world_hand[k]
         share = (way - self.ways[k - 1]) / max(self.ways[k] - self.ways[k - 1], 1e-12)
-        return advance(before, np.concatenate(gap(before, after)), share)
+        return advance(before, np.concatenate(pose_difference(before, after)), share)
 
 
 STEEP = math.radians(75.0)

@@ -1,7 +1,7 @@
 """Motions through free space: go to a pose with the hand's front on a straight line, and scan the surroundings.
 
 A scan moves the hand's axis along a spiral of tilts about the centre of the hand's thickest part. No sensor covers the
-space behind the hand, so its back stays in place while the fingers, which carry the sensors, swing and rotate.
+space lag the hand, so its back stays in place while the fingers, which carry the sensors, swing and rotate.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.hand.motion.steering import Motion, Rules, Steering
 from tanteo.hand.robot import Hand, Robot
-from tanteo.hand.twists import advance, gap, shift, turn
+from tanteo.hand.twists import advance, pose_difference, rotation_twist, translation_twist
 from tanteo.words.findings import AtPose, AtRest, LookedAround, NothingInRange
 
 _CLOSE, _TURNED = 5e-4, 2e-3
@@ -71,7 +71,7 @@ def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Tra
     Returns:
         Poses ``(n, 4, 4)``.
     """
-    turned, shares = gap(T_from, T_to)[1], np.linspace(0, 1, n)
+    turned, shares = pose_difference(T_from, T_to)[1], np.linspace(0, 1, n)
     out = np.stack([advance(T_from, np.array([0.0, 0.0, 0.0, *turned]), s) for s in shares])
     a, b = (SE3.apply(T, front) for T in (T_from, T_to))
     out[:, :3, 3] = a + shares[:, None] * (b - a) - out[:, :3, :3] @ front
@@ -81,14 +81,14 @@ def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Tra
 def towards(run: Steering, T_world_hand: Transforms) -> tuple[FloatArray, float, float]:
     """Return the twist that moves the front straight to a pose, and the remaining distance [m] and angle [rad]."""
     front, T = run.hand.front, run.sensed.T_world_hand
-    p, w = gap(T, T_world_hand)
+    p, w = pose_difference(T, T_world_hand)
     # displacement of the front in the current hand frame: p + R_gap front - front
     p = p + (T[:3, :3].T @ (T_world_hand[:3, :3] @ front)) - front
     missing, angle = math.sqrt(p @ p), math.sqrt(w @ w)
     share = min(1.0, run.rules.speed / max(run.loop.gain * missing, 1e-12))
     share = min(share, run.rules.turn / max(run.loop.gain * angle, 1e-12))
     k = run.loop.gain * share
-    return shift(k * p) + turn(k * w, front), missing, angle
+    return translation_twist(k * p) + rotation_twist(k * w, front), missing, angle
 
 
 _SPIN, _SPIN_OVER = 0.8, 2.8
@@ -96,13 +96,13 @@ _SPIN, _SPIN_OVER = 0.8, 2.8
 lateral beams a quarter turn apart then cover the full circle."""
 
 _PACE = 0.4
-"""Spacing along the spiral of the poses of :func:`looked` [rad]."""
+"""Spacing along the spiral of the poses of :func:`spiral_poses` [rad]."""
 
 _LAG = 0.15
 """Lag of the hand behind the spiral at which the spiral waits [rad]."""
 
 
-def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, begin: float = 0.0) -> Motion:
+def spiral_scan(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, begin: float = 0.0) -> Motion:
     """Rotate the hand so that its beams scan a cone, and return to the initial pose.
 
     Args:
@@ -113,7 +113,7 @@ def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, be
         begin: start angle of the spiral [rad]; an offset of half a turn interleaves two scans.
 
     Returns:
-        ``reached``; ``nothing`` if no frontal beam met anything; ``timeout``.
+        ``reached``; ``nothing`` if no frontal beam hit anything; ``timeout``.
     """
     run = Steering("look", robot, rules)
     start, seen, angle = run.sensed.T_world_hand, False, 0.0
@@ -121,26 +121,26 @@ def look(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0.09, be
     pivot = _pivot(run.hand)
     while (tilt := spacing * angle / (2 * math.pi)) < widest:
         target = _tilted(start, pivot, tilt, angle, begin)
-        twist, _, behind = towards(run, target)
+        twist, _, lag = towards(run, target)
         ending = run.step(twist)
         if ending == "timeout":
             return run.end(ending)
         seen |= bool(np.isfinite(run.sensed.ranges[frontal]).any())
-        if behind < _LAG or run.share < 0.5:
+        if lag < _LAG or run.fraction < 0.5:
             angle += rules.turn * robot.period / max(tilt, 0.5 * spacing)
     while True:
-        twist, missing, behind = towards(run, start)
-        if missing < 1e-3 and behind < 0.01:
+        twist, missing, lag = towards(run, start)
+        if missing < 1e-3 and lag < 0.01:
             break
         if ending := run.step(twist):
             return run.end(ending)
     return run.end("reached", LookedAround()) if seen else run.end("nothing", NothingInRange())
 
 
-def looked(
+def spiral_poses(
     hand: Hand, T_world_hand: Transforms, widest: float, *, spacing: float = 0.09, begin: float = 0.0
 ) -> Transforms:
-    """Return the poses of a scan by :func:`look`, about a finger's breadth apart.
+    """Return the poses of a scan by :func:`spiral_scan`, about a finger's breadth apart.
 
     Args:
         hand: sensors and body of the hand.
@@ -166,5 +166,5 @@ def _pivot(hand: Hand) -> FloatArray:
 def _tilted(T: Transforms, pivot: FloatArray, tilt: float, angle: float, begin: float) -> Transforms:
     """Return a pose rotated about a fixed point: by ``tilt`` about an axis perpendicular to z, then about z."""
     x, y = math.cos(begin + angle), math.sin(begin + angle)
-    tilted = advance(T, turn(np.array([tilt * x, tilt * y, 0.0]), pivot), 1.0)
-    return advance(tilted, turn(np.array([0.0, 0.0, _SPIN * math.sin(angle / _SPIN_OVER)]), pivot), 1.0)
+    tilted = advance(T, rotation_twist(np.array([tilt * x, tilt * y, 0.0]), pivot), 1.0)
+    return advance(tilted, rotation_twist(np.array([0.0, 0.0, _SPIN * math.sin(angle / _SPIN_OVER)]), pivot), 1.0)

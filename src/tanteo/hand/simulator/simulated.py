@@ -11,7 +11,7 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Tangents, Transforms, Vectors
-from tanteo.hand.robot import FREE, LOST, MET, NEAR, Hand, HandReading
+from tanteo.hand.robot import FREE, HIT, LOST, NEAR, Hand, HandReading
 from tanteo.hand.simulator.scene import Scene
 from tanteo.hand.twists import advance
 from tanteo.sensors import RobotPreset, Status, blend, cone_rays, draw_aims, draw_base, draw_units, emit, error_model
@@ -20,7 +20,7 @@ _BLOCK = 256
 """Number of readings whose ray directions are drawn at once."""
 
 _STATES = np.zeros(len(Status), dtype=np.int64)
-_STATES[[Status.OK, Status.NONE, Status.NEAR, Status.OBLIQUE]] = MET, FREE, NEAR, LOST
+_STATES[[Status.OK, Status.NONE, Status.NEAR, Status.OBLIQUE]] = HIT, FREE, NEAR, LOST
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,18 +147,18 @@ class SimulatedHand:
             repeat = np.repeat([robot.pos_repeat_std, robot.rot_repeat_std], 3) * self._rng.standard_normal(6)
             T_true = advance(T_true, repeat, 1.0)
         self.truth.append(T_true)
-        ranges, incidences, aims = self._look(T_true)
+        ranges, incidences, aims = self._measure(T_true)
         reported, statuses = emit(self._rng, self._model, self._units, ranges, incidences, aims)
         return HandReading(self._time, self._T, reported, _STATES[statuses])
 
-    def _look(self, T: Transforms) -> tuple[FloatArray, FloatArray, Vectors | None]:
+    def _measure(self, T: Transforms) -> tuple[FloatArray, FloatArray, Vectors | None]:
         """Return true ranges, incidence angles and the drawn ray directions (None where cones are sampled)."""
         Rt = T[:3, :3].T
         starts = self._origins @ Rt + T[:3, 3]
         if self._rays is not None:
-            return *self._look_cones(starts, self._rays @ Rt), None
+            return *self._measure_cones(starts, self._rays @ Rt), None
         aims, beams = self._aim()
-        return *self._met(starts, beams @ Rt), aims
+        return *self._cast(starts, beams @ Rt), aims
 
     def _aim(self) -> tuple[Vectors, Vectors]:
         """Return the next drawn ray directions in the sensor frames and in the hand frame, ``(k, 3)`` each."""
@@ -168,7 +168,7 @@ class SimulatedHand:
         self._next += 1
         return self._aims[self._next - 1], self._beams[self._next - 1]
 
-    def _met(self, starts: Vectors, rays: Vectors) -> tuple[FloatArray, FloatArray]:
+    def _cast(self, starts: Vectors, rays: Vectors) -> tuple[FloatArray, FloatArray]:
         distances, triangles = self._scene.surface.cast_unit(starts, rays)
         cosines = np.abs(np.einsum("ij,ij->i", self._scene.surface.normals[triangles], rays))
         return distances, np.arccos(np.minimum(cosines, 1.0))
@@ -177,8 +177,8 @@ class SimulatedHand:
         rays = cone_rays(self._model.beam_half_angle, self._cell.cone)
         return np.einsum("kij,knj->kni", self._axes, rays)
 
-    def _look_cones(self, starts: Vectors, rays: Vectors) -> tuple[FloatArray, FloatArray]:
+    def _measure_cones(self, starts: Vectors, rays: Vectors) -> tuple[FloatArray, FloatArray]:
         k, n = rays.shape[:2]
-        flat, oblique = self._met(np.repeat(starts, n, axis=0), rays.reshape(k * n, 3))
+        flat, oblique = self._cast(np.repeat(starts, n, axis=0), rays.reshape(k * n, 3))
         within = np.where(flat <= np.repeat(self._model.max_range, n), flat, np.inf).reshape(k, n)
         return blend(within)[0], np.asarray(np.median(oblique.reshape(k, n), axis=1))

@@ -44,7 +44,7 @@ def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> 
 
     Args:
         path: file, also used in messages.
-        what: kind of file, in words, for messages.
+        what: kind of file, as text, for messages.
         kind: class of the document.
         text: content to parse instead of reading the file; None to read it.
 
@@ -90,9 +90,9 @@ def table(kind: type[T], raw: Any, place: Place, blank: Mapping[str, Any] = type
             raise place.error(f"expected '{name}' once, got it in two units. Keep one.", key, UnitError)
         written[name] = key
         values[name] = value(fields_of(cast(Any, kind))[name][0], item, place, name, factor)
-    for name, (hint, default) in fields_of(cast(Any, kind)).items():
+    for name, (annotation, default) in fields_of(cast(Any, kind)).items():
         if default is NODEFAULT and name not in values and name not in blank:
-            raise place.error(f"expected {_wanted(name, hint)}, got nothing. {place.advice or 'Add it.'}")
+            raise place.error(f"expected {_wanted(name, annotation)}, got nothing. {place.advice or 'Add it.'}")
     return made(kind, {**blank, **values}, str(place))
 
 
@@ -113,11 +113,11 @@ def made(kind: Callable[..., T], values: Mapping[str, Any], place: str) -> T:
         raise InputError(f"{place}: {error}") from None
 
 
-def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> Any:
+def value(annotation: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> Any:
     """Convert a parsed value to its annotation: a table, a mapping, a sequence, an array, or a type of msgspec.
 
     Args:
-        hint: annotation of the field.
+        annotation: annotation of the field.
         raw: parsed value.
         place: position of the value's table, for messages.
         name: name of the field.
@@ -126,20 +126,20 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
     Raises:
         InputError: the value does not match the annotation.
     """
-    hint, numbers, meta = unwrapped(hint)
-    origin = get_origin(hint)
-    kinds = get_args(hint)
-    if hint is object:
+    annotation, numbers, meta = unwrapped(annotation)
+    origin = get_origin(annotation)
+    kinds = get_args(annotation)
+    if annotation is object:
         return raw
     if origin in (Union, types.UnionType):
         return _one_of(kinds, raw, place, name, factor)
-    if hint is Column:
+    if annotation is Column:
         return Column.from_rows(_array(raw, np.float64, numbers, place, name, factor))
-    if is_table(hint):
-        return table(hint, raw, place.inside(name))
+    if is_table(annotation):
+        return table(annotation, raw, place.inside(name))
     if origin is Mapping:
         if not isinstance(raw, dict) or (not raw and meta is not None and meta.min_length):
-            raise place.refused(name, _words(hint, meta, name), "Write one for each.")
+            raise place.refused(name, _words(annotation, meta, name), "Write one for each.")
         title = (meta and meta.title) or ""
         inner = place.inside(name)
         return {k: table(kinds[1], v, inner.inside(k, title and f"{title} '{k}'")) for k, v in raw.items()}
@@ -151,48 +151,48 @@ def value(hint: Any, raw: Any, place: Place, name: str, factor: float = 1.0) -> 
         if not _is_number(raw):
             raise place.refused(name, "finite numbers")
         raw = raw * factor
-    elif hint is float and isinstance(raw, str):
+    elif annotation is float and isinstance(raw, str):
         raw = _NOT_FINITE.get(raw, raw)
     try:
-        return msgspec.convert(raw, Annotated[hint, meta] if meta else hint)
+        return msgspec.convert(raw, Annotated[annotation, meta] if meta else annotation)
     except msgspec.ValidationError:
-        advice = "Write it in quotes." if hint is str else "Correct it."
-        raise place.refused(name, _words(hint, meta, name), advice) from None
+        advice = "Write it in quotes." if annotation is str else "Correct it."
+        raise place.refused(name, _words(annotation, meta, name), advice) from None
 
 
 def _field(kind: type, key: str, place: Place) -> tuple[str, float]:
     """Return the field name of a key, and the factor from its unit to SI."""
     if key in keys_of(kind):
         return keys_of(kind)[key]
-    keys = {name: list(numbers_of(hint).keys(name)) for name, (hint, _) in fields_of(kind).items()}
+    keys = {name: list(numbers_of(annotation).keys(name)) for name, (annotation, _) in fields_of(kind).items()}
     for name, own in sorted(keys.items(), reverse=True):
         if name not in own and (key == name or key.startswith(f"{name}_")):
             raise place.error(
                 f"expected one of {', '.join(own)}, got '{show(key)}'. Write the unit in the name.", key, UnitError
             )
     known = [own[0] for own in keys.values()]
-    hint = did_you_mean(key, known) or " Correct the name."
-    raise InputError(f"{place}: expected one of {', '.join(known)}, got '{show(key)}'.{hint}{place.line(key)}")
+    annotation = did_you_mean(key, known) or " Correct the name."
+    raise InputError(f"{place}: expected one of {', '.join(known)}, got '{show(key)}'.{annotation}{place.line(key)}")
 
 
-def _wanted(name: str, hint: Any) -> str:
+def _wanted(name: str, annotation: Any) -> str:
     """Return the description of a missing field for messages."""
-    bare, numbers, meta = unwrapped(hint)
+    bare, numbers, meta = unwrapped(annotation)
     if is_table(bare) or get_origin(bare) is Mapping:
         return _words(bare, meta, name)
-    key = f"'{next(iter(numbers_of(hint).keys(name)))}'"
+    key = f"'{next(iter(numbers_of(annotation).keys(name)))}'"
     return f"{key} ({numbers.shapes[0][0]} numbers)" if numbers is not None and numbers.shapes[0] else key
 
 
-def _words(hint: Any, meta: Meta | None, name: str) -> str:
+def _words(annotation: Any, meta: Meta | None, name: str) -> str:
     """Return the description of an accepted value for messages."""
     if meta is not None and meta.description:
         return meta.description
-    if is_table(hint):
+    if is_table(annotation):
         return f"a table [{name}]"
-    if get_origin(hint) is Mapping:
+    if get_origin(annotation) is Mapping:
         return f"tables [{name}.NAME]"
-    kind = {float: "one number", str: "a text", int: "a whole number", bool: "true or false"}[hint]
+    kind = {float: "one number", str: "a text", int: "a whole number", bool: "true or false"}[annotation]
     if meta is None or meta.gt is meta.ge:
         return kind
     if meta.gt is not None:

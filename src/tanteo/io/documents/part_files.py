@@ -113,7 +113,7 @@ def read_one(path: str | Path, unit: str | None) -> Part:
 
 def _changed(file: PartFile, source: str, now: str) -> InputError:
     return PartError(
-        f"{source}: expected the part '{file.name}' as it was (sha256 {file.sha256[:12]}...), got another content in "
+        f"{source}: expected the part '{file.name}' unchanged (sha256 {file.sha256[:12]}...), got another content in "
         f"{now}. Take the file that the session was made with."
     )
 

@@ -214,7 +214,7 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
         return SO3.from_quaternion(self.quaternion_wxyz)
 
     def _unit(self) -> Transforms | None:
-        """Return the pose of the device that the beam belongs to; None for a separate device."""
+        """Return the pose of the device that the beam is part of; None for a separate device."""
         given = self.at.has("unit", "unit_position", "unit_quaternion_wxyz")
         if not given:
             return None

@@ -122,9 +122,9 @@ class Place:
 
         Args:
             name: name of the field.
-            expected: accepted values, in words.
+            expected: accepted values, as text.
             advice: correction to suggest.
-            got: found value, in words; empty for the value as written.
+            got: found value, as text; empty for the value as written.
         """
         key = self.written.get(name, name)
         got = got or show(repr(self.table.get(key)))
@@ -215,36 +215,36 @@ def fields_of(kind: type) -> dict[str, tuple[Any, Any]]:
     Args:
         kind: table or data class.
     """
-    hints = get_type_hints(kind, include_extras=True)
+    annotations = get_type_hints(kind, include_extras=True)
     if issubclass(kind, Table):
-        return {f.name: (hints[f.name], f.default) for f in msgspec.structs.fields(kind) if f.name != "at"}
-    return {f.name: (hints[f.name], NODEFAULT) for f in fields(cast(Any, kind)) if f.init}
+        return {f.name: (annotations[f.name], f.default) for f in msgspec.structs.fields(kind) if f.name != "at"}
+    return {f.name: (annotations[f.name], NODEFAULT) for f in fields(cast(Any, kind)) if f.init}
 
 
-def unwrapped(hint: Any) -> tuple[Any, Numbers | None, Meta | None]:
-    """Return type, numeric annotation and constraints of a type hint.
+def unwrapped(annotation: Any) -> tuple[Any, Numbers | None, Meta | None]:
+    """Return type, numeric annotation and constraints of a annotation.
 
     Args:
-        hint: type hint of a field.
+        annotation: annotation of a field.
     """
     numbers = None
     meta = None
-    if get_origin(hint) is Annotated:
-        hint, *more = get_args(hint)
+    if get_origin(annotation) is Annotated:
+        annotation, *more = get_args(annotation)
         numbers = next((m for m in more if isinstance(m, Numbers)), None)
         meta = next((m for m in more if isinstance(m, Meta)), None)
     # NumPy's NDArray is an alias of the type statement from 2.5 on
-    alias = getattr(get_origin(hint), "__value__", None)
-    return hint if alias is None else alias[get_args(hint)], numbers, meta
+    alias = getattr(get_origin(annotation), "__value__", None)
+    return annotation if alias is None else alias[get_args(annotation)], numbers, meta
 
 
-def numbers_of(hint: Any) -> Numbers:
-    """Return the numeric annotation of a type hint, or of its alternatives.
+def numbers_of(annotation: Any) -> Numbers:
+    """Return the numeric annotation of a annotation, or of its alternatives.
 
     Args:
-        hint: type hint of a field.
+        annotation: annotation of a field.
     """
-    return next((n for h in (hint, *get_args(hint)) if (n := unwrapped(h)[1]) is not None), Numbers())
+    return next((n for h in (annotation, *get_args(annotation)) if (n := unwrapped(h)[1]) is not None), Numbers())
 
 
 @cache
@@ -254,7 +254,7 @@ def keys_of(kind: type) -> dict[str, tuple[str, float]]:
     Args:
         kind: table or data class.
     """
-    numbers = {name: numbers_of(hint) for name, (hint, _) in fields_of(kind).items()}
+    numbers = {name: numbers_of(annotation) for name, (annotation, _) in fields_of(kind).items()}
     return {key: (name, factor) for name, one in numbers.items() for key, factor in one.keys(name).items()}
 
 
@@ -293,12 +293,12 @@ def toml_lines(one: Table) -> list[str]:
         one: table to write.
     """
     lines = []
-    for name, (hint, _) in fields_of(type(one)).items():
+    for name, (annotation, _) in fields_of(type(one)).items():
         got = getattr(one, name)
         if isinstance(got, str):
             lines.append(f"{name} = {msgspec.json.encode(got).decode()}")
         elif got is not None:
-            numbers = numbers_of(hint)
+            numbers = numbers_of(annotation)
             key, factor = next(iter(numbers.keys(name).items()))
             lines.append(f"{key} = {_written(np.asarray(got) / factor, numbers.digits)}")
     return lines

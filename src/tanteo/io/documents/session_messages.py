@@ -36,7 +36,7 @@ def of_step(session: Session, step: Step, readings: Readings | None, stamp: int)
     """Yield the messages of one step: readings and resulting belief.
 
     Args:
-        session: session that the step belongs to.
+        session: session that the step is part of.
         step: result of the step.
         readings: new readings of the step; None if there were none.
         stamp: time stamp of the step [ns].

@@ -117,7 +117,7 @@ def _with_images(values: dict[str, Any], targets: Sequence[PreparedPart], record
     """Return the values of a start with the images of a record as its factors.
 
     Raises:
-        InputError: what the record says of images cannot be.
+        InputError: the record has an invalid statement about images.
         MissingExtraError: without OpenCV (the extra ``vision``).
     """
     if record.seen is None:
@@ -141,7 +141,7 @@ def load_record(path: str | Path) -> SessionRecord:
         InputError: the file cannot be read, or is not a complete record; the message names file and key.
     """
     path = Path(path)
-    record = table(SessionRecord, _read(path), Place(str(path), "Take the record as it was written."))
+    record = table(SessionRecord, _read(path), Place(str(path), "Restore the written record."))
     _policy(record)
     observations = [one.observation() for one in record.observations]
     actions = [*(one.action for one in observations), record.asked, *record.refused]

@@ -117,7 +117,7 @@ def columns(contents: Contents, body: bytes, dtype: np.dtype, count: int) -> dic
 
 
 def text_columns(contents: Contents, body: bytes, names: list[str], count: int) -> dict[str, FloatArray]:
-    """Return columns of text rows; later lines belong to other elements and are ignored.
+    """Return columns of text rows; later lines are part of other elements and are ignored.
 
     Args:
         contents: file, for messages.
@@ -161,7 +161,7 @@ def of_columns(contents: Contents, values: dict[str, FloatArray], notes: list[st
     if not good.any():
         contents.fail("at least one point with finite coordinates", f"{len(points)} points", "Is it the right file?")
     if lost := int(np.sum(~good)):
-        notes = [*notes, f"{counted(lost, 'point')} without finite coordinates left out."]
+        notes = [*notes, f"{counted(lost, 'point')} without finite coordinates excluded."]
     if normals is not None:
         normals = np.where(np.linalg.norm(normals, axis=1, keepdims=True) > 0.5, normals, np.nan)[good]
         normals = None if np.isnan(normals).all() else normals

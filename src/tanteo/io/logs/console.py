@@ -55,8 +55,8 @@ def read(contents: Contents) -> Log:
     inches = bool(said) and said[-1].lower() in ("1", "true", "on", "yes")
     notes = []
     if missed:
-        notes.append(f"{counted(missed, 'probe')} made no contact ([PRB:...:0]) and was left out." if missed == 1 else
-                     f"{missed} probes made no contact ([PRB:...:0]) and were left out.")  # fmt: skip
+        notes.append(f"{counted(missed, 'probe')} made no contact ([PRB:...:0]) and was excluded." if missed == 1 else
+                     f"{missed} probes made no contact ([PRB:...:0]) and were excluded.")  # fmt: skip
     if not said:
         notes.append(
             "Coordinates are taken as millimetres, which GRBL reports unless $13=1. For inches use --units in."

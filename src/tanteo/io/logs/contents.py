@@ -1,4 +1,4 @@
-"""Hold the bytes of a file, and decode its text in whatever encoding it was written."""
+"""Hold the bytes of a file, and decode its text in any encoding."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ class Contents:
         """Refuse the file.
 
         Args:
-            expected: accepted content, in words.
-            got: found content, in words.
+            expected: accepted content, as text.
+            got: found content, as text.
             advice: correction to suggest, as a sentence.
             line: line number; None for the file as a whole.
 

@@ -30,7 +30,7 @@ _CELLS = 9
 """Number of cells of a round feature; a point has six or three."""
 _FEATURE = re.compile(r"^(FA?)\(([^()]{1,80})\)\s*=\s*FEAT\s*/\s*(\w+)\s*,(.{0,500})", re.IGNORECASE)
 _POINT = re.compile(r"^(PTMEAS|PTDATA)\s*/\s*CART\s*,(.{0,500})", re.IGNORECASE)
-_HINT = re.compile(
+_MARK = re.compile(
     r"^[ \t]*(?:DMISMN\s*/|DMISMD\s*/|FILNAM\s*/|FA?\([^()\n]{1,80}\)\s*=\s*FEAT\s*/|PTMEAS\s*/|PTDATA\s*/)",
     re.MULTILINE | re.IGNORECASE,
 )
@@ -48,7 +48,7 @@ def recognise(contents: Contents) -> bool:
     Args:
         contents: file to test.
     """
-    return _HINT.search(contents.head) is not None
+    return _MARK.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
@@ -85,7 +85,7 @@ def read(contents: Contents) -> Log:
         contents.fail("measured points (FA(...)=FEAT/POINT, PTDATA or PTMEAS)", left, "Output the points as well.")
     notes = [_CALLED[taken]] if _CALLED[taken] else []
     if others:
-        notes.append(f"{counted(others, 'feature')} of other kinds than POINT, CIRCLE, CYLNDR and SPHERE left out.")
+        notes.append(f"{counted(others, 'feature')} of other kinds than POINT, CIRCLE, CYLNDR and SPHERE excluded.")
     return _log(contents, rows[taken], unit, notes)
 
 

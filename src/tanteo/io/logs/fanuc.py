@@ -15,7 +15,7 @@ from tanteo.io.logs.log import Log, counted, unique
 ENDS = (EndMark(r"^/PROG\b", r"^/END\b", "/END"),)
 """Statements that end a file."""
 
-_HINT = re.compile(r"^/PROG\b|^/POS\b|^[ \t]*P\[\d+[^\]\n]*\]\s*\{|\bPOSREG\b", re.MULTILINE)
+_MARK = re.compile(r"^/PROG\b|^/POS\b|^[ \t]*P\[\d+[^\]\n]*\]\s*\{|\bPOSREG\b", re.MULTILINE)
 _BLOCK = re.compile(r"P\[\s*(\d+)\s*(?::\s*\"([^\"\n]{0,80})\")?\s*\]\s*\{([^{}]{0,4000})\}")
 _REGISTER = re.compile(r"\[\d+,\s*(\d+)\]\s*=\s*'([^'\n]{0,80})'([^\[]{0,2000})")
 _FIELD = re.compile(r"\b([XYZWPR])\s*[=:]\s*([-+*.\dEe]+)")
@@ -29,7 +29,7 @@ def recognise(contents: Contents) -> bool:
     Args:
         contents: file to test.
     """
-    return _HINT.search(contents.head) is not None
+    return _MARK.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
@@ -65,6 +65,6 @@ def read(contents: Contents) -> Log:
         contents.fail(
             "positions in one user frame", f"UF {', '.join(sorted(frames))}", "Store all of them in one frame."
         )
-    note = f"{counted(left, 'position')} in joints or not taught left out."
+    note = f"{counted(left, 'position')} in joints or not taught excluded."
     poses = contents.numbers(rows, lines, "a position")
     return Log(brand="fanuc", poses=poses, unit="mm", centres=True, ids=unique(names), notes=(note,) if left else ())

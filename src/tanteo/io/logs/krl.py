@@ -17,7 +17,7 @@ ENDS = (
 )
 """Statements that end a file."""
 
-_HINT = re.compile(r"^[ \t]*(?:DEFDAT|DEF|&ACCESS)\b|\bDECL\s+(?:GLOBAL\s+)?(?:E6POS|POS|FRAME|E6AXIS)\b|\{\s*X\s+-?\d",
+_MARK = re.compile(r"^[ \t]*(?:DEFDAT|DEF|&ACCESS)\b|\bDECL\s+(?:GLOBAL\s+)?(?:E6POS|POS|FRAME|E6AXIS)\b|\{\s*X\s+-?\d",
                    re.MULTILINE | re.IGNORECASE)  # fmt: skip
 _FRAME = re.compile(
     r"(?:(\w+)(?:\[\d+\])?\s*=\s*|(\b(?:PTP|LIN|CIRC|SPTP|SLIN)(?:_REL)?)\s*)?\{([^{}\n]{0,1000})\}", re.IGNORECASE
@@ -33,7 +33,7 @@ def recognise(contents: Contents) -> bool:
     Args:
         contents: file to test.
     """
-    return "{" in contents.head and _HINT.search(contents.head) is not None
+    return "{" in contents.head and _MARK.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:
@@ -70,6 +70,6 @@ def read(contents: Contents) -> Log:
         contents.fail("Cartesian positions ({X .., Y .., Z .., A .., B .., C ..})", got, "Is it the .dat file?")
     if len(bases) > 1:
         contents.fail("positions in one base", f"BASE_NO {', '.join(sorted(bases))}", "Store all of them in one base.")
-    note = f"{counted(left, 'position')} in axes, relative or of home left out."
+    note = f"{counted(left, 'position')} in axes, relative or of home excluded."
     poses = contents.numbers(rows, lines, "a position")
     return Log(brand="kuka", poses=poses, unit="mm", centres=True, ids=unique(names), notes=(note,) if left else ())

@@ -70,7 +70,7 @@ def read_points(contents: Contents) -> Log:
     others = rows.values.shape[1] - 3 - len(columns)
     names = [name for k, name in enumerate(rows.names[3:], start=3) if k not in columns]
     what = f" ({', '.join(names)})" if names else ""
-    notes = (f"{others} of {rows.values.shape[1]} columns were left out{what}.",) if others else ()
+    notes = (f"{others} of {rows.values.shape[1]} columns were excluded{what}.",) if others else ()
     return Log(points=rows.values[:, :3], normals=rows.values[:, columns] if columns else None, notes=notes)
 
 

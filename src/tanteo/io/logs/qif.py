@@ -73,8 +73,8 @@ class Document:
         """Refuse the document.
 
         Args:
-            expected: accepted content, in words.
-            got: found content, in words.
+            expected: accepted content, as text.
+            got: found content, as text.
             do: correction to suggest, as a sentence.
             element: element with the error; None for the document as a whole.
 
@@ -394,12 +394,12 @@ def _left_out(others: int, nowhere: int, fitted: int) -> tuple[str, ...]:
     notes = []
     if others:
         notes.append(
-            f"{counted(others, 'feature')} of other kinds than points and round ones, or not measured, left out."
+            f"{counted(others, 'feature')} of other kinds than points and round ones, or not measured, excluded."
         )
     if nowhere:
-        notes.append(f"{counted(nowhere, 'point')} without a measured place left out.")
+        notes.append(f"{counted(nowhere, 'point')} without a measured place excluded.")
     if fitted:
-        notes.append(f"{counted(fitted, 'round feature')} left out: the points of the file are taken instead.")
+        notes.append(f"{counted(fitted, 'round feature')} excluded: the points of the file are taken instead.")
     return tuple(notes)
 
 

@@ -14,7 +14,7 @@ from tanteo.io.logs.log import Log, unique
 ENDS = (EndMark(r"^[ \t]*MODULE[ \t]", r"^[ \t]*ENDMODULE\b", "ENDMODULE"),)
 """Statements that end a file."""
 
-_HINT = re.compile(
+_MARK = re.compile(
     r"\brobtarget\b|\bMODULE\s+\w+|\[\s*\[[^\[\]\n]{3,100}\]\s*,\s*\[[^\[\]\n]{3,120}\]\s*,\s*\[", re.IGNORECASE
 )
 _TARGET = re.compile(r"(?:\b(\w+)\s*:=\s*)?\[\s*\[([^\[\]\n]{3,200})\]\s*,\s*\[([^\[\]\n]{3,200})\]\s*,\s*\[")
@@ -27,7 +27,7 @@ def recognise(contents: Contents) -> bool:
     Args:
         contents: file to test.
     """
-    return "[" in contents.head and ":" in contents.head and _HINT.search(contents.head) is not None
+    return "[" in contents.head and ":" in contents.head and _MARK.search(contents.head) is not None
 
 
 def read(contents: Contents) -> Log:

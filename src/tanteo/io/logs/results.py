@@ -65,7 +65,7 @@ def read(contents: Contents) -> Log:
     lines = [k for k, _, _ in found]
     points = contents.numbers([[w.get(a, "") for a in "XYZ"] for _, w, _ in found], lines, "G801 (X Y Z)")
     missed = asked - sum(1 for _, _, at in found if at)
-    notes = [f"{counted(missed, 'nominal point')} without a measured one left out."] if missed > 0 else []
+    notes = [f"{counted(missed, 'nominal point')} without a measured one excluded."] if missed > 0 else []
     if turned:
         notes.append("The probing planes are turned (A, B, C of G330 or G331): the points are taken as written.")
     ids = unique([w.get("N", str(k)) for k, w, _ in found])

@@ -124,10 +124,10 @@ def _log(contents: Contents, seen: list[_Seen], notes: list[str]) -> Log:
     if free < len(seen):
         notes.append(
             f"{counted(len(seen), 'zone')}: {len(kept) - free} with a target, {free} without, "
-            f"{len(seen) - len(kept)} unreliable and left out."
+            f"{len(seen) - len(kept)} unreliable and excluded."
         )
     if not kept:
-        contents.fail("at least one reliable zone", f"{len(seen)} unreliable ones", "Look at the status codes.")
+        contents.fail("at least one reliable zone", f"{len(seen)} unreliable ones", "Check the status codes.")
     zones = np.array([one.zone for one in kept])
     return Log(
         unit="mm", zones=(side, side), cells=np.stack([zones // side + 1, zones % side + 1], axis=-1),

@@ -59,7 +59,7 @@ INVERSES = ("T_camera_world", "T_cam_world")
 
 _COUNTS = (4, 5, 8, 14)
 _STRANGE = re.compile("(?<!un)dist(?!anc|rib)")
-_ALIKE = 0.85
+_SIMILAR = 0.85
 _VECTORS = ("rvec", "tvec", "rotationvector", "translationvector")
 _WORLD_TO_CAMERA = ("worldtocamera", "worldtocam", "world2camera", "world2cam", "w2c", "tcw", "viewmatrix")
 _CAMERA_TO_WORLD = ("cameratoworld", "camtoworld", "camera2world", "cam2world", "c2w", "twc")
@@ -113,7 +113,7 @@ def check_place(document: Mapping[str, Any], path: Path) -> None:
     if given:
         return
     for key, value in document.items():
-        got = _said_of(str(key), value)
+        got = _statement_of(str(key), value)
         if got:
             raise InputError(
                 f"{path}, {key}: expected a key T_world_camera (4 x 4, metres: the camera's pose, which takes points "
@@ -130,7 +130,7 @@ def near(name: str, key: str) -> bool:
     """
     words = (sorted(re.findall("[a-z0-9]+", text.lower())) for text in (name, key))
     one, other = (" ".join(w for w in some if w not in ("px", "mm", "m", "pixels")) for some in words)
-    return difflib.SequenceMatcher(None, one, other).ratio() > _ALIKE
+    return difflib.SequenceMatcher(None, one, other).ratio() > _SIMILAR
 
 
 def plain(key: Any) -> str:
@@ -152,7 +152,7 @@ def flat(value: Any) -> Any:
     return np.array(value, dtype=object).ravel().tolist() if isinstance(value, list) else value
 
 
-def _said_of(key: str, value: Any) -> str:
+def _statement_of(key: str, value: Any) -> str:
     """Return the usual meaning of a camera-pose name and what to write instead; empty for other names."""
     name = plain(key)
     numbers = flat(value)

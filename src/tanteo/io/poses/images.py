@@ -39,7 +39,7 @@ def read_image(path: str | Path) -> FloatArray:
         image = cv2.imdecode(data, flags) if len(data) else None
     except cv2.error as error:
         large = "CV_IO_MAX_IMAGE" in str(error)
-        got = f"more than {PIXELS // 10**6} million pixels. Scale it down" if large else "a damaged one. Save it anew"
+        got = f"more than {PIXELS // 10**6} million pixels. Scale it down" if large else "a damaged one. Save it again"
         raise InputError(f"{path}: expected an image, got {got}.") from None
     if image is None:
         raise InputError(f"{path}: expected an image (PNG, JPEG, TIFF), got other content. Save it as PNG.")

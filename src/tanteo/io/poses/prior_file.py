@@ -87,7 +87,7 @@ class _PoseTable(Posed, frozen=True, kw_only=True, eq=False):
         try:
             frame = UncertainFrame(T, C) if given == ["covariance_m_rad"] else from_ros_covariance(T, C.ravel())
         except CovarianceError as error:
-            raise InputError(f"{place}, {given[0]}: {error} Copy it as it was written.") from None
+            raise InputError(f"{place}, {given[0]}: {error} Copy it without changes.") from None
         return check_pose_prior(frame, f"{place}, {given[0]}")
 
     def _pose(self) -> Transforms:

@@ -112,6 +112,6 @@ def brand(name: str) -> Brand:
     """
     name = _ALIASES.get(name.lower(), name.lower())
     if name not in BRANDS:
-        hint = did_you_mean(name, BRANDS)
-        raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{show(name)}'.{hint}")
+        suggestion = did_you_mean(name, BRANDS)
+        raise InputError(f"brand: expected one of {', '.join(BRANDS)}, got '{show(name)}'.{suggestion}")
     return BRANDS[name]

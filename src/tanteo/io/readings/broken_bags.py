@@ -158,7 +158,7 @@ _MCAP_PARTS: dict[int, Any] = {_SCHEMA: _schema, _CHANNEL: _channel, 5: _mcap_me
 def _database(path: Path) -> Iterator[Raw]:
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as base:
         try:
-            base.execute("PRAGMA writable_schema = ON")  # else SQLite refuses a file that is shorter than it says
+            base.execute("PRAGMA writable_schema = ON")  # else SQLite refuses a file that is shorter than it states
             topics = {k: (name, kind) for k, name, kind in base.execute("SELECT id, name, type FROM topics")}
             for topic, stamp, data in base.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
                 if topic in topics:

@@ -72,7 +72,7 @@ class Sheet:
             row: index of the row below the header.
             name: name of the column without unit.
             value: text of the cell; empty for an empty cell.
-            expected: accepted values, in words.
+            expected: accepted values, as text.
 
         Raises:
             ReadingsError: always.

@@ -47,7 +47,7 @@ def find_centres(
     if not rows.any():
         return rows, outward
     _without_ball(columns, rows, source)
-    notes += _said(columns, rows)
+    notes += _centre_notes(columns, rows)
     if outward is None:
         return rows, None
     own = columns["normals"]
@@ -68,7 +68,7 @@ def _rows(columns: dict[str, Any], kinds: list[ReadingKind]) -> BoolArray:
     return np.array([kind.is_centre or bool(kind.centre and one) for kind, one in zip(kinds, sure, strict=True)])
 
 
-def _said(columns: dict[str, Any], rows: BoolArray) -> list[str]:
+def _centre_notes(columns: dict[str, Any], rows: BoolArray) -> list[str]:
     """Return a note for each sort of centre that rows were read as."""
     own, notes = [reading_kind(kind or "point").note for kind in columns["kinds"]], []
     for what in centre_notes():

@@ -72,7 +72,7 @@ class Column:
 
 
 def known_columns() -> str:
-    """Return all known column names as a list in words, for messages."""
+    """Return all known column names as a list as text, for messages."""
     lengths = [f"{name}_mm" for name in LENGTHS]
     return ", ".join([*TEXTS, *lengths, *(f"{name}_deg" for name in ANGLES if name not in _OF_BRANDS), *PLAIN[:13]])
 
@@ -137,7 +137,7 @@ def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
     if name in TEXTS:
         return Column(name, written, float("nan"))
     if is_unrelated(name):
-        return Column(f"left out: {place}", written, float("nan"), left_out=True)
+        return Column(f"excluded: {place}", written, float("nan"), left_out=True)
     if name in PLAIN:
         return Column(name, written, 1.0)
     written, (base, _, own) = written[:60], name.rpartition("_")
@@ -157,9 +157,9 @@ def _read_name(name: str, written: str, place: str, unit: str | None) -> Column:
         raise ReadingsError(f"{place}: expected a name, got nothing. Remove the comma or name the column.")
     if words := advice(written):
         raise ReadingsError(f"{place}: expected a known column, got '{show(written)}'.{words}")
-    hint = did_you_mean(name, known_columns().split(", ")) if len(name) > 2 else ""
-    hint = hint or " Rename the column or remove it."
-    raise ReadingsError(f"{place}: expected one of {known_columns()}, got '{show(written)}'.{hint}")
+    suggestion = did_you_mean(name, known_columns().split(", ")) if len(name) > 2 else ""
+    suggestion = suggestion or " Rename the column or remove it."
+    raise ReadingsError(f"{place}: expected one of {known_columns()}, got '{show(written)}'.{suggestion}")
 
 
 def _check_groups(columns: dict[str, Column], place: str) -> None:

@@ -68,7 +68,7 @@ _ELEMENTS = {f"m{i}{j}": f"hand_r{i}{j}" for i in "123" for j in "123"} | {
 
 
 def notation_of(names: Iterable[str]) -> Notation:
-    """Return the rotation notation that most of the names belong to; the first notation if none does.
+    """Return the rotation notation that most of the names are part of; the first notation if none does.
 
     Args:
         names: column names without units.

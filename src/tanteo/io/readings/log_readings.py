@@ -63,7 +63,7 @@ def _metre(log: Log, stated: Stated, form: LogFormat, source: str) -> float:
         raise error(f"{source}: expected {' and '.join(missing)} with {form.words}, got none. Use {listed}.")
     if log.unit is not None and not log.assumed and stated.units not in (None, log.unit) and log.ranges is None:
         raise UnitError(
-            f"{source}: expected lengths in {log.unit}, as the file says, got --units {stated.units}. Drop --units."
+            f"{source}: expected lengths in {log.unit}, as the file states, got --units {stated.units}. Drop --units."
         )
     unit = log.unit if log.unit is not None and not (log.assumed and stated.units) else stated.units
     return length_unit(str(unit), "units")

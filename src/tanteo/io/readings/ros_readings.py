@@ -72,7 +72,7 @@ def readings_at(
     tree = messages.tree()
     later = [replace(options, latency=options.latency + shift) for shift in shifts]
     places = [placing(messages, tree, rows, beams, source, one) for one in later]
-    notes += [*_said(messages, options), *places[0].notes]
+    notes += [*_message_notes(messages, options), *places[0].notes]
     kept = _kept(np.logical_and.reduce([place.known for place in places]), places[0], source, notes)
     rows = [rows[k] for k in kept]
     ids = tuple(str(k + 1) for k in kept)
@@ -91,14 +91,14 @@ def _drawn(rows: list[Row], stated: Stated, notes: list[str]) -> list[Row]:
     return [rows[k] for k in np.linspace(0, len(rows) - 1, most).round().astype(int)]
 
 
-def _said(messages: RosMessages, options: RosOptions) -> list[str]:
+def _message_notes(messages: RosMessages, options: RosOptions) -> list[str]:
     out = list[str]()
     if messages.lags:
         typical = 1e3 * np.median(messages.lags)
         most = 1e3 * max(messages.lags)
         out.append(f"Messages were recorded {typical:.1f} ms after their stamp (median; at most {most:.1f}).")
     if messages.broken:
-        out.append(f"{messages.broken} messages were left out because their numbers form no valid pose or point.")
+        out.append(f"{messages.broken} messages were excluded because their numbers form no valid pose or point.")
     parents = dict[str, str]()
     for child, parent in messages.samples:
         if parents.setdefault(child, parent) != parent:
@@ -119,17 +119,17 @@ def _usable(messages: RosMessages, topics: Sequence[str], source: str, notes: li
     if twice.any():
         back = max(high - low for low, high in messages.overlaps)
         notes.append(
-            f"{int(twice.sum())} of {len(rows)} readings were left out: a clock was set back by {back:.1f} s, so that "
+            f"{int(twice.sum())} of {len(rows)} readings were excluded: a clock was set back by {back:.1f} s, so that "
             "their stamps came twice."
         )
         rows = [row for row, is_twice in zip(rows, twice, strict=True) if not is_twice]
-    said = [row for row in rows if is_usable(messages.kinds[topics[0]], row)]
-    if len(said) < len(rows):
-        notes.append(f"{len(rows) - len(said)} of {len(rows)} ranges are too near or none, and were left out.")
-        rows = said
+    usable = [row for row in rows if is_usable(messages.kinds[topics[0]], row)]
+    if len(usable) < len(rows):
+        notes.append(f"{len(rows) - len(usable)} of {len(rows)} ranges are too near or none, and were excluded.")
+        rows = usable
     if not rows:
-        why = " ".join(note for note in notes if "left out" in note)
-        raise ReadingsError(f"{source}: expected readings that can be used, got none. {why} Look at the sensor.")
+        why = " ".join(note for note in notes if "excluded" in note)
+        raise ReadingsError(f"{source}: expected readings that can be used, got none. {why} Check the sensor.")
     return rows
 
 
@@ -141,7 +141,7 @@ class Placing:
         Ts: poses of the readings' frames, or of the hand, in the world ``(n, 4, 4)`` [m].
         known: mask of the rows whose pose is known ``(n,)``.
         hand: topic of the hand's poses; None where transforms give the poses.
-        way: source of the poses, in words.
+        way: source of the poses, as text.
         world: name of the frame that the poses refer to.
         notes: notes on assumptions.
     """
@@ -228,7 +228,7 @@ def _kept(known: BoolArray, place: Placing, source: str, notes: list[str]) -> li
     lost = int((~known).sum())
     if lost:
         what = "transform" if place.hand is None else "hand pose"
-        notes.append(f"{lost} of {len(known)} readings were left out: no {what} is known at their stamps.")
+        notes.append(f"{lost} of {len(known)} readings were excluded: no {what} is known at their stamps.")
     kept: list[int] = np.flatnonzero(known).tolist()
     return kept
 

@@ -179,7 +179,7 @@ class Table:
         note = self.sheet.text.note()
         left = [c.written for c in self.sheet.columns if c.left_out]
         notes = [note] if note else []
-        notes += [f"Columns left out: {', '.join(left)}."] if left else []
+        notes += [f"Columns excluded: {', '.join(left)}."] if left else []
         return assemble(columns, self.count, stated, str(self.sheet.path), notes, outward=vectors(OUTWARD))
 
     def _hole_radii(self, numbers: dict[str, FloatArray]) -> FloatArray | None:

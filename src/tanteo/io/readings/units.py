@@ -155,6 +155,6 @@ def _factor(unit: str, name: str, units: dict[str, float]) -> float:
     unit = _WRITTEN.get(unit, unit)
     if unit not in units:
         likely_typo = len(unit) > _SHORT or unit.lower() in units  # cm is not a misspelt m
-        hint = did_you_mean(unit, units) if likely_typo else ""
-        raise UnitError(f"{name}: expected a unit of {', '.join(units)}, got '{unit}'.{hint}")
+        suggestion = did_you_mean(unit, units) if likely_typo else ""
+        raise UnitError(f"{name}: expected a unit of {', '.join(units)}, got '{unit}'.{suggestion}")
     return units[unit]

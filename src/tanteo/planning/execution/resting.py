@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
-from tanteo.hand import FREE, MET, Hand, HandReading, Robot
+from tanteo.hand import FREE, HIT, Hand, HandReading, Robot
 from tanteo.parts import Surface
 from tanteo.planning.execution.possible import OFF, PossiblePoses
 from tanteo.planning.predictions import predict
@@ -156,7 +156,7 @@ def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings |
     model, rows = error_model(hand.rig), list[tuple[str, Transforms, float | None, float | None]]()
     T = log[-1].T_world_hand
     for i in range(len(hand.rig.sensors)):
-        met = np.array([s.ranges[i] for s in log if s.states[i] == MET])
+        met = np.array([s.ranges[i] for s in log if s.states[i] == HIT])
         free = sum(bool(s.states[i] == FREE) for s in log)
         sensor = hand.rig.sensors[i].name
         if len(met) and not free:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms
-from tanteo.hand import FREE, MET, Body, Hand, HandReading, Solid
+from tanteo.hand import FREE, HIT, Body, Hand, HandReading, Solid
 from tanteo.parts import Part
 from tanteo.render.html.part_drawn import Drawn, draw_part
 from tanteo.render.live import colors
@@ -127,7 +127,7 @@ def hand_primitives(hand: Hand, sensed: HandReading) -> list[Primitive]:
     T = sensed.T_world_hand
     vertices, triangles = _hand(hand.body)
     starts, axes = SE3.apply(T, hand.origins), hand.axes @ T[:3, :3].T
-    met, free = sensed.states == MET, sensed.states == FREE
+    met, free = sensed.states == HIT, sensed.states == FREE
     hits = starts[met] + sensed.ranges[met, None] * axes[met]
     return [
         Mesh("hand", vertices, triangles, colors.SOFT, 0.55, T, "hand"),

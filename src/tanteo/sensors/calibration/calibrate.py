@@ -1,4 +1,4 @@
-"""From a log of planes to beams, noise and outliers."""
+"""Calibrate beams, noise and outliers from a log of planes."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ from tanteo.sensors.rig import Rig
 from tanteo.words.findings import Finding, ManyOutliers, NotPlanes, OffRig, PlacesScatter
 
 _FEWEST_STATIONS = 4
-"""More parameters than three stations of a plane can never be told."""
+"""Smallest number of stations: three stations on a plane cannot determine the parameters."""
 
 _CEILING = 0.9
-"""Share of its largest reading from which on a device that is set aside may just have met nothing."""
+"""Fraction of a device's largest reading above which an outlier may be a beam without an echo."""
 
 _POSE = 5
-"""The first parameters of a beam: where it is."""
+"""Number of pose parameters of a beam, which come first."""
 
 _ROUGH, _UNLIKELY = 8.0, 1e-3
-"""Scatter from place to place in that at one place, and probability of where a beam is by its rig, that are doubted."""
+"""Limits of warnings: ratio of the scatter between places to that at one place, and p value of a beam's pose in the
+rig."""
 
-_MOST_ASIDE = 0.25
-"""Share of other places set aside beyond which the log is not of these planes, or not of these poses of the hand."""
+_MOST_EXCLUDED = 0.25
+"""Fraction of unexplained outliers above which the labels or the hand poses are probably wrong."""
 
 
 def calibrate(
@@ -49,18 +50,18 @@ def calibrate(
 
     All sensors and planes of the log are estimated together, with one beam for each sensor: use one log for each
     mounting. Noise, the outlier fraction and the geometry are estimated at once; nothing has to be chosen. What the
-    log does not tell keeps the uncertainty that it had before and is named.
+    log does not determine keeps its prior uncertainty and is named.
 
     Args:
-        readings: Ranges with sensor and hand pose; rows with one label of kind ``plane`` are on one plane, rows
-            without a label all on one.
-        rig: Where the sensors should be. Its mounting errors are prior knowledge; without a rig there is hardly any.
-        sensor: Preset (or its name) of the sensors that the rig does not have: scale error and cone.
-        robot: Preset (or its name): its absolute error moves the planes, not the beams.
+        readings: ranges with sensor and hand pose; rows with one label of kind ``plane`` are on one plane, and all rows
+            without a label on one plane.
+        rig: nominal poses of the sensors, whose mounting errors are prior knowledge; None for a weak prior.
+        sensor: preset, or its name, of the sensors that the rig does not contain: scale error and cone.
+        robot: preset, or its name; its absolute error moves the planes, not the beams.
 
     Raises:
-        ReadingsError: Readings that are no ranges of planes, or too few places.
-        InputError: A sensor that the rig does not have, or an unknown preset.
+        ReadingsError: a reading is no range of a plane, or there are too few hand poses.
+        InputError: the rig does not contain a sensor, or a preset is unknown.
 
     Example:
         >>> log, rig = tanteo.read_readings("readings/plane_log.csv"), tanteo.read_rig("readings/tof_rig.toml")
@@ -117,7 +118,7 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
 
 
 def _beams(log: PlaneLog, fit: Fit, prior: Prior, squares: FloatArray) -> tuple[BeamFit, ...]:
-    """Each beam with what is not determined of it, and the covariances of its noise law ``squares``."""
+    """Return the beams with their undetermined parameters, and the covariances ``squares`` of their noise laws."""
     covs = [fit.cov[beam_slice(k), beam_slice(k)] for k in range(len(log.beams))]
     return tuple(
         BeamFit(
@@ -140,7 +141,7 @@ def _unreliable(log: PlaneLog, fit: Fit) -> NotPlanes | ManyOutliers | None:
     if not fit.explains:
         return NotPlanes()
     inexplicable = (fit.outlier > 0.5) & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
-    if np.mean(inexplicable) > _MOST_ASIDE:
+    if np.mean(inexplicable) > _MOST_EXCLUDED:
         return ManyOutliers(int(np.sum(inexplicable)), len(inexplicable))
     return None
 

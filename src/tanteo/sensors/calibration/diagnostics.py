@@ -11,14 +11,14 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.sensors.calibration.geometry import BEAM, WEAK
 from tanteo.words.findings import BeamsUndetermined, Calibrated, Undetermined
 
-_UNTOLD = 0.5
-"""A direction whose variance is still this share of what it was before the log has not been told."""
+_UNDETERMINED = 0.5
+"""Ratio of posterior to prior variance above which a direction is undetermined."""
 
 _PART = 0.2
-"""A parameter is named where it has this share of such a direction."""
+"""Squared component above which a parameter is named in an undetermined direction."""
 
 _POSE = 5
-"""The first parameters of a beam: where it is. Then scale and slant."""
+"""Number of pose parameters of a beam, which come first; scale and slant follow."""
 
 _NAMES = "x", "y", "offset", "rx", "ry", "scale"
 
@@ -26,7 +26,12 @@ _NAMES = "x", "y", "offset", "rx", "ry", "scale"
 def undetermined(sensor: str, cov: FloatArray, prior: FloatArray) -> tuple[Undetermined, ...]:
     """Return the directions in the parameters of a sensor's beam that the log does not determine.
 
-    Judged in the coordinates that make the prior a unit ball: what a unit is does not matter.
+    The comparison uses coordinates in which the prior covariance is the identity, so it does not depend on units.
+
+    Args:
+        sensor: name of the sensor.
+        cov: posterior covariance of the parameters ``(7, 7)``.
+        prior: prior covariance ``(7, 7)``.
     """
     vectors = _unmoved(cov, prior, len(BEAM) - 1)
     found = []
@@ -38,20 +43,24 @@ def undetermined(sensor: str, cov: FloatArray, prior: FloatArray) -> tuple[Undet
 
 
 def is_lost(cov: FloatArray) -> bool:
-    """Whether neither the log nor a rig tells where a beam is: hardly better than somewhere on the hand."""
+    """Return whether neither the log nor a rig determines the pose of a beam better than somewhere on the hand.
+
+    Args:
+        cov: posterior covariance of the parameters ``(7, 7)``.
+    """
     return _unmoved(cov, np.diag([WEAK[term] ** 2 for term in BEAM]), _POSE).shape[1] > 0
 
 
 def _unmoved(cov: FloatArray, prior: FloatArray, n: int) -> FloatArray:
-    """Directions ``(n, k)`` whose variance is still that of the prior, or nearly."""
+    """Return the directions whose variance is about that of the prior ``(n, k)``."""
     L = np.linalg.cholesky(prior[:n, :n])
     whitened = np.linalg.solve(L, np.linalg.solve(L, cov[:n, :n]).T)
     values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
-    return np.asarray(vectors[:, values > _UNTOLD])
+    return np.asarray(vectors[:, values > _UNDETERMINED])
 
 
 def _plain(vectors: FloatArray) -> FloatArray:
-    """Basis of the same space with as many zeros as there are independent directions: readable."""
+    """Return a basis of the same space with one parameter of its own in each vector, for readable names."""
     if vectors.shape[1] == 0:
         return vectors
     # columns with pivots: each pivot parameter gets a vector of its own

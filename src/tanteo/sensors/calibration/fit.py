@@ -1,4 +1,4 @@
-"""The calibration itself: geometry, noise and outliers together, from several starts; the likeliest is kept."""
+"""Fit geometry, noise and outliers of a calibration jointly, from several starts, and keep the most likely fit."""
 
 from __future__ import annotations
 
@@ -17,28 +17,31 @@ from tanteo.sensors.calibration.noise import PlaceLaw, first_law, law_step, plac
 _FIRST_PASSES, _PASSES = 25, 300
 _CONTINUED = 3
 _TRUSTED = (0.5, 0.2)
-_SETTLED = 3e-4
-"""Squared length of a step, in standard deviations of all parameters together, below which a fit has converged. The
-statistics of ``pytest tests/sensors/calibration`` hold with it; with a third of it the fits take a fifth longer."""
+_CONVERGED = 0.01
+"""Length of a step below which a fit has converged, in standard deviations of the estimate.
+
+A step shorter than 1 % of a standard deviation in the metric of the information moves no parameter, and no linear
+function of the parameters, by more than 1 % of its standard deviation (Cauchy-Schwarz). An error of that size raises
+the root mean square error of the estimate by less than ``0.01**2 / 2`` of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """One fit.
+    """Joint fit of geometry, noise and outliers.
 
     Attributes:
-        setup: Beams and planes.
-        law: Variances of the places.
-        prediction: Of every station.
-        residuals: Read less predicted [m], ``(m,)``.
-        variances: Of good residuals [m^2], ``(m,)``.
-        outlier: How probably each station is an outlier, ``(m,)``.
-        cov: Of all parameters, ``(size, size)``.
-        evidence: Logarithm of the probability of the stations under the mixture, with the setup integrated out
-            around its best (Laplace); comparable between fits of one log.
-        gain: Log likelihood more than that of readings which are anywhere by chance, less one a parameter (Akaike's
-            criterion): below zero there is nothing in the log.
-        settled: It came to rest.
+        setup: beams and planes.
+        law: variances of the places.
+        prediction: predictions of all stations.
+        residuals: measured minus predicted ranges ``(m,)`` [m].
+        variances: variances of the residuals without outliers ``(m,)`` [m^2].
+        outlier: outlier probability of each station ``(m,)``.
+        cov: covariance of all parameters ``(size, size)``.
+        evidence: log evidence of the stations under the mixture, by Laplace's method over the setup; comparable between
+            fits of one log.
+        gain: log likelihood minus that of uniformly distributed readings, minus one for each parameter (Akaike's
+            criterion); below zero the log contains no information.
+        converged: whether the iteration converged.
     """
 
     setup: Setup
@@ -50,11 +53,11 @@ class Fit:
     cov: FloatArray
     evidence: float
     gain: float
-    settled: bool
+    converged: bool
 
     @property
     def explains(self) -> bool:
-        """Most places are no outliers, and chance does not explain them as well."""
+        """Whether most stations are no outliers, and the fit explains them better than chance."""
         return bool(np.mean(self.outlier > 0.5) < 0.5) and self.gain > 0
 
 
@@ -63,15 +66,21 @@ def refine(
 ) -> Fit:
     """Return the joint fit of setup, noise and outliers that :func:`tanteo.geometry.maximize` reaches from one start.
 
-    The noise begins as ``law``, or by the share of the residuals that is trusted (:func:`first_law`).
+    Args:
+        setup: start of beams and planes.
+        log: stations.
+        prior: prior of the beams.
+        share: fraction of the smallest residuals from which the first noise law is estimated (:func:`first_law`).
+        law: first noise law; None to estimate it.
+        passes: largest number of steps.
     """
     if law is None:
         now = predict(setup, log)
         law = first_law(log, log.ranges - now.ranges, place_basis(log.ranges, now.incidences), share)
     start: tuple[Setup, PlaceLaw] = setup, law
     linearize = partial(_linearized, log=log, prior=prior)
-    (end, noise), squared = maximize(start, linearize, _moved, passes, _SETTLED)
-    return _result(end, log, prior, noise, bool(squared < _SETTLED))
+    (end, noise), squared = maximize(start, linearize, _moved, passes, _CONVERGED**2)
+    return _result(end, log, prior, noise, bool(squared < _CONVERGED**2))
 
 
 def _linearized(state: tuple[Setup, PlaceLaw], log: PlaneLog, prior: Prior) -> tuple[FloatArray, FloatArray]:
@@ -89,7 +98,7 @@ def _linearized(state: tuple[Setup, PlaceLaw], log: PlaneLog, prior: Prior) -> t
     weights = 1 - _outlier_probabilities(log, residuals, v)
     weighted = J * (weights / v)[:, None]
     information = weighted.T @ J
-    # in the coordinates that make the prior a unit ball the inverse is accurate, whatever is not determined
+    # with the prior covariance as identity, the inverse is accurate even for undetermined parameters
     unit = J @ prior.root
     hat = np.sum((unit @ np.linalg.inv(np.eye(n) + prior.root.T @ information @ prior.root)) * unit, axis=1)
     step, curvature = law_step(law, log, residuals, weights, basis, hat)
@@ -105,7 +114,7 @@ def _moved(state: tuple[Setup, PlaceLaw], step: FloatArray) -> tuple[Setup, Plac
     return setup.moved(_bounded(step[: setup.size])), law.moved(step[setup.size :])
 
 
-def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw, settled: bool) -> Fit:
+def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw, converged: bool) -> Fit:
     setup = facing(setup, log)
     now = predict(setup, log)
     residuals = log.ranges - now.ranges
@@ -124,11 +133,11 @@ def _result(setup: Setup, log: PlaneLog, prior: Prior, law: PlaceLaw, settled: b
     chance = -float(np.sum(np.log(log.widths[log.beam])))
     # every parameter, variances as well, gains half a unit by fitting and as much again by luck (Akaike)
     gain = likelihood - chance - setup.size - law.squares.size
-    return Fit(setup, law, now, residuals, v, outlier, cov, evidence, gain, settled)
+    return Fit(setup, law, now, residuals, v, outlier, cov, evidence, gain, converged)
 
 
 def _outlier_probabilities(log: PlaneLog, residuals: FloatArray, v: FloatArray) -> FloatArray:
-    """Probabilities of the stations to be outliers, each sensor with its own share."""
+    """Return the outlier probabilities of the stations, with an outlier fraction for each sensor."""
     out = np.zeros(len(log))
     for k in range(len(log.beams)):
         mine = log.beam == k
@@ -137,14 +146,14 @@ def _outlier_probabilities(log: PlaneLog, residuals: FloatArray, v: FloatArray) 
 
 
 def _bounded(step: FloatArray) -> FloatArray:
-    """A step of half a radian or ten centimetres at most: far starts must not be thrown farther."""
+    """Return a step limited to 0.3 in every parameter [m, rad], so that distant starts do not diverge."""
     return np.asarray(step * min(1.0, 0.3 / max(float(np.max(np.abs(step))), 1e-12)))
 
 
 def _covariance(information: FloatArray, prior: Prior) -> FloatArray:
-    """Of all parameters, from what the stations tell and the prior.
+    """Return the covariance of all parameters from the information of the stations and the prior.
 
-    In the coordinates that make the prior a unit ball: what the stations leave open keeps exactly its prior.
+    In coordinates with the prior covariance as identity, undetermined directions keep exactly their prior variance.
     """
     values, vectors = np.linalg.eigh(prior.root.T @ information @ prior.root)
     root = prior.root @ (vectors / np.sqrt(1 + np.maximum(values, 0.0)))
@@ -152,9 +161,14 @@ def _covariance(information: FloatArray, prior: Prior) -> FloatArray:
 
 
 def best_fit(log: PlaneLog, setups: Sequence[Setup], priors: Sequence[Prior]) -> tuple[Fit, Prior]:
-    """The likeliest of the fits from several starts, each with few and with more outliers at the beginning.
+    """Return the most likely of the fits from several starts, each with few and with more initial outliers.
 
-    All take their first steps; those that are then ahead go on until they settle.
+    All fits take their first steps; the best of them continue until they converge.
+
+    Args:
+        log: stations.
+        setups: starts.
+        priors: prior for each start.
     """
     fits = [
         (refine(setup, log, prior, share=share, passes=_FIRST_PASSES), prior)
@@ -162,10 +176,14 @@ def best_fit(log: PlaneLog, setups: Sequence[Setup], priors: Sequence[Prior]) ->
         for share in _TRUSTED
     ]
     fits.sort(key=lambda f: (-f[0].explains, -f[0].evidence))
-    settled = [(refine(fit.setup, log, prior, law=fit.law), prior) for fit, prior in fits[:_CONTINUED]]
-    return max(settled, key=lambda f: (f[0].explains, f[0].evidence))
+    continued = [(refine(fit.setup, log, prior, law=fit.law), prior) for fit, prior in fits[:_CONTINUED]]
+    return max(continued, key=lambda f: (f[0].explains, f[0].evidence))
 
 
 def beam_slice(k: int) -> slice:
-    """Parameters of a beam among all."""
+    """Return the slice of a beam's parameters among all.
+
+    Args:
+        k: index of the beam.
+    """
     return slice(len(BEAM) * k, len(BEAM) * (k + 1))

@@ -1,8 +1,8 @@
-"""What a beam on the hand reads of a plane, how that moves with both, and what is known of the beams beforehand.
+"""Predict the ranges from beams on the hand to planes, with derivatives, and define the prior of the beams.
 
-``range = (1 + scale + slant tan^2(incidence)) d``, with ``d`` the distance along the beam from its origin to the
-plane. An offset of the range and a shift of the origin along the beam are one and the same; they are one number here.
-``slant`` is what a cone makes of an oblique surface: negative where the nearer part of the spot counts more.
+``range = (1 + scale + slant tan^2(incidence)) d``, with ``d`` the distance along the beam from its origin to the plane.
+An offset of the range is equivalent to a shift of the origin along the beam, so they are one parameter. ``slant`` is
+the effect of a cone on an oblique surface: negative if the nearer part of the spot has more weight.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ PLANE = ("tilt x", "tilt y", "shift")
 _TURNED = np.diag([1.0, -1.0, -1.0, 1.0])
 
 _GRAZING = 0.02
-"""Least cosine of the incidence: beyond it a beam hardly meets the plane."""
+"""Smallest cosine of the incidence in a prediction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setup:
-    """Where beams and planes are.
+    """Parameters of all beams and planes.
 
     Attributes:
-        T_hand_beams: Beams along +z, ``(k, 4, 4)``.
-        scales: ``(k,)``.
-        slants: ``(k,)``.
-        T_world_planes: Planes with z towards the sensors, ``(p, 4, 4)``.
+        T_hand_beams: poses of the beams on the hand, along +z ``(k, 4, 4)`` [m].
+        scales: scale errors of the beams ``(k,)``.
+        slants: slant parameters of the beams ``(k,)``.
+        T_world_planes: poses of the planes, with z towards the sensors ``(p, 4, 4)`` [m].
     """
 
     T_hand_beams: Transforms
@@ -51,7 +51,11 @@ class Setup:
         return len(BEAM) * len(self.scales) + len(PLANE) * len(self.T_world_planes)
 
     def moved(self, step: FloatArray) -> Setup:
-        """The setup after a step in all parameters."""
+        """Return the setup after a step.
+
+        Args:
+            step: change of all parameters ``(size,)``.
+        """
         k = len(self.scales)
         beams, planes = step[: len(BEAM) * k].reshape(k, -1), step[len(BEAM) * k :].reshape(-1, len(PLANE))
         twist = np.zeros((k, 6))
@@ -69,13 +73,13 @@ class Setup:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """What a setup predicts for every station.
+    """Prediction of a setup for every station.
 
     Attributes:
-        ranges: [m], ``(m,)``.
-        incidences: Angle between beam and normal [rad], ``(m,)``.
-        jacobian: Of the ranges over all parameters, ``(m, size)``.
-        points: Where the beams meet their planes, world [m], ``(m, 3)``.
+        ranges: ranges ``(m,)`` [m].
+        incidences: angles between beam and normal ``(m,)`` [rad].
+        jacobian: derivatives of the ranges by all parameters ``(m, size)``.
+        points: intersections of the beams with their planes ``(m, 3)``, world frame [m].
     """
 
     ranges: FloatArray
@@ -85,7 +89,12 @@ class Prediction:
 
 
 def predict(setup: Setup, log: PlaneLog) -> Prediction:
-    """Ranges, incidences and the Jacobian over the parameters, at every station."""
+    """Return the prediction of a setup for every station.
+
+    Args:
+        setup: beams and planes.
+        log: stations.
+    """
     T = log.Ts_world_hand @ setup.T_hand_beams[log.beam]
     R, c = T[:, :3, :3], T[:, :3, 3]
     P = setup.T_world_planes[log.plane]
@@ -115,7 +124,12 @@ def predict(setup: Setup, log: PlaneLog) -> Prediction:
 
 
 def facing(setup: Setup, log: PlaneLog) -> Setup:
-    """The same setup with every plane's z towards the sensors that looked at it."""
+    """Return the same setup with the z axis of every plane towards its sensors.
+
+    Args:
+        setup: beams and planes.
+        log: stations.
+    """
     aims = (log.Ts_world_hand @ setup.T_hand_beams[log.beam])[:, :3, 2]
     slopes = np.sum(aims * setup.T_world_planes[log.plane, :3, 2], axis=1)
     away = np.bincount(log.plane, weights=slopes, minlength=len(setup.T_world_planes)) > 0
@@ -125,7 +139,7 @@ def facing(setup: Setup, log: PlaneLog) -> Setup:
 
 
 def _scattered(beam: FloatArray, beams: IntArray, k: int, plane: FloatArray, planes: IntArray, p: int) -> FloatArray:
-    """The Jacobian of every station put at the columns of its beam and of its plane."""
+    """Return the Jacobian of all stations over all parameters, from the blocks of beams and planes."""
     rows = np.arange(len(beam))[:, None]
     J = np.zeros((len(beam), len(BEAM) * k + len(PLANE) * p))
     J[rows, len(BEAM) * beams[:, None] + np.arange(len(BEAM))] = beam
@@ -134,27 +148,32 @@ def _scattered(beam: FloatArray, beams: IntArray, k: int, plane: FloatArray, pla
 
 
 def plane_frame(normal: Vectors, point: Vectors) -> Transforms:
-    """A frame with its origin at a point of the plane and z along the normal."""
+    """Return a frame with its origin at a point of a plane and z along the normal.
+
+    Args:
+        normal: unit normal ``(*batch, 3)``.
+        point: point of the plane ``(*batch, 3)`` [m].
+    """
     return SE3.from_parts(SO3.frame_from_axis(normal, 2), point)
 
 
 WEAK = {"x": 0.3, "y": 0.3, "z": 0.3, "turn x": 1.0, "turn y": 1.0, "scale": 0.02, "slant": 0.01}
-"""Standard deviations [m, rad] where nobody said anything: a sensor is on the hand, and its scale is not far off."""
+"""Standard deviations of the default prior [m, rad]: the sensor is somewhere on the hand, with a scale near one."""
 
 _PLANE_SD = 1.0
-"""Of tilts and shifts of the planes around where the search begins [rad, m]: they are not known at all."""
+"""Standard deviation of the prior of tilts and shifts of the planes [rad, m], which are practically unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """A normal prior on the parameters of the beams.
+    """Normal prior of the parameters.
 
     Attributes:
-        T_hand_beams: Where the beams are expected, ``(k, 4, 4)``.
-        scales: Scale errors that are expected, ``(k,)``.
-        covs: Of the parameters of every beam, ``(k, 7, 7)``.
-        precision: Of all parameters of the setup.
-        root: A square root of its inverse: ``root root^T`` is the prior covariance.
+        T_hand_beams: expected poses of the beams ``(k, 4, 4)`` [m].
+        scales: expected scale errors ``(k,)``.
+        covs: covariances of the parameters of each beam ``(k, 7, 7)``.
+        precision: prior precision of all parameters ``(size, size)``.
+        root: square root of the prior covariance, which is ``root root^T`` ``(size, size)``.
     """
 
     T_hand_beams: Transforms
@@ -164,7 +183,11 @@ class Prior:
     root: FloatArray
 
     def deviation(self, setup: Setup) -> FloatArray:
-        """Of a setup from what is expected, over all its parameters; planes are not judged."""
+        """Return the deviation of a setup from the expected parameters ``(size,)``; zero for planes.
+
+        Args:
+            setup: beams and planes.
+        """
         out = np.zeros(setup.size)
         beams = out[: len(BEAM) * len(self.scales)].reshape(len(self.scales), -1)
         beams[:, :5] = SE3.log(SE3.inverse(self.T_hand_beams) @ setup.T_hand_beams)[:, :5]
@@ -176,7 +199,15 @@ class Prior:
 def make_prior(
     beams: tuple[str, ...], n_planes: int, rig: Rig | None, preset: SensorPreset | None, start: Setup
 ) -> Prior:
-    """The prior of a rig where it says something, weak elsewhere, about where the search begins."""
+    """Return the prior of the parameters: from the rig where it states them, weak elsewhere.
+
+    Args:
+        beams: names of the sensors.
+        n_planes: number of planes.
+        rig: nominal poses of the sensors; None if unknown.
+        preset: preset of the sensors that the rig does not contain; None if unknown.
+        start: start of the search, which is the mean where the rig states nothing.
+    """
     k = len(beams)
     Ts, scales, covs = np.array(start.T_hand_beams), np.zeros(k), np.zeros((k, 7, 7))
     known = {} if rig is None else {s.name: s for s in rig.sensors}

@@ -1,8 +1,8 @@
-"""Where to start: beams and planes from the log alone, or from a rig; outliers must not matter here.
+"""Find starts of a calibration from the log alone, or from a rig, robust against outliers.
 
-For a given normal the place of the plane, the origin and the direction of the beam are linear in the readings, so a
-hundred or so normals are tried and those with the least sum of absolute residuals are kept: once with all stations and
-once with the nearer half, because far readings are the first that a device gets wrong, and the most powerful ones.
+For a given normal, the plane's position and the beam's origin and direction are linear in the readings. The search
+tries 150 normals and keeps those with the smallest sum of absolute residuals. It runs once with all stations and once
+with the nearer half, because far readings have the largest errors and the largest leverage.
 """
 
 from __future__ import annotations
@@ -19,14 +19,19 @@ _NORMALS = 150
 _STARTS = 3
 _PASSES = 12
 _FARTHEST = 0.3
-"""A beam starts about this near to the hand's origin [m]: only to settle what the log leaves open."""
+"""Scale of a weak prior on the beam's origin [m], which only fixes undetermined directions."""
 
 _OPEN = 1e-8
-"""Scatter of points [m^2] across the beams that counts as none."""
+"""Scatter of points across the beams below which it counts as zero [m^2]."""
 
 
 def starts(log: PlaneLog, T_hand_beams: Transforms | None) -> list[Setup]:
-    """Setups to refine, the best first; one from where the beams are by the rig ``(k, 4, 4)``, if known."""
+    """Return setups to refine, best first, beginning with that of the rig if it is known.
+
+    Args:
+        log: stations.
+        T_hand_beams: poses of the beams in the rig ``(k, 4, 4)`` [m]; None if unknown.
+    """
     out = [] if T_hand_beams is None else [_setup(log, T_hand_beams, np.ones(len(log), dtype=bool))]
     lead = int(np.argmax(np.bincount(log.beam)))
     near = log.ranges <= np.median(log.ranges[log.beam == lead])
@@ -47,7 +52,7 @@ def _setup(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Setup:
 
 
 def _lead_beams(log: PlaneLog, lead: int, use: BoolArray) -> list[Transforms]:
-    """Beams of the sensor with most stations, from the plane that it has most stations on."""
+    """Return beams of the sensor with the most stations, from the plane with the most of these stations."""
     mine = (log.beam == lead) & use
     mine &= log.plane == np.argmax(np.bincount(log.plane[mine]))
     T, d = log.Ts_world_hand[mine], log.ranges[mine]
@@ -55,32 +60,32 @@ def _lead_beams(log: PlaneLog, lead: int, use: BoolArray) -> list[Transforms]:
     solutions, costs = _beams_for_planes(T, d, normals)
     best = np.argsort(costs)[:_STARTS]
     if not np.isfinite(costs[best[0]]):
-        # nothing turns and nothing tells the direction: look along every axis
+        # without rotations the log does not determine the direction: try every axis
         return [plane_frame(axis, np.zeros(3)) for axis in np.concatenate([np.eye(3), -np.eye(3)])]
     closer = [_closer(normals[i], solutions[i], float(costs[i]), T, d) for i in best if np.isfinite(costs[i])]
     return [_beam_frame(solution) for _, solution in sorted(closer, key=lambda c: c[0])]
 
 
 def _closer(n: Vectors, solution: FloatArray, cost: float, T: Transforms, d: FloatArray) -> tuple[float, FloatArray]:
-    """Down to the least sum by trying normals around, nearer and nearer."""
+    """Return the minimum of the sum over neighbouring normals, with decreasing steps."""
     turn = math.radians(8.0)
     while turn > math.radians(0.2):
         x, y = plane_frame(n, np.zeros(3))[:3, :2].T
-        around = n + turn * np.stack([x, y, -x, -y, x + y, x - y, -x - y, y - x])
-        around /= np.linalg.norm(around, axis=1, keepdims=True)
-        solutions, costs = _beams_for_planes(T, d, around)
+        tried = n + turn * np.stack([x, y, -x, -y, x + y, x - y, -x - y, y - x])
+        tried /= np.linalg.norm(tried, axis=1, keepdims=True)
+        solutions, costs = _beams_for_planes(T, d, tried)
         i = int(np.argmin(costs))
         if costs[i] < cost:
-            n, solution, cost = around[i], solutions[i], float(costs[i])
+            n, solution, cost = tried[i], solutions[i], float(costs[i])
         else:
             turn *= 0.5
     return cost, solution
 
 
 def _beams_for_planes(T: Transforms, d: FloatArray, normals: Vectors) -> tuple[FloatArray, FloatArray]:
-    """Origin, direction and the plane's offset ``(n, 7)`` for every normal, and the sums of absolute distances.
+    """Return origin, direction and plane offset ``(n, 7)`` for every normal, and the sums of absolute distances.
 
-    A sum is infinite where the direction comes out far from unit length: that is no beam.
+    A sum is infinite if the length of the direction is far from one, so that there is no beam.
     """
     n_hand = np.einsum("mji,nj->nmi", T[:, :3, :3], normals)
     A = np.concatenate([n_hand, d[:, None] * n_hand, np.full((*n_hand.shape[:2], 1), -1.0)], axis=2)
@@ -90,7 +95,7 @@ def _beams_for_planes(T: Transforms, d: FloatArray, normals: Vectors) -> tuple[F
 
 
 def _least_absolute(A: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Solutions of ``A x = target`` with least absolute residuals, ``(n, m, k)`` and ``(n, m)``, by re-weighting."""
+    """Return the solutions of ``A x = target`` with least absolute residuals, and their sums, by re-weighting."""
     ridge = np.diag(np.r_[np.full(3, 1e-6 / _FARTHEST**2), np.full(3, 1e-6), np.full(A.shape[2] - 6, 1e-12)])
     weights = np.ones(target.shape)
     x, r = np.zeros(A.shape[::2]), target
@@ -104,7 +109,7 @@ def _least_absolute(A: FloatArray, target: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _other_beam(log: PlaneLog, k: int, planes: Transforms) -> Transforms:
-    """The beam of another sensor from planes that are known."""
+    """Return the beam of another sensor from known planes."""
     mine = log.beam == k
     T, n = log.Ts_world_hand[mine], planes[log.plane[mine], :3, 2]
     n_hand = np.einsum("mji,mj->mi", T[:, :3, :3], n)
@@ -121,7 +126,7 @@ def _beam_frame(solution: FloatArray) -> Transforms:
 
 
 def _planes(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Transforms:
-    """Planes through the points that the beams met, by least absolute distances, facing the sensors."""
+    """Return planes through the measured points by least absolute distances, facing the sensors."""
     T = log.Ts_world_hand @ Ts[log.beam]
     points = T[:, :3, 3] + log.ranges[:, None] * T[:, :3, 2]
     out = np.empty((len(log.planes), 4, 4))
@@ -129,7 +134,7 @@ def _planes(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Transforms:
         mine = (log.plane == p) & use if ((log.plane == p) & use).any() else log.plane == p
         q, weights = points[mine], np.ones(int(mine.sum()))
         aim = T[mine, :3, 2].mean(axis=0)
-        # where the points leave the normal open it is against the beams
+        # if the points do not determine the normal, it is opposite to the beams
         open_ = _OPEN * (aim @ aim * np.eye(3) - np.outer(aim, aim))
         for _ in range(_PASSES):
             middle = np.average(q, axis=0, weights=weights)
@@ -143,7 +148,7 @@ def _planes(log: PlaneLog, Ts: Transforms, use: BoolArray) -> Transforms:
 
 
 def _hemisphere(n: int) -> Vectors:
-    """Directions spread evenly over half a sphere (a spiral)."""
+    """Return directions spread evenly over half a sphere, along a spiral ``(n, 3)``."""
     z = (np.arange(n) + 0.5) / n
     turn = np.arange(n) * math.pi * (3 - math.sqrt(5))
     r = np.sqrt(1 - z * z)

@@ -1,8 +1,7 @@
-"""A calibration log: ranges of planes at known poses of the hand, gathered by where they were taken; outliers.
+"""Group the ranges of a calibration log by sensor, plane and hand pose, and compute outlier probabilities.
 
-A good residual is normal with its own variance; an outlier may be anywhere within the width of what the device can
-report. Nothing has to be chosen: how far off an outlier must be follows from the noise, the width and the estimated
-outlier fraction.
+A good residual is normal with its own variance. An outlier is uniform over the range of the device. The limit between
+them follows from the noise, this range and the estimated outlier fraction.
 """
 
 from __future__ import annotations
@@ -20,19 +19,20 @@ from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig
 
 _PASSES = 100
-_SETTLED = 1e-9
+_CONVERGED = 1e-9
+"""Change of the outlier fraction below which its iteration has converged."""
 
 _LARGEST_SHARE = 0.5
-"""A device whose readings are mostly outliers is not a sensor: the rest must be explained."""
+"""Largest outlier fraction of a device."""
 
 
 def outlier_probabilities(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> FloatArray:
-    """How probable it is that each residual is an outlier.
+    """Return the outlier probability of each residual ``(n,)``.
 
     Args:
-        residuals: Differences from what is expected [m], ``(n,)``.
-        variances: Of the good ones [m^2], ``(n,)``.
-        width: Of the ranges that the device can report [m]: the density of an outlier is one over it.
+        residuals: measured minus expected ranges ``(n,)`` [m].
+        variances: variances of good residuals ``(n,)`` [m^2].
+        width: width of the interval of ranges that the device can report [m]; the density of an outlier is its inverse.
     """
     good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
     outlier = 1.0 / np.broadcast_to(width, good.shape)
@@ -41,19 +41,25 @@ def outlier_probabilities(residuals: FloatArray, variances: FloatArray, width: F
     for _ in range(_PASSES):
         p = share * outlier / (share * outlier + (1 - share) * good)
         fresh = _share(p)
-        if abs(fresh - share) < _SETTLED:
+        if abs(fresh - share) < _CONVERGED:
             break
         share = fresh
     return np.asarray(p)
 
 
 def _share(p: FloatArray) -> float:
-    """Share of outliers: half an outlier and half a good one are added (Jeffreys), and most are good."""
+    """Return the outlier fraction with Jeffreys' prior, at most one half."""
     return float(min((p.sum() + 0.5) / (len(p) + 1), _LARGEST_SHARE))
 
 
 def mixture_log_likelihood(residuals: FloatArray, variances: FloatArray, width: FloatArray | float) -> float:
-    """Log likelihood of the residuals under the mixture, at the share that :func:`outlier_probabilities` settles at."""
+    """Return the log likelihood of residuals under the mixture, with the fraction of :func:`outlier_probabilities`.
+
+    Args:
+        residuals: measured minus expected ranges ``(n,)`` [m].
+        variances: variances of good residuals ``(n,)`` [m^2].
+        width: width of the interval of ranges that the device can report [m].
+    """
     p = outlier_probabilities(residuals, variances, width)
     share = _share(p)
     good = np.exp(-0.5 * residuals**2 / variances) / np.sqrt(2 * np.pi * variances)
@@ -61,19 +67,19 @@ def mixture_log_likelihood(residuals: FloatArray, variances: FloatArray, width: 
 
 
 _FEWEST_REPEATS = 5
-"""Repeats of one place that can tell an outlier one among them."""
+"""Smallest number of repeats at one place among which an outlier can be detected."""
 
 _REPEAT_PASSES = 50
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repeats:
-    """How much readings differ that one sensor took from one place, from reading to reading.
+    """Repeatability of a sensor at one place.
 
     Attributes:
-        law: Noise along the beam.
-        cov: Of the squares of floor and proportional part ``(2, 2)``; NaN without repeats.
-        dof: Number of differences it was estimated from; 0 without repeats.
+        law: noise along the beam.
+        cov: covariance of the squares of floor and proportional part ``(2, 2)``; NaN without repeats.
+        dof: degrees of freedom of the estimate; 0 without repeats.
     """
 
     law: NoiseLaw
@@ -83,23 +89,23 @@ class Repeats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneLog:
-    """Stations: all the readings of one sensor on one plane with the hand at one pose are one of ``m`` stations.
+    """Log as ``m`` stations, each with all readings of one sensor on one plane at one hand pose.
 
     Attributes:
-        beams: Names of the sensors.
-        planes: Names of the planes.
-        beam: Number of the sensor of each station, ``(m,)``.
-        plane: Number of its plane, ``(m,)``.
-        Ts_world_hand: Where the hand was, ``(m, 4, 4)``.
-        ranges: Mean of the station's readings without outliers among them [m], ``(m,)``.
-        counts: How many they are, ``(m,)``.
-        station: Station of every reading, -1 for one that was not used, ``(n,)``.
-        is_outlier: Readings that do not belong to the others of their station, ``(n,)``.
-        readings: The readings.
-        values: Their ranges along the beam [m], NaN where there is none, ``(n,)``.
-        repeats: Of every sensor.
-        widths: Width of the ranges that each sensor can report [m], as far as the log shows it, ``(k,)``.
-        largest: Largest range that each sensor reported [m], ``(k,)``.
+        beams: names of the sensors.
+        planes: names of the planes.
+        beam: index of the sensor of each station ``(m,)``.
+        plane: index of the plane of each station ``(m,)``.
+        Ts_world_hand: hand poses ``(m, 4, 4)`` [m].
+        ranges: mean ranges of the stations without outliers ``(m,)`` [m].
+        counts: numbers of readings in these means ``(m,)``.
+        station: station of each reading, -1 for an unused one ``(n,)``.
+        is_outlier: mask of the readings that are outliers among their repeats ``(n,)``.
+        readings: readings of the log.
+        values: ranges along the beam ``(n,)`` [m]; NaN for unused readings.
+        repeats: repeatability of each sensor.
+        widths: width of each sensor's interval of ranges in the log ``(k,)`` [m].
+        largest: largest range of each sensor ``(k,)`` [m].
     """
 
     beams: tuple[str, ...]
@@ -124,15 +130,15 @@ class PlaneLog:
 def plane_log(readings: Readings, rig: Rig | None = None) -> PlaneLog:
     """Gather readings by sensor, plane and pose of the hand.
 
-    Rows with one label of kind ``plane`` were taken on one plane; rows without label all on one. Rows of status
-    ``none`` say nothing here and are left out.
+    Rows with one label of kind ``plane`` are on one plane, and all rows without a label on one plane. Rows of status
+    ``none`` are ignored.
 
     Args:
-        readings: Ranges with sensor and hand pose.
-        rig: Knows which sensors report the distance along their optical axis instead of along the beam.
+        readings: ranges with sensor and hand pose.
+        rig: rig that states which sensors report the distance along their optical axis; None if unknown.
 
     Raises:
-        ReadingsError: No range among the readings, a range without sensor or hand, or a reading of an edge or vertex.
+        ReadingsError: there is no range, a range has no sensor or hand pose, or a reading is on an edge or vertex.
     """
     used = _usable(readings)
     beams, beam = _numbered(readings.sensors, used)
@@ -198,7 +204,7 @@ def _numbered(names: tuple[str, ...], used: BoolArray) -> tuple[tuple[str, ...],
 
 
 def _repeat_noise(d: FloatArray, station: IntArray, width: float) -> tuple[Repeats, BoolArray]:
-    """The law of the differences within stations, and the readings that are outliers among their repeats."""
+    """Return the repeatability within stations, and the mask of readings that are outliers among their repeats."""
     _, local = np.unique(station, return_inverse=True)
     counts = np.bincount(local)
     outliers = np.zeros(len(d), dtype=bool)
@@ -216,8 +222,8 @@ def _repeat_noise(d: FloatArray, station: IntArray, width: float) -> tuple[Repea
         squares, cov = _growth(scatter, np.maximum(left - 1.0, 0.0), means)
         away = d - medians[local]
         variance = squares[0] + squares[1] * medians[local] ** 2
-        told = counts[local] >= _FEWEST_REPEATS
-        fresh = told & (outlier_probabilities(away, np.maximum(variance, 1e-18), max(width, 1e-3)) > 0.5)
+        repeated = counts[local] >= _FEWEST_REPEATS
+        fresh = repeated & (outlier_probabilities(away, np.maximum(variance, 1e-18), max(width, 1e-3)) > 0.5)
         if (fresh == outliers).all():
             break
         outliers = fresh
@@ -226,15 +232,15 @@ def _repeat_noise(d: FloatArray, station: IntArray, width: float) -> tuple[Repea
 
 
 def _growth(scatter: FloatArray, dof: FloatArray, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``scatter_i ~ (a + b d_i^2) chi2(dof_i)`` by maximum likelihood, ``a, b >= 0``; and the covariance of both."""
-    told = dof > 0
-    scatter, dof = scatter[told], dof[told]
-    basis = np.stack([np.ones(len(scatter)), d[told] ** 2], axis=1)
+    """Fit ``scatter_i ~ (a + b d_i^2) chi2(dof_i)`` by maximum likelihood; return ``a, b >= 0`` with covariance."""
+    used = dof > 0
+    scatter, dof = scatter[used], dof[used]
+    basis = np.stack([np.ones(len(scatter)), d[used] ** 2], axis=1)
     pooled = max(scatter.sum() / dof.sum(), 1e-18)
-    squares = np.array([pooled, 0.0]) if len(scatter) < 3 else np.array([0.5, 0.5 / np.mean(d[told] ** 2)]) * pooled
+    squares = np.array([pooled, 0.0]) if len(scatter) < 3 else np.array([0.5, 0.5 / np.mean(d[used] ** 2)]) * pooled
     for _ in range(200 if len(scatter) >= 3 else 1):
         variance = basis @ squares
-        # Fisher scoring by multiplication: stays positive, and raises the likelihood
+        # multiplicative Fisher scoring keeps the parameters positive and increases the likelihood
         ratio = (basis.T @ (scatter / variance**2)) / (basis.T @ (dof / variance))
         squares = squares * np.sqrt(ratio) if len(scatter) >= 3 else squares
     variance = basis @ squares

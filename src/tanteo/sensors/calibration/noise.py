@@ -1,8 +1,9 @@
-"""How far stations miss their planes: variance that grows with range and incidence, by restricted likelihood.
+"""Estimate the variance of stations about their planes, which grows with range and incidence.
 
-Readings from one place repeat to the noise of the device; from another place they miss by more, because of the spot
-on an oblique surface, of steps in the device's scale, of the robot's pose. Only the second kind matters for a plane
-that was sensed from several places, and many repeats of one place do not average it away.
+Readings at one place differ by the noise of the device. Readings at different places differ by more: by the spot on an
+oblique surface, steps in the device's scale, and the robot's pose. Only the second kind matters for a plane that was
+sensed from several places, and repeats at one place do not average it. The estimate maximizes the restricted
+likelihood.
 """
 
 from __future__ import annotations
@@ -20,47 +21,71 @@ TERMS = ("floor", "per range", "across")
 """Standard deviations of the place law: [m], per metre of range, per metre of range and tangent of the incidence."""
 
 _LEAST = 1e-12
-"""Least variance: a micrometre. A log without scatter is not believed beyond the resolution of its numbers."""
+"""Smallest variance [m^2]: that of a micrometre, about the resolution of the numbers in a log."""
 
 _LARGEST_DENSE = 1500
-"""Stations up to which the covariance of the variances takes account of how they were fitted."""
+"""Largest number of stations for which the covariance of the variances takes the fit into account."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaceLaw:
-    """Variances of the places of every sensor.
+    """Noise law of the places for every sensor.
 
     Attributes:
-        squares: Squares of :data:`TERMS` of every sensor, ``(k, 3)``.
+        squares: squares of :data:`TERMS` for every sensor ``(k, 3)``.
     """
 
     squares: FloatArray
 
     def variances(self, log: PlaneLog, basis: FloatArray) -> FloatArray:
-        """Variance of a station's mean range: of its place, and what its repeats leave of theirs [m^2]."""
+        """Return the variances of the stations' mean ranges, from place and repeats ``(m,)`` [m^2].
+
+        Args:
+            log: stations.
+            basis: factors of the squares, see :func:`place_basis` ``(m, 3)``.
+        """
         return np.maximum(np.sum(self.squares[log.beam] * basis, axis=1) + repeat_variances(log), _LEAST)
 
     def moved(self, step: FloatArray) -> PlaceLaw:
-        """Return the law after a step of the logarithms of its squares, ``(3 k,)``."""
+        """Return the law after a step.
+
+        Args:
+            step: change of the logarithms of the squares ``(3 k,)``.
+        """
         return PlaceLaw(self.squares * np.exp(step.reshape(self.squares.shape)))
 
 
 def place_basis(ranges: FloatArray, incidences: FloatArray) -> FloatArray:
-    """What multiplies the squares of :data:`TERMS`, ``(m, 3)``."""
+    """Return the factors of the squares of :data:`TERMS` ``(m, 3)``.
+
+    Args:
+        ranges: ranges ``(m,)`` [m].
+        incidences: angles of incidence ``(m,)`` [rad].
+    """
     d2 = ranges**2
     return np.stack([np.ones_like(d2), d2, d2 * np.tan(incidences) ** 2], axis=1)
 
 
 def repeat_variances(log: PlaneLog) -> FloatArray:
-    """Variance that the repeats leave in the mean of every station [m^2]; zero where nothing was repeated."""
+    """Return the variances of the stations' means by the repeatability ``(m,)`` [m^2]; zero without repeats.
+
+    Args:
+        log: stations.
+    """
     sigmas = np.stack([r.law.sigma(log.ranges) for r in log.repeats])
     return np.asarray(sigmas[log.beam, np.arange(len(log))] ** 2 / log.counts)
 
 
 def first_law(log: PlaneLog, residuals: FloatArray, basis: FloatArray, share: float) -> PlaceLaw:
-    """A law to start from: what the share of smallest residuals suggests, in three equal terms.
+    """Return a first law from a fraction of the smallest residuals, in three equal terms.
 
-    The less of them is trusted, the more stations begin as outliers.
+    A smaller fraction lets more stations begin as outliers.
+
+    Args:
+        log: stations.
+        residuals: measured minus predicted ranges ``(m,)`` [m].
+        basis: factors of the squares, see :func:`place_basis` ``(m, 3)``.
+        share: fraction of the residuals.
     """
     squares = np.empty((len(log.beams), len(TERMS)))
     for k in range(len(log.beams)):
@@ -101,7 +126,16 @@ def law_step(
 def law_cov(
     law: PlaceLaw, log: PlaneLog, weights: FloatArray, basis: FloatArray, jacobian: FloatArray, cov: FloatArray
 ) -> FloatArray:
-    """Covariance ``(k, 3, 3)`` of the squares, by the expected information of the restricted likelihood."""
+    """Return the covariances of the squares by the expected information of the restricted likelihood ``(k, 3, 3)``.
+
+    Args:
+        law: noise law of the places.
+        log: stations.
+        weights: probabilities of the stations to be no outliers ``(m,)``.
+        basis: factors of the squares, see :func:`place_basis` ``(m, 3)``.
+        jacobian: derivatives of the ranges by the setup ``(m, size)``.
+        cov: covariance of the setup ``(size, size)``.
+    """
     v = law.variances(log, basis)
     out = np.empty((len(log.beams), len(TERMS), len(TERMS)))
     for k in range(len(log.beams)):
@@ -122,10 +156,18 @@ def law_cov(
 def with_noise_uncertain(
     law: PlaceLaw, log: PlaneLog, weights: FloatArray, basis: FloatArray, jacobian: FloatArray, cov: FloatArray
 ) -> FloatArray:
-    """Covariance of the setup when the noise was estimated from the same stations: a little larger.
+    """Return the covariance of the setup with the uncertainty of the estimated noise ``(size, size)``.
 
-    The weights of the stations are as uncertain as the variances, and were chosen to suit these very residuals
-    (Kenward and Roger, Biometrics 53, 1997; variances linear in their parameters).
+    The weights of the stations depend on the variances, which were estimated from the same residuals (Kenward and
+    Roger, Biometrics 53, 1997; variances linear in their parameters).
+
+    Args:
+        law: noise law of the places.
+        log: stations.
+        weights: probabilities of the stations to be no outliers ``(m,)``.
+        basis: factors of the squares, see :func:`place_basis` ``(m, 3)``.
+        jacobian: derivatives of the ranges by the setup ``(m, size)``.
+        cov: covariance of the setup for known noise ``(size, size)``.
     """
     v = law.variances(log, basis)
     W = law_cov(law, log, weights, basis, jacobian, cov)

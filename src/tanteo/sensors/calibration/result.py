@@ -1,4 +1,4 @@
-"""What a calibration found: beams, noise, planes and outliers."""
+"""Define the result of a calibration: beams, noise, planes and outliers."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from tanteo.words.findings import Finding, Undetermined
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeamFit:
-    """One sensor.
+    """Calibrated sensor.
 
     Attributes:
-        name: Of the sensor.
-        T_hand_beam: Its beam on the hand, ``(4, 4)``: leaves the origin along +z. The offset of its ranges is in the
-            origin: along the beam the two are one number.
-        scale: It reads ``1 + scale`` times the range.
-        slant: It reads ``slant tan^2(incidence)`` of the range more on an oblique surface.
-        cov: Of ``x y z``, turns about x and y (body error at the beam [m, rad]), scale and slant, ``(7, 7)``.
-        repeats: From reading to reading at one place.
-        place_sds: From place to place: floor [m], per range, and across the beam per range, ``(3,)``.
-        place_cov: Of the squares of ``place_sds``, ``(3, 3)``.
+        name: name of the sensor.
+        T_hand_beam: pose of the beam on the hand, along +z ``(4, 4)`` [m]. The origin contains the offset of the
+            ranges, which is equivalent to a shift along the beam.
+        scale: scale error: the sensor reports ``1 + scale`` times the range.
+        slant: relative error ``slant tan^2(incidence)`` of the range on an oblique surface.
+        cov: covariance of ``x y z``, rotations about x and y (body error at the beam [m, rad]), scale and slant
+            ``(7, 7)``.
+        repeats: repeatability at one place.
+        place_sds: standard deviations between places: floor [m], per range, and across the beam per range ``(3,)``.
+        place_cov: covariance of the squares of ``place_sds`` ``(3, 3)``.
         undetermined: combinations of parameters that the log does not determine.
     """
 
@@ -49,14 +50,14 @@ class BeamFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneFit:
-    """One plane.
+    """Fitted plane.
 
     Attributes:
-        name: Its label.
-        T_world_plane: A frame on it with z along the normal, towards the sensors.
-        cov: Of tilts about x and y and shift along z [rad, m], with the robot's error, ``(3, 3)``.
-        rms: Of the distances of the stations that are no outliers [m].
-        stations: How many these are.
+        name: label of the plane.
+        T_world_plane: frame on the plane with z along the normal, towards the sensors ``(4, 4)`` [m].
+        cov: covariance of tilts about x and y and shift along z, including the robot's error ``(3, 3)`` [rad, m].
+        rms: root mean square distance of the stations that are no outliers [m].
+        stations: number of these stations.
     """
 
     name: str
@@ -68,14 +69,14 @@ class PlaneFit:
 
 @dataclass(frozen=True, slots=True)
 class Outlier:
-    """Readings that do not belong to the rest.
+    """Readings that contradict the calibration or their repeats.
 
     Attributes:
-        ids: Names of the readings, all of one place.
-        sensor: That read them.
-        plane: That they were taken on.
-        reading: What it read, in the mean [m].
-        expected: What the calibration or the other readings of the place expect [m].
+        ids: names of the readings, all at one place.
+        sensor: name of their sensor.
+        plane: label of their plane.
+        reading: mean range [m].
+        expected: range that the calibration, or the other readings at the place, predict [m].
         reason: ``saturated``, ``outlier`` or ``unlike its repeats``.
     """
 
@@ -89,22 +90,22 @@ class Outlier:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """Everything that a log of planes says of the sensors.
+    """Result of a calibration.
 
     Attributes:
-        status: ``calibrated``; ``insufficient`` where neither log nor rig tells where a beam is, or where a quarter of
+        status: ``calibrated``; ``insufficient`` if neither log nor rig determines the pose of a beam, or a quarter of
             the places contradict the rest.
         findings: reasons for the status, the verdict first.
-        beams: The sensors.
-        planes: The planes.
-        outliers: Readings that were set aside.
-        log: The stations.
-        ranges: Of the stations [m], ``(m,)``.
-        incidences: Of the stations [rad], ``(m,)``.
-        residuals: Ranges less what is predicted [m], ``(m,)``.
-        sds: What is expected of the residuals [m], ``(m,)``.
-        good: Stations that are no outliers, ``(m,)``.
-        cov: Of all parameters (7 a beam, then 3 a plane) without the robot's absolute error.
+        beams: calibrated sensors.
+        planes: fitted planes.
+        outliers: excluded readings.
+        log: stations.
+        ranges: ranges of the stations ``(m,)`` [m].
+        incidences: angles of incidence of the stations ``(m,)`` [rad].
+        residuals: measured minus predicted ranges ``(m,)`` [m].
+        sds: standard deviations of the residuals ``(m,)`` [m].
+        good: mask of the stations that are no outliers ``(m,)``.
+        cov: covariance of all parameters (7 for each beam, then 3 for each plane), without the robot's absolute error.
     """
 
     status: str
@@ -129,10 +130,13 @@ class Calibration:
         return message_of(self.findings)
 
     def number_of(self, plane: str) -> int:
-        """Number of a plane by its label.
+        """Return the index of a plane.
+
+        Args:
+            plane: label of the plane.
 
         Raises:
-            InputError: No such plane.
+            InputError: there is no such plane.
         """
         names = [p.name for p in self.planes]
         if plane not in names:
@@ -141,19 +145,19 @@ class Calibration:
 
 
 def plane_angle(a: Calibration, plane_a: str, b: Calibration, plane_b: str) -> tuple[float, float]:
-    """Angle between two planes, from 0 to 90 degrees [rad], and its standard deviation.
+    """Return the angle between two planes, from 0 to 90 degrees [rad], and its standard deviation.
 
-    Planes of one calibration share beams and robot, so that much of their errors cancels; planes of two are
+    Planes of one calibration share beams and robot, so most of their errors cancel. Planes of two calibrations are
     independent, each with the robot's error of its own run.
 
     Args:
-        a: Calibration of the first plane.
-        plane_a: Its label.
-        b: Calibration of the second; may be the same.
-        plane_b: Its label.
+        a: calibration of the first plane.
+        plane_a: label of the first plane.
+        b: calibration of the second plane; it may be the same.
+        plane_b: label of the second plane.
 
     Raises:
-        InputError: No such plane.
+        InputError: there is no such plane.
     """
     i, j = a.number_of(plane_a), b.number_of(plane_b)
     Ra, Rb = a.planes[i].T_world_plane[:3, :3], b.planes[j].T_world_plane[:3, :3]
@@ -170,17 +174,22 @@ def plane_angle(a: Calibration, plane_a: str, b: Calibration, plane_b: str) -> t
         variance = ga @ a.planes[i].cov[:2, :2] @ ga + gb @ b.planes[j].cov[:2, :2] @ gb
     sine = math.sqrt(max(1 - cosine**2, 0.0))
     angle = math.atan2(sine, abs(cosine))
-    # where the planes are parallel the angle is the length of a tilt: its spread, not a derivative
+    # for parallel planes the angle is the length of a tilt, so its standard deviation is that of the tilt
     return angle, math.sqrt(variance) / sine if sine > 1e-6 else math.sqrt(variance + np.trace(a.planes[i].cov[:2, :2]))
 
 
 def make_outliers(log: PlaneLog, fit: Fit) -> tuple[Outlier, ...]:
-    """Stations that miss their plane, and readings that miss their station, with what speaks against them."""
+    """Return the stations that contradict their plane and the readings that contradict their station, with reasons.
+
+    Args:
+        log: stations.
+        fit: fit of the calibration.
+    """
     out = []
     ids = np.array(log.readings.ids, dtype=object)
     for s in np.flatnonzero(fit.outlier > 0.5).tolist():
         reading, expected, ceiling = log.ranges[s], fit.prediction.ranges[s], log.largest[log.beam[s]]
-        # it should have read more than it ever did, and read what it reads at most
+        # a saturated device reports its largest range where a larger one is expected
         saturated = expected - ceiling > ceiling - reading
         rows = (log.station == s) & ~log.is_outlier
         reason = "saturated" if saturated else "outlier"
@@ -197,9 +206,14 @@ def _stray(log: PlaneLog, s: int, ids: tuple[str, ...], reading: float, expected
 
 
 def robot_tilt_cov(T_world_plane: Transforms, pos_sd: float, rot_sd: float) -> FloatArray:
-    """What an absolute error of the robot adds to a plane's covariance over tilts and shift, ``(3, 3)``.
+    """Return the covariance of a plane's tilts and shift by the robot's absolute error ``(3, 3)`` [rad, m].
 
     The error moves the world about its origin (``math.md`` section 6), and the plane with it.
+
+    Args:
+        T_world_plane: frame on the plane ``(4, 4)`` [m].
+        pos_sd: standard deviation of the position [m].
+        rot_sd: standard deviation of the rotation [rad].
     """
     R, p = T_world_plane[:3, :3], T_world_plane[:3, 3]
     J = np.zeros((3, 6))

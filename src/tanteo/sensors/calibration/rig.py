@@ -1,4 +1,4 @@
-"""A calibration as the rig that it makes."""
+"""Convert a calibration to a rig."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ from tanteo.sensors.presets import SensorPreset
 from tanteo.sensors.rig import Rig, RigSensor
 
 _LEAST_SD = 1e-7
-"""A log without any scatter still does not make a sensor exact [m]."""
+"""Smallest standard deviation of a calibrated sensor [m]."""
 
 
 def calibrated_rig(found: Calibration, *, rig: Rig | None = None, sensor: SensorPreset | None = None) -> Rig:
-    """The sensors as they were found, with the covariance of their mounting and scale.
+    """Return the rig of a calibration, with the covariances of mounting and scale.
 
-    Noise is that of single readings from different places, both kinds together. The spread across the beam is written
-    as the half angle of a cone that has it. What a slant does cannot be taken off while the incidence is unknown: its
-    mean square over the log is added to the noise. Limits are those of the rig or the preset.
+    The noise is that of single readings at different places, both kinds together. The standard deviation across the
+    beam is stored as the half angle of an equivalent cone. The effect of a slant cannot be corrected while the
+    incidence is unknown, so its mean square over the log is added to the noise. Limits are those of the rig or the
+    preset.
 
     Args:
-        found: The calibration.
-        rig: The rig that it began with; sensors that the log did not have stay as they were.
-        sensor: Preset of sensors that the rig does not have.
+        found: calibration.
+        rig: rig at the start of the calibration; its sensors without readings are unchanged.
+        sensor: preset of sensors that the rig does not contain.
 
     Raises:
-        InputError: The log does not tell where a beam is.
+        InputError: the log does not determine the pose of a beam.
     """
     if found.status != "calibrated":
-        raise InputError(f"found: expected a calibration that tells where the beams are, got this. {found.message}")
+        raise InputError(f"found: expected a calibration that determines the beams, got this. {found.message}")
     old = {} if rig is None else {s.name: s for s in rig.sensors}
     fitted = {}
     for k, beam in enumerate(found.beams):
