@@ -105,7 +105,7 @@ def scan_above(run: SensingRun, face: Feature, needed: Transforms, *, crossing: 
     places = above[fitting(run, cloud, above)]
     there = next((T for T in places if fits(run, cloud, path(now, T, run.hand.front, 12))), None)
     if there is None:
-        return Motion("scan", "limit", NoRoom("over the edge"), ())
+        return Motion("look", "limit", NoRoom("over the edge"), ())
     last = run.does(go_to(run.robot, there, run.rules))
     for tilt, spacing in SCANS[1 : 1 + _SCANS]:
         if not last.reached or (all(_crossable(run, needed)) if crossing else nearly_known(run, needed)):
