@@ -275,7 +275,7 @@ def test_stl_needs_units(run, tmp_path, parts, command, monkeypatch):
 CALLS = [
     ("readings missing", ["identify", "none.csv", "--parts", "parts"], FAILED, "none.csv: expected a readings file"),
     ("readings a folder", ["identify", "parts", "--parts", "parts"], FAILED, "Is a directory"),
-    ("readings a part", ["identify", "parts/block.stl", "--parts", "r.csv"], FAILED, "CAD files behind --parts"),
+    ("readings a part", ["identify", "parts/block.stl", "--parts", "r.csv"], FAILED, "CAD files after --parts"),
     ("readings below a file", ["identify", "r.csv/x.csv", "--parts", "parts"], FAILED, "Not a directory"),
     ("readings name too long", ["identify", "x" * 5000, "--parts", "parts"], FAILED, "File name too long"),
     ("readings have no name", ["identify", "", "--parts", "parts"], FAILED, "expected a readings file"),

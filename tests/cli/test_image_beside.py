@@ -94,7 +94,7 @@ def test_readings_of_another_place_are_refused(run, few, tmp_path):
     ("options", "words"),
     [
         (("--image", IMAGE), "--image: expected --camera beside it"),
-        (("--image", IMAGE, "--camera", CAMERA), "--camera: expected where the camera stands .* --marks FILE"),
+        (("--image", IMAGE, "--camera", CAMERA), "--camera: expected the camera.s pose .* --marks FILE"),
         (("--camera", CAMERA, "--marks", MARKS), "--image: expected an image beside --camera"),
         ((*SEEN, "--as-published"), "--as-published: expected only readings"),
         (

@@ -50,11 +50,11 @@ def test_none_of_these_is_as_probable_as_was_said(run, tmp_path):
     assert odds[2] / odds[0] == pytest.approx(9 / (0.05 / 0.95), rel=0.01)
     code, _, err = run("locate", path, "--part", str(BRACKET), "--unknown-prior", "100%")
     assert code == 2
-    assert "--unknown-prior: expected a share above 0 and below one, got '100%'" in err
+    assert "--unknown-prior: expected a fraction above 0 and below one, got '100%'" in err
 
 
 @pytest.mark.parametrize("text", ["0", "0.5", "-10%", "60%", "some", "nan", "1e999"])
 def test_a_share_that_cannot_be_meant_is_refused(run, touches, text):
     code, out, err = run("locate", touches, "--part", str(BRACKET), f"--outlier-rate={text}")
     assert (code, out) == (2, "")
-    assert f"--outlier-rate: expected a share above 0 and below one half, got '{text}'" in err
+    assert f"--outlier-rate: expected a fraction above 0 and below one half, got '{text}'" in err

@@ -115,8 +115,8 @@ def test_the_policies_differ_and_the_seed_repeats(sense):
         (("--max-measurements", "0"), 2, "--max-measurements: expected 1 or more"),
         (("--seed", "-1"), 2, "--seed: expected 0 or more"),
         (("--standoff", "0mm"), 2, "--standoff: expected a length"),
-        (("--unknown-prior", "100%"), 2, "--unknown-prior: expected a share above 0 and below one"),
-        (("--outlier-rate", "60%"), 2, "--outlier-rate: expected a share above 0 and below one half"),
+        (("--unknown-prior", "100%"), 2, "--unknown-prior: expected a fraction above 0 and below one"),
+        (("--outlier-rate", "60%"), 2, "--outlier-rate: expected a fraction above 0 and below one half"),
         (("--pose-prior", "0,0,0mm"), 2, "--pose-prior: expected a value and its standard deviation"),
         (("--report", "report.pdf"), 2, "--report: expected a file name"),
         (

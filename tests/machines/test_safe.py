@@ -170,7 +170,7 @@ def test_a_driver_that_errs_stops_the_machine_in_one_sentence():
     with pytest.raises(StoppedError, match="KeyError: 'axis'"):
         one.move(at(0, 0, 110))
     assert machine.stops
-    with pytest.raises(StoppedError, match="has stopped"):
+    with pytest.raises(StoppedError, match="got a stopped one"):
         one.move(at(0, 0, 100))
 
 
@@ -181,7 +181,7 @@ def test_a_controller_that_falls_silent_is_stopped():
 
     one = SafeMachine(Silent(world(), START), MachineLimits(stale=0.2, grace=5.0))
     threading.Timer(1.5, lambda: one.machine.released.set()).start()
-    with pytest.raises(LateError, match="said nothing"):
+    with pytest.raises(LateError, match="has sent nothing"):
         one.move(at(30, 20, 60))
 
 
@@ -216,5 +216,5 @@ def test_limits_that_are_none_are_refused(limits):
 
 def test_the_probe_in_contact_is_said_before_a_touch():
     start = np.array([0.03, 0.02, 0.021])
-    with driver("fake:grbl", world(), start) as machine, pytest.raises(ContactError, match="probe that is free"):
+    with driver("fake:grbl", world(), start) as machine, pytest.raises(ContactError, match="probe without contact"):
         machine.sense(DOWN, 0.01, 0.002, 5.0)

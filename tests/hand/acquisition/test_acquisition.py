@@ -182,7 +182,7 @@ def test_the_patch_and_the_stands_of_a_block():
         feet = place + np.outer([-0.02, 0.02], along)
         assert width > 0
         assert ((feet[:, :2] > -2e-3) & (feet[:, :2] < [0.122, 0.082])).all()
-    assert not over(cloud, patch.point, patch.normal).met.any()
+    assert not over(cloud, patch.point, patch.normal).hit.any()
     poses = [facing(gripper(), patch.point, patch.normal, [1, 0, 0], h, start()) for h in (0.06, 0.005)]
     far_room, near_room = clearance(cloud, gripper().body, np.array(poses))
     assert far_room > 0.055 > near_room

@@ -42,7 +42,7 @@ def test_a_hand_that_never_turns_not_tell_offset_from_plane_s():
     assert "Turn the hand about two axes" in found.message
     # nothing is made up: what nobody told is as wide as before
     assert np.sqrt(found.beams[0].cov[0, 0]) > 0.1
-    with pytest.raises(InputError, match="expected a calibration that tells where the beams are"):
+    with pytest.raises(InputError, match="expected a calibration that determines the beams"):
         calibrated_rig(found)
 
 
