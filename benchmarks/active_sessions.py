@@ -29,6 +29,7 @@ from sensing_scenes import (
 )
 from tanteo.planning import Action, Choice, draw, predict
 from tanteo.posterior import Priors, prepare
+from tanteo.words.findings import Stated
 
 HERE = Path(__file__).parents[1]
 OURS = ("block", "bracket_left", "bracket_right", "clamp", "flange", "housing", "t_slot", "wedge")
@@ -137,7 +138,7 @@ class Clairvoyant:
         nothing = np.where(answers, priors.outlier_rate, 1 - priors.outlier_rate)
         w = np.where(met, read, nothing) * samples.weights
         P = w @ (samples.part == self.part) / np.maximum(w.sum(axis=1), 1e-300)
-        return Choice(int(np.argmax(P)), 1.0, "the true part is likeliest after it")
+        return Choice(int(np.argmax(P)), 1.0, Stated("The true part is most probable after it."))
 
 
 def named(policy, seed, scene):

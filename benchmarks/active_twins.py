@@ -99,7 +99,7 @@ def twins(scenes, seed):
     """One reading after locating: which of the two is it?"""
     text = (
         "The part is located to 0.2 mm (laser) or 2 mm (time of flight) at its corners, as either of the two. "
-        "Possible: the best of 4,000 beams from anywhere, its reading used as well as it can be."
+        "PossiblePoses: the best of 4,000 beams from anywhere, its reading used as well as it can be."
     )
     rows = [row(names, probe, scenes, seed) for names in PAIRS for probe in (LASER, FLIGHT)]
     return Table("Twins: one reading", text, ("pair", "sensor", "right", "right with P > 0.95", "possible"), rows)

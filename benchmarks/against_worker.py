@@ -139,7 +139,7 @@ def log(T):
     return np.concatenate([(np.eye(3) - W / 2 + b * W @ W) @ T[:3, 3], w])
 
 
-def without_spin(gap, axis):
+def without_symmetric_rotation(gap, axis):
     """A relative pose without the turn about a part's axis of symmetry ``(2, 3)``."""
     if axis is None:
         return gap
@@ -156,9 +156,9 @@ def errors(h, truth, part):
     axis = None if h.symmetry_axis is None else at(back, h.symmetry_axis)
     if axis is not None:
         axis[1] = T[:3, :3].T @ h.symmetry_axis[1]
-    xi = [log(without_spin(back @ truth @ image, axis)) for image in images]
+    xi = [log(without_symmetric_rotation(back @ truth @ image, axis)) for image in images]
     information = np.linalg.pinv(h.covariance, rcond=1e-12)
-    gaps = [without_spin(np.linalg.inv(truth) @ T @ image, axis) for image in images]
+    gaps = [without_symmetric_rotation(np.linalg.inv(truth) @ T @ image, axis) for image in images]
     off = [(np.linalg.norm(at(g, part.centroid) - part.centroid), np.linalg.norm(log(g)[3:])) for g in gaps]
     moved, angle = min(off, key=lambda each: each[0] / part.diagonal + each[1])
     return moved, angle, min(x @ information @ x for x in xi), 6 if axis is None else 5

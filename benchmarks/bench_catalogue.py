@@ -19,7 +19,7 @@ import tanteo
 from tanteo.factors import AxisCentre, ContactPoints, Factor, FreeRays, SensedSize, SurfacePoint, surface_points
 from tanteo.geometry import SE3
 from tanteo.parts import Part, exact_faces, round_features
-from tanteo.posterior import Problem, candidates, identify_points, race, sized
+from tanteo.posterior import Problem, candidate_pruning, candidates, identify_points, sized
 
 SD, NORMAL_SD = 1e-4, 0.02
 """Standard deviations of a point [m], and of each tilt of a sensed normal [rad]."""
@@ -191,7 +191,9 @@ def narrow(catalogue: tanteo.Catalogue, kind: str, scenes: int, seed: int, sd: f
         row = int(rng.integers(len(catalogue)))
         points = scene(catalogue[row], kind, rng, sd)
         begun = time.process_time()
-        found = race.screen(Problem(points, FreeRays.none(), sized(None, float(every.radii.max()))), every).rows
+        found = candidate_pruning.screen(
+            Problem(points, FreeRays.none(), sized(None, float(every.radii.max()))), every
+        ).rows
         if number >= 0:
             cpu.append(time.process_time() - begun)
             left.append(len(found))

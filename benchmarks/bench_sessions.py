@@ -18,6 +18,7 @@ from tanteo.parts import read_part
 from tanteo.planning import Action, Candidates, Sensing, Session, Start, Stop, begin, propose
 from tanteo.posterior import PreparedPart, Priors, prepare
 from tanteo.sensors import Readings
+from tanteo.words.findings import Stated
 
 PART = Path(__file__).parents[1] / "examples" / "parts" / "bracket_left.step"
 HYPOTHESES, CANDIDATES = 10, 500
@@ -112,7 +113,7 @@ def _late(start: Start, target: PreparedPart, sensing: Sensing) -> tuple[float, 
 
 def _towards(aimed: Candidates, k: int, number: int) -> Action:
     beam = aimed.origins[k], aimed.directions[k], LASER.max_range, float(aimed.ranges[k])
-    return Action(number, *beam, "bracket_left", "", 0.0, "")
+    return Action(number, *beam, "bracket_left", "", 0.0, Stated(""))
 
 
 def _usual(values: list[float]) -> str:

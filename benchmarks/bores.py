@@ -79,7 +79,7 @@ def run_one(outline, places, seed, k):
     surface = {face.name: face.surface for face in target.part.faces}
     away = float(corner_distances(session.state, 0, T[None])[0]) if len(session.state.weights) else np.inf
     return {
-        "k": k, "readings": session.count, "reached": action.reached, "why": action.why, "off": away,
+        "k": k, "readings": session.count, "reached": action.reached, "why": action.message, "off": away,
         "round": sum(surface[face] != "plane" for face in faces),
     }  # fmt: skip
 

@@ -2,9 +2,9 @@
 
 ``record`` answers every scene and writes status, part, probability, pose, covariance and message;
 with ``--only`` it keeps the other recorded scenes, with another ``--seed`` it adds to them. ``messages`` replaces the
-messages of the recorded answers whose every number is still the same, and names the others. ``compare`` answers
-them again and prints the differences beyond the tolerances below, grouped and counted; it exits with 1 if there are
-any. ``compare`` reports a changed message on its own line, as words may change where numbers do not.
+messages of the recorded answers whose numbers agree within the tolerances below, and names the others. ``compare``
+answers them again and prints the differences beyond the tolerances below, grouped and counted; it exits with 1 if there
+are any. ``compare`` reports a changed message on its own line, as words may change where numbers do not.
 """
 
 from __future__ import annotations
@@ -246,10 +246,17 @@ def differences(known: list[dict], new: dict, answer: Any, parts: dict) -> Itera
         yield "pose", f"{min(moved):.2f} of the largest corner sd"
 
 
-def reworded(known: list[dict], new: dict) -> bool:
-    """Replace the messages of recorded summaries that equal the new one in all else, and return if there are any."""
+def reworded(known: list[dict], new: dict, answer: Any, parts: dict) -> bool:
+    """Replace the messages of recorded summaries that agree with the new one, and return if there are any.
+
+    Summaries with the same numbers get the new messages. Without any, the first one with the same result does, if the
+    numbers of all agree within the tolerances.
+    """
     texts = {key for key in new if key.endswith("message")}
     same = [old for old in known if all(old.get(key) == value for key, value in new.items() if key not in texts)]
+    if not same and all(name == "message" for name, _ in differences(known, new, answer, parts)):
+        results = ("status", "part", "objects", *(key for key in new if key.endswith((" status", " part"))))
+        same = [old for old in known if all(old.get(key) == new.get(key) for key in results)][:1]
     for old in same:
         old.update({key: new[key] for key in texts})
     return bool(same)
@@ -327,7 +334,11 @@ def main() -> int:
         return 0
     if options.what == "messages":
         found = read(options.file)
-        left = [scene for scene, new, *_ in answered(options.only, options.seed) if not reworded(found[scene], new)]
+        left = [
+            scene
+            for scene, new, answer, parts in answered(options.only, options.seed)
+            if not reworded(found[scene], new, answer, parts)
+        ]
         options.file.write_bytes(gzip.compress(json.dumps(found, indent=0).encode(), mtime=0))
         print(f"Messages not replaced, as numbers differ: {', '.join(left) or 'none'}.")
         return bool(left)

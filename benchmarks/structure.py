@@ -218,6 +218,10 @@ def _is_step(functions: list[tuple[int, str, str]], name: str) -> bool:
 # Tuned numbers
 
 
+EXCLUDED = "Numerical:", "Definition:"
+"""How the text of a constant begins that no engineer would tune; :func:`tuned_numbers` states the rule."""
+
+
 @dataclass(frozen=True)
 class Number:
     """Tuned numbers of one assignment: how many, and whether their docstring or comment names what chose them."""
@@ -231,7 +235,10 @@ class Number:
 def tuned_numbers(source: str) -> list[Number]:
     """Return the numeric literals in constants of a module or class, fields of dataclasses included.
 
-    0, 1 and -1 alone, indices in subscripts and what is computed from other constants only do not count as tuned.
+    0, 1 and -1 alone, indices in subscripts and what is computed from other constants only do not count as tuned. Nor
+    does a constant whose text begins with "Numerical:" or "Definition:". A numerical constant is a tolerance of
+    float64, a number of quadrature nodes, a limit of an iteration or a size of an array, and the text states why a more
+    accurate value changes no answer by more than rounding or the stated error. A definition cannot be chosen.
     """
     tree, lines, out = ast.parse(source), source.splitlines(), []
     for owner in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
@@ -244,6 +251,8 @@ def tuned_numbers(source: str) -> list[Number]:
                 continue
             target = ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
             text = " ".join([*_said(lines, body, k), attributes.get(target, "")])
+            if text.startswith(EXCLUDED):
+                continue
             out.append(Number(node.lineno, target, len(found), bool(SOURCE.search(text))))
     return out
 

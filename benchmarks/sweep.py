@@ -25,7 +25,7 @@ from against_worker import judge, options, part_reader
 from common import Table, machine
 
 import tanteo
-from tanteo.posterior import DEFAULTS, identify_points
+from tanteo.posterior import DEFAULTS
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES, DEMO = ROOT / "examples" / "parts", ROOT / "src" / "tanteo" / "bench" / "demo" / "parts"
@@ -47,13 +47,12 @@ def answers(name: str, values: list[float], rows: dict[str, int], seeds: int) ->
                     tanteo.identify(readings, parts, **more)  # prepares the parts
                 for seed in range(seeds):
                     for value in values:
-                        identify_points.__kwdefaults__["settings"] = DEFAULTS.changed(name, value)
+                        settings = DEFAULTS.changed(name, value)
                         start = time.process_time()
-                        answer = tanteo.identify(readings, parts, seed=seed, **more)
+                        answer = tanteo.identify(readings, parts, seed=seed, settings=settings, **more)
                         ms = 1e3 * (time.process_time() - start)
                         out.setdefault((row, value), []).append(judge(answer, scene, part) | {"ms": ms})
             print(f"{row}: {count} scenes", file=sys.stderr, flush=True)
-    identify_points.__kwdefaults__["settings"] = DEFAULTS
     return out
 
 

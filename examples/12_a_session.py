@@ -36,7 +36,7 @@ while isinstance(action := session.ask(), Action):
     distance = float(targets[1].surface.cast(origin[None], along[None]).distances[0])
     session.tell(action.read(distance + 3e-4 * rng.normal()))
     write_record(session, record)
-print(action.why)
+print(action.message)
 print(f"{session.answer().status}: {session.answer().message}")
 
 told = explain(session.state, session.steps)

@@ -13,7 +13,7 @@ from tanteo.features import SharedError
 from tanteo.fitting import pose_information
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import exact_faces
-from tanteo.posterior import PreparedPart, without_spin
+from tanteo.posterior import PreparedPart, without_symmetric_rotation
 from tanteo.sensors import Column, Readings, measure
 
 REACH = 0.3
@@ -208,7 +208,7 @@ def holds(target, maxima, one):
     """Whether a maximum is among others, up to symmetry."""
     information = pose_information(one.information)[0]
     gaps = SE3.inverse(one.Ts[0]) @ (maxima.Ts[:, None] @ target.part.symmetry.Ts)
-    xi = SE3.log(without_spin(target.part, gaps) if target.part.symmetry.continuous else gaps)
+    xi = SE3.log(without_symmetric_rotation(target.part, gaps) if target.part.symmetry.continuous else gaps)
     return np.einsum("nsi,ij,nsj->ns", xi, information, xi).min(initial=np.inf) < 20
 
 
@@ -217,7 +217,7 @@ def nees(part, T, covariance, truth):
     gaps = SE3.inverse(T) @ (truth @ part.symmetry.Ts)
     dof = 6
     if part.symmetry.continuous:
-        gaps, dof = without_spin(part, gaps), 3 if part.symmetry.spherical else 5
+        gaps, dof = without_symmetric_rotation(part, gaps), 3 if part.symmetry.spherical else 5
     xi = SE3.log(gaps)
     return float(np.einsum("si,ij,sj->s", xi, np.linalg.pinv(covariance, rcond=1e-12), xi).min()), dof
 
@@ -226,7 +226,7 @@ def off(part, T, truth):
     """Distance of the part's centre [m] and angle [rad] between two poses, up to symmetry."""
     gaps = SE3.inverse(truth) @ (T @ part.symmetry.Ts)
     if part.symmetry.continuous:
-        gaps = without_spin(part, gaps)
+        gaps = without_symmetric_rotation(part, gaps)
     angles = np.linalg.norm(SE3.log(gaps)[:, 3:], axis=1)
     moved = np.linalg.norm(SE3.apply(gaps, part.centroid) - part.centroid, axis=1)
     k = int(np.argmin(angles + moved / part.diagonal))

@@ -17,7 +17,6 @@ import tanteo
 from tanteo.features import feature_covariance
 from tanteo.geometry import SE3, SO3
 from tanteo.hand import EdgeGuess, FaceGuess, Hand, Scene, Solid, VertexGuess, Workspace, box, clearances, gripper_body
-from tanteo.hand.acquisition.ways import facing
 from tanteo.io import read_rig
 
 FOLDER = Path(__file__).parents[1] / "examples" / "parts"
@@ -61,6 +60,22 @@ def part_of(name):
 def gripper():
     rig = read_rig("paper-gripper")
     return Hand(rig, gripper_body(rig))
+
+
+def facing(hand, place, normal, along, height, near):
+    """Return the pose of the hand square to a plane, its pair of sensors along a line, its front over a place.
+
+    Two such poses exist, half a turn apart; it is the one that is less turned from ``near``.
+    """
+    across = np.cross(along, normal)
+    across /= np.linalg.norm(across)
+    of_plane = np.stack([np.cross(normal, across), across, normal], axis=1)
+    of_hand = np.stack([hand.pair, np.cross(hand.pair, [0.0, 0.0, -1.0]), [0.0, 0.0, -1.0]], axis=1)
+    R = max(
+        (of_plane @ turn @ of_hand.T for turn in (np.eye(3), np.diag([-1.0, -1.0, 1.0]))),
+        key=lambda R: np.trace(near[:3, :3].T @ R),
+    )
+    return SE3.from_parts(R, place + height * normal - R @ hand.front)
 
 
 def make_task(rng, kind, name, clamp=False):

@@ -180,7 +180,7 @@ def tell_anything(session, target, T, rng, steps):
     for _ in range(steps):
         action = session.ask()
         if isinstance(action, Done):
-            assert action.why
+            assert action.reason.message
             break
         kind = rng.integers(7)
         if kind == 0:

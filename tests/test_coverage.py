@@ -23,7 +23,7 @@ from tanteo.sensors import measure
 from tanteo.vision import prepare_vision, see_table
 from vision_scenes import random_shot, told_table
 
-SD, SCENES, SEEN = 3e-4, 24, 12
+SD, SCENES = 3e-4, 24
 TOUCH, LASER = Sensing("touch", SD, False, ()), Sensing("laser", SD, True, ())
 BRACKET = Path(__file__).parents[1] / "examples" / "parts" / "bracket_left.step"
 
@@ -108,7 +108,10 @@ def images(target, rng):
 KINDS = contact_points, beams, beams_with_a_shared_bias, normals, labelled_points, sensed_planes
 
 
-@pytest.mark.parametrize(("kind", "scenes"), [*((kind, SCENES) for kind in KINDS), (images, SEEN)])
+@pytest.mark.parametrize(
+    ("kind", "scenes"),
+    [*((kind, SCENES) for kind in KINDS), (images, 6), pytest.param(images, 12, marks=pytest.mark.slow)],
+)
 def test_the_region_holds_the_truth(target, kind, scenes):
     values = []
     for seed in range(scenes):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import ast
-import os
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -44,42 +43,48 @@ SAYS = {
 }
 
 
-def run(script, *arguments):
-    code = [sys.executable, "-W", "error", str(script), *map(str, arguments)]
-    environment = {**os.environ, "PYTHONIOENCODING": "utf-8"}
-    done = subprocess.run(code, env=environment, capture_output=True, encoding="utf-8", check=False)
-    assert done.returncode == 0, done.stderr
-    return done
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Run a script as the main module of this process; a warning is an error, as in all tests."""
+
+    def call(script, *arguments):
+        capsys.readouterr()
+        monkeypatch.setattr(sys, "argv", [str(script), *map(str, arguments)])
+        monkeypatch.syspath_prepend(str(Path(script).parent))
+        runpy.run_path(str(script), run_name="__main__")
+        return capsys.readouterr()
+
+    return call
 
 
 @pytest.mark.parametrize(
     "script",
     [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.stem in LONG else []) for s in NUMBERED],
 )
-def test_an_example_runs_and_is_a_page(script):
+def test_an_example_runs_and_is_a_page(run, script):
     text = script.read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 60
     page = ast.get_docstring(ast.parse(text))
     assert page is not None
     assert f"python examples/{script.name}" in page
     done = run(script)
-    assert not done.stderr
+    assert not done.err
     for words in SAYS[script.stem]:
-        assert words in done.stdout
+        assert words in done.out
 
 
 def test_every_example_is_expected_to_say_something():
     assert sorted(SAYS) == [script.stem for script in NUMBERED]
 
 
-def test_the_readings_are_those_of_the_script(tmp_path):
+def test_the_readings_are_those_of_the_script(run, tmp_path):
     run(EXAMPLES / "make_readings.py", tmp_path)
     made = {file.name: file.read_text(encoding="utf-8") for file in tmp_path.iterdir()}
     kept = {file.name: file.read_text(encoding="utf-8") for file in (EXAMPLES / "readings").glob("*.csv")}
     assert made == kept
 
 
-def test_the_images_are_those_of_the_script(tmp_path):
+def test_the_images_are_those_of_the_script(run, tmp_path):
     from tanteo.io import read_image
 
     run(EXAMPLES / "make_images.py", tmp_path)
@@ -91,7 +96,7 @@ def test_the_images_are_those_of_the_script(tmp_path):
             assert (tmp_path / kept.name).read_text(encoding="utf-8") == kept.read_text(encoding="utf-8")
 
 
-def test_the_picture_can_be_drawn(tmp_path):
+def test_the_picture_can_be_drawn(run, tmp_path):
     run(ROOT / "docs" / "pictures" / "make_pictures.py", tmp_path)
     assert (tmp_path / "from_readings_to_answer.svg").stat().st_size > 10_000
 

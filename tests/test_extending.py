@@ -17,14 +17,14 @@ import pytest
 import tanteo
 from bare_scenes import box_centred_pose, inside, nees, surface_points, touches_of
 from tanteo import Action, Session, around, plugins, read_part
+from tanteo.cli import main
 from tanteo.errors import InputError, PartError, PluginError
 from tanteo.factors import FreeRays
 from tanteo.features import CONSTRAINT_KINDS, KINDS, PAIR_RELATIONS, PLANE, Feature, SharedError, SharedTerm, relate_all
 from tanteo.fitting import FITS, RELATIONS, ModelFeature, Pairing, estimate_pose, fit_labelled
 from tanteo.geometry import SE3
 from tanteo.hand import Workspace
-from tanteo.io import FORMATS, read_factor, read_readings, register_format
-from tanteo.io.readings.factor_file import FACTORS
+from tanteo.io import FACTORS, FORMATS, read_factor, read_readings, register_format
 from tanteo.machines import (
     MACHINES,
     PROGRAMS,
@@ -272,6 +272,20 @@ def command(folder, *words, **more):
     )
 
 
+@pytest.fixture
+def here(acme, capsys):
+    """The command line in this process, which has the distribution of the page's blocks on its path."""
+
+    def call(*words):
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return SimpleNamespace(returncode=ended.value.code or 0, stdout=out, stderr=err)
+
+    return call
+
+
 def wedge():
     """A prism without symmetry [mm]."""
     outline, height = [(0, 0), (60, 0), (45, 40), (0, 40)], 30
@@ -313,14 +327,14 @@ def identified(out):
     return document["status"], best["part"], np.array(best["covariance"]["matrix"])
 
 
-def test_the_command_line_uses_plug_ins(acme, touched):
+def test_the_command_line_uses_plug_ins(acme, here, touched):
     folder, _ = touched
     words = ["identify", folder / "touches.arm", "--parts", folder / "wedge.tri", folder / "block.tri", "--sd", "0.1mm"]
-    plain = command(acme, *words, "--radius", "0mm", "--json")
+    plain = here(*words, "--radius", "0mm", "--json")
     assert plain.returncode == 0, plain.stderr
     assert identified(plain.stdout)[:2] == ("recognized", "wedge")
     assert "1 remarks were left out." in plain.stderr
-    level = command(acme, *words, "--radius", "0mm", "--json", "--factor", f"level={folder / 'level.txt'}")
+    level = here(*words, "--radius", "0mm", "--json", "--factor", f"level={folder / 'level.txt'}")
     assert level.returncode == 0, level.stderr
     assert identified(level.stdout)[:2] == ("recognized", "wedge")
     for k in (3, 4):
@@ -391,11 +405,11 @@ def test_a_format_is_registered_in_one_process(added, tmp_path, monkeypatch):
     assert len(read_readings(path, radius=0.001)) == 1
 
 
-def test_a_plan_is_written_in_a_language_of_ones_own(acme, touched):
+def test_a_plan_is_written_in_a_language_of_ones_own(here, touched):
     folder, _ = touched
     words = ["plan", "--part", folder / "wedge.tri", "--tolerance", "0.5mm", "--sd", "0.05mm", "--tip-radius", "1mm"]
     words += ["--pose-prior", "0,0,0mm 0,0,0deg +- 1mm 1deg"]
-    found = command(acme, *words, "--program", "pendant")
+    found = here(*words, "--program", "pendant")
     assert found.returncode == 0, found.stderr
     lines = found.stdout.splitlines()
     assert lines[0].startswith("; wedge: ")
@@ -404,13 +418,13 @@ def test_a_plan_is_written_in_a_language_of_ones_own(acme, touched):
     for line in touches:  # from above or from the side
         start, stop = (np.array(part.split(), float) for part in line[6:].partition(" SPEED ")[0].split(" TO "))
         assert stop[2] <= start[2] + 1e-6
-    assert "pendant" in command(acme, *words, "--program", "pendent").stderr
+    assert "pendant" in here(*words, "--program", "pendent").stderr
 
 
-def test_a_machine_of_ones_own_places_a_part(acme, touched, tmp_path):
+def test_a_machine_of_ones_own_places_a_part(here, touched, tmp_path):
     folder, _ = touched
     words = ["probe", "--machine", "fake:millbox", "--part", folder / "wedge.tri", "--tolerance", "0.3mm"]
-    found = command(acme, *words, "--record", tmp_path / "run.json", "--json")
+    found = here(*words, "--record", tmp_path / "run.json", "--json")
     assert found.returncode == 0, found.stderr
     document = json.loads(found.stdout)
     assert document["status"] == "recognized"
@@ -704,10 +718,10 @@ def test_what_fails_later_is_named_too(install, tmp_path):
         ("levle={file}", "Did you mean 'level'?"),
     ],
 )
-def test_factors_that_cannot_be_meant_are_refused(acme, touched, word, said):
+def test_factors_that_cannot_be_meant_are_refused(here, touched, word, said):
     folder, _ = touched
     words = ["identify", folder / "touches.arm", "--parts", folder / "wedge.tri", "--sd", "0.1mm", "--radius", "0mm"]
-    found = command(acme, *words, "--factor", word.format(file=folder / "level.txt"))
+    found = here(*words, "--factor", word.format(file=folder / "level.txt"))
     assert found.returncode in (1, 2)
     assert said in found.stderr
     assert "Traceback" not in found.stderr

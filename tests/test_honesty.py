@@ -22,11 +22,12 @@ def scenes(case, count=1, parts=PARTS):
     return [case(name, s, SEED, k) for k in range(count) for s in (0, 1) for name in parts]
 
 
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_the_region_holds_the_truth_when_the_noise_is_another(factor):
+def test_the_region_holds_the_truth_when_the_noise_is_another(factor, count):
     """90 % are asked for; fewer than this are one false alarm in a thousand."""
-    sure = [row for row in scenes(lambda *case: noisy(factor, *case), 2) if row["status"] == "recognized"]
-    assert len(sure) >= 16
+    sure = [row for row in scenes(lambda *case: noisy(factor, *case), count) if row["status"] == "recognized"]
+    assert len(sure) >= 8 * count
     assert sum(row["held"] for row in sure) >= binom.ppf(1e-3, len(sure), 0.9)
 
 
@@ -57,15 +58,21 @@ def test_a_noise_of_which_nobody_said_any_is_told(sd):
     assert 0.6 * sd < 1e-4 * answer.best.noise_scale[0] < 1.6 * sd
 
 
-def test_one_reading_that_is_far_off_makes_no_wrong_answer():
-    rows = scenes(outlier)
+FEW = PARTS[::3]
+"""Parts of the quick tests."""
+
+
+@pytest.mark.parametrize("parts", [FEW, pytest.param(PARTS, marks=pytest.mark.slow)], ids=len)
+def test_one_reading_that_is_far_off_makes_no_wrong_answer(parts):
+    rows = scenes(outlier, parts=parts)
     assert not any(row["status"] == "recognized" and not row["right"] for row in rows)
     assert sum(row["among"] for row in rows) >= len(rows) - 1
 
 
-def test_an_absent_part_is_seldom_taken_for_another():
-    rows = scenes(absent)
-    assert sum(row["P"] > 0.9 and row["worst"] > 4 for row in rows) <= 1
+@pytest.mark.parametrize(("parts", "most"), [(FEW, 0), pytest.param(PARTS, 1, marks=pytest.mark.slow)])
+def test_an_absent_part_is_seldom_taken_for_another(parts, most):
+    rows = scenes(absent, parts=parts)
+    assert sum(row["P"] > 0.9 and row["worst"] > 4 for row in rows) <= most
 
 
 def test_readings_on_the_given_table_are_no_outliers():
@@ -87,7 +94,7 @@ def test_another_convention_of_the_hand_is_named(how):
     assert row["status"] == "unknown"
 
 
-@pytest.mark.parametrize("noise", [10, 100, None])
+@pytest.mark.parametrize("noise", [10, pytest.param(100, marks=pytest.mark.slow), None])
 def test_readings_that_fit_nothing_are_of_no_other_unit(noise):
     """A patch of a few millimetres fits any part: in another unit everything would."""
     part = tanteo.read_part(Path(__file__).parents[1] / "examples/parts/bracket_left.step")

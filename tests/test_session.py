@@ -31,6 +31,7 @@ from tanteo.recognition import identify
 from tanteo.render import headline
 from tanteo.sensors import NoiseLaw, Readings, concatenate
 from tanteo.words import percent
+from tanteo.words.findings import ChosenByUser, ReadingLimit, RepeatMisfit
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
 
@@ -47,7 +48,7 @@ def test_a_session_names_and_places_the_part(targets, seed):
     session = new_session(start, seed=seed, tolerance=2e-3)
     end = sense(session, targets[k], T, rng, each=valid)
     assert end.reached
-    assert targets[k].part.name in end.why
+    assert targets[k].part.name in end.message
     answer = session.answer()
     assert off(session, k, T) < 4 * answer.hypotheses[0].corner_sd
     assert answer.status == "recognized"
@@ -64,7 +65,7 @@ def test_a_part_like_others_is_confirmed_face_by_face(targets):
     assert end.reached
     assert session.state.of_parts()[0] > 0.995
     assert len(set(faces)) >= 4
-    assert "a part that is only like this one would differ there" in session.steps[-1].action.why
+    assert session.steps[-1].action.reason.confirms
 
 
 @pytest.mark.parametrize(("probability", "max_measurements"), [(0.9999, 100), (0.995, 2)])
@@ -227,7 +228,7 @@ def test_extra_readings_are_taken_and_told_ones_left_out(targets):
     before = session.tell(reading)
     again = session.tell(reading)
     assert session.count == 1
-    assert "told before" in again.note
+    assert "known already" in again.note
     assert not again.ids
     np.testing.assert_array_equal(before.probabilities, again.probabilities)
     other = action.read(true_range(targets[k], T, action) + 1e-3)
@@ -251,7 +252,7 @@ def test_a_run_told_again_under_new_names_is_not_counted_again(targets):
     for run in (*runs, session.readings):
         step = session.tell(run)
         assert step.ids == ()
-        assert "told before" in step.note
+        assert "known already" in step.note
     assert session.readings.ids == ("a", "a (2)", "a (3)")
 
 
@@ -261,7 +262,7 @@ def test_a_correction_of_what_was_told_is_not_taken_silently(targets):
     session.tell(reading)
     step = session.tell(replace(reading, sds=np.array([5e-3])))
     assert session.count == 1
-    assert step.note == "a: told before with other errors, radius or normal, which hold"
+    assert step.note == "Reading a is known with other errors, radius or normal, which stay."
 
 
 def test_nothing_is_enough_before_a_reading_met_a_part(targets):
@@ -369,10 +370,10 @@ def test_a_contradicted_prior_ends_the_session(targets):
     end, answer = sense(session, targets[2], T, rng), session.answer()
     assert not end.reached
     assert session.state.of_parts()[2] > 0.95
-    assert end.why == answer.message
+    assert end.message == answer.message
     assert answer.status == "unknown"
     assert answer.message.startswith("The closest part is wedge, but it is not at the prior pose")
-    assert "Start a new session with a wider prior pose" in end.why
+    assert "Start a new session with a wider prior pose" in end.message
     wide = new_session(rough(targets, (0.025, 0.175)), tolerance=1e-3)
     wide.tell(session.readings)
     assert sense(wide, targets[2], T, rng).reached
@@ -431,10 +432,10 @@ def test_what_the_tip_hides_is_not_asked_for_again_and_again(targets):
     T = SE3.exp(np.array([2e-3, -1e-3, 1e-3, 0.01, 0.02, -0.01]))
     end, ways = touched(session, targets[0], T, TIP, turned=False)
     assert not end.reached
-    assert "No reading is worth its cost" in end.why
-    assert "offset of the tip in the hand's frame [m], which all readings share" in end.why
-    assert "Calibrate it" in end.why
-    assert "turn the hand more between readings" in end.why
+    assert "No reading is worth its cost" in end.message
+    assert "offset of the tip in the hand's frame [m], which all readings share" in end.message
+    assert "Calibrate it" in end.message
+    assert "turn the hand more between readings" in end.message
     assert max(ways.count(way) for way in ways) <= 3
     assert len(ways) < 30
     assert 4e-4 < session.steps[-1].corner_sd < 8e-4
@@ -456,7 +457,7 @@ def test_the_error_of_a_robot_is_said_to_be_what_is_left(targets):
     session = Session(start, TOUCH, Sensing(sd=2e-5, robot="calibrated_small"), stop=Stop(tolerance=1e-4))
     end, ways = touched(session, targets[0], np.eye(4), np.zeros(3), turned=True)
     assert not end.reached
-    assert "absolute error of the robot (calibrated_small)" in end.why
+    assert "absolute error of the robot (calibrated_small)" in end.message
     assert max(ways.count(way) for way in ways) <= 3
 
 
@@ -519,7 +520,7 @@ def test_no_end_says_enough_of_what_the_answer_does_not_accept(targets):
     assert answer.status == "unknown"
     assert "the readings contradict it" in answer.message
     assert not action.reached
-    assert action.why == answer.message
+    assert action.message == answer.message
 
 
 def test_a_higher_step_is_an_unknown_object_in_its_place():
@@ -591,7 +592,7 @@ def test_a_reading_that_not_fit_is_made_once_more_and_settles_it(targets, of_the
         distance = true_range(targets[0], start.Ts[0], action) + 3e-4 * rng.normal()
         repeated = any(np.array_equal(action.origin, s.action.origin) for s in session.steps)
         again += repeated
-        assert repeated == ("once more it shows whether the sensor erred" in action.why)
+        assert repeated == isinstance(action.reason, RepeatMisfit)
         wrong += [action.origin] * (session.count in (3, 7))
         off = any(np.array_equal(action.origin, o) for o in wrong) and (of_the_object or not repeated)
         session.tell(action.read(distance - 0.02 if off else max(distance, 1e-6)))
@@ -611,7 +612,7 @@ def test_beams_that_are_made_twice_are_of_one_place(targets):
 def test_the_most_that_was_asked_for_is_said_as_it_was(targets):
     session = new_session(rough(targets), max_measurements=2)
     session.tell(concatenate([free_beam(f"f{k}", (0.5, 0.5, 0.1 * k)) for k in range(3)]))
-    assert session.ask().why == "2 readings were asked for at most, and 3 were made."
+    assert session.ask().findings == (ReadingLimit(2, 3),)
 
 
 def test_a_part_out_of_reach_is_said(targets):
@@ -624,7 +625,7 @@ def test_a_part_out_of_reach_is_said(targets):
     end = session.ask()
     assert isinstance(end, Done)
     assert not end.reached
-    assert "reaches no place" in end.why
+    assert "reaches no place" in end.message
 
 
 def supposing(state, probabilities, unknown):
@@ -717,7 +718,7 @@ def test_only_what_can_be_made_is_asked(targets):
     assert session.ask().direction[2] < -0.9
     none = new_session(rough(targets))
     none.able = lambda state, candidates: np.zeros(len(candidates), dtype=bool)
-    assert "reaches no place" in none.ask().why
+    assert "reaches no place" in none.ask().message
 
 
 @pytest.mark.parametrize(("tilt", "contact", "speaks"), [(70, False, False), (70, True, True), (40, False, True)])
@@ -728,7 +729,7 @@ def test_no_echo_from_an_oblique_face_says_nothing(tilt, contact, speaks):
     along = np.array([np.sin(angle), 0.0, -np.cos(angle)])
     origin = np.array([*0.5 * (low + high)[:2], high[2]]) - 0.05 * along
     session = Session(at_pose(target, np.eye(4), 1e-10 * np.eye(6)), replace(LASER, contact=contact), Sensing(sd=3e-4))
-    action, before = Action(1, origin, along, 0.2, 0.05, "block", "top", 0.0, ""), session.state.unknown
+    action, before = Action(1, origin, along, 0.2, 0.05, "block", "top", 0.0, ChosenByUser()), session.state.unknown
     assert true_range(target, np.eye(4), action) == pytest.approx(0.05)
     session.tell(action.read(np.inf))
     assert (session.state.unknown > 2 * before) == speaks

@@ -57,7 +57,7 @@ class Person:
         if place != "status":
             return
         self.said.append(html)
-        over = self.groups["truth"] and "Playing what" not in html
+        over = self.groups["truth"] and "senses the same scene now" not in html
         if (HELP in html or YOUR_TURN in html or over) and self.player.commands.empty():
             want = self.wants.pop(0)
             want = want(self) if callable(want) else want

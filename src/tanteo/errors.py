@@ -1,20 +1,20 @@
-"""What tanteo raises when the caller erred.
+"""Define the exceptions of tanteo.
 
-The tree::
+The hierarchy::
 
     TanteoError
-    ├── InputError (also a ValueError)     an argument or a file cannot be what was meant
+    ├── InputError (also a ValueError)     an argument or a file is invalid
     │   ├── CovarianceError                not finite, not symmetric or not positive semidefinite
     │   ├── UnitError                      a unit is missing, unknown or contradictory
     │   ├── ReadingsError                  a readings file, with file, line, column and value
     │   ├── PartError                      a CAD file that does not describe a usable part
-    │   └── SideError                      readings of one plane that do not agree on which side of it is outside
-    ├── DegenerateError                    the geometry leaves the answer undefined (parallel, collinear, too few)
+    │   └── SideError                      readings of one plane that disagree about its outer side
+    ├── DegenerateError                    the geometry does not determine the result (parallel, collinear, too few)
     ├── PluginError                        a plug-in of another distribution cannot be used
     └── MissingExtraError (an ImportError) an optional dependency is not installed
 
-Messages read ``<name>: expected <what>, got <what>. <what to do>.`` An unkind world (no part fits, two parts
-fit) is not an error: it is a result with a status.
+Messages read ``<name>: expected <what>, got <what>. <what to do>.`` If no part or several parts
+fit, that is a result with a status, not an error.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class TanteoError(Exception):
 
 
 class InputError(TanteoError, ValueError):
-    """An argument or a file cannot be what was meant.
+    """An argument or a file is invalid.
 
     Example:
         >>> try:
@@ -97,12 +97,12 @@ def check_kind(name: str, value: object, kinds: type | tuple[type, ...], advice:
 
 
 def did_you_mean(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
-    """`` Did you mean '...'?``: the end of a message on a name that nobody knows; empty if no other is like it.
+    """Return `` Did you mean '...'?`` for the end of a message on an unknown name; empty if no known name is similar.
 
     Args:
-        name: as it was written, in capitals or not.
-        known: the names that are known.
-        likeness: from 0 to 1, that the nearest has to have.
+        name: unknown name, in any case.
+        known: known names.
+        likeness: required similarity of the nearest name, from 0 to 1.
     """
     names = list(known)
     near = [other for other in names if other.casefold() == name.casefold()]

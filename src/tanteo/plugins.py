@@ -30,7 +30,7 @@ Entry = TypeVar("Entry")
 
 
 class PluginWarning(UserWarning):
-    """A plug-in was skipped; the message says which, and why."""
+    """A plug-in was skipped; the message names it and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,6 +207,9 @@ def guarded(origin: str, expected: str, error: type[TanteoError] = PluginError) 
         origin: name of the plug-in; empty for built-in code, whose exceptions pass through.
         expected: description of what the plug-in should have done.
         error: type of the error to raise.
+
+    Raises:
+        PluginError: the code raised an exception that is not one of tanteo, or ``error`` if that is given.
     """
     try:
         yield
@@ -232,7 +235,7 @@ _DECLARED: dict[tuple[str, ...], Mapping[str, Claims]] = {}
 
 
 def _declared(paths: tuple[str, ...]) -> Mapping[str, Claims]:
-    """Return the entry points by group and name; they are searched anew when ``sys.path`` changes."""
+    """Return the entry points by group and name; they are searched again when ``sys.path`` changes."""
     if paths not in _DECLARED:
         _DECLARED[paths] = _searched() if any(map(_may_declare, paths)) else {}
     return _DECLARED[paths]

@@ -17,10 +17,12 @@ from tanteo.geometry.limits import check_length
 from tanteo.geometry.typing import FloatArray
 from tanteo.parts import Part, as_part, part_named
 from tanteo.posterior import (
+    DEFAULTS,
     STATED,
     Answer,
     Candidates,
     Priors,
+    Settings,
     about_conventions,
     about_frames,
     about_readings,
@@ -67,6 +69,7 @@ def identify(
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
+    settings: Settings = DEFAULTS,
 ) -> Answer:
     """Which of the parts was sensed, and where it is.
 
@@ -94,6 +97,7 @@ def identify(
         seed: of the search.
         conventions: where no part explains the readings, whether usual mistakes (units, directions, quaternions,
             radius) are undone one by one and asked again; a finding names the one that fits. Each takes a search.
+        settings: numbers of the search, the sampler and the checks.
 
     Returns:
         The answer with its status; an unkind world is not an exception.
@@ -129,28 +133,28 @@ def identify(
     all_factors = (*factors, *_factors(views, measured.points, parts, priors))
     answer = identify_points(
         points, rays, parts, shared=measured.shared, significance=significance, top=top, priors=priors,
-        factors=all_factors, seed=seed,
+        factors=all_factors, seed=seed, settings=settings,
     )  # fmt: skip
     if unstated is not None and answer.best is not None:
         answer = _with_estimated_noise(answer, unstated)
     if answer.status == "unknown" and placed and not any(isinstance(f, PriorContradicted) for f in answer.findings):
         answer = answer.adding(CheckPrior())
-    answer = answer.adding(*about_readings(answer, readings, measured, rays, parts))
+    answer = answer.adding(*about_readings(answer, readings, measured, rays, parts, settings))
     if len(readings) < given:
         answer = answer.adding(ThinnedReadings(len(readings), given))
-    if (whole := _of_whole(answer, priors, parts)) is not None:
+    if (whole := _of_whole(answer, priors, parts, settings)) is not None:
         answer = answer.adding(whole)
     answer = with_elapsed(answer, measure=elapsed)
-    frames = about_frames(answer, scale_of(measured.points, parts), measured)
+    frames = about_frames(answer, scale_of(measured.points, parts), measured, settings.checks)
 
     def ask(readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = bias_sd) -> Answer:
         return identify(
             readings, parts, sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd, bias_sd=bias_sd,
             rig=rig, significance=significance, top=1, priors=priors, views=views,
-            factors=factors, seed=seed, conventions=False,
+            factors=factors, seed=seed, conventions=False, settings=settings,
         )  # fmt: skip
 
-    meant = about_conventions(answer, readings, parts, ask, placed=placed) if conventions else None
+    meant = about_conventions(answer, readings, parts, ask, placed=placed, settings=settings) if conventions else None
     meant = meant or frames  # what fits says more than what looks odd
     return answer if meant is None else answer.adding(meant)
 
@@ -179,13 +183,13 @@ def _factors(
     return view_factors(views, points, some, sized(priors, radius), T_world_table=frame)
 
 
-def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part]) -> WholeMismatch | None:
+def _of_whole(answer: Answer, priors: Priors, parts: Sequence[Part], settings: Settings) -> WholeMismatch | None:
     """Return how mass or size of the whole object contradict the part of the answer; None if they do not."""
     if priors.whole is None or not answer.hypotheses or answer.status == "unknown":
         return None
     named = part_named(parts, answer.hypotheses[0].part)
     part = getattr(named, "part", named)
-    return priors.whole.mismatch(part.name, part.volume, part.box[1] - part.box[0])
+    return priors.whole.mismatch(part.name, part.volume, part.box[1] - part.box[0], settings.search.gate)
 
 
 def _with_estimated_noise(answer: Answer, sd: float) -> Answer:
@@ -234,6 +238,7 @@ def locate(
     factors: Sequence[PoseFactor] = (),
     seed: int = 0,
     conventions: bool = True,
+    settings: Settings = DEFAULTS,
 ) -> Answer:
     """Where the part is, given that it is this one (or none).
 
@@ -255,6 +260,7 @@ def locate(
         factors: further measurements of the pose.
         seed: of the search.
         conventions: whether usual mistakes are tried where it does not fit.
+        settings: numbers of the search, the sampler and the checks.
 
     Raises:
         InputError: as :func:`identify`; or several parts.
@@ -268,5 +274,5 @@ def locate(
     return identify(
         readings, [as_part("part", part)], sensor=sensor, sd=sd, tolerance=tolerance, robot=robot, tip_sd=tip_sd,
         bias_sd=bias_sd, rig=rig, significance=significance, top=top, as_published=as_published, priors=priors,
-        views=views, factors=factors, seed=seed, conventions=conventions,
+        views=views, factors=factors, seed=seed, conventions=conventions, settings=settings,
     )  # fmt: skip

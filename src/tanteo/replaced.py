@@ -1,4 +1,4 @@
-"""Files that are replaced whole or not at all: a full disk or an interruption leaves the old one as it was."""
+"""Replace files atomically: a full disk or an interruption leaves the old file unchanged."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from pathlib import Path
 
 @contextmanager
 def replaced(path: str | Path, *, durable: bool = True) -> Iterator[Path]:
-    """A new file to write to inside, which takes the place of the one of this name when all of it is written.
+    """Yield a new file to write to, which replaces the file of this name at the end of the context.
 
-    It ends in the same suffix. A link stays one and its file is replaced; a device or a pipe is written to itself, and
-    so is a file in a folder where there may be no other.
+    The new file has the same suffix. The target of a link is replaced. Devices, pipes, and files in folders without
+    permission for new files are written directly.
 
     Args:
-        path: the file.
-        durable: whether it is on the disk, not only on its way there, before it takes that place.
+        path: file to replace.
+        durable: whether the content is flushed to the disk before the replacement.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: the file cannot be written.
     """
-    file = Path(os.path.realpath(path))  # unlike Path.resolve it takes links that lead in a circle
+    file = Path(os.path.realpath(path))  # unlike Path.resolve, it accepts circular links
     other = file.with_name(f".{secrets.token_hex(6)}-{file.name[-60:]}")
     if file.exists() and not file.is_file():
         yield file
@@ -39,19 +39,19 @@ def replaced(path: str | Path, *, durable: bool = True) -> Iterator[Path]:
         if file.exists():
             shutil.copymode(file, other)
         if durable:
-            _settle(other)
+            _flush(other)
         other.replace(file)
         if durable and os.name == "posix":
-            with suppress(OSError):  # a folder that may be written to and not read, or a disk elsewhere
-                _settle(file.parent)
+            with suppress(OSError):  # a folder without read permission, or a network disk
+                _flush(file.parent)
     except BaseException:
         with suppress(OSError):
             other.unlink()
         raise
 
 
-def _settle(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are on the disk."""
+def _flush(path: Path) -> None:
+    """Flush a file, or the names in a folder, to the disk."""
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
     try:
         os.fsync(handle)

@@ -223,9 +223,9 @@ def test_an_open_catalogue_stays_as_it_was_while_it_is_replaced(parts, built):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
-@pytest.mark.parametrize("wait", [0.0, 0.05, 0.15, 0.4])
+@pytest.mark.parametrize("wait", [0.0, 0.1, *(pytest.param(w, marks=pytest.mark.slow) for w in (0.05, 0.15, 0.4))])
 def test_a_killed_writer_leaves_the_old_catalogue(parts, built, wait):
-    for k in range(60):
+    for k in range(30):
         (parts / f"n{k:02d}.off").write_text(TETRAHEDRON.format(10 + k))
     code = "import sys; print('go', flush=True); from tanteo.catalogue import build_catalogue; "
     code += "build_catalogue(sys.argv[1], sys.argv[2], unit='mm', workers=0)"
@@ -240,9 +240,9 @@ def test_a_killed_writer_leaves_the_old_catalogue(parts, built, wait):
     other.send_signal(signal.SIGKILL)
     other.communicate()
     catalogue = open_catalogue(built)
-    assert len(catalogue) in (3, 63)
+    assert len(catalogue) in (3, 33)
     catalogue.check()
-    assert build_catalogue(parts, built, unit="mm", workers=0).parts == 63
+    assert build_catalogue(parts, built, unit="mm", workers=0).parts == 33
     assert len(list(built.glob("segment-*"))) == 2 * len(open_catalogue(built).segments)  # nothing is left behind
 
 
@@ -282,8 +282,8 @@ def test_damaged_bytes_are_an_error_and_never_an_answer(built, suffix, share):
         says = str(error)
     else:  # a byte between two arrays, which is of none of them
         assert after == before
-        says = "expected a catalogue as it was written"
-    assert "expected a catalogue as it was written" in says
+        says = "expected an undamaged catalogue"
+    assert "expected an undamaged catalogue" in says
 
 
 @pytest.mark.parametrize("suffix", [".parts", ".table"])

@@ -188,3 +188,32 @@ def test_workers_import_nothing_from_the_folder_they_are_in(tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     found = read_parts(["block.step"], workers=1)
     assert [part.name for part in found] == ["block"]
+
+
+BUSY = """
+from tanteo.catalogue import worker
+def read(path, **rest):
+    while True: pass
+worker.read_part = read
+worker.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit it")
+def test_a_busy_machine_does_not_shorten_the_time_limit(folder, monkeypatch):
+    from tanteo.catalogue import pool
+
+    monkeypatch.setattr(pool, "LEAST_SECONDS", 0.5)
+    found = {}
+    (folder / "busy.off").write_text(TETRAHEDRON.format(10))
+    request = {0: pool.Request(str(folder / "busy.off"), "mm", "busy")}
+    pool.read_in_processes(request, found.__setitem__, workers=1, command=BUSY, time_limit=120.0)
+    assert "s of processor time, got no end. Simplify the part." in found[0]
+
+
+def test_memory_grows_with_the_size_of_a_file(folder):
+    from tanteo.catalogue.worker import LEAST_MEMORY, MEMORY_PER_BYTE, memory_of
+
+    (folder / "large.off").write_text(" " * 1000)
+    assert memory_of(str(folder / "large.off")) == LEAST_MEMORY + 1000 * MEMORY_PER_BYTE
+    assert memory_of(str(folder / "none.off")) == LEAST_MEMORY

@@ -11,12 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo.catalogue import read_parts
-from tanteo.catalogue.archive import part_from_bytes, part_to_bytes
-from tanteo.catalogue.cache import cache_folder, cache_key
-from tanteo.catalogue.pool import Request, read_in_processes
+from tanteo.catalogue import cache_folder, read_parts
 from tanteo.errors import InputError, UnitError
-from tanteo.parts import Part, read_part
+from tanteo.parts import read_part
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples" / "parts"
@@ -105,31 +102,16 @@ def _as_stl(path):
     return b"\0" * 80 + np.uint32(len(rows)).tobytes() + rows.tobytes()
 
 
-def test_bytes_give_back_the_part_bit_for_bit(folder):
+def test_a_cached_part_is_a_part_under_its_own_name(folder):
+    read_parts(folder, unit="mm")
     part = read_part(folder / "a.off", unit="mm")
-    again = part_from_bytes(part_to_bytes(part), name="other")
+    (folder / "other.off").write_bytes((folder / "a.off").read_bytes())
+    again = read_parts(folder / "other.off", unit="mm")["other"]
     same(part, again)
-    assert again.name == "other"
     assert not again.vertices.flags.writeable
-
-
-def test_other_bytes_are_refused(folder, monkeypatch):
-    data = part_to_bytes(read_part(folder / "a.off", unit="mm"))
-    garbled = [data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :] for at in range(0, len(data), 97)]
-    for damaged in (b"", data[: len(data) // 2], data + b" ", b"x" * 100, *garbled):
-        with pytest.raises(InputError, match="Read the CAD file again"):
-            part_from_bytes(damaged)
-    monkeypatch.setattr("tanteo.catalogue.archive.FORMAT_VERSION", 0)
-    with pytest.raises(InputError, match="version 6"):
-        part_from_bytes(data)
-
-
-def test_an_opened_part_is_a_part(folder):
-    part = read_part(folder / "a.off", unit="mm")
-    again = part_from_bytes(part_to_bytes(part))
-    assert repr(again) == repr(part)
-    assert replace(again, name="other").faces == again.faces
-    same(part, pickle.loads(pickle.dumps(part_from_bytes(part_to_bytes(part)))))
+    assert repr(read_parts(folder, unit="mm")["a"]) == repr(part)
+    assert replace(again, name="another").faces == again.faces
+    same(part, pickle.loads(pickle.dumps(again)))
     with pytest.raises(AttributeError, match="colour"):
         _ = again.colour
 
@@ -148,13 +130,25 @@ def _must_not_read(*_args, **_kwargs):
     raise AssertionError("the file was read again")
 
 
+def entry_of(path):
+    """The entry in the cache that is written when a file is read."""
+    kept = set(cache_folder().rglob("*.part"))
+    for entry in kept:
+        entry.unlink()
+    read_parts(path, unit="mm")
+    (entry,) = cache_folder().rglob("*.part")
+    return entry
+
+
 def test_a_changed_or_damaged_entry_is_read_again(folder):
     read_parts(folder, unit="mm")
-    key = cache_key(folder / "a.off", "mm")
-    entry = cache_folder() / "parts" / key[:2] / f"{key}.part"
-    for content in (b"", b"damaged", entry.read_bytes()[:-50]):
+    entry = entry_of(folder / "a.off")
+    data = entry.read_bytes()
+    flipped = [data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :] for at in range(0, len(data), 97)]
+    for content in (b"", b"damaged", data[:-50], data + b" ", *flipped):
         entry.write_bytes(content)
         assert read_parts(folder, unit="mm")["a"].volume == pytest.approx(0.02**3 / 6)
+        assert entry.read_bytes() == data
     (folder / "a.off").write_text(TETRAHEDRON.format(25))
     assert read_parts(folder, unit="mm")["a"].volume == pytest.approx(0.025**3 / 6)
 
@@ -176,34 +170,40 @@ def test_the_cache_folder_follows_the_platform(monkeypatch):
 
 
 WORSE = """
-import sys, os, json, time
-from tanteo.catalogue import worker
-real = worker.read_part
-def read(path, **rest):
-    name = os.path.basename(path)
-    if "crash" in name: os.abort()
-    if "hang" in name:
-        while True: time.sleep(1)
-    return real(path, **rest)
-worker.read_part = read
-worker.main()
+import os, sys, time
+if "from tanteo.catalogue.worker import main; main()" in getattr(sys, "orig_argv", []):
+    from tanteo.catalogue import worker
+    real = worker.read_part
+    def read(path, **rest):
+        name = os.path.basename(path)
+        if "crash" in name: os.abort()
+        if "hang" in name:
+            while True: time.sleep(1)
+        return real(path, **rest)
+    worker.read_part = read
 """
 
 
-def test_a_crash_and_a_hang_cost_only_their_own_file(folder):
+def test_a_crash_and_a_hang_cost_only_their_own_file(folder, tmp_path, monkeypatch):
+    site = tmp_path / "site"
+    site.mkdir()
+    (site / "sitecustomize.py").write_text(WORSE)
+    monkeypatch.syspath_prepend(str(site))  # the workers take it over
     for name in ("crash", "hang"):
         (folder / f"{name}.off").write_text(TETRAHEDRON.format(10))
-    names = ["a", "crash", "b", "hang", "c", "gone"]
-    requests = {i: Request(str(folder / f"{name}.off"), "mm", name) for i, name in enumerate(names)}
-    results = {}
+    few = [f"m{k}" for k in range(20)]  # more meshes than are read in this process
+    for name in few:
+        (folder / f"{name}.off").write_text(TETRAHEDRON.format(20))
+    files = [folder / f"{name}.off" for name in ("a", "crash", "b", "hang", "c", "gone", *few)]
     began = time.monotonic()
-    read_in_processes(requests, results.__setitem__, workers=2, time_limit=6.0, command=WORSE)
+    found = read_parts(files, unit="mm", workers=2, time_limit=6.0)
     assert time.monotonic() - began < 40
-    assert [isinstance(results[i], Part) for i in range(6)] == [True, False, True, False, True, False]
-    assert "got a crash of the CAD reader" in results[1]
-    assert "within 6 s, got no end" in results[3]
-    assert "got nothing there" in results[5]
-    same(results[0], read_part(folder / "a.off", unit="mm"))
+    assert [part.name for part in found] == ["a", "b", "c", *few]
+    why = {Path(failure.path).stem: failure.reason for failure in found.failures}
+    assert "got a crash of the CAD reader" in why["crash"]
+    assert "within 6 s, got no end" in why["hang"]
+    assert "got nothing there" in why["gone"]
+    same(found["a"], read_part(folder / "a.off", unit="mm"))
 
 
 def test_a_script_without_main_guard_can_read_in_parallel(folder, tmp_path):

@@ -40,8 +40,8 @@ def table(rng):
     return "\n".join(lines) + "\n"
 
 
-QUICK = (1, 2, 3, 4, 5, 8, 9)
-"""Files whose answers take a second or two; of some of them both outputs are compared."""
+QUICK = (1, 3, 5, 9, 11, 14, 24, 36)
+"""Seeds whose answers take up to two seconds: one or two of each mode. The other seeds run with the slow tests."""
 
 
 @pytest.mark.parametrize("seed", [k if k in QUICK else pytest.param(k, marks=pytest.mark.slow) for k in range(40)])
@@ -63,8 +63,6 @@ def test_an_answer_or_a_message(run, tmp_path, parts, seed):
     assert 0 <= document["unknown_probability"] <= 1
     assert sum(probabilities) + document["unknown_probability"] < 1 + 1e-9
     assert document["message"]
-    if seed in (4, 5, 8):
-        return
     plain = run("identify", tmp_path / "r.csv", "--parts", parts, "--units", "mm", *args)
     assert plain.code == result.code
     assert document["message"] in plain.out

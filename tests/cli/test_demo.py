@@ -37,7 +37,9 @@ def test_a_report_that_cannot_be_written_is_said_before_story(run, tmp_path):
     assert "--report: expected without --live" in both.err
 
 
+@pytest.mark.slow
 def test_each_question_says_what_it_would_tell_and_what_came(run, tmp_path):
+    """The README shows another seed of the same story, which its quick test runs (``test_readme``)."""
     pytest.importorskip("cv2", reason="the extra tanteo[vision] is not installed")
     report = tmp_path / "demo.html"
     got = run("demo", "--no-open", "--report", str(report), "--seed", "1")

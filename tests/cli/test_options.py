@@ -1,27 +1,44 @@
+import re
+
 import pytest
 
-from tanteo.cli.app import spread_values
+MISSING = re.compile(r"^(?:warning|error): (\S+): expected a file, got nothing there", re.MULTILINE)
 
 
 @pytest.mark.parametrize(
-    ("typed", "meant"),
+    ("typed", "missing"),
     [
-        ("identify r.csv --parts a b c", "identify r.csv --parts a --parts b --parts c"),
-        ("identify r.csv --parts a --parts b", "identify r.csv --parts a --parts b"),
-        ("identify r.csv --parts a b --top 3", "identify r.csv --parts a --parts b --top 3"),
-        ("identify --parts a b --json r.csv", "identify --parts a --parts b --json r.csv"),
-        ("identify --parts a b r.csv", "identify --parts a --parts b r.csv"),
-        ("identify --parts=a r.csv", "identify --parts=a r.csv"),
-        ("identify --parts a.step r.CSV --top 2", "identify --parts a.step r.CSV --top 2"),
-        ("identify r.csv --parts", "identify r.csv --parts"),
-        ("identify r.csv --parts --json", "identify r.csv --parts --json"),
-        ("identify --parts a -- r b", "identify --parts a -- r b"),
-        ("part show a b", "part show a b"),
-        ("", ""),
+        ("identify r.csv --parts a b c", "a b c"),
+        ("identify r.csv --parts a --parts b", "a b"),
+        ("identify r.csv --parts a b --top 3", "a b"),
+        ("identify --parts a b --json r.csv", "a b"),
+        ("identify --parts a b r.csv", "a b"),
+        ("identify --parts=a r.csv", "a"),
+        ("identify --parts a.step r.CSV --top 2", "a.step"),
+        ("identify r.csv --parts --json", "--json"),
     ],
 )
-def test_values_after_parts_are_spread(typed, meant):
-    assert spread_values(typed.split()) == meant.split()
+def test_each_word_after_parts_is_a_part(run, tmp_path, monkeypatch, typed, missing):
+    monkeypatch.chdir(tmp_path)
+    for name in ("r.csv", "r.CSV"):
+        (tmp_path / name).write_text("x_mm,y_mm,z_mm\n0,0,0\n")
+    result = run(*typed.split(), "--sd", "1mm")
+    assert result.code == 1
+    assert sorted(MISSING.findall(result.err)) == missing.split()
+
+
+@pytest.mark.parametrize(
+    ("typed", "message"),
+    [
+        ("identify r.csv --parts", "requires an argument"),
+        ("identify --parts a -- r b", "extra argument(s) (b)"),
+        ("part show a b", "extra argument(s) (b)"),
+    ],
+)
+def test_no_word_is_a_part_without_parts_before_it(run, typed, message):
+    result = run(*typed.split())
+    assert result.code == 2
+    assert message in result.err
 
 
 @pytest.mark.parametrize(

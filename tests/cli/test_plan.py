@@ -58,7 +58,7 @@ def test_where_the_part_roughly_is_can_be_said(run):
 def test_a_tolerance_out_of_reach_exits_with_3(run):
     got = run("plan", "--part", BRACKET, "--tolerance", "0.01mm", "--sd", "1mm", "--max-measurements", "4")
     assert got.code == 3
-    assert "4 readings do not bring" in got.out
+    assert "4 readings do not place" in got.out
 
 
 @pytest.mark.slow
@@ -84,8 +84,8 @@ def test_two_parts_are_told_apart(run, tmp_path):
     words = ("plan", "--discriminate", BRACKET, str(PARTS / "bracket_right.step"), "--sd", "0.3mm")
     got = run(*words, "--report", str(report))
     assert got.code == 0
-    assert "tells bracket_left" in got.out
-    assert "One reading tells bracket_left from bracket_right." in report.read_text(encoding="utf-8")
+    assert "discriminates bracket_left" in got.out
+    assert "One reading discriminates bracket_left and bracket_right." in report.read_text(encoding="utf-8")
     document = json.loads(run(*words, "--json").out)
     assert document["schema"] == "tanteo.discrimination/1"
     assert document["information_nats"] > 0.6

@@ -67,4 +67,4 @@ def test_a_file_that_cannot_be_written_is_said(run, asked, tmp_path, monkeypatch
 def test_what_was_known_beforehand_is_in_the_budget(run, asked, tmp_path):
     file = tmp_path / "report.html"
     run(*asked, "--table", "0+-0.01mm", "--report", file)
-    assert "what was known beforehand" in file.read_text(encoding="utf-8")
+    assert "prior" in file.read_text(encoding="utf-8")

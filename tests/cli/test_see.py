@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tanteo.io import read_image
+from tanteo.io import read_image, write_image
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 IMAGES = EXAMPLES / "images"
@@ -18,12 +18,23 @@ PLACED = ("--camera", CAMERA, "--marks", IMAGES / "marks.csv")
 
 @pytest.fixture
 def few(tmp_path):
-    """Four of the parts."""
+    """Three of the parts."""
     folder = tmp_path / "few"
     folder.mkdir()
-    for name in ("step_12mm", "clamp", "flange", "housing"):
+    for name in ("clamp", "flange", "housing"):
         (folder / f"{name}.step").write_bytes((EXAMPLES / "parts" / f"{name}.step").read_bytes())
     return folder
+
+
+LEFT, TOP, SIZE = 190, 230, 200
+
+
+@pytest.fixture
+def close_up(tmp_path):
+    """The flange cut out of an example image, and the camera matrix of the cut, which has no place."""
+    path = tmp_path / "close_up.png"
+    write_image(path, read_image(IMAGES / "three_parts.png")[TOP : TOP + SIZE, LEFT : LEFT + SIZE])
+    return path, f"[[620, {{skew}}, {316.8 - LEFT}], [0, 621.86, {242.1 - TOP}], [0, 0, 1]]"
 
 
 def truth(image):
@@ -77,12 +88,19 @@ def test_what_cannot_be_meant_is_refused(run, parts, arguments, code, word):
     assert result.out == ""
 
 
-def test_without_a_place_of_the_camera_poses_are_in_its_frame(run, tmp_path):
+def test_without_a_place_of_the_camera_poses_are_in_its_frame(run, tmp_path, close_up):
+    image, matrix = close_up
+    camera = tmp_path / "camera.yaml"
+    size = f"image_width: {SIZE}\nimage_height: {SIZE}\n"
+    camera.write_text(
+        f"{size}camera_matrix: {matrix.format(skew=0)}\ndistortion_coefficients: [-0.12, 0.05, 0, 0, 0]\n"
+    )
     part = EXAMPLES / "parts" / "flange.step"
-    result = run("see", IMAGES / "three_parts.png", "--camera", CAMERA, "--parts", part)
+    result = run("see", image, "--camera", camera, "--parts", part)
+    assert "flange at x" in result.out
     assert "in the camera;" in result.out
     assert "No place of the camera" in result.err
-    result = run("see", IMAGES / "three_parts.png", "--camera", CAMERA, "--parts", part, "--json")
+    result = run("see", image, "--camera", camera, "--parts", part, "--json")
     assert {h["pose"]["frame"] for h in json.loads(result.out)["hypotheses"]} == {"camera"}
 
 
@@ -101,13 +119,14 @@ def test_an_image_may_come_after_the_parts(run, parts):
     assert "none.png" in result.err
 
 
-def test_what_is_taken_of_a_camera_file_is_said(run, tmp_path):
+def test_what_a_camera_file_lacks_is_assumed_with_a_warning(run, tmp_path, close_up):
     """A size and a projection that the file does not have, and a skew."""
+    image, matrix = close_up
     camera = tmp_path / "intrinsics.yaml"
-    camera.write_text("intrinsics: [[620, -0.3, 316.8], [0, 621.86, 242.1], [0, 0, 1]]\n", encoding="utf-8")
-    words = ("--camera", camera, "--marks", IMAGES / "marks.csv", "--rectified", "--json")
-    got = run("see", IMAGES / "three_parts.png", *words, "--parts", EXAMPLES / "parts" / "flange.step")
+    camera.write_text(f"intrinsics: {matrix.format(skew=-0.3)}\n", encoding="utf-8")
+    words = ("--camera", camera, "--rectified", "--json")
+    got = run("see", image, *words, "--parts", EXAMPLES / "parts" / "flange.step")
     assert got.err.count("warning: ") == 3
     warnings = " ".join(json.loads(got.out)["warnings"])
-    for said in ("640 x 480 pixels, as the image", "no projection_matrix", "the skew of the camera matrix is ignored"):
+    for said in (f"{SIZE} x {SIZE} pixels, as the image", "no projection_matrix", "the skew of the camera matrix is"):
         assert said in warnings

@@ -77,7 +77,7 @@ def test_the_hand_comes_near_from_out_of_range(capsys, tmp_path):
     (tmp_path / "far.toml").write_text(far, encoding="utf-8")
     code, out, _ = run(capsys, "plane", "--scene", str(tmp_path / "far.toml"), "-v")
     assert code == 0
-    steps = [line.split()[2:4] for line in out.splitlines() if line.endswith("at the pose")]
+    steps = [line.split()[2:4] for line in out.splitlines() if line.endswith("at the demanded pose.")]
     assert steps[:2] == [["go", "to"], ["go", "to"]]  # over the place, and down to it
 
 

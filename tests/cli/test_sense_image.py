@@ -31,7 +31,7 @@ def test_the_image_says_where_and_the_hand_says_which(sense):
     first = err.splitlines()[0]
     assert first.startswith("The image: step_1")
     assert "unknown object" in first
-    assert "It leaves open: sense from above" in first
+    assert "To decide, sense from above" in first
 
 
 def test_an_image_from_a_file_and_a_camera_of_its_own(sense):

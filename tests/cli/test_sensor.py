@@ -96,7 +96,7 @@ def test_fit_finds_beam_strays_and_coverage(run):
     assert (result.code, result.err) == (0, "")
     for words in (
         "calibrated: 288 readings at 48 places on 2 planes", "the offset of the ranges is in it", "sd deg", "wall",
-        "0-15 deg", "Set aside: 6 places saturated", "saturated: 7 .. 12 (6) on table read 450.0 mm",
+        "0-15 deg", "Excluded: 6 places saturated", "saturated: 7 .. 12 (6) on table read 450.0 mm",
         "holds for these ranges and incidences",
     ):  # fmt: skip
         assert words in result.out
@@ -142,7 +142,7 @@ def test_a_log_that_does_not_tell_ends_with_3_and_writes_nothing(run, tmp_path):
     result = run("sensor", "fit", log, "--write", out)
     assert result.code == 3
     assert result.out.startswith("insufficient")
-    assert "not told" in result.out
+    assert "undetermined" in result.out
     assert "was not written" in result.err
     assert not out.exists()
     quiet = run("sensor", "fit", log, "--json")

@@ -3,54 +3,48 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 
 import pytest
 
-from tanteo.cli.files import MisuseError, check_target, writing
-from tanteo.errors import InputError
-
 PROGRAM = [sys.executable, "-c", "from tanteo.cli import main; main()"]
+PLAN = ("plan", "--part", "none.stl", "--units", "mm", "--sd", "1mm", "--tolerance", "1mm")
 
 
 @pytest.mark.parametrize(
-    ("name", "message", "error"),
+    ("name", "message", "code"),
     [
-        ("nowhere/r.html", "there is no folder", InputError),
-        ("folder.html", "it is a folder", InputError),
-        ("r.txt", "ends in .html or .htm", MisuseError),
-        ("r", "Add the suffix", MisuseError),
-        (f"{'x' * 5000}.html", "File name too long", InputError),
+        ("nowhere/r.html", "there is no folder", 1),
+        ("folder.html", "it is a folder", 1),
+        ("r.txt", "ends in .html or .htm", 2),
+        ("r", "Add the suffix", 2),
+        (f"{'x' * 5000}.html", "File name too long", 1),
     ],
 )
-def test_what_cannot_be_written_is_said_beforehand(tmp_path, name, message, error):
+def test_what_cannot_be_written_is_said_beforehand(run, tmp_path, name, message, code):
     (tmp_path / "folder.html").mkdir()
-    with pytest.raises(error, match=r"^--report: expected .*, got '.*'.*\. [A-Z]") as caught:
-        check_target("--report", str(tmp_path / name), (".html", ".htm"))
-    assert message in str(caught.value)
+    result = run("identify", "none.csv", "--parts", "none.stl", "--report", tmp_path / name)
+    assert (result.code, result.out) == (code, "")
+    assert re.match(r"error: --report: expected .*, got '.*'.*\. [A-Z]", result.err)
+    assert message in result.err
 
 
-def test_what_can_be_written_is_left_alone(tmp_path):
-    check_target("--report", None)
-    check_target("--report", str(tmp_path / "R.HTML"), (".html",))
-    check_target("--record", str(tmp_path / "record"))
+@pytest.mark.parametrize("option", [("--report", "R.HTML"), ("--csv", "plan")])
+def test_what_can_be_written_is_left_alone(run, tmp_path, option):
+    result = run(*PLAN, option[0], tmp_path / option[1])
+    assert "none.stl" in result.err
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_in_which_nothing_may_be_written(tmp_path, monkeypatch):
+def test_a_folder_in_which_nothing_may_be_written(run, tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: not (path == tmp_path and mode == os.W_OK))
-    with pytest.raises(InputError, match="permission denied"):
-        check_target("--csv", str(tmp_path / "p.csv"))
+    refused = run(*PLAN, "--csv", tmp_path / "p.csv")
+    assert refused.code == 1
+    assert "permission denied" in refused.err
     (tmp_path / "mine.csv").touch()
-    check_target("--csv", str(tmp_path / "mine.csv"))  # the file is there, and may be
-
-
-def test_what_the_system_refuses_is_advice(tmp_path):
-    path = str(tmp_path / "no" / "p.csv")
-    message = r"--csv: .* got '.*p\.csv': No such file or directory\. Choose"
-    with pytest.raises(InputError, match=message), writing("--csv", path), open(path, "w", encoding="utf-8"):
-        pass
+    assert "none.stl" in run(*PLAN, "--csv", tmp_path / "mine.csv").err  # the file is there, and may be
 
 
 def test_a_reader_that_has_gone_costs_no_file(parts, tmp_path):

@@ -25,6 +25,7 @@ def touches(tmp_path):
 def told(run, *words):
     """The warnings of the document, which are those on standard error."""
     result = run(*words, "--json")
+    assert result.out, result.err
     found = json.loads(result.out).get("warnings", [])
     assert [line.removeprefix("warning: ") for line in result.err.splitlines() if line.startswith("warning")] == found
     return found
@@ -55,7 +56,7 @@ def test_a_unit_instead_of_that_of_the_file(run, touches, parts):
     pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
     part = EXAMPLES / "parts" / "wedge.step"
     (warning, *_) = told(run, "locate", touches, "--part", part, "--units", "in")
-    assert warning.startswith(f"{part}: Read in in as asked: the file itself says mm.")
+    assert warning.startswith(f"{part}: Read in in as requested: the file itself states mm.")
     assert told(run, "locate", touches, "--part", part, "--units", "millimetres") == []
     step = parts / "x.step"
     step.write_bytes(part.read_bytes())
@@ -130,4 +131,4 @@ def test_a_file_that_says_inches_and_holds_millimetres(run, tmp_path):
     code, out, err = run("locate", tmp_path / "r.csv", "--sd", "0.1mm", "--part", path, "--units", "mm")
     assert code in (0, 3)
     assert "box at x" in out
-    assert "Read in mm as asked: the file itself says in." in err
+    assert "Read in mm as requested: the file itself states in." in err

@@ -86,9 +86,9 @@ def test_far_from_the_origin_and_in_another_unit_it_is_the_same(kind):
     near = ft.round_ml(KINDS[kind], points, covs)
     far = ft.round_ml(KINDS[kind], points + np.array([2e3, -1e3, 5e2]), covs)
     large = ft.round_ml(KINDS[kind], 1e3 * points, 1e6 * covs)
-    assert near.settled
-    assert far.settled
-    assert large.settled
+    assert near.converged
+    assert far.converged
+    assert large.converged
     assert far.size == pytest.approx(near.size, rel=1e-7)
     assert large.size == pytest.approx(near.size * (1 if kind == "cone" else 1e3), rel=1e-9)
     np.testing.assert_allclose(far.fit.T[:3, 3] - [2e3, -1e3, 5e2], near.fit.T[:3, 3], atol=1e-8)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from tanteo import io
 from tanteo.errors import ReadingsError
 from tanteo.io import read_readings
 
@@ -250,3 +252,11 @@ def test_topics_are_of_recordings_only(tmp_path):
     (tmp_path / "r.csv").write_text("x_mm,y_mm,z_mm\n1,2,3\n")
     with pytest.raises(ReadingsError, match="recording of ROS"):
         read_readings(tmp_path / "r.csv", world="base")
+
+
+def test_a_message_without_a_field_is_refused_by_name():
+    messages = io.RosMessages(kinds={"/range": io.RANGE})
+    stamp = SimpleNamespace(sec=1, nanosec=0)
+    header = SimpleNamespace(stamp=stamp, frame_id="tof")
+    with pytest.raises(ReadingsError, match=r"/range: expected messages of sensor_msgs/msg/Range .*max_range"):
+        messages.take("/range", 1.0, SimpleNamespace(header=header, range=0.1, min_range=0.0))

@@ -204,3 +204,16 @@ def test_what_is_written_is_read_back(tmp_path):
             np.testing.assert_allclose(getattr(new, name), getattr(old, name), rtol=1e-5)
         assert new.axis_cosine == pytest.approx(old.axis_cosine)
     assert rig_text(back).count("[sensors.") == 2
+
+
+def test_dots_in_comments_separate_no_names(tmp_path):
+    path = tmp_path / "rig.toml"
+    dots = "a." * 200
+    path.write_text(f"# {dots}\n{RIG.replace('mount_sd_mm = 1', f'mount_sd_mm = 1  # {dots}')}")
+    assert len(read_rig(path).sensors) == 2
+    path.write_text(f"{dots}a = 1\n{RIG}")
+    with pytest.raises(InputError, match="a name in fifty others"):
+        read_rig(path)
+    path.write_text(f"x = {'9' * 5000}\n{RIG}")
+    with pytest.raises(InputError, match=r"rig.toml: expected TOML, got: Exceeds the limit"):
+        read_rig(path)

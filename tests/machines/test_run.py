@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -161,6 +162,30 @@ def test_a_line_that_was_cut_was_never_read(tmp_path, block):
     assert [number for number, _ in journal.rows()] == [1]
     journal.path.write_text(json.dumps({"question": 1}) + "\n\n" + journal.path.read_text())
     with pytest.raises(InputError, match="line 1"):
+        journal.rows()
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "[" * 50_000,
+        '{"question": 1e400, "start_m": [0, 0, 0], "direction": [0, 0, -1], "distance_m": 0.02, "reach_m": 0.05}',
+        '{"question": 1, "start_m": [0, 0, NaN], "direction": [0, 0, -1], "distance_m": 0.02, "reach_m": 0.05}',
+        '{"question": 1, "start_m": [0, 0, 0], "direction": [0, 0, -1], "distance_m": -1, "reach_m": 0.05}',
+    ],
+)
+def test_a_journal_line_without_a_reading_is_refused(tmp_path, row):
+    journal = Journal(tmp_path / "run.json")
+    journal.path.write_text(f"{row}\n\n")
+    with pytest.raises(InputError, match="line 1: expected a reading"):
+        journal.rows()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="other systems have no such files")
+def test_a_journal_that_is_a_pipe_or_a_device_is_refused(tmp_path):
+    journal = Journal(tmp_path / "run.json")
+    os.mkfifo(journal.path)
+    with pytest.raises(InputError, match="a pipe or device"):
         journal.rows()
 
 

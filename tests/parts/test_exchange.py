@@ -112,7 +112,7 @@ def test_six_faces_that_close_a_box_are_one(tmp_path):
 def test_faces_beside_a_solid_that_enclose_nothing_are_named(tmp_path):
     part = read_part(step(tmp_path / "part.step", together(base(), pieces(boss())[0])))
     assert sides(part) == [60, 40, 20]
-    assert part.repairs == ("Left out 1 loose face (300 mm2), which enclose nothing beside the solids.",)
+    assert part.repairs == ("Excluded 1 loose face (300 mm2), which enclose nothing beside the solids.",)
 
 
 def test_faces_alone_are_a_surface_with_its_rims(tmp_path):
@@ -140,7 +140,7 @@ def test_a_solid_of_triangles_has_its_planes(tmp_path):
 def test_the_body_over_again_as_triangles_is_left_out(tmp_path):
     part = read_part(step(tmp_path / "part.step", together(base(), triangles_alone(base()))))
     assert len(part.planes) == 6
-    assert part.repairs == ("Left out 6 faces of triangles: they are the body over again.",)
+    assert part.repairs == ("Excluded 6 faces of triangles: they repeat the body.",)
 
 
 @pytest.mark.parametrize(("mode", "unit"), [(0, "MM"), (1, "MM"), (0, "IN")])

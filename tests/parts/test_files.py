@@ -64,7 +64,7 @@ def test_a_file_that_states_a_wrong_unit_can_be_overridden(tmp_path, solids):
         read_part(path)
     part = read_part(path, unit="mm")
     np.testing.assert_allclose(part.box[1], [0.08, 0.06, 0.05], atol=1e-8)
-    assert part.repairs == ("Read in mm as asked: the file itself says m.",)
+    assert part.repairs == ("Read in mm as requested: the file itself states m.",)
 
 
 def test_off_with_comments_and_polygons(tmp_path):

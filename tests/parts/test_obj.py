@@ -73,3 +73,19 @@ def test_a_polygon_that_no_corner_sees_whole_is_filled(tmp_path):
     x, y = np.array(ring, float).T
     area = 0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1))
     assert part.volume == pytest.approx(area * 10 * 1e-9)
+
+
+def test_a_polygon_of_thousands_of_corners_is_triangulated_whole(tmp_path):
+    """A star, in which no corner sees all others, extruded: its volume is that of the polygon times its height."""
+    count = 4000
+    angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    radii = 30.0 + np.where(np.arange(count) % 2, 0.5, 0.0)
+    x, y = radii * np.cos(angles), radii * np.sin(angles)
+    rows = [f"v {a:.9f} {b:.9f} {z}" for z in (0, 5) for a, b in zip(x, y, strict=True)]
+    rows.append("f " + " ".join(map(str, range(count, 0, -1))))
+    rows.append("f " + " ".join(map(str, range(count + 1, 2 * count + 1))))
+    ring = [(k + 1, (k + 1) % count + 1) for k in range(count)]
+    rows += [f"f {a} {b} {b + count} {a + count}" for a, b in ring]
+    part = read(tmp_path, "\n".join(rows))
+    area = 0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    assert part.volume == pytest.approx(5e-9 * area, rel=1e-6)

@@ -188,7 +188,7 @@ def test_another_unit_than_that_of_the_file_can_be_asked_for(tmp_path):
     assert part.unit == "mm"
     np.testing.assert_allclose(np.ptp(part.box, axis=0), np.array([0.1, 0.06, 0.012]) / 25.4, rtol=1e-6)
     assert sorted(face.radius for face in part.faces if face.radius) == pytest.approx([8e-3 / 25.4] * 2)
-    assert part.repairs == ("Read in mm as asked: the file itself says in.",)
+    assert part.repairs == ("Read in mm as requested: the file itself states in.",)
 
 
 def test_a_solid_written_inside_out_is_turned(tmp_path):

@@ -61,7 +61,7 @@ def test_only_what_is_built_and_supports_nothing_is_the_part(tmp_path):
     resources += f'<object id="3">{mesh(500, 5, 5)}</object>'
     part = read_part(write(tmp_path, model(resources, '<item objectid="1"/><item objectid="2"/>')))
     assert sides(part) == [60, 40, 20]
-    assert part.repairs == ("Left out 1 object of the type support.",)
+    assert part.repairs == ("Excluded 1 object of the type support.",)
     part = read_part(write(tmp_path, model(f'<object id="1">{mesh()}</object>', "")))
     assert part.repairs == ("The file builds nothing: all its objects are taken.",)
 
@@ -134,10 +134,10 @@ def test_an_archive_that_unpacks_to_very_much_is_refused_soon(tmp_path):
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file, file.open("3D/3dmodel.model", "w") as stream:
         for _ in range(40):
             stream.write(bytes(1 << 20))
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(PartError, match=r"an archive of [\d,]+ bytes that unpacks to more than"):
         read_part(path)
-    assert time.perf_counter() - began < 2
+    assert time.process_time() - began < 2
     packed = path.read_bytes()  # an archive that understates what it holds
     path.write_bytes(packed.replace((40 << 20).to_bytes(4, "little"), (100).to_bytes(4, "little")))
     with pytest.raises(PartError, match=r"part\.3mf: expected"):
@@ -149,7 +149,7 @@ def test_copies_of_copies_come_to_an_end(tmp_path):
     for k in range(1, 12):
         parts = f'<component objectid="{k - 1}"/>' * 10
         resources += f'<object id="{k}"><components>{parts}</components></object>'
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(PartError, match="expected up to 20000 copies"):
         read_part(write(tmp_path, model(resources, '<item objectid="11"/>')))
-    assert time.perf_counter() - began < 2
+    assert time.process_time() - began < 2

@@ -58,7 +58,7 @@ def test_what_readings_do_not_tell_is_said(models, rng):
     """A hand that never turns: its tip's offset moves the part, and nothing else."""
     readings = touches(models["wedge"].part, rng, np.array([6e-4, 0, 0]), turned=False)
     found = checked(models["wedge"], readings, tip_sd=[1e-4] * 3)
-    assert found.errors[0].told < 0.1
+    assert found.errors[0].explained < 0.1
     assert found.errors[0].p_value == 1.0
     assert found.following is not None
     assert found.following.turn != 0

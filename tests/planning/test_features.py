@@ -52,7 +52,8 @@ def test_what_a_feature_tells_is_the_ratio_of_determinants(context):
     for _ in range(12):
         c = context.candidates.take(np.sort(rng.choice(len(context.candidates), 30, replace=False)))
         choice = POLICIES["features"].choose(DecisionContext(state, c, LASER, None, None, 0, 0))
-        (f,) = (f for f in features(state, c) if f"{len(f.rows) - 1} more of {f.name} it is" in choice.why)
+        reason = choice.reason
+        (f,) = (f for f in features(state, c) if (f.name, len(f.rows) - 1) == (reason.feature, reason.others))
         d, cosine, _, g = met_by_beams(state.target(0), T, c.origins[f.rows], c.directions[f.rows])
         G, R = g[:, 0], LASER.variance(d, cosine)[:, 0]
         after = np.linalg.inv(np.linalg.inv(C) + G.T @ (G / R[:, None]))
@@ -70,9 +71,9 @@ def test_sessions_that_choose_features_reach_goal_and_name_them():
     end = sense(session, targets[k], T, rng)
     assert end.reached
     assert off(session, k, T) < 1.5e-3
-    why = [step.action.why for step in session.steps]
-    assert all("of bracket_" in words and "more of" in words for words in why)
-    assert len({words.split("more of ")[1].split(" of bracket")[0] for words in why}) > 2
+    names = [step.action.reason.feature for step in session.steps]
+    assert all(" of bracket_" in name for name in names)
+    assert len({name.split(" of bracket")[0] for name in names}) > 2
 
 
 def test_where_nothing_makes_a_feature_single_places_are_left(context):

@@ -138,10 +138,10 @@ def test_a_session_ends_when_the_feature_is_placed_and_says_so(wedge):
     for feature in (None, "face 3"):
         session = new_session(start, LASER, tolerance=0.8e-3, feature=feature, probability=None)
         end = sense(session, wedge, T, np.random.default_rng(8))
-        assert end.reached, end.why
+        assert end.reached, end.message
         counts[feature] = session.count
         assert session.steps[-1].within >= 0.95
-    assert "face 3 of wedge is within 0.8 mm of where it is said to be" in end.why
+    assert "Face 3 of wedge is within 0.8 mm of the estimated place" in end.message
     assert counts["face 3"] < counts[None]
     places, gap = places_of(wedge.part, "face 3"), SE3.inverse(session.state.poses[0]) @ T
     moved = SE3.apply(gap, places.points) - places.points

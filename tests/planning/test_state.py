@@ -208,7 +208,7 @@ def test_an_answer_can_be_a_start(targets):
     ("change", "words"),
     [
         ({"weights": np.array([-1.0])}, "probabilities"),
-        ({"covariances": np.zeros((1, 6, 6))}, "spread"),
+        ({"covariances": np.zeros((1, 6, 6))}, "positive variance"),
         ({"targets": ()}, "a part"),
         ({"weights": np.ones(2)}, "as many"),
     ],

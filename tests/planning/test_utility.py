@@ -303,4 +303,4 @@ def test_hit_or_miss_of_a_wide_cone_is_no_discrimination():
     found = discriminate(*pair, wide)
     assert found.information < 0.15
     assert "% of the time" in found.message
-    assert discriminate(*pair, replace(wide, beam_half_angle=0.0)).tells
+    assert discriminate(*pair, replace(wide, beam_half_angle=0.0)).discriminates

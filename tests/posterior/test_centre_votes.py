@@ -9,8 +9,8 @@ from tanteo import _core
 from tanteo.catalogue import tables_of
 from tanteo.factors import ContactPoints, FreeRays, SensedDirection, SensedSize, SurfacePoint, factor_class
 from tanteo.geometry import SE3
-from tanteo.posterior import DEFAULTS, Priors, Problem, race
-from tanteo.posterior.proposals import centre_votes, plane_votes, pose_seeds, sensed_planes
+from tanteo.posterior import DEFAULTS, Priors, Problem, candidate_pruning
+from tanteo.posterior.proposals import centre_votes, plane_votes, sensed_planes
 
 SD, RADIUS = 3e-5, 0.15
 KINDS = {3: "centre", 5: "sphere_centre", 6: "apex"}
@@ -366,8 +366,10 @@ def plainly(centres, part, T):
 
 
 def narrowed(parts, points):
-    few = DEFAULTS.changed("race.budget", 2)
-    return race.screen(Problem(points, FreeRays.none(), Priors(radius=RADIUS), settings=few), catalogue(parts))
+    few = DEFAULTS.changed("pruning.budget", 2)
+    return candidate_pruning.screen(
+        Problem(points, FreeRays.none(), Priors(radius=RADIUS), settings=few), catalogue(parts)
+    )
 
 
 def test_what_is_left_is_searched_and_the_rest_counts(blocks):
@@ -377,7 +379,7 @@ def test_what_is_left_is_searched_and_the_rest_counts(blocks):
     assert chosen.bound
     assert chosen.rows[0] == 7
     assert len(chosen.rows) < 10
-    assert -40 < chosen.left_out < 0
+    assert -40 < chosen.unsearched < 0
     assert len(chosen.rows) + len(chosen.others) == len(blocks)
 
 
@@ -388,7 +390,7 @@ def test_two_centres_alone_leave_parts_out_by_radius_only(blocks):
     assert not chosen.exhaustive
     assert not chosen.known
     assert 7 in [*chosen.rows, *chosen.others]
-    assert chosen.left_out > -13
+    assert chosen.unsearched > -13
 
 
 def given(sensed_ones, every, **changed):
@@ -444,7 +446,7 @@ def test_axes_of_no_length_or_no_number_end_in_costs(blocks):
 
 
 def test_centres_are_taken_from_all_sides(blocks):
-    assert sorted(pose_seeds.spread_out(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]
+    assert sorted(centre_votes.spread_out(np.arange(12.0).reshape(4, 3), 9)) == [0, 1, 2, 3]
 
 
 def test_a_lonely_normal_makes_no_poses(blocks, every):

@@ -9,7 +9,7 @@ from tanteo.catalogue import build_catalogue, open_catalogue
 from tanteo.factors import FreeRays, surface_points
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
-from tanteo.posterior import Problem, candidates, race, sized
+from tanteo.posterior import Problem, candidate_pruning, candidates, sized
 
 SD, LEVELS = 1e-4, 24.0
 SIDES = 1e-3 * np.array([[40, 30, 20], [40, 30, 26], [44, 34, 12], [40, 18, 20], [1, 0.7, 0.4], [9e3, 5e3, 4e3]])
@@ -181,7 +181,7 @@ def test_parts_in_the_same_box_are_told_by_points_alone(tmp_path):
         T = SE3.exp(np.r_[own.uniform(-0.3, 0.3, 3), own.normal(size=3)])
         p = SE3.apply(T, u * a[at] + (v - u) * b[at] + (1 - v) * c[at]) + SD * own.normal(size=(30, 3))
         problem = Problem(sensed(p), FreeRays.none(), sized(None, float(every.radii.max())))
-        rows = race.screen(problem, every).rows
+        rows = candidate_pruning.screen(problem, every).rows
         ranks.append(int(np.flatnonzero(rows == row)[0]))
     assert np.median(ranks) <= 2
     assert max(ranks) < 20

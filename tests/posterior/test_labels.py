@@ -7,8 +7,8 @@ import pytest
 
 from tanteo.factors import surface_points
 from tanteo.geometry import SO3
-from tanteo.posterior.labels import Facets, elsewhere, groups_of
-from tanteo.posterior.one_object import log_level, log_right_angled
+from tanteo.posterior.joint_surface_model import log_level, log_right_angled
+from tanteo.posterior.labels import Facets, groups_of, label_evidence
 
 RADIUS, SD = 0.1, 5e-3
 
@@ -18,7 +18,7 @@ def labelled(points, sd=SD, kind="plane", **more):
 
 
 def odds(points):
-    found = elsewhere(points, groups_of(points), RADIUS)
+    found = label_evidence(points, groups_of(points), RADIUS)
     return found.log_odds[0], found.facets
 
 

@@ -10,7 +10,7 @@ from tanteo.geometry import SE3
 from tanteo.posterior import Effort, Priors, Problem, identify_points, part_search, prepare
 from tanteo.posterior.sampling import peaks
 from tanteo.posterior.sampling.modes import _beyond_normal, _covariance
-from tanteo.posterior.sampling.sampler import Compared, Sampler
+from tanteo.posterior.sampling.sampler import ControlVariate, Sampler
 
 
 def sample_prior(n, seed, bend=0.0, scale=1.0):
@@ -22,7 +22,7 @@ def sample_prior(n, seed, bend=0.0, scale=1.0):
     normal = np.exp(-0.5 * gaps - wide) / n
     weights = scale * normal * np.exp(bend * np.tanh(x[:, 0]))
     factor = min(weights @ normal / (normal @ normal), 1.0)
-    return Compared(weights, factor * normal, factor, gaps)
+    return ControlVariate(weights, factor * normal, factor, gaps)
 
 
 def test_of_a_normal_region_the_mass_has_no_noise():
@@ -49,7 +49,7 @@ def test_a_region_of_another_mass_is_not_normal():
 def test_effective_samples_tell_how_well_a_spread_is_known():
     """Of plain samples of a normal density as many as there are."""
     x = np.random.default_rng(5).normal(size=(4000, 6))
-    plain = Compared(np.full(4000, 1 / 4000), np.zeros(4000), 0.0, np.sum(x * x, axis=1))
+    plain = ControlVariate(np.full(4000, 1 / 4000), np.zeros(4000), 0.0, np.sum(x * x, axis=1))
     assert plain.ess == pytest.approx(4000, rel=0.1)
 
 

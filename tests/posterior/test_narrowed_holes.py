@@ -40,7 +40,7 @@ def catalogue(plates, folder, tmp_path_factory):
 @pytest.fixture
 def few(monkeypatch):
     """Narrow any number of parts, as very many are narrowed."""
-    monkeypatch.setitem(identify_points.__kwdefaults__, "settings", DEFAULTS.changed("race.budget", 1))
+    monkeypatch.setitem(identify_points.__kwdefaults__, "settings", DEFAULTS.changed("pruning.budget", 1))
 
 
 def right(answer, plates, k):

@@ -10,7 +10,17 @@ from tanteo import _core
 from tanteo.catalogue import build_catalogue, open_catalogue
 from tanteo.factors import FreeRays, surface_points
 from tanteo.geometry import SE3
-from tanteo.posterior import DEFAULTS, Priors, Problem, WholeObject, candidates, identify_points, prepare, race, sized
+from tanteo.posterior import (
+    DEFAULTS,
+    Priors,
+    Problem,
+    WholeObject,
+    candidate_pruning,
+    candidates,
+    identify_points,
+    prepare,
+    sized,
+)
 from tanteo.posterior.proposals import plane_votes, sensed_planes
 
 SD, TILT = 1e-4, 0.02
@@ -87,7 +97,7 @@ def test_few_parts_are_all_searched_from_their_coarse_fields(catalogue):
     parts = [catalogue[row] for row in range(0, 40, 8)]
     every = candidates.Candidates(parts)
     points = sensed(parts[2], "points", np.random.default_rng(1))
-    chosen = race.screen(replace(question(points, every), settings=settings), every)
+    chosen = candidate_pruning.screen(replace(question(points, every), settings=settings), every)
     assert chosen.rows.tolist() == sorted(chosen.known)
     on = [prepare(parts[2]).surface.closest(SE3.apply(SE3.inverse(T), points.points)) for T in chosen.known[2]]
     assert min(np.median(one.distances) for one in on) < 0.01 * parts[2].diagonal
@@ -98,11 +108,13 @@ def test_the_part_that_was_sensed_is_searched(catalogue, kind):
     every = candidates.Candidates(catalogue)
     for k in range(12):
         row = (7 * k) % len(catalogue)
-        chosen = race.screen(question(sensed(catalogue[row], kind, np.random.default_rng(k)), every), every)
+        chosen = candidate_pruning.screen(
+            question(sensed(catalogue[row], kind, np.random.default_rng(k)), every), every
+        )
         assert row in chosen.rows, k
         if chosen.exhaustive and kind == "labelled":
             assert len(chosen.rows) < len(catalogue) / 2
-            assert chosen.left_out < 0
+            assert chosen.unsearched < 0
 
 
 def test_a_part_sensed_on_faces_along_one_line_is_searched(catalogue):
@@ -111,7 +123,7 @@ def test_a_part_sensed_on_faces_along_one_line_is_searched(catalogue):
         points = sensed(catalogue[9 * k], "normals", np.random.default_rng(k), along=0)
         problem = question(points, every)
         assert set(sensed_planes.sensed_planes(problem, points).triples[2::3]) == {-1}
-        chosen = race.screen(problem, every)
+        chosen = candidate_pruning.screen(problem, every)
         assert chosen.exhaustive
         assert 9 * k in chosen.rows, k
 
@@ -129,14 +141,14 @@ def test_a_labelled_outlier_does_not_leave_its_part_out(catalogue):
     points = sensed(catalogue[20], "labelled", np.random.default_rng(5))
     moved = [replace(f, at=f.at + 0.02 * (k < 4)) for k, f in enumerate(points.factors)]
     off = replace(points, factors=tuple(moved))
-    assert 20 in race.screen(question(off, every), every).rows
+    assert 20 in candidate_pruning.screen(question(off, every), every).rows
 
 
 def test_few_parts_are_all_searched(catalogue):
     few = candidates.Candidates(list(catalogue[:10]))
-    chosen = race.screen(question(sensed(catalogue[3], "labelled", np.random.default_rng(2)), few), few)
+    chosen = candidate_pruning.screen(question(sensed(catalogue[3], "labelled", np.random.default_rng(2)), few), few)
     assert sorted(chosen.rows) == list(range(10))
-    assert chosen.left_out == -np.inf
+    assert chosen.unsearched == -np.inf
 
 
 def test_votes_of_the_own_faces_of_a_part_cost_nothing(catalogue):
@@ -149,22 +161,22 @@ def test_votes_of_the_own_faces_of_a_part_cost_nothing(catalogue):
 
 
 def test_what_is_left_out_is_as_probable_as_it_may_be():
-    assert race.LeftOut().log_evidence(10.0, 5.0) == -np.inf
-    assert race.LeftOut(100, -3.0).log_evidence(10.0, 5.0) == 7.0
-    assert race.LeftOut(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
+    assert candidate_pruning.Unsearched().log_evidence(10.0, 5.0) == -np.inf
+    assert candidate_pruning.Unsearched(100, -3.0).log_evidence(10.0, 5.0) == 7.0
+    assert candidate_pruning.Unsearched(100).log_evidence(10.0, 5.0) == pytest.approx(5.0 + np.log(100))
 
 
 def test_what_is_known_of_the_whole_is_looked_at_first(catalogue):
     every = candidates.Candidates(catalogue)
     points = sensed(catalogue[41], "points", np.random.default_rng(4))
     odds = np.where(np.arange(len(catalogue)) % 4 == 1, 3.0, -3.0)
-    chosen = race.screen(question(points, every), every, odds)
+    chosen = candidate_pruning.screen(question(points, every), every, odds)
     assert 41 in chosen.rows
-    assert chosen.aside > 0
+    assert chosen.pruned_by_properties > 0
     assert (odds[list(chosen.known)] > 0).all()  # the others are not looked at
     assert chosen.discount < -2
-    everything = race.screen(question(points, every), every, odds, every=True)
-    assert (everything.aside, 41 in everything.rows) == (0, True)
+    everything = candidate_pruning.screen(question(points, every), every, odds, every=True)
+    assert (everything.pruned_by_properties, 41 in everything.rows) == (0, True)
 
 
 def test_a_part_is_found_though_the_whole_object_misleads(catalogue):

@@ -42,7 +42,7 @@ def test_the_same_in_another_frame(bar):
     assert second.corner_sd == pytest.approx(first.corner_sd, rel=0.2)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_order_of_coarse_points_does_not_change_the_evidence(seed):
     """With noise of a tenth of the part faces swap readings; the samples have to find the same mass each time."""
     parts = [prepare(read_part(EXAMPLES / f"{name}.step")) for name in ("step_12mm", "step_15mm")]

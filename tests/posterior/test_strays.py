@@ -10,7 +10,7 @@ from scipy.stats import beta, betabinom
 
 from tanteo.geometry.special import log_sum
 from tanteo.posterior.near_variants import by_place, log_density_elsewhere
-from tanteo.posterior.outliers import log_by_rate, outlier_rates, so_many
+from tanteo.posterior.outliers import beta_binomial_tail, log_by_rate, outlier_rates
 
 
 def log_density(log_hit, log_outlier, mean):
@@ -62,12 +62,12 @@ def test_a_doubtful_reading_belongs_less_beside_outliers():
 
 @pytest.mark.parametrize(("outliers", "n"), [(1, 8), (3, 25), (6, 25), (12, 100)])
 def test_counts_of_strays_are_beta_binomial(outliers, n):
-    assert so_many(outliers, n, 0.02) == pytest.approx(betabinom(n, 0.5, 24.5).sf(outliers - 1), rel=0.1)
+    assert beta_binomial_tail(outliers, n, 0.02) == pytest.approx(betabinom(n, 0.5, 24.5).sf(outliers - 1), rel=0.1)
 
 
 def test_no_outliers_are_never_many():
-    assert so_many(0, 8, 0.02) == so_many(0, 8, 0.0) == 1
-    assert so_many(1, 8, 0.0) == 0
+    assert beta_binomial_tail(0, 8, 0.02) == beta_binomial_tail(0, 8, 0.0) == 1
+    assert beta_binomial_tail(1, 8, 0.0) == 0
 
 
 @pytest.mark.parametrize(("elsewhere", "n"), [(0, 3), (1, 8), (4, 12), (10, 25), (2, 20)])

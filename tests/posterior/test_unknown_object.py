@@ -11,7 +11,7 @@ from bare_scenes import box_centred_pose, no_paths, surface_points, touches_of
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.posterior import PosePrior, Priors, identify_points, prepare
-from tanteo.posterior.unknown import whereabouts
+from tanteo.posterior.unknown import possible_centres
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "parts"
 
@@ -21,7 +21,7 @@ def test_the_places_of_a_ball_that_holds_all_readings(n, reach):
     """Their volume, against draws; and a normal density as high as the even one."""
     rng = np.random.default_rng(n)
     points, radius = np.array([5.0, -7.0, 1.0]) + rng.uniform(-1, 1, (n, 3)) * reach, 0.55
-    where = whereabouts(points, radius)
+    where = possible_centres(points, radius)
     sample_prior = points[0] + radius * rng.uniform(-1, 1, (40000, 3))
     held = np.all(np.linalg.norm(sample_prior[:, None] - points, axis=2) < radius, axis=1)
     assert where.volume == pytest.approx((2 * radius) ** 3 * held.mean(), rel=0.06)
@@ -31,7 +31,7 @@ def test_the_places_of_a_ball_that_holds_all_readings(n, reach):
 def test_readings_that_need_more_room_have_it():
     """A larger unknown object: its ball is a fifth larger than that of its readings, wherever they are."""
     points = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    where = whereabouts(points, 0.1)
+    where = possible_centres(points, 0.1)
     np.testing.assert_allclose(where.middle, 0.0, atol=0.1)
     assert 4 / 3 * np.pi * 0.2**3 < where.volume < 4 / 3 * np.pi * 0.7**3
 

@@ -103,7 +103,7 @@ def test_sensed_point_covariance_against_monte_carlo():
     assert low < nees < high
 
 
-def test_robot_and_mounting_errors_propagate_by_the_numerical_jacobian():
+def test_robot_and_mounting_errors_propagate_linearly():
     rng, h, d = np.random.default_rng(3), 1e-6, 0.4
     T_wr, T_rs = SE3.exp(rng.normal(size=(4, 6))), SE3.exp(rng.normal(size=6))
     ray, none = np.array([0, 0, d]), np.zeros((6, 6))

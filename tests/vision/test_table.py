@@ -40,8 +40,10 @@ def test_marks_off_the_table_do_too():
     assert fit_camera(CAMERA, seen_from(truth, points), points).T_world_camera == pytest.approx(truth, abs=1e-7)
 
 
-def test_the_covariance_is_honest():
-    rng, truth, sd, runs = np.random.default_rng(3), standing(0.4, 1.0), 0.3, 300
+@pytest.mark.parametrize("runs", [80, pytest.param(300, marks=pytest.mark.slow)])
+def test_the_covariance_of_the_camera_s_pose_holds(runs):
+    """Eighty runs show a variance that is off by a quarter."""
+    rng, truth, sd = np.random.default_rng(3), standing(0.4, 1.0), 0.3
     pixels, nees = seen_from(truth), []
     for _ in range(runs):
         fit = fit_camera(CAMERA, pixels + rng.normal(0, sd, pixels.shape), MARKS, sd=sd)

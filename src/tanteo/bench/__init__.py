@@ -1,4 +1,4 @@
-"""Benchmarks beside other programs (``tanteo bench``) and the demo."""
+"""Compare programs on the same scenes (``tanteo bench``), and run the demo."""
 
 from lazy_loader import attach_stub
 

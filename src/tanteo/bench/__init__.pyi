@@ -2,7 +2,7 @@ from .demo.stage import Seen as Seen
 from .demo.stage import set_stage as set_stage
 from .demo.story import NEEDED as NEEDED
 from .demo.story import needed as needed
-from .demo.story import tell as tell
+from .demo.story import run_demo as run_demo
 from .demo.story import try_it as try_it
 from .generated import GENERATED as GENERATED
 from .generated import generate as generate

@@ -54,20 +54,20 @@ GENERATED: dict[str, Recipe] = {
     "noise": Recipe("20 points on one part, with twice the noise that is stated", 20, true_noise=2.0),
     "outliers": Recipe("20 points on one part, two of them up to 50 mm off", 20, outliers=2),
 }
-"""The sets that ``tanteo bench`` makes, by name."""
+"""Recipes of the generated sets by name."""
 
 
 def generate(name: str, count: int = 50, seed: int = 0, parts: Sequence[Part] | None = None) -> BenchSet:
-    """One of the sets that are made.
+    """Return a generated set.
 
     Args:
-        name: of :data:`GENERATED`.
-        count: of scenes.
-        seed: of all draws; a scene is the same whatever the count.
-        parts: candidates; the twelve of the demo if not given.
+        name: name in :data:`GENERATED`.
+        count: number of scenes.
+        seed: seed of all random numbers; scenes do not depend on the count.
+        parts: candidate parts; by default the twelve of the demo.
 
     Raises:
-        InputError: for an unknown name, or a count below one.
+        InputError: the name is unknown, or the count is below one.
 
     Example:
         >>> tanteo.bench.generate("few", 2).scenes[0].points.shape
@@ -89,23 +89,23 @@ def generate(name: str, count: int = 50, seed: int = 0, parts: Sequence[Part] | 
             tolerance_of((part,)),
             recipe.words,
         )
-    stranger = own[-1] if recipe.absent and len(own) > 1 else None
-    candidates = tuple(part for part in own if part is not stranger)
+    absent_part = own[-1] if recipe.absent and len(own) > 1 else None
+    candidates = tuple(part for part in own if part is not absent_part)
     scenes = []
     for k, rng in enumerate(rngs):
-        away = rng.uniform() < recipe.absent and stranger is not None
-        part = stranger if away and stranger is not None else candidates[int(rng.integers(len(candidates)))]
+        away = rng.uniform() < recipe.absent and absent_part is not None
+        part = absent_part if away and absent_part is not None else candidates[int(rng.integers(len(candidates)))]
         scenes.append(_scene(recipe, part, k, rng, known=not away))
     return BenchSet(name, candidates, tuple(scenes), tolerance_of(candidates), recipe.words)
 
 
 def tolerance_of(parts: Sequence[Part]) -> float:
-    """How far off a corner may be where nobody says [m]."""
+    """Return the default tolerance of a corner [m]."""
     return TOLERANCE * float(np.median([part.diagonal for part in parts]))
 
 
 def demo_parts() -> list[Part]:
-    """The twelve parts of the demo."""
+    """Return the twelve parts of the demo."""
     out = []
     for file in sorted(files("tanteo.bench.demo").joinpath("parts").iterdir(), key=lambda one: one.name):
         with as_file(file) as path:

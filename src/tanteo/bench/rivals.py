@@ -1,7 +1,7 @@
-"""Programs that place parts, each as a few lines: ours, and what is installed of others.
+"""Adapt programs that locate parts to the benchmark: tanteo and installed others.
 
-Each gets the candidates as meshes and returns a solver. Programs that place one part are asked about every candidate,
-and what they call their error ranks these; they claim no probabilities.
+Each adapter takes the candidates as meshes and returns a solver. A program for one part runs on every candidate, and
+its own error ranks the results; such programs claim no probabilities.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import FloatArray, Transforms
 
 CLOUD = 5_000
-"""Surface points that stand for a part in programs for point clouds; four times as many found no more poses."""
+"""Number of surface points of a part in programs for point clouds; four times as many found no more poses."""
 
 STARTS, JITTER = 500, 8e-3
-"""Random first poses of local registration, and their spread about "centre on centre" [m], without which it finds
-fewer; a tenth of the starts is four times as fast and finds fewer."""
+"""Random initial poses of local registration, and their spread about coinciding centres [m]; a tenth of the poses is
+four times as fast and finds fewer."""
 
 _MM = 1e3
 
 
 def tanteo(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Placement]]:
-    """This program, as anybody calls it from Python; an answer of ``unknown`` is none."""
+    """Make a solver of tanteo; ``unknown`` and ``insufficient`` are no answers."""
     from tanteo.recognition import identify
     from tanteo.sensors import Readings
 
@@ -44,12 +44,12 @@ def tanteo(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Pla
         return [Placement(h.part, h.T_world_part, h.covariance, h.probability) for h in answer.hypotheses]
 
     first = parts[0].vertices[:: max(len(parts[0].vertices) // 12, 1)]
-    solve(BenchScene("", first, 1e-4 * parts[0].diagonal))  # what is prepared of a part once is kept with it
+    solve(BenchScene("", first, 1e-4 * parts[0].diagonal))  # prepared data are stored with the part
     return solve
 
 
 def small_gicp(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Placement]]:
-    """Point-to-plane registration (Koide 2024) from many random starts; its Hessian, scaled with the stated noise."""
+    """Make a solver of point-to-plane registration (Koide 2024) from random starts, with its Hessian as covariance."""
     module = _installed("small_gicp")
     clouds = [_cloud(module, one) for one in candidates]
 
@@ -97,7 +97,7 @@ def opencv(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Pla
 
 
 def open3d(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Placement]]:
-    """Open3D's point-to-plane registration (Zhou and others 2018) from a hundred random starts, in metres."""
+    """Make a solver of Open3D's point-to-plane registration (Zhou et al. 2018) from a hundred random starts."""
     module = _installed("open3d")
     clouds = []
     for one in candidates:
@@ -122,7 +122,7 @@ def open3d(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Pla
 
 
 def trimesh(candidates: tuple[Candidate, ...]) -> Callable[[BenchScene], list[Placement]]:
-    """``trimesh.registration.mesh_other``."""
+    """Make a solver of ``trimesh.registration.mesh_other``."""
     module = _installed("trimesh")
     _installed("rtree")
     meshes = [module.Trimesh(one.vertices, one.triangles, process=False) for one in candidates]
@@ -154,7 +154,7 @@ def _cloud(module: Any, one: Candidate) -> tuple[FloatArray, Any, Any]:
 def _aligned(
     module: Any, one: Candidate, cloud: Any, tree: Any, points: FloatArray, starts: Transforms, sd: float
 ) -> Sequence[tuple[float, Placement]]:
-    """Where small_gicp ends from each start, with its own error; millimetres, part from world."""
+    """Return the results of small_gicp from all starts with their errors; its frames are in millimetres."""
     source, out = module.PointCloud(points), []
     for T in starts:
         end = module.align(
@@ -169,7 +169,7 @@ def _aligned(
 
 
 def _covariance(T_part_world: Transforms, H: FloatArray, sd: float) -> FloatArray | None:
-    """That of the part in the world, from a Hessian over turn and shift [mm] of the inverse pose; None if singular."""
+    """Return the covariance of a pose from a Hessian over rotation and shift [mm] of its inverse, or None."""
     scale = np.r_[np.full(3, _MM), np.ones(3)]
     information = np.roll(H, (3, 3), axis=(0, 1)) * np.outer(scale, scale) / (_MM * sd) ** 2
     if np.linalg.matrix_rank(information, hermitian=True) < 6:

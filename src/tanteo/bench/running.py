@@ -1,7 +1,7 @@
-"""Run a method on the scenes of a set, in a process of its own: what crashes or never ends costs its scene only.
+"""Run a method on the scenes of a set in a process of its own, so that a crash costs one scene only.
 
 A method is a function that makes a solver of the candidates: ``method(candidates)`` returns ``solve(scene)``, which
-returns placements, best first, or none for an unknown object. The scene that it gets does not tell the truth.
+returns placements, best first, or none for an unknown object. The solver does not receive the true pose.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ METHODS: dict[str, Method] = {
     "open3d": rivals.open3d,
     "trimesh": rivals.trimesh,
 }
-"""Programs that are known by name; others are told as ``FILE.py:function``."""
+"""Methods by name; others are given as ``FILE.py:function``."""
 
 PATIENCE = 60.0
-"""Time that a scene may take if nobody says [s]."""
+"""Default time limit of a scene [s]."""
 
 _PREPARING = 10.0
-"""Times the patience that a method may take to prepare its candidates."""
+"""Factor on the time limit of a scene for the preparation of the candidates."""
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What a method made of one scene.
+    """Result of a method on one scene.
 
     Attributes:
-        placements: its answer, best first.
-        seconds: that it took, its preparation left out.
-        failure: why there is no answer: it raised, ended, took too long, or answered something else; empty otherwise.
+        placements: answers, best first.
+        seconds: time without the preparation [s].
+        failure: reason for a missing answer (exception, crash, time limit, wrong type); otherwise empty.
     """
 
     placements: tuple[Placement, ...]
@@ -78,16 +78,16 @@ def check_method(name: str) -> None:
 def run(
     name: str, bench_set: BenchSet, *, patience: float = PATIENCE, progress: Callable[[int, int], None] | None = None
 ) -> list[Outcome]:
-    """What a method makes of every scene of a set, one thread, in a process of its own.
+    """Run a method on every scene of a set, on one thread, in a process of its own.
 
     Args:
-        name: of the method, or ``FILE.py:function``.
-        bench_set: the scenes.
-        patience: time that one may take [s].
-        progress: told how many of how many scenes are done.
+        name: name of the method, or ``FILE.py:function``.
+        bench_set: set of scenes.
+        patience: time limit of a scene [s].
+        progress: function called with the numbers of finished and of all scenes.
 
     Raises:
-        InputError: for a method that is not known.
+        InputError: the method is unknown.
 
     Example:
         >>> some = tanteo.bench.generate("normals", 1)
@@ -96,9 +96,9 @@ def run(
         ('', True)
     """
     out: list[Outcome] = []
-    with at_work(name, bench_set, patience) as ask:
+    with at_work(name, bench_set, patience) as solve_scene:
         for k, scene in enumerate(bench_set.scenes):
-            out.append(ask(scene))
+            out.append(solve_scene(scene))
             if progress is not None:
                 progress(k + 1, len(bench_set.scenes))
     return out
@@ -106,19 +106,19 @@ def run(
 
 @contextmanager
 def at_work(name: str, bench_set: BenchSet, patience: float) -> Iterator[Callable[[BenchScene], Outcome]]:
-    """A method at work: it is asked scene by scene, and begins anew where it ended or was ended."""
+    """Yield a function that runs a method on a scene; its process is restarted after it ended."""
     check_method(name)
     candidates = tuple(Candidate(part.name, part.vertices, part.triangles, part) for part in bench_set.parts)
     worker = _Worker(name, candidates, patience)
 
-    def ask(scene: BenchScene) -> Outcome:
+    def solve_scene(scene: BenchScene) -> Outcome:
         nonlocal worker
         if not worker.refused and not worker.alive:
             worker = _Worker(name, candidates, patience)
-        return worker.ask(replace(scene, truth=None, T_world_part=None), patience)
+        return worker.solve_scene(replace(scene, truth=None, T_world_part=None), patience)
 
     try:
-        yield ask
+        yield solve_scene
     finally:
         worker.end()
 
@@ -139,7 +139,7 @@ class _Worker:
     def alive(self) -> bool:
         return self.process.is_alive()
 
-    def ask(self, scene: BenchScene, patience: float) -> Outcome:
+    def solve_scene(self, scene: BenchScene, patience: float) -> Outcome:
         if self.refused:
             return Outcome((), 0.0, self.refused)
         self.mine.send(scene)
@@ -178,11 +178,11 @@ def _one_thread() -> Iterator[None]:
 
 
 def _work(pipe: Connection, name: str, candidates: tuple[Candidate, ...]) -> None:
-    """What the process does: prepare, then answer scene by scene."""
+    """Prepare the method, then solve scene by scene; this is the main function of the process."""
     _hush()
     try:
         solve = _loaded(name)(candidates)
-    except Exception as error:  # noqa: BLE001 - whatever a method raises is its result
+    except Exception as error:  # noqa: BLE001 - any exception of a method is its result
         pipe.send(f"could not be prepared: {_reason(error)}")
         return
     pipe.send("")

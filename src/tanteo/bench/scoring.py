@@ -1,4 +1,4 @@
-"""What is scored: right or not, whether the covariance is true, what is said of what else it may be, time."""
+"""Score methods: correctness, calibration of covariances and probabilities, declared ambiguity, time."""
 
 from __future__ import annotations
 
@@ -13,46 +13,45 @@ from tanteo.bench.sets import BenchScene, BenchSet, Placement
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import without_spin
+from tanteo.posterior import without_symmetric_rotation
 
 SURE = 0.9
-"""Probability of one answer from which it is given as the answer."""
+"""Probability from which an answer counts as claimed."""
 
 LIKELY = 0.05
-"""Probability from which another answer counts as said."""
+"""Probability from which another answer counts as declared."""
 
 _LEVEL = 0.95
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """One method on one set.
+    """Score of one method on one set.
 
     Attributes:
         bench_set: name of the set.
         method: name of the method.
-        scenes: how many; failures are among them.
-        right: share whose first answer is the true part within the tolerance, or that says rightly that it is unknown.
-        among: share with such an answer anywhere.
-        sure_and_wrong: share whose first answer is wrong, by the tolerance and by its own 95 % region, although it is
-            claimed with 0.9 or more; None where nothing is claimed.
-        declared: share of the scenes with more than one likely answer in which the truth is one of them; None where
-            there is no such scene.
-        several: share of scenes with more than one likely answer.
-        claimed: mean probability of the first answers; None where none is given.
-        in_region: share of first answers with a covariance whose 95 % region holds the true pose; a wrong part's does
-            not. None without covariances.
-        nees: mean of the normalised squared error of right answers over its degrees of freedom; None without.
-        median_nees: median over what is expected of it; None without.
-        nees_count: of these.
-        median_ms: time of a scene.
-        slow_ms: time that one scene in twenty takes longer than.
+        scenes: number of scenes, failures included.
+        right: fraction of scenes whose first answer is the true part within the tolerance, or correctly unknown.
+        among: fraction of scenes with a right answer among all answers.
+        sure_and_wrong: fraction of scenes whose first answer is claimed with 0.9 or more, and wrong by tolerance
+            and by its own 95 % region; None without probabilities.
+        declared: fraction of the scenes with several likely answers in which one is true; None without such scenes.
+        several: fraction of scenes with several likely answers; None without probabilities.
+        claimed: mean probability of the first answers; None without probabilities.
+        in_region: fraction of first answers whose 95 % region contains the true pose (never for a wrong part); None
+            without covariances.
+        nees: mean NEES of right answers over its degrees of freedom; None without covariances.
+        median_nees: median NEES over the median of chi-square; None without covariances.
+        nees_count: number of right answers with a covariance.
+        median_ms: median time of a scene [ms].
+        slow_ms: 95th percentile of the time of a scene [ms].
         readings: median number of readings after which the answer is the only likely one, claimed with 0.9 or more;
-            None where that was not asked, or came in fewer than half of the scenes.
-        decided: share of scenes in which it came; None where it was not asked.
-        decided_right: share of these answers that are right; None without.
-        failures: scenes without an answer because the method raised, ended or took too long.
-        why: the first reason of that.
+            None if not measured, or reached in fewer than half of the scenes.
+        decided: fraction of scenes with such a decision; None if not measured.
+        decided_right: fraction of these decisions that are right; None without decisions.
+        failures: number of scenes without an answer (exception, crash, time limit).
+        why: reason of the first failure.
     """
 
     bench_set: str
@@ -78,14 +77,14 @@ class Score:
 
 
 def largest_corner_error(part: Part, T: Transforms, truth: Transforms) -> float:
-    """How far the corner that is farthest off is off, up to the part's symmetry [m].
+    """Return the largest distance of a vertex from its true position, up to the part's symmetry [m].
 
-    The maximum symmetry-aware surface distance of the BOP benchmark (Hodan and others 2020), over the vertices.
+    This is the maximum symmetry-aware surface distance of the BOP benchmark (Hodan et al. 2020).
 
     Args:
-        part: of which the poses are.
-        T: a pose ``(4, 4)``.
-        truth: the true one.
+        part: part at both poses.
+        T: estimated pose ``(4, 4)``.
+        truth: true pose ``(4, 4)``.
 
     Example:
         >>> part = tanteo.bench.generate("points", 1).parts[0]
@@ -100,27 +99,27 @@ def largest_corner_error(part: Part, T: Transforms, truth: Transforms) -> float:
 
 
 def squared_error(part: Part, one: Placement, truth: Transforms) -> tuple[float, int]:
-    """Squared Mahalanobis distance of the truth from an answer up to symmetry, and its degrees of freedom."""
+    """Return the squared Mahalanobis distance of the true pose up to symmetry, and its degrees of freedom."""
     gaps = SE3.inverse(np.asarray(one.T_world_part)) @ (truth @ part.symmetry.Ts)
     dof = 6
     if part.symmetry.continuous:
-        gaps, dof = without_spin(part, gaps), 3 if part.symmetry.spherical else 5
+        gaps, dof = without_symmetric_rotation(part, gaps), 3 if part.symmetry.spherical else 5
     xi = SE3.log(gaps)
     return float(np.einsum("si,ij,sj->s", xi, _information(one.covariance), xi).min()), dof
 
 
 def score(bench_set: BenchSet, method: str, outcomes: Sequence[Outcome]) -> Score:
-    """Score what a method made of a set.
+    """Return the score of a method on a set.
 
     Args:
-        bench_set: with its truth.
+        bench_set: set of scenes.
         method: name of the method.
-        outcomes: one a scene.
+        outcomes: result of each scene.
     """
     rows = [_row(bench_set, scene, one) for scene, one in zip(bench_set.scenes, outcomes, strict=True)]
     failures = [one.failure for one in outcomes if one.failure]
-    told = [row for row in rows if row.several is not None]
-    several = [row for row in told if row.several]
+    with_claims = [row for row in rows if row.several is not None]
+    several = [row for row in with_claims if row.several]
     claims = [row.claimed for row in rows if row.claimed is not None]
     values = [row.nees for row in rows if row.nees is not None]
     regions = [row.inside for row in rows if row.inside is not None]
@@ -129,7 +128,7 @@ def score(bench_set: BenchSet, method: str, outcomes: Sequence[Outcome]) -> Scor
         bench_set.name, method, len(rows), _share([row.right for row in rows]), _share([row.among for row in rows]),
         _share([row.sure and not row.right and not row.inside for row in rows]) if claims else None,
         _share([row.among for row in several]) if several else None,
-        _share([bool(row.several) for row in told]) if told else None,
+        _share([bool(row.several) for row in with_claims]) if with_claims else None,
         float(np.mean(claims)) if claims else None,
         _share(regions) if regions else None,
         float(np.mean([value / dof for value, dof in values])) if values else None,
@@ -140,24 +139,24 @@ def score(bench_set: BenchSet, method: str, outcomes: Sequence[Outcome]) -> Scor
 
 
 COUNTS = (6, 8, 10, 13, 16, 20, 25, 32, 40, 50)
-"""Numbers of readings after which a decision is asked for: a pose has six degrees of freedom."""
+"""Numbers of readings after which a decision is tested; a pose has six degrees of freedom."""
 
 
 def with_decisions(
-    one: Score, bench_set: BenchSet, ask: Callable[[BenchScene], Outcome], progress: Callable[[int, int], None]
+    one: Score, bench_set: BenchSet, solve_scene: Callable[[BenchScene], Outcome], progress: Callable[[int, int], None]
 ) -> Score:
-    """The score with how many readings a decision takes: the first ones of each scene, more and more of them.
+    """Return the score with the number of readings for a decision, from growing numbers of readings of each scene.
 
     Args:
-        one: score of the whole scenes.
-        bench_set: with its truth.
-        ask: the method.
-        progress: told how many of how many scenes are done.
+        one: score on the complete scenes.
+        bench_set: set of scenes.
+        solve_scene: function that runs the method on a scene.
+        progress: function called with the numbers of finished and of all scenes.
     """
     counts, right = [], []
     for k, scene in enumerate(bench_set.scenes):
         for count in (c for c in COUNTS if c <= len(scene.points)):
-            row = _row(bench_set, scene, ask(scene.first(count)))
+            row = _row(bench_set, scene, solve_scene(scene.first(count)))
             if row.sure and not row.several:
                 counts.append(count)
                 right.append(row.right or bool(row.inside))
@@ -193,8 +192,8 @@ def _row(bench_set: BenchSet, scene: BenchScene, one: Outcome) -> _Row:
         return _Row(unknown, unknown, False, None, None, None, None)
     claimed = best.probability
     likely = [p.probability >= LIKELY for p in one.placements if p.probability is not None]
-    said = [p.probability is None or p.probability >= LIKELY for p in one.placements]
-    among = any(r and s for r, s in zip(right, said, strict=True))
+    declared = [p.probability is None or p.probability >= LIKELY for p in one.placements]
+    among = any(r and s for r, s in zip(right, declared, strict=True))
     inside = nees = None
     if best.covariance is not None:
         inside = False
@@ -203,7 +202,7 @@ def _row(bench_set: BenchSet, scene: BenchScene, one: Outcome) -> _Row:
             inside = value < _quantile(_LEVEL, dof)
             nees = (value, dof) if right[0] else None
     sure = claimed is not None and claimed >= SURE
-    # an unknown object is said by none of the answers being likely
+    # the answer is an unknown object if no part is likely
     is_right = right[0] if scene.truth is not None else claimed is not None and sum(likely) == 0
     several = sum(likely) > 1 if claimed is not None else None
     return _Row(is_right, among or is_right, sure, several, claimed, inside, nees)
@@ -218,10 +217,10 @@ def _is_right(bench_set: BenchSet, scene: BenchScene, one: Placement) -> bool:
 
 
 def _images(part: Part, T: Transforms, truth: Transforms) -> Transforms:
-    """The pose as all that symmetry makes the same, a continuous turn undone as far as it can be."""
+    """Return the equivalent poses by symmetry; a continuous rotation is set to the nearest value."""
     images = np.asarray(T) @ part.symmetry.Ts
     if part.symmetry.continuous:
-        images = truth @ without_spin(part, SE3.inverse(truth) @ images)
+        images = truth @ without_symmetric_rotation(part, SE3.inverse(truth) @ images)
     return images
 
 

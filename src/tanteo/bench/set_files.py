@@ -1,4 +1,4 @@
-"""Sets as folders: parts as CAD files, scenes as readings files, one table of what is true."""
+"""Read and write sets as folders: CAD files of parts, readings files of scenes, a table of true poses."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _UNITS = np.r_[np.full(3, _MM), np.ones(4)]
 
 
 def read_set(folder: str | Path) -> BenchSet:
-    """A set that lies in a folder: ``set.toml``, ``parts/``, ``scenes/*.csv``, ``truth.csv`` (``docs/formats.md``).
+    """Read a set from a folder: ``set.toml``, ``parts/``, ``scenes/*.csv``, ``truth.csv`` (``docs/formats.md``).
 
     Args:
-        folder: of the set.
+        folder: folder of the set.
 
     Raises:
-        InputError: a file is missing or says something else than it should, with its name.
+        InputError: a file is missing or malformed; the message names it.
     """
     folder = Path(folder)
     for name in ("set.toml", "truth.csv", "parts", "scenes"):
         if not (folder / name).exists():
-            raise InputError(f"{folder}: expected {name} in it, got none. docs/formats.md says what a set is.")
+            raise InputError(f"{folder}: expected {name} in it, got none. docs/formats.md describes a set.")
     try:
         header = tomllib.loads(read_whole(folder / "set.toml", "the head of a set").decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -53,7 +53,7 @@ def read_set(folder: str | Path) -> BenchSet:
 
 
 def _truth(path: Path) -> dict[str, tuple[str | None, Transforms | None]]:
-    """Part and pose of each scene; an empty part is none of the set's, an empty pose is not known."""
+    """Return part and pose of each scene; None for an unknown object, and for an unknown pose."""
     rows = list(csv.DictReader(read_whole(path, "a table of truths").decode("utf-8-sig").splitlines()))
     if not rows or not {"scene", "part"} <= set(rows[0]):
         raise InputError(f"{path}: expected the columns scene, part, {', '.join(_POSE)}, got {list(rows[:1])}.")
@@ -64,7 +64,7 @@ def _truth(path: Path) -> dict[str, tuple[str | None, Transforms | None]]:
         if any(typed):
             try:
                 pose = pose_from_brand("ros", np.array([float(word) for word in typed]) * _UNITS)
-            except ValueError as error:  # of float, or what tanteo says of the pose
+            except ValueError as error:  # raised by float or by the conversion of the pose
                 raise InputError(f"{path}, line {line}: expected {', '.join(_POSE)}, got {typed}: {error}") from None
         out[row["scene"].strip()] = (row["part"].strip() or None, pose)
     return out

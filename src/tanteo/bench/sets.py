@@ -1,4 +1,4 @@
-"""Readings whose truth is known, and what a method says of them."""
+"""Define scenes with known truth, and the answers of methods."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ class BenchScene:
     """Readings of one part, in the world.
 
     Attributes:
-        name: of the scene.
-        points: on its surface, with their noise ``(n, 3)`` [m].
-        sd: what is stated of that noise: standard deviation of a coordinate [m].
+        name: name of the scene.
+        points: noisy points of the surface ``(n, 3)`` [m].
+        sd: stated standard deviation of a coordinate [m].
         normals: sensed outward normals ``(n, 3)``, or None.
-        normal_sd: what is stated of theirs: standard deviation of either tilt [rad].
-        truth: name of the part; None where it is none of the set's.
-        T_world_part: its true pose ``(4, 4)``; None where that is not known.
+        normal_sd: stated standard deviation of each tilt [rad].
+        truth: name of the true part; None for an unknown object.
+        T_world_part: true pose ``(4, 4)``; None if unknown.
 
     Raises:
-        InputError: for shapes that do not match or numbers that are not finite.
+        InputError: shapes do not match, or numbers are not finite.
     """
 
     name: str
@@ -53,7 +53,11 @@ class BenchScene:
             object.__setattr__(self, "T_world_part", frozen_array(self.T_world_part))
 
     def first(self, count: int) -> BenchScene:
-        """The scene with its first readings alone."""
+        """Return the scene with its first readings only.
+
+        Args:
+            count: number of readings.
+        """
         normals = None if self.normals is None else self.normals[:count]
         return BenchScene(
             self.name, self.points[:count], self.sd, normals, self.normal_sd, self.truth, self.T_world_part
@@ -91,11 +95,11 @@ class BenchSet:
             if scene.truth is not None and scene.truth not in names:
                 raise InputError(
                     f"set {self.name!r}, scene {scene.name!r}: expected one of {', '.join(names)}, got "
-                    f"'{scene.truth}'. A part that is not among the candidates is left out: it is unknown then."
+                    f"'{scene.truth}'. Leave the part empty for an unknown object."
                 )
 
     def part(self, name: str) -> Part:
-        """The part of that name."""
+        """Return the part with a name."""
         return next(part for part in self.parts if part.name == name)
 
 
@@ -106,8 +110,8 @@ class Placement:
     Attributes:
         part: name of the part.
         T_world_part: pose ``(4, 4)`` [m].
-        covariance: of it ``(6, 6)``, part frame, right perturbation, order x y z rx ry rz [m, rad]; None without.
-        probability: of this part at about this pose; None without.
+        covariance: covariance of the pose ``(6, 6)``, part frame, right perturbation, x y z rx ry rz [m, rad], or None.
+        probability: probability of this part at about this pose, or None.
 
     Example:
         >>> tanteo.bench.Placement("cube", np.eye(4), probability=0.9).covariance is None
@@ -122,13 +126,13 @@ class Placement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """What a method is told of a part.
+    """Candidate part as a method receives it.
 
     Attributes:
-        name: of the part.
-        vertices: of its mesh ``(V, 3)``, part frame [m].
-        triangles: counter-clockwise from outside ``(T, 3)``.
-        part: as tanteo reads its file, with planes and exact round faces.
+        name: name of the part.
+        vertices: vertices of the mesh ``(V, 3)``, part frame [m].
+        triangles: vertex indices, counter-clockwise from outside ``(T, 3)``.
+        part: part with planes and exact round faces.
     """
 
     name: str

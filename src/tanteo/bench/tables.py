@@ -1,4 +1,4 @@
-"""Scores as a table, as a file that another run is compared with, and as a picture."""
+"""Write scores as a table, as a file for comparison, and as a picture."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ DECISIONS = "set", "method", "decided", "right", "readings"
 
 
 def score_table(scores: Sequence[Score]) -> list[tuple[str, ...]]:
-    """Rows of words under :data:`COLUMNS`, the columns first; ``-`` where a method says nothing."""
+    """Return a table of texts with :data:`COLUMNS` as header; ``-`` for missing values."""
     return [COLUMNS, *(_row(one) for one in scores)]
 
 
 def decision_table(scores: Sequence[Score]) -> list[tuple[str, ...]]:
-    """Rows of words under :data:`DECISIONS`, the columns first, of the scores that have decisions."""
-    asked = [one for one in scores if one.decided is not None]
+    """Return a table of texts with :data:`DECISIONS` as header, for the scores with decisions."""
+    decided = [one for one in scores if one.decided is not None]
     rows = [
-        (one.bench_set, one.method, _percent(one.decided), _percent(one.decided_right), _count(one)) for one in asked
+        (one.bench_set, one.method, _percent(one.decided), _percent(one.decided_right), _count(one)) for one in decided
     ]
     return [DECISIONS, *rows]
 
@@ -51,7 +51,7 @@ def _row(one: Score) -> tuple[str, ...]:
 
 
 def _time(milliseconds: float) -> str:
-    """Whole numbers; ``-`` where no scene was answered."""
+    """Return a rounded time; ``-`` without answers."""
     return "-" if milliseconds != milliseconds else f"{milliseconds:.0f}"
 
 
@@ -60,10 +60,14 @@ def _percent(share: float | None) -> str:
 
 
 def write_scores(scores: Sequence[Score], path: str | Path) -> None:
-    """Keep scores in a JSON file; one that is there is replaced.
+    """Write scores to a JSON file, which is replaced if it exists.
+
+    Args:
+        scores: scores of all methods and sets.
+        path: JSON file.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     from tanteo import __version__
 
@@ -74,10 +78,13 @@ def write_scores(scores: Sequence[Score], path: str | Path) -> None:
 
 
 def read_scores(path: str | Path) -> list[Score]:
-    """Scores that were kept.
+    """Read scores from a JSON file.
+
+    Args:
+        path: file of :func:`write_scores`.
 
     Raises:
-        InputError: the file is none of them.
+        InputError: the file has no scores of this format.
     """
     try:
         content = json.loads(read_whole(path, "scores"))
@@ -96,15 +103,15 @@ def _score(row: dict[str, Any]) -> Score:
 def bench_picture(scores: Sequence[Score], path: str | Path) -> None:
     """Draw how often each method is right against the time it takes, a panel for each set.
 
-    A ring is as wide as the share of its 95 % regions that hold the truth; a method without covariances has none.
+    The width of a ring is the fraction of 95 % regions that contain the true pose.
 
     Args:
-        scores: of all methods and sets.
+        scores: scores of all methods and sets.
         path: PNG, SVG or PDF file; replaced if it exists.
 
     Raises:
         MissingExtraError: Matplotlib is not installed.
-        InputError: the file's suffix is of another kind.
+        InputError: the suffix of the file is unsupported.
         OSError: the file cannot be written.
     """
     sets, methods = (list(dict.fromkeys(getattr(one, name) for one in scores)) for name in ("bench_set", "method"))

@@ -123,28 +123,28 @@ class _Reader:
     scheduler: str | None
     progress: Callable[[int, int], None] | None
 
-    def read(self, todo: dict[int, Request], settle: Callable[[int, Any], None]) -> None:
+    def read(self, todo: dict[int, Request], on_result: Callable[[int, Any], None]) -> None:
         """Read files in any order.
 
         Args:
             todo: requests by index.
-            settle: function called with index and result of each file.
+            on_result: function called with index and result of each file.
         """
         if self.scheduler is not None and todo:
-            read_on_cluster(todo, settle, self.scheduler)
+            read_on_cluster(todo, on_result, self.scheduler)
             return
         for index in sorted(read_inline(todo, self.workers)):
             one = todo.pop(index)
-            settle(index, attempt(partial(read_record, one.key), one.path, one.unit, one.name))
+            on_result(index, attempt(partial(read_record, one.key), one.path, one.unit, one.name))
         if todo:
-            read_in_processes(todo, settle, workers=min(len(todo), self.workers or os.cpu_count() or 1))
+            read_in_processes(todo, on_result, workers=min(len(todo), self.workers or os.cpu_count() or 1))
 
 
 def _written(paths: Paths, folder: Path, unit: str | None, reader: _Reader, *, adding: bool) -> Built:
     if reader.scheduler is not None:
         check_scheduler(reader.scheduler)
     _check_place(folder)
-    with writer(folder), _room(folder):
+    with writer(folder), _disk_errors(folder):
         old = _old(folder, adding=adding)
         taken = old.names if adding and old is not None else ()
         known = by_source(old) if adding and old is not None else {}
@@ -153,7 +153,7 @@ def _written(paths: Paths, folder: Path, unit: str | None, reader: _Reader, *, a
         requests = [replace(one, path=os.path.abspath(one.path)) for one in named(requests, known, set(taken))]
         keys = [cache_key(Path(one.path), one.unit) or NO_KEY for one in requests]
         plan = Plan(old, requests, keys, adding=adding)
-        said = [os.path.abspath(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
+        stated = [os.path.abspath(path) for path in ([paths] if isinstance(paths, (str, os.PathLike)) else paths)]
         kept = old.manifest["segments"] if old is not None else []
         output = _Output(folder)
         try:
@@ -165,7 +165,7 @@ def _written(paths: Paths, folder: Path, unit: str | None, reader: _Reader, *, a
                 raise PartError(_nothing(folder, failures))
             dropped = (len(old) if old is not None else 0) - plan.kept
             if new or dropped or old is None:
-                everywhere = dict.fromkeys([*(old.paths if adding and old is not None else ()), *said])
+                everywhere = dict.fromkeys([*(old.paths if adding and old is not None else ()), *stated])
                 kept = [segment.known for segment in plan.whole] + new
                 write_manifest(folder, kept, paths=list(everywhere))
         finally:
@@ -225,7 +225,7 @@ def _read(plan: Plan, output: _Output, reader: _Reader) -> list[Failure]:
     done = len(plan.requests) - len(todo)
     following = next(order, None)
 
-    def settle(index: int, result: Record | str) -> None:
+    def on_result(index: int, result: Record | str) -> None:
         nonlocal following, done
         waiting[index] = result
         done = done + 1
@@ -239,7 +239,7 @@ def _read(plan: Plan, output: _Output, reader: _Reader) -> list[Failure]:
         if reader.progress is not None:
             reader.progress(done, len(plan.requests))
 
-    reader.read(todo, settle)
+    reader.read(todo, on_result)
     return failures
 
 
@@ -273,11 +273,11 @@ def _check_place(folder: Path) -> None:
 def _nothing(folder: Path, failures: list[Failure]) -> str:
     if len(failures) == 1:
         return failures[0].reason
-    return f"{folder}: expected at least one part that can be read, got none of {len(failures)}. Look at their files."
+    return f"{folder}: expected at least one part that can be read, got none of {len(failures)}. Check their files."
 
 
 @contextmanager
-def _room(folder: Path) -> Iterator[None]:
+def _disk_errors(folder: Path) -> Iterator[None]:
     """Convert errors of the operating system to advice; the old catalogue is unchanged."""
     try:
         yield

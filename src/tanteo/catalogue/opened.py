@@ -69,7 +69,7 @@ class Catalogue(StoredParts):
             found = self.row_of(which)
             if found is None:
                 known = ", ".join(self.names[:10])
-                raise InputError(f"name: expected one of {known}, got {which!r}. Look at the names of the parts.")
+                raise InputError(f"name: expected one of {known}, got {which!r}. Check the names of the parts.")
             return self[found]
         row = int(which) + (len(self) if which < 0 else 0)
         if not 0 <= row < len(self):

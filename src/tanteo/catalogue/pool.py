@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -22,12 +23,21 @@ from typing import Any
 
 from tanteo.catalogue.archive import part_from_bytes
 from tanteo.catalogue.record import Record, record_from_bytes
-from tanteo.catalogue.worker import memory_for
+from tanteo.catalogue.worker import memory_for, memory_of
 from tanteo.errors import InputError
 from tanteo.parts import Part
 
 LEAST_SECONDS, SECONDS_PER_BYTE, MOST_SECONDS = 15.0, 60e-6, 600.0
-"""Time limit of a file: constant [s] (a worker starts in 2 s), per byte [s] (40 times the slowest file), limit [s]."""
+"""Limit of processor time for a file: constant [s] (a worker starts in 2 s), per byte [s] (40 times the slowest file),
+limit [s]."""
+
+PATIENCE = 10.0
+"""Limit of elapsed time over that of processor time: a busy machine shares its processors, a worker that waits for a
+network drive takes none."""
+
+_SIGPROF = int(getattr(signal, "SIGPROF", 0))
+
+_DO, _AGAIN = "Simplify the part.", "Export the part again."
 
 _COMMAND = "from tanteo.catalogue.worker import main; main()"
 
@@ -52,7 +62,7 @@ class Request:
 
 
 def seconds_for(path: str) -> float:
-    """Return the time limit for reading a file [s].
+    """Return the limit of processor time for reading a file [s].
 
     Args:
         path: path of the file.
@@ -64,7 +74,7 @@ def seconds_for(path: str) -> float:
 
 def read_in_processes(
     requests: Mapping[int, Request],
-    settle: Callable[[int, Any], None],
+    on_result: Callable[[int, Any], None],
     *,
     workers: int,
     time_limit: float | None = None,
@@ -75,14 +85,18 @@ def read_in_processes(
 
     Args:
         requests: requests by number.
-        settle: function called in this thread with the number and the part, its record if requested, or the error
+        on_result: function called in this thread with the number and the part, its record if requested, or the error
             message.
         workers: number of processes.
         time_limit: time limit for one file [s]; None for one by file size.
         command: Python code of a worker; tests replace it.
         memory: memory limit of each worker [bytes]; 0 for no limit; None for one by the machine's memory.
     """
-    rules = {"parent": os.getpid(), "memory": memory_for(workers) if memory is None else memory}
+    rules = {
+        "parent": os.getpid(),
+        "memory": memory_for(workers) if memory is None else memory,
+        "by_size": memory is None,
+    }
     waiting: queue.SimpleQueue[tuple[int, Request]] = queue.SimpleQueue()
     done: queue.SimpleQueue[tuple[int, Part | Record | str]] = queue.SimpleQueue()
     for item in requests.items():
@@ -96,7 +110,7 @@ def read_in_processes(
         thread.start()
     try:
         for _ in range(len(requests)):
-            settle(*done.get())
+            on_result(*done.get())
     finally:
         stopped.set()
         for thread in threads:
@@ -119,7 +133,7 @@ def _serve(
             break
         if worker is None:
             worker = _started(command, rules)
-        result, alive = _ask(worker, request, time_limit, rules)
+        result, alive = _send(worker, request, time_limit, rules)
         if not alive:
             _end(worker)
             worker = None
@@ -152,11 +166,12 @@ def _end(worker: subprocess.Popen[bytes]) -> None:
             pipe.close()
 
 
-def _limit(rules: Mapping[str, int]) -> str:
-    return f" (it may use {rules['memory'] / 1e9:.3g} GB of memory)" if rules["memory"] else ""
+def _limit(rules: Mapping[str, int], request: Request) -> str:
+    memory = min(rules["memory"], memory_of(request.path)) if rules["by_size"] else rules["memory"]
+    return f" (it may use {memory / 1e9:.3g} GB of memory)" if rules["memory"] else ""
 
 
-def _ask(
+def _send(
     worker: subprocess.Popen[bytes], request: Request, time_limit: float | None, rules: Mapping[str, int]
 ) -> tuple[Part | Record | str, bool]:
     """Send one request and return its result, and whether the worker is still usable."""
@@ -169,11 +184,12 @@ def _ask(
         late.set()
         worker.kill()
 
-    seconds = seconds_for(request.path) if time_limit is None else time_limit
+    allowed = seconds_for(request.path)
+    seconds = PATIENCE * allowed if time_limit is None else time_limit
     timer = threading.Timer(seconds, stop)
     timer.start()
     try:
-        worker.stdin.write(json.dumps(asdict(request)).encode() + b"\n")
+        worker.stdin.write(json.dumps({**asdict(request), "seconds": allowed}).encode() + b"\n")
         worker.stdin.flush()
         head = worker.stdout.read(9)
         size = int.from_bytes(head[1:], "big")
@@ -185,9 +201,12 @@ def _ask(
     finally:
         timer.cancel()
     if late.is_set():
-        return f"{label}: expected to be read within {seconds:.3g} s, got no end. Simplify the part.", False
+        return f"{label}: expected to be read within {seconds:.3g} s, got no end. {_DO}", False
     if len(head) < 9 or len(reply) < size:
-        return f"{label}: expected a part, got a crash of the CAD reader{_limit(rules)}. Export the part again.", False
+        with suppress(subprocess.TimeoutExpired):
+            if worker.wait(timeout=PATIENCE) == -_SIGPROF:
+                return f"{label}: expected to be read in {allowed:.3g} s of processor time, got no end. {_DO}", False
+        return f"{label}: expected a part, got a crash of the CAD reader{_limit(rules, request)}. {_AGAIN}", False
     if head[:1] == b"E":
         return reply.decode(), True
     try:

@@ -64,7 +64,7 @@ class Parts:
             if part.name == name:
                 return part
         known = ", ".join(part.name for part in self.parts[:10])
-        raise InputError(f"name: expected one of {known}, got {name!r}. Look at the names of the parts.")
+        raise InputError(f"name: expected one of {known}, got {name!r}. Check the names of the parts.")
 
 
 def read_parts(
@@ -104,7 +104,7 @@ def read_parts(
     files, requests, failures = requested(paths, unit)
     results: dict[int, Part | str] = {}
 
-    def settle(index: int, result: Part | str) -> None:
+    def on_result(index: int, result: Part | str) -> None:
         results[index] = result
         if progress is not None:
             progress(len(results), len(files))
@@ -113,14 +113,14 @@ def read_parts(
     for index, (request, key) in enumerate(zip(requests, keys, strict=True)):
         found = remembered.load(key, name=request.name, source=request.path) if key else None
         if found is not None:
-            settle(index, found)
+            on_result(index, found)
     todo = {index: request for index, request in enumerate(requests) if index not in results}
 
     def fresh(index: int, result: Part | str) -> None:
         key = keys[index]
         if key and isinstance(result, Part):
             remembered.store(key, result)
-        settle(index, result)
+        on_result(index, result)
 
     for index in read_inline(todo, workers):
         fresh(index, _read_here(todo.pop(index)))
@@ -197,7 +197,7 @@ def _collect(paths: Iterable[str | os.PathLike[str]]) -> tuple[list[Path], list[
 
 
 _WALKED = 1000
-"""Largest number of folders searched for a hint that CAD files are in a subfolder."""
+"""Largest number of folders searched for CAD files, for advice in a message."""
 
 
 def _deeper(folder: Path) -> str:

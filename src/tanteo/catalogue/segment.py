@@ -113,6 +113,9 @@ class Segment:
 
         Args:
             row: number of the part in the segment.
+
+        Raises:
+            InputError: the segment is damaged.
         """
         start = self.table["text_start"]
         try:

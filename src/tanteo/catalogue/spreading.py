@@ -21,36 +21,36 @@ MOST_FILES, SMALL, BATCHES = 128, 300_000, 64
 
 
 def read_on_cluster(
-    requests: Mapping[int, Request], settle: Callable[[int, Record | str], None], scheduler: str
+    requests: Mapping[int, Request], on_result: Callable[[int, Record | str], None], scheduler: str
 ) -> None:
     """Read files on the workers of a scheduler, which must see them under the same paths.
 
     Args:
         requests: requests by number.
-        settle: function called in this thread with the number and the part's record, or the error message.
+        on_result: function called in this thread with the number and the part's record, or the error message.
         scheduler: address of the scheduler, see :func:`tanteo.catalogue.run_tasks`.
     """
     batches = dict(enumerate(_batches(requests)))
 
-    def settle_all(k: int, results: dict[int, Record | str] | str) -> None:
+    def on_batch(k: int, results: dict[int, Record | str] | str) -> None:
         for index, request in batches[k].items():
-            settle(index, f"{request.path}: {results}" if isinstance(results, str) else results[index])
+            on_result(index, f"{request.path}: {results}" if isinstance(results, str) else results[index])
 
-    run_tasks(scheduler, read_batch, batches, settle_all)
+    run_tasks(scheduler, read_batch, batches, on_batch)
 
 
 def _batches(requests: Mapping[int, Request]) -> Iterator[Requests]:
     sizes = {index: _bytes(request.path) for index, request in requests.items()}
     enough = max(SMALL, sum(sizes.values()) // BATCHES)
-    held = 0
+    batch_size = 0
     batch: Requests = {}
     for index, request in requests.items():
         batch[index] = request
-        held = held + sizes[index]
-        if held >= enough or len(batch) == MOST_FILES:
+        batch_size = batch_size + sizes[index]
+        if batch_size >= enough or len(batch) == MOST_FILES:
             yield batch
             batch = {}
-            held = 0
+            batch_size = 0
     if batch:
         yield batch
 

@@ -2,8 +2,8 @@
 
 ``catalogue.json`` is the manifest. A segment consists of ``<name>.parts``, the compressed bytes of its parts, and
 ``<name>.table``, memory-mapped arrays of all its parts. New data goes into new segments, then the manifest is replaced,
-so a reader sees either the old or the new catalogue. A writer holds a lock of the operating system, which ends with its
-process.
+so a reader opens either the old or the new catalogue. A writer holds a lock of the operating system, which ends with
+its process.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ def damaged(folder: Path, what: str) -> InputError:
 
     Args:
         folder: folder of the catalogue.
-        what: found fault, in words.
+        what: description of the fault.
     """
-    return InputError(f"{folder}: expected a catalogue as it was written, got {what}. {_AGAIN.format(folder)}")
+    return InputError(f"{folder}: expected an undamaged catalogue, got {what}. {_AGAIN.format(folder)}")
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

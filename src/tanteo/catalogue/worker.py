@@ -23,8 +23,9 @@ from tanteo.parts import read_part
 
 Read = TypeVar("Read")
 
-LEAST_MEMORY = 2 << 30
-"""Smallest memory limit of a worker [bytes]."""
+LEAST_MEMORY, MEMORY_PER_BYTE = 1 << 30, 500
+"""Memory limit of a file: constant [bytes] (the CAD kernel takes 300 MB), and per byte (the largest STEP files of NIST,
+of 2 MB, take 20)."""
 
 _SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 
@@ -36,21 +37,23 @@ def main() -> None:
     os.dup2(2, 1)
     rules = json.loads(sys.stdin.buffer.readline())
     end_with(rules["parent"])
-    limit_memory(rules["memory"])
     for line in sys.stdin.buffer:
         request = json.loads(line)
-        letter, reply = _answered(request, rules["memory"])
+        memory = min(rules["memory"], memory_of(request["path"])) if rules["by_size"] else rules["memory"]
+        limit_memory(memory)
+        limit_processor_time(request["seconds"])
+        letter, reply = _answered(request, memory)
         pipe.write(letter + len(reply).to_bytes(8, "big") + reply)
         pipe.flush()
 
 
 def _answered(request: Mapping[str, Any], memory: int) -> tuple[bytes, bytes]:
     """Return letter and bytes of a reply."""
-    asked = request["path"], request["unit"], request["name"], memory
+    requested = request["path"], request["unit"], request["name"], memory
     if request["record"]:
-        found = attempt(partial(read_record, request["key"]), *asked)
+        found = attempt(partial(read_record, request["key"]), *requested)
         return (b"E", found.encode()) if isinstance(found, str) else (b"R", record_to_bytes(found))
-    result = attempt(read_part, *asked)
+    result = attempt(read_part, *requested)
     return (b"E", result.encode()) if isinstance(result, str) else (b"P", part_to_bytes(result))
 
 
@@ -70,8 +73,8 @@ def read_record(key: str | None, path: str, *, unit: str | None, name: str) -> R
 def attempt(read: Callable[..., Read], path: str, unit: str | None, name: str, memory: int = 0) -> Read | str:
     """Read one file, and return the part or an error message.
 
-    A bad file affects only itself, whatever its reader raises. This function and ``third_party_reader`` are the only
-    places that catch every exception (``docs/decisions/0067``).
+    A bad file affects only itself, for any exception of its reader. This function and ``third_party_reader`` are the
+    only places that catch every exception (decision 67).
 
     Args:
         read: function that reads a file.
@@ -103,7 +106,18 @@ def memory_for(workers: int) -> int:
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):  # not on every system
         return 0
-    return max(LEAST_MEMORY, int(there) // (2 * max(workers, 1)))
+    return max(2 * LEAST_MEMORY, int(there) // (2 * max(workers, 1)))
+
+
+def memory_of(path: str) -> int:
+    """Return the memory limit for reading a file [bytes].
+
+    Args:
+        path: path of the file.
+    """
+    with suppress(OSError, ValueError):
+        return LEAST_MEMORY + MEMORY_PER_BYTE * os.stat(path).st_size
+    return LEAST_MEMORY
 
 
 def limit_memory(size: int) -> None:
@@ -116,8 +130,21 @@ def limit_memory(size: int) -> None:
         import resource  # not on Windows
 
         if size:
-            resource.setrlimit(resource.RLIMIT_DATA, (size, size))
+            resource.setrlimit(resource.RLIMIT_DATA, (size, resource.getrlimit(resource.RLIMIT_DATA)[1]))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def limit_processor_time(seconds: float) -> None:
+    """End this process by SIGPROF after some more processor time, where the operating system supports it.
+
+    Unlike a limit of elapsed time, it does not depend on how busy the machine is.
+
+    Args:
+        seconds: processor time from now on [s]; 0 for no limit.
+    """
+    with suppress(AttributeError, ValueError, OSError):
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def end_with(parent: int) -> None:

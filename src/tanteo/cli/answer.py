@@ -230,7 +230,7 @@ def _beginning(path: str) -> str:
         return text_file.read(20_000)
 
 
-def _questioned(answer: posterior.Answer, given: Given, query: posterior.Ask, *, placed: bool) -> posterior.Answer:
+def _questioned(answer: posterior.Answer, given: Given, query: posterior.Search, *, placed: bool) -> posterior.Answer:
     """Return the answer with a probable convention error (units, frames, directions) as last finding, and print it."""
     if given.doubted:
         return answer

@@ -57,7 +57,7 @@ def _document(check: Any) -> dict[str, Any]:
     errors = [
         {
             "name": e.name, "meaning": e.meaning, "stated_sd": e.stated, "estimate": e.estimate, "sd": e.sd,
-            "p_value": e.p_value, "told": e.told, "contradicted": e.contradicted,
+            "p_value": e.p_value, "told": e.explained, "contradicted": e.contradicted,
         }
         for e in check.errors
     ]  # fmt: skip
@@ -66,5 +66,5 @@ def _document(check: Any) -> dict[str, Any]:
         "point_m": one.point, "direction": one.direction, "face": one.face, "turn_rad": one.turn, "axis": one.axis,
         "gain_nats": one.gain,
     }  # fmt: skip
-    correlated = [{"one": a, "other": b, "correlation": r} for a, b, r in check.alike]
+    correlated = [{"one": a, "other": b, "correlation": r} for a, b, r in check.correlated]
     return {"schema": "tanteo.cell/1", "errors": errors, "alike": correlated, "next": following}

@@ -41,7 +41,7 @@ def demo(
 
     Recognizes one of twelve parts on a table from an image and a laser, with its uncertainty.
     """
-    from tanteo.bench import tell
+    from tanteo.bench import run_demo
 
     if live and report != REPORT:
         raise MisuseError("--report: expected without --live, which writes no report, got both. Drop one.")
@@ -49,7 +49,7 @@ def demo(
         _play(seed, show=not no_open)
         return
     files.check_report(report)
-    story = tell(print_text, seed)
+    story = run_demo(print_text, seed)
     facts = [("Corner farthest off the truth", f"{1e3 * story.off:.2f} mm")]
     if story.needed is not None:
         facts += zip(("Readings needed in many tries", "At random places"), story.needed, strict=True)

@@ -244,4 +244,4 @@ def _discriminate(parts: list[Part], probe: Probe, options: Options) -> None:
     put(io.distinction_json(found)) if options.json else emit(render.distinction_lines(found, layout=layout()))
     if options.report is not None:
         files.write_page(options.report, distinction_page(found, parts, probe, files.this_run()), as_json=options.json)
-    leave(decided=found.tells)
+    leave(decided=found.discriminates)

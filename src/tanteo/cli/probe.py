@@ -105,7 +105,7 @@ def probe(options: Options, machine: MachineOptions) -> None:
                 _write(words, lines or words.text(answer, [part]), done, safe)
         stay(live=options.live)
     if options.report is not None:
-        facts = [("Machine", safe.facts.name), ("Reason of the end", done.end.why)]
+        facts = [("Machine", safe.facts.name), ("Reason for the end", done.end.message)]
         files.report_session(options.report, session, *facts, as_json=options.json)
     leave(decided=answer.status == "recognized" and done.end.reached and not machine.dry_run)
 
@@ -215,11 +215,11 @@ def _print(
     answer = session.answer()
     if safe.dry_run:
         moves = len(done.turns)
-        print_text(f"Dry run: {moves} touches, all within the limits; nothing was sent. {done.end.why}", sys.stderr)
+        print_text(f"Dry run: {moves} touches, all within the limits; nothing was sent. {done.end.message}", sys.stderr)
         return ""
     if options.json:
         sensing = {
-            "machine": safe.facts.name, "reached": done.end.reached, "why": done.end.why, "stopped": done.stopped,
+            "machine": safe.facts.name, "reached": done.end.reached, "why": done.end.message, "stopped": done.stopped,
             "readings": session.count, "questions": len(done.turns),
         }  # fmt: skip
         more = words.document(answer, [part]) if words else {}

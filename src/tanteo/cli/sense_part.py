@@ -87,7 +87,7 @@ def sense_part(
     if json:
         put(io.executed_json(answer, done, readings=session.count, clearance=clearance, warnings=warned()))
         if not done.end.reached:
-            print_text(done.end.why, sys.stderr)
+            print_text(done.end.message, sys.stderr)
     else:
         emit(render.executed_lines(answer, done, session.count, clearance, verbose=verbose, layout=layout()))
     write_session(session, record)

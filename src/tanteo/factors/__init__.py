@@ -1,6 +1,6 @@
-"""Measurement factors: one type per kind of measurement (:doc:`/docs/engine`).
+"""Measurement factors: one type for each kind of measurement (:doc:`/docs/engine`).
 
-Every module of this package is imported, so that a new kind is one file here and one in ``_core/factors``.
+Every module of this package is imported. So a new kind is one file here and one in ``_core/factors``.
 """
 
 import importlib

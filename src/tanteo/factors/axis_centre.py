@@ -1,4 +1,4 @@
-"""The centre of a circle on the axis of a hole or boss, or a sensed circle or cylinder."""
+"""Centres of circles on the axis of a hole or boss, from a measured centre or a sensed circle or cylinder."""
 
 from __future__ import annotations
 
@@ -22,7 +22,12 @@ share; walls and the whole length go on by the third, in their own lengths (deci
 @register_factor("centre")
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class AxisCentre(RoundCentre):
-    """The centre of a circle: on the axis of a hole or boss at any height; the axis has either sign."""
+    """Centre of a circle on the axis of a hole or boss, at any height; the axis has either sign.
+
+    The height is uniform over the wall, and with a smaller probability over the whole part, because some devices move a
+    centre along its axis to a reference plane. Both ranges extend a little beyond their ends, because centres that were
+    moved to the rim are as probable.
+    """
 
     core: ClassVar[str] = "axis_centre"
     codimension: ClassVar[int] = 2

@@ -1,4 +1,4 @@
-"""The apex of a cone, or a point of its axis at a known offset; the axis points into the cone."""
+"""Apex of a cone, or a point of its axis at a known offset; the axis points into the cone."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tanteo.parts import Part
 @register_factor("apex")
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConeApex(RoundCentre):
-    """The apex of a cone, or a point of its axis at a known offset; the axis points into the cone."""
+    """Apex of a cone, or a point of its axis at a known offset; the axis points into the cone."""
 
     core: ClassVar[str] = "cone_apex"
     codimension: ClassVar[int] = 3

@@ -1,4 +1,4 @@
-"""A point that was sensed on a corner of the part, or a sensed vertex."""
+"""Points sensed on a corner of the part, and sensed vertices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tanteo.geometry.typing import FloatArray
 @register_factor("vertex")
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CornerPoint(OnSurface):
-    """A corner: normal about it, every corner as probable as any other."""
+    """Point on a corner: normal density about it; all corners are equally probable."""
 
     core: ClassVar[str] = "corner_point"
     codimension: ClassVar[int] = 3

@@ -1,4 +1,4 @@
-"""A point that was sensed on a straight edge of the part, or a sensed edge."""
+"""Points sensed on a straight edge of the part, and sensed edges."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tanteo.geometry.typing import FloatArray
 @register_factor("edge")
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class EdgePoint(OnSurface):
-    """A point of a straight edge: normal about the edge, even along it."""
+    """Point on a straight edge: normal density about the edge, uniform along it."""
 
     core: ClassVar[str] = "edge_point"
     codimension: ClassVar[int] = 2

@@ -1,8 +1,8 @@
-"""The base of all measurement factors, and their registry.
+"""Base class of all measurement factors, and their registry.
 
-A factor is one measurement of one kind, with the fields that this kind has and no others. Its likelihood is compiled:
-``_core/factors/`` has one source per kind, registered under :attr:`Factor.core`. Whatever depends on the kind is an
-attribute or method of its class; no other code compares kinds.
+A factor is one measurement of one kind, with the fields of this kind and no others. Its likelihood is compiled:
+``_core/factors/`` has one source for each kind, registered under :attr:`Factor.core`. Whatever depends on the kind is
+an attribute or method of its class; no other code compares kinds.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _Class = TypeVar("_Class", bound="type[Factor]")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensedDirection:
-    """A sensed outward normal, or the sensed axis of a round feature.
+    """Sensed outward normal, or sensed axis of a round feature.
 
     Attributes:
         direction: unit vector in the world ``(3,)``.
@@ -38,11 +38,11 @@ class SensedDirection:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensedSize:
-    """A sensed radius, or the half angle of a cone.
+    """Sensed radius, or half angle of a cone.
 
     Attributes:
         value: radius [m] or half angle [rad].
-        sd: its standard deviation, the tolerance of manufacture included.
+        sd: its standard deviation, with the tolerance of manufacture.
     """
 
     value: float
@@ -55,10 +55,10 @@ class Factor(ABC):
 
     Attributes:
         at: sensed place in the world ``(3,)`` [m].
-        cov: its independent covariance, the part's tolerance included ``(3, 3)`` [m^2].
+        cov: its independent covariance, with the tolerance of the part ``(3, 3)`` [m^2].
         normal: sensed normal of the surface, or axis of a round feature; None where none was sensed.
         core: name of the kind in the compiled core.
-        codimension: number of directions in which an element of the part holds the measurement.
+        codimension: number of directions in which an element of the part constrains the measurement.
         on_surface: whether the sensed place is on the part's surface.
         flat_face: whether a label of this kind names a flat face.
         round_face: whether a label of this kind names a face that is not flat.
@@ -77,37 +77,37 @@ class Factor(ABC):
 
     @property
     def ball_radius(self) -> float:
-        """Radius of the ball whose centre is the sensed place [m]; 0 where the place is a point of the part."""
+        """Return the radius of the ball whose centre is the sensed place [m]; 0 if the place is a point of the part."""
         return 0.0
 
     @property
     def approach(self) -> Vectors | None:
-        """Unit direction of the beam or of the tip's motion, into the material ``(3,)``; None if unknown."""
+        """Return the unit direction of the beam or of the tip's motion, into the material ``(3,)``; None if unknown."""
         return None
 
     @property
     def outward(self) -> Vectors | None:
-        """Rough outward direction, where only the side of the material is known ``(3,)``; None if unknown."""
+        """Return an approximate outward direction if only the material side is known ``(3,)``; None otherwise."""
         return None
 
     @property
     def free_path(self) -> float:
-        """Length of the straight path before the place on which nothing was met [m]; 0 if unknown."""
+        """Return the length of the straight free path before the place [m]; 0 if unknown."""
         return 0.0
 
     @property
     def landmark(self) -> Vectors:
-        """The place of the part that the measurement tells: a cone's apex for a point of its axis ``(3,)`` [m]."""
+        """Return the measured place of the part, such as a cone's apex for a point of its axis ``(3,)`` [m]."""
         return self.at
 
     @property
     def sensed_size(self) -> SensedSize | None:
-        """Sensed radius or half angle; None if unknown."""
+        """Return the sensed radius or half angle; None if unknown."""
         return None
 
     @property
     def material_side(self) -> int:
-        """1 for a hole, -1 for a boss, 0 where unknown or without meaning."""
+        """Return 1 for a hole, -1 for a boss, 0 if unknown or meaningless."""
         return 0
 
     def log_outlier(self, radius: float) -> float:
@@ -154,14 +154,14 @@ class Factor(ABC):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredRow:
-    """One row of point measurements, as :func:`tanteo.sensors.measure` makes them; what was not sensed is None.
+    """One row of point measurements, as :func:`tanteo.sensors.measure` returns them; None for what was not sensed.
 
     Attributes:
-        label: name of the feature that it was taken on, ``''`` for none.
+        label: name of the feature on which it was sensed, ``''`` for none.
         kind: kind of reading.
         at: place in the world ``(3,)`` [m], the centre of the ball of a tip.
-        cov: independent covariance with the part's tolerance ``(3, 3)`` [m^2].
-        ball_radius: of the tip [m].
+        cov: independent covariance with the tolerance of the part ``(3, 3)`` [m^2].
+        ball_radius: radius of the tip's ball [m].
         approach: direction of the beam or of the tip's motion ``(3,)``.
         normal: sensed normal or axis.
         free_path: length of the free-space ray before the place [m].
@@ -188,17 +188,17 @@ shared errors ``(3, D)``."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Landmark:
-    """A place of a part where a sensed centre may be: the axis of a hole or boss, the centre of a sphere.
+    """Place of a part where a sensed centre may be: the axis of a hole or boss, the centre of a sphere.
 
     Attributes:
-        ends: of an axis; of a point the point itself and another one along its axis ``(2, 3)`` [m].
-        sizes: least and largest size that it has, [m] or [rad].
-        share: its share among all of its kind.
-        hole: whether it is of a hole, otherwise of a boss.
-        number: number among its kind, from 0; the same for several landmarks of one feature.
-        name: of the feature, for people.
+        ends: end points of an axis; for a point, the point and another one along its axis ``(2, 3)`` [m].
+        sizes: smallest and largest size [m] or [rad].
+        share: prior probability among all landmarks of its kind.
+        hole: whether it is a hole, otherwise a boss.
+        number: number among its kind, from 0; equal for several landmarks of one feature.
+        name: name of the feature in messages.
         is_line: whether it is an axis.
-        others: least and largest value of a second size.
+        others: smallest and largest value of a second size.
     """
 
     ends: Vectors
@@ -216,7 +216,7 @@ KINDS: dict[str, type[Factor]] = {}
 
 
 def register_factor(*kinds: str) -> Callable[[_Class], _Class]:
-    """Register a class of factors under the kinds of readings that it stands for."""
+    """Register a class of factors under its kinds of readings."""
 
     def register(cls: _Class) -> _Class:
         for kind in kinds:

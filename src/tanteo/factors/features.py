@@ -1,8 +1,8 @@
-"""Sensed features as factors that tell of the part what the features do; world frame, metres.
+"""Sensed features as factors with the same information about the part; world frame, metres.
 
-A plane becomes a few of the points where it was sensed, an edge two points of it, with variances that give the
-feature's own covariance; a circle becomes its centre with its axis, a cylinder two points of its axis, a sphere its
-centre, a cone its apex with its axis. So features are measurements like any other.
+A plane becomes a few of the points where it was sensed, and an edge two points, with variances that give the feature's
+own covariance. A circle becomes its centre with its axis, a cylinder two points of its axis, a sphere its centre, a
+cone its apex with its axis. So features are measurements like any other.
 """
 
 from __future__ import annotations

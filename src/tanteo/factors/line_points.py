@@ -1,4 +1,4 @@
-"""Two points of a sensed line that carry its covariance."""
+"""Two points of a sensed line with the covariance of the line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points that were sensed on the surface of the part: on a face, an edge or a corner."""
+"""Points sensed on the surface of the part: on a face, an edge or a corner."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from tanteo.geometry.typing import Vectors
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class OnSurface(Factor):
-    """A point of the surface, or the centre of a ball that touches it.
+    """Point of the surface, or centre of a ball that touches it.
 
     Attributes:
-        ball_radius: of the tip, 0 for a point of the surface itself [m].
+        ball_radius: radius of the tip's ball, 0 for a point of the surface itself [m].
         approach: unit direction of the beam or of the tip's motion, into the material ``(3,)``; None if unknown.
-        outward: rough outward direction, where only the side of the material is known ``(3,)``; None if unknown.
-        free_path: length of the straight path before the point on which nothing was met [m]; 0 if unknown.
+        outward: approximate outward direction if only the material side is known ``(3,)``; None otherwise.
+        free_path: length of the straight free path before the point [m]; 0 if unknown.
     """
 
     ball_radius: float = 0.0
@@ -46,7 +46,7 @@ class OnSurface(Factor):
 
     @classmethod
     def from_row(cls, row: MeasuredRow) -> Self:
-        """Make a factor of one row of measurements.
+        """Return a factor from one row of measurements.
 
         Raises:
             InputError: a ball's contact with an edge or corner, which may be anywhere on it.

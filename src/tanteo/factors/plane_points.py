@@ -1,4 +1,4 @@
-"""Points of a plane that together carry its covariance."""
+"""Points of a plane that together have the covariance of the plane."""
 
 from __future__ import annotations
 

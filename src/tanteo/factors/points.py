@@ -1,4 +1,4 @@
-"""All measurements of one question: factors with their names, labels and shared errors; world frame, metres."""
+"""All measurements of an inference: factors with names, labels and shared errors; world frame, metres."""
 
 from __future__ import annotations
 
@@ -22,26 +22,27 @@ _BLUNT = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactPoints:
-    """``n`` measurements, each a factor; the arrays below follow from the factors.
+    """Measurements of an inference, each a factor; the arrays below follow from the ``n`` factors.
 
     Attributes:
         ids: names of the readings.
         factors: the measurements.
         shared_jacobian: true place = place + jacobian z, with whitened shared errors z ``(n, 3, D)`` [m].
         tolerance: standard deviation of the made surface that the covariances contain [m]; one draw per face.
-        places: number of the place of each, the same for readings of one beam ``(n,)``; None where each has its own.
-        labels: names of what they were sensed on, ``''`` for none: measurements of one label share one element.
+        places: number of the place of each, equal for readings of one beam ``(n,)``; None if each has its own.
+        labels: name of the element on which each was sensed, ``''`` for none; measurements of one label share one
+            element.
         kinds: kinds of reading, for the factor classes.
         points: sensed places in the world, centres of the ball where ``radii`` is positive ``(n, 3)`` [m].
-        covs: independent covariances, part tolerance included ``(n, 3, 3)`` [m^2].
+        covs: independent covariances, with the tolerance of the part ``(n, 3, 3)`` [m^2].
         sd: largest standard deviation of each ``(n,)`` [m].
         radii: radius of the tip's ball ``(n,)`` [m].
-        directions: direction of approach, zero where unknown ``(n, 3)``; ``directed`` tells which are known.
-        sides: rough outward direction, zero where unknown ``(n, 3)``.
-        normals: sensed normals and axes, zero where not sensed ``(n, 3)``; ``oriented`` tells which were.
-        normal_sds: standard deviation of each of their tilts, pi where not sensed ``(n,)`` [rad].
+        directions: direction of approach, zero if unknown ``(n, 3)``; ``directed`` states which are known.
+        sides: approximate outward direction, zero if unknown ``(n, 3)``.
+        normals: sensed normals and axes, zero if not sensed ``(n, 3)``; ``oriented`` states which were sensed.
+        normal_sds: standard deviation of each of their tilts, pi if not sensed ``(n,)`` [rad].
         reach: length of the free-space ray before each ``(n,)`` [m]; 0 if unknown.
-        variance: of every place in every direction, where it is one for all [m^2]; NaN otherwise.
+        variance: variance of all places in every direction if they are equal [m^2]; NaN otherwise.
     """
 
     ids: tuple[str, ...]
@@ -101,22 +102,22 @@ class ContactPoints:
 
     @property
     def centres(self) -> BoolArray:
-        """Which are centres of round features, beside the surface and not on it ``(n,)``."""
+        """Return which measurements are centres of round features and not points of the surface ``(n,)``."""
         return np.array([not factor.on_surface for factor in self.factors], dtype=np.bool_)
 
     @property
     def landmarks(self) -> Vectors:
-        """Places of the part that the measurements tell: the apex for a point of a cone's axis ``(n, 3)`` [m]."""
+        """Return the measured places of the part, such as the apex for a point of a cone's axis ``(n, 3)`` [m]."""
         return np.array([factor.landmark for factor in self.factors], dtype=np.float64).reshape(len(self), 3)
 
     @property
     def held(self) -> int:
-        """Number of directions in which all of them hold the part, one at least for each point of the surface."""
+        """Return the number of directions that all measurements constrain, at least one for each surface point."""
         return len(self) + sum(f.codimension - 1 for f in self.factors if not f.on_surface)
 
     @property
     def inward(self) -> Vectors:
-        """Into the material, as far as directions or sides are known ``(n, 3)``; zero where neither is."""
+        """Return directions into the material, from directions or sides ``(n, 3)``; zero if neither is known."""
         return np.where(self.directed[:, None], self.directions, -self.sides)
 
     def take(self, rows: Sequence[int] | IntArray) -> ContactPoints:

@@ -1,4 +1,4 @@
-"""A measurement of the pose that is no list of points: an image, a stable pose, a likelihood of a user."""
+"""Measurements of the pose that are not points: images, stable poses, likelihoods of a user."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from tanteo.parts import Part
 
 
 class PoseFactor(ABC):
-    """A factor of the posterior over the part, its pose and shared errors, evaluated by the compiled core."""
+    """Factor of the posterior over the part, its pose and shared errors, evaluated by the compiled core."""
 
     @property
     def states(self) -> int:
-        """Number of shared errors that the factor adds, each with a unit normal prior."""
+        """Return the number of shared errors that the factor adds, each with a standard normal prior."""
         return 0
 
     @property
     def log_unknown(self) -> float:
-        """Log density of the measurement if the object is unknown, relative to the same baseline as the density."""
+        """Return the log density of the measurement if the object is unknown, relative to the same baseline."""
         return 0.0
 
     @property

@@ -1,4 +1,4 @@
-"""A likelihood of a user, as Python functions of a batch of poses."""
+"""Likelihood of a user as Python functions of a batch of poses."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ millimetre and a hundredth of a radian (Press et al. 2007, section 5.7)."""
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PythonFactor(PoseFactor):
-    """A measurement whose log density is a Python function: a sensor of your own, without a compiler.
+    """Measurement whose log density is a Python function, for your own sensor without a compiler.
 
     The posterior multiplies its density with those of the readings. The function is called with a batch of poses and
     returns log p(measurement | pose) - log p(measurement | unknown object or outlier): 0 means that the measurement is
     as probable at the pose as without any part. It may be an outlier with probability ``outlier_rate``.
 
     Attributes:
-        name: for messages.
-        log_density: log density relative to that of an outlier, of poses ``T_world_part`` ``(S, 4, 4)`` and the part;
-            returns ``(S,)``; ``-inf`` where a pose is impossible.
+        name: name in messages.
+        log_density: log density relative to that of an outlier, for poses ``T_world_part`` ``(S, 4, 4)`` and the part;
+            returns ``(S,)``, with ``-inf`` for impossible poses.
         gradient: its derivative by small motions ``T exp(xi)``, ``xi = [v, w]`` in the part frame [1/m, 1/rad]; returns
-            ``(S, 6)``. Central differences without.
-        propose: poses ``(K, 4, 4)`` of a part from which the search starts besides its own.
-        outlier_rate: probability that the measurement has nothing to do with the part, from 0 to 1.
-        steps: of the differences: shift [m] and turn [rad].
+            ``(S, 6)``. None: central differences.
+        propose: function that returns poses ``(K, 4, 4)`` of a part from which the search starts, beside its own.
+        outlier_rate: probability that the measurement is not of the part, from 0 to 1.
+        steps: steps of the differences: shift [m] and turn [rad].
 
     Example:
         >>> def height(Ts, part):  # a gauge reads that the part's centroid is 30.0 +- 0.1 mm high
@@ -90,7 +90,7 @@ class PythonFactor(PoseFactor):
         )
 
     def _called(self, what: str, function: PoseFunction, Ts: Transforms, part: Part, *, finite: bool) -> FloatArray:
-        """Call a function of the user and check what it returns.
+        """Call a function of the user and check its result.
 
         Raises:
             InputError: it returns no numbers, another number of them than poses, nan or inf.

@@ -1,4 +1,4 @@
-"""Free-space rays: straight paths on which nothing was met, world frame, metres."""
+"""Free-space rays: straight paths without an echo, world frame, metres."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from tanteo.sensors import PointMeasurements
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeRays:
-    """``m`` straight paths on which nothing was met, in the world [m].
+    """Straight paths in the world on which a sensor found no surface.
 
     Attributes:
-        origins: where they start ``(m, 3)``.
-        directions: unit ``(m, 3)``.
-        lengths: how far they were free ``(m,)``.
-        margin: how much of the end is not certain ``(m,)``.
-        slopes: how far beside them they may have been, one standard deviation in either direction across, over the way
-            along them ``(m,)``; zero if not given. A cone's echo comes from any of its rays.
-        incidences: up to which a surface would have been met ``(m,)`` [rad]; a right angle if not given. A path on
-            which one lies more obliquely says nothing.
-        shared_jacobian: how origins move with the whitened shared errors of the readings, true = origin + jacobian z,
-            ``(m, 3, D)``; not at all if not given.
-        turns: the same of directions ``(m, 3, D)``.
+        origins: starts of the paths ``(m, 3)`` [m].
+        directions: unit directions ``(m, 3)``.
+        lengths: free lengths ``(m,)`` [m].
+        margin: uncertain length at the end of each ``(m,)`` [m].
+        slopes: lateral standard deviation of each path in either direction over the distance along it ``(m,)``; zero by
+            default. The echo of a cone may come from any of its rays.
+        incidences: largest angle of incidence at which a surface returns an echo ``(m,)`` [rad]; a right angle by
+            default. More oblique surfaces do not contradict a path.
+        shared_jacobian: derivatives of the origins by the whitened shared errors of the readings, true = origin +
+            jacobian z, ``(m, 3, D)``; none by default.
+        turns: derivatives of the directions likewise ``(m, 3, D)``.
         moved: whether any path moves; follows from ``shared_jacobian`` and ``turns``.
     """
 
@@ -53,21 +53,21 @@ class FreeRays:
         return len(self.lengths)
 
     def up_to(self, incidence: float) -> FreeRays:
-        """The same of a sensor that answers to no greater incidence [rad]."""
+        """Return the rays of a sensor that detects no larger angle of incidence [rad]."""
         return replace(self, incidences=np.minimum(self.incidences, incidence))
 
     def take(self, rows: IntArray) -> FreeRays:
-        """Some of the paths."""
+        """Return some of the rays."""
         names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "shared_jacobian", "turns"
         return FreeRays(*(getattr(self, name)[rows] for name in names))
 
     def unmoved(self) -> FreeRays:
-        """The same as if they were exactly where they are said to be."""
+        """Return the rays without shared errors."""
         none = np.zeros((len(self), 3, 0))
         return replace(self, shared_jacobian=none, turns=none)
 
     def at(self, z: FloatArray) -> tuple[Vectors, Vectors]:
-        """Origins and directions where the whitened shared errors are these ``(S, D)``.
+        """Return origins and directions for whitened shared errors ``(S, D)``.
 
         Returns:
             Both ``(S, m, 3)`` [m], or ``(m, 3)`` if nothing moves them.
@@ -80,7 +80,7 @@ class FreeRays:
         return self.origins + shifts.reshape(len(z), len(self), 3), along
 
     def join(self, other: FreeRays) -> FreeRays:
-        """Both; of the same shared errors."""
+        """Return both; they have the same shared errors."""
         if not len(self) or not len(other):
             return self if len(self) else other
         names = "origins", "directions", "lengths", "margin", "slopes", "incidences", "shared_jacobian", "turns"
@@ -88,12 +88,12 @@ class FreeRays:
 
     @classmethod
     def none(cls) -> FreeRays:
-        """No such path."""
+        """Return no ray."""
         return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
 
 
 def as_free_rays(measured: PointMeasurements, margin: float) -> FreeRays:
-    """The free-space rays of some measurements."""
+    """Return the free-space rays of measurements."""
     beams, (_, shared_jacobian, turns) = measured.free, measured.whitened()
     slopes = 0.5 * np.tan(beams.half_angles)  # of points even over a disc
     margins = np.full(len(beams), margin)

@@ -27,13 +27,13 @@ _DECADES = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RoundCentre(Factor):
-    """A point that is the centre of a round feature, or on its axis; ``normal`` is the sensed axis.
+    """Point that is the centre of a round feature, or on its axis; ``normal`` is the sensed axis.
 
     Attributes:
         sensed_size: sensed radius or half angle; None if unknown.
         second_size: a second sensed size, such as the radius of a torus's tube; None if unknown.
         material_side: 1 for a hole, -1 for a boss, 0 if unknown.
-        axis_offset: how far along the axis the sensed place is from the landmark [m].
+        axis_offset: distance along the axis from the landmark to the sensed place [m].
         is_line: whether the feature is an axis, on which a centre may be at any height.
         size_is_angle: whether the size is an angle.
     """
@@ -48,7 +48,7 @@ class RoundCentre(Factor):
 
     @property
     def landmark(self) -> Vectors:
-        """The place of the part that the measurement tells ``(3,)`` [m]."""
+        """Return the measured place of the part ``(3,)`` [m]."""
         if self.normal is None or not self.axis_offset:
             return self.at
         return np.asarray(self.at - self.axis_offset * self.normal.direction)
@@ -75,7 +75,7 @@ class RoundCentre(Factor):
 
     @classmethod
     def from_row(cls, row: MeasuredRow) -> Self:
-        """Make a factor of one row of measurements; how the device came to a centre says nothing of it."""
+        """Return a factor from one row of measurements; the approach of the device carries no information."""
         size = None
         if row.size is not None:
             sd = float(np.sqrt(np.linalg.eigvalsh(row.cov)[-1]))

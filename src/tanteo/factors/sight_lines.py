@@ -1,4 +1,4 @@
-"""Lines of sight through known points of the part: of a theodolite, a tracker, or a camera whose lens is known."""
+"""Lines of sight of a theodolite, a tracker or a calibrated camera through known points of the part."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ CORNERS, RIMS = "corners", "rims"
 class SightLines(PoseFactor):
     """Lines of sight from one station, each through a point of the part.
 
-    A line tells two angles. Its density per steradian is a normal density of both, the mean over all points through
-    which it may pass; it is an outlier with probability ``outlier_rate``, of any direction. Whether a point is hidden
-    behind the part is not checked.
+    A line measures two angles. Its density per steradian is a normal density of both, averaged over all points through
+    which it may pass. With probability ``outlier_rate`` it is an outlier of uniform direction. Occlusion by the part is
+    not checked.
 
     Attributes:
-        origin: of all lines, the station in the world ``(3,)`` [m].
-        directions: in the world, of any length ``(n, 3)``.
+        origin: station of all lines in the world ``(3,)`` [m].
+        directions: directions in the world, of any length ``(n, 3)``.
         angle_sd: standard deviation of each of the two angles of a line [rad].
-        through: ``corners`` or ``rims`` of the part, whichever they are; or a point in the part frame for each line
-            ``(n, 3)`` [m].
-        origin_sd: standard deviation of where the station is for each line by itself [m].
-        station: covariance of the error of the station's pose, the same for all lines, shift and turn in the world
-            ``(6, 6)`` [m, rad]; None for none.
+        through: ``corners`` or ``rims`` of the part, if any of them is possible; or a point in the part frame for each
+            line ``(n, 3)`` [m].
+        origin_sd: independent standard deviation of the origin of each line [m].
+        station: covariance of the error of the station's pose, common to all lines, shift and turn in the world ``(6,
+            6)`` [m, rad]; None for no error.
         outlier_rate: probability that a line passes through no such point, from 0 to 1.
 
     Raises:
@@ -89,7 +89,7 @@ class SightLines(PoseFactor):
 
     @property
     def states(self) -> int:
-        """Number of shared errors: those of the station's pose."""
+        """Return the number of shared errors: those of the station's pose."""
         return 0 if self.station is None else 6
 
     def points(self, part: Part) -> Vectors:

@@ -1,4 +1,4 @@
-"""The centre of a sphere."""
+"""Centres of spheres."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tanteo.parts import Part
 @register_factor("sphere_centre")
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SphereCentre(RoundCentre):
-    """The centre of a sphere."""
+    """Centre of a sphere."""
 
     core: ClassVar[str] = "sphere_centre"
     codimension: ClassVar[int] = 3

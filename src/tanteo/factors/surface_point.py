@@ -1,4 +1,4 @@
-"""A point that was sensed on a face of the part, or a sensed plane."""
+"""Points sensed on a face of the part, and sensed planes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tanteo.geometry.typing import FloatArray
 @register_factor("point", "plane")
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SurfacePoint(OnSurface):
-    """A point of a face: the integral of its noise over the faces of the part (decision 16)."""
+    """Point of a face: its density is the integral of its noise over the faces of the part (decision 16)."""
 
     core: ClassVar[str] = "surface_point"
     codimension: ClassVar[int] = 1
@@ -69,7 +69,7 @@ class SurfacePoint(OnSurface):
 @register_factor("circle", "cylinder", "cone", "sphere")
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class WallPoint(OnSurface):
-    """A point of a face that is not flat: of the wall of a hole or boss, a cone or a sphere."""
+    """Point of a face that is not flat: the wall of a hole or boss, a cone or a sphere."""
 
     core: ClassVar[str] = "surface_point"
     codimension: ClassVar[int] = 1

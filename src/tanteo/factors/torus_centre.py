@@ -1,4 +1,4 @@
-"""The centre of a torus with its axis and two radii: a ring, the groove of a seal, a rounded rim."""
+"""Centres of tori with axis and two radii: a ring, the groove of a seal, a rounded rim."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SAME = 1e-6
 @register_factor("torus_centre")
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TorusCentre(RoundCentre):
-    """The centre of a torus: normal about it; the axis has either sign."""
+    """Centre of a torus: normal density about it; the axis has either sign."""
 
     core: ClassVar[str] = "torus_centre"
     codimension: ClassVar[int] = 3

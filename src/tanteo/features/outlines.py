@@ -12,7 +12,7 @@ from tanteo.features.kinds import CIRCLE, CONE, CYLINDER, EDGE, PLANE, SPHERE, V
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Vectors
 
-_AROUND = 72
+_SEGMENTS = 72
 """Number of segments of a circle."""
 
 _RULINGS = 12
@@ -80,8 +80,8 @@ def _moved(feature: Feature, step: FloatArray) -> Feature:
 
 
 def _circle(radius: float, height: float = 0.0) -> FloatArray:
-    angles = np.linspace(0.0, 2 * np.pi, _AROUND + 1)
-    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(_AROUND + 1, height)], axis=1)
+    angles = np.linspace(0.0, 2 * np.pi, _SEGMENTS + 1)
+    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(_SEGMENTS + 1, height)], axis=1)
     return np.stack([ring[:-1], ring[1:]], axis=1)
 
 
@@ -126,7 +126,7 @@ def _cone(local: Vectors, size: float) -> FloatArray:
 def _wall(*ends: tuple[float, float]) -> FloatArray:
     """Return circles at two heights with given radii, and lines between them."""
     rings = [_circle(radius, z) for z, radius in ends]
-    rows = np.arange(0, _AROUND, _AROUND // _RULINGS)
+    rows = np.arange(0, _SEGMENTS, _SEGMENTS // _RULINGS)
     return np.concatenate([*rings, np.stack([ring[rows, 0] for ring in rings], axis=1)])
 
 

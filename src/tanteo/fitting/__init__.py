@@ -1,4 +1,4 @@
-"""Features fitted to points, and the pose of a part from paired features."""
+"""Fits of features to points, and of the pose of a part to paired features."""
 
 from lazy_loader import attach_stub
 

@@ -1,8 +1,8 @@
-"""Whether all points of a feature agree with it, and whether those of a plane bend.
+"""Tests whether all points of a feature agree with it, and whether those of a plane bend.
 
-The joint test of a feature has as many degrees of freedom as points; a surface that bends a little, or a bend between
-two rows of points, is lost in them. Asked for alone it is not: a surface of the second degree fits better by more than
-three more parameters explain.
+The joint test of a feature has as many degrees of freedom as points. It hardly detects a surface that bends a little,
+or a step between two rows of points. A separate test does: does a surface of the second degree fit better than its
+three further parameters explain?
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _OWN = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bending:
-    """What a surface of the second degree explains better than a plane.
+    """Improvement of a surface of the second degree over a plane.
 
     Attributes:
-        gain: of the weighted sum of squares.
-        dof: parameters that it has more, as far as the points discriminate them.
+        gain: decrease of the weighted sum of squares.
+        dof: number of further parameters that the points determine.
         p_value: probability of a larger gain if the surface is a plane; 1 without further parameters.
     """
 
@@ -46,10 +46,10 @@ def jointly(
     readings: Sequence[str],
     radius: float = 0.0,
 ) -> FitReport:
-    """The report with the tests of all points together and of the worst one, errors that they share included.
+    """Return the report with joint tests of all points and of the worst one, shared errors included.
 
-    A shared error that is not one rigid motion of the points (a tip whose hand turns between touches) makes them
-    scatter; that is not a wrong reading.
+    A shared error that is not one rigid motion of the points, such as a tip on a hand that turns between touches, makes
+    them scatter. That is not a wrong reading.
     """
     if not shared:
         return report
@@ -71,7 +71,7 @@ def jointly(
 
 
 def bending(plane: Feature, points: Vectors, covs: Covariances, shared: SharedReadings, radius: float = 0.0) -> Bending:
-    """How much better the points of a plane ``(n, 3)`` fit a surface of the second degree."""
+    """Return the improvement of a surface of the second degree over the plane of points ``(n, 3)``."""
     g, G = _rows(residuals_of(plane, points, radius), covs, shared)
     x, y = SE3.apply(SE3.inverse(plane.T_world_feature), points)[:, :2].T
     second = np.zeros((len(g), 3))
@@ -89,12 +89,12 @@ def bending(plane: Feature, points: Vectors, covs: Covariances, shared: SharedRe
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Residuals:
-    """How far points are off a feature, ``k`` numbers a point.
+    """Distances of points from a feature, ``k`` numbers for each point.
 
     Attributes:
-        f: across the feature, its ball taken off ``(n, k)`` [m].
-        G: by the points, in the world ``(n, k, 3)``.
-        H: by the feature's perturbation, and by its size if that was fitted ``(n, k, m)``.
+        f: distances across the feature, without the tip's ball ``(n, k)`` [m].
+        G: derivatives by the points in the world ``(n, k, 3)``.
+        H: derivatives by the feature's perturbation, and by its size if that was fitted ``(n, k, m)``.
     """
 
     f: FloatArray
@@ -103,7 +103,7 @@ class Residuals:
 
 
 def residuals_of(feature: Feature, points: Vectors, radius: float = 0.0) -> Residuals:
-    """Distances of points ``(n, 3)`` [m] from a feature; of a ball's centres with its ``radius``."""
+    """Return distances of points ``(n, 3)`` [m] from a feature; of a ball's centres with its ``radius``."""
     R = feature.T_world_feature[:3, :3]
     local = SE3.apply(SE3.inverse(feature.T_world_feature), points)
     if feature.size is not None:
@@ -121,9 +121,9 @@ def residuals_of(feature: Feature, points: Vectors, radius: float = 0.0) -> Resi
 
 
 def _rows(across: Residuals, covs: Covariances, shared: SharedReadings) -> tuple[FloatArray, FloatArray]:
-    """Standardised residuals across the feature and their derivatives by its perturbation and the shared errors.
+    """Return whitened residuals across the feature and derivatives by its perturbation and the shared errors.
 
-    The last rows say that the shared errors are what is stated: of the points alone they would be unknown.
+    The last rows are the prior on the shared errors, which the points alone do not constrain.
     """
     f, G = across.f, across.G
     gains = [G @ J @ _root(error.covariance) for error, J in shared]
@@ -141,6 +141,6 @@ def _sds(plane: Feature, covs: Covariances) -> FloatArray:
 
 
 def _root(C: Covariances) -> FloatArray:
-    """A root of a covariance that may be singular."""
+    """Return a root of a covariance that may be singular."""
     values, vectors = np.linalg.eigh(C)
     return vectors * np.sqrt(np.maximum(values, 0.0))

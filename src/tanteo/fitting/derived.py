@@ -1,4 +1,4 @@
-"""Features from other features or from the fewest points, as the paper builds them; ``math.md`` section 8."""
+"""Features from other features or from the fewest points, as in the paper; ``math.md`` section 8."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 
 def intersect_planes(T1: Transforms, T2: Transforms, near: Vectors) -> tuple[Transforms, FloatArray, FloatArray]:
-    """Line in which two planes meet, x along ``n1 x n2``, origin at the foot of ``near``.
+    """Return the line of intersection of two planes, x along ``n1 x n2``, origin at the foot of ``near``.
 
     Args:
         T1: ``T_world_plane`` ``(*batch, 4, 4)``.
-        T2: of the second plane.
-        near: ``(*batch, 3)`` in the world [m].
+        T2: ``T_world_plane`` of the second plane.
+        near: point near the origin of the line ``(*batch, 3)`` in the world [m].
 
     Returns:
         ``T_world_edge`` and the gains ``(*batch, 4, 3)`` of both planes' perturbations on ``(y, z, wy, wz)``.
@@ -50,7 +50,7 @@ def intersect_planes(T1: Transforms, T2: Transforms, near: Vectors) -> tuple[Tra
 
 
 def _plane_on_line(T_plane: Transforms, T_line: Transforms, M: FloatArray, k: int) -> FloatArray:
-    """Gain ``(4, 3)`` of plane ``k``: its displacement at the line's origin and its tilt along the line."""
+    """Return the derivatives ``(4, 3)`` of height and tilt of plane ``k`` at the origin of the line."""
     Rt = np.swapaxes(T_plane[..., :3, :3], -1, -2)
     q = (Rt @ (T_line[..., :3, 3] - T_plane[..., :3, 3])[..., None])[..., 0]
     u = (Rt @ T_line[..., :3, 0, None])[..., 0]
@@ -64,12 +64,12 @@ def _plane_on_line(T_plane: Transforms, T_line: Transforms, M: FloatArray, k: in
 
 
 def edge_from_planes(a: Feature, b: Feature, near: Vectors | None = None, label: str = "") -> Feature:
-    """The edge in which two sensed planes meet; usually better known than from edge events.
+    """Return the edge of two sensed planes, which is usually more accurate than one from edge events.
 
     Args:
         a: a plane.
         b: another plane.
-        near: where along the line the origin shall be [m]; halfway between the planes' origins if not given.
+        near: point near the origin of the edge [m]; by default halfway between the planes' origins.
         label: name of the edge.
 
     Raises:
@@ -104,15 +104,15 @@ def plane_from_two_directions(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> Feature:
-    """The paper's plane (section 3): normal along ``(q2 - q1) x (q4 - q3)``, origin at ``q1``.
+    """Return the paper's plane (section 3): normal along ``(q2 - q1) x (q4 - q3)``, origin at ``q1``.
 
     :func:`tanteo.fitting.fit_plane` on the same points is two to four times better (``math.md`` section 8).
 
     Args:
         q1: start of the first scan direction ``(3,)`` [m]; ``q3`` may be the same point.
-        q2: its end.
-        q3: start of the second.
-        q4: its end.
+        q2: end of the first scan direction ``(3,)`` [m].
+        q3: start of the second scan direction ``(3,)`` [m].
+        q4: end of the second scan direction ``(3,)`` [m].
         C: joint covariance of the four points ``(12, 12)``.
         outward: a vector out of the material.
         label: name of the plane.
@@ -149,11 +149,11 @@ def edge_from_two_points(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> Feature:
-    """The edge through two points, origin at ``q1``, x towards ``q2`` (paper section 3).
+    """Return the edge through two points, origin at ``q1``, x towards ``q2`` (paper section 3).
 
     Args:
-        q1: ``(3,)`` [m].
-        q2: ``(3,)`` [m].
+        q1: first point ``(3,)`` [m].
+        q2: second point ``(3,)`` [m].
         C: their joint covariance ``(6, 6)``.
         label: name of the edge.
         readings: ids of the two readings.
@@ -184,7 +184,7 @@ def _from_points(
     names: tuple[str, str, tuple[str, ...]],
     shared: SharedReadings,
 ) -> Feature:
-    """Feature whose perturbations are ``J`` times the errors of the points ``q`` with joint covariance ``C``."""
+    """Return a feature with perturbations ``J`` times the errors of points ``q`` of joint covariance ``C``."""
     kind = {PLANE.name: PLANE, EDGE.name: EDGE}[names[0]]
     C = np.asarray(C, dtype=np.float64)
     if C.shape != (3 * len(q), 3 * len(q)):

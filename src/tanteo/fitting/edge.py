@@ -1,4 +1,4 @@
-"""Edges from points: maximum likelihood with any covariance of the points; ``math.md`` section 8."""
+"""Maximum likelihood edges from points with any covariances; ``math.md`` section 8."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SETTLED = 1e-20
 
 
 def edge_ml(points: Vectors, covs: Covariances) -> Estimate:
-    """Maximum-likelihood lines of ``(*batch, n, 3)`` points, x from the first point towards the last.
+    """Fit lines to ``(*batch, n, 3)`` points by maximum likelihood, x from the first point towards the last.
 
     The origin is the weighted centroid; ``P`` is over ``(y, z, wy, wz)`` and ``chi2`` has ``2 n - 4`` degrees of
     freedom. Abscissae corrected by ``S_x_perp S_perp^-1 r`` make the fixed point the exact stationary point.
@@ -74,7 +74,7 @@ def _first_directions(points: Vectors) -> Vectors:
 
 
 def _local(points: Vectors, covs: Covariances, R: FloatArray, c: Vectors) -> tuple[Vectors, FloatArray, FloatArray]:
-    """Points in the frame, inverse lateral covariances, and corrections of the abscissae."""
+    """Return points in the frame, inverse lateral covariances, and corrections of the abscissae."""
     local = (points - c[..., None, :]) @ R
     S = np.swapaxes(R, -1, -2)[..., None, :, :] @ covs @ R[..., None, :, :]
     a, b, d = S[..., 1, 1], S[..., 1, 2], S[..., 2, 2]
@@ -87,7 +87,7 @@ def _local(points: Vectors, covs: Covariances, R: FloatArray, c: Vectors) -> tup
 
 
 def _design(x: FloatArray) -> FloatArray:
-    """``H`` ``(*batch, n, 2, 4)``: how ``(y, z)`` of a point change with ``(dy, dz, wy, wz)`` of the frame."""
+    """Return ``H`` ``(*batch, n, 2, 4)``: derivatives of ``(y, z)`` of a point by ``(dy, dz, wy, wz)`` of the frame."""
     H = np.zeros((*x.shape, 2, 4))
     H[..., 0, 0] = H[..., 1, 1] = -1.0
     H[..., 0, 3], H[..., 1, 2] = -x, x
@@ -95,7 +95,7 @@ def _design(x: FloatArray) -> FloatArray:
 
 
 def _to_centroid(points: Vectors, W: FloatArray, R: FloatArray, c: Vectors) -> Vectors:
-    """Slide the origin along the line to the weighted centroid."""
+    """Move the origin along the line to the weighted centroid."""
     w = np.trace(W, axis1=-2, axis2=-1)
     u = R[..., :, 0]
     x = np.sum((points - c[..., None, :]) * u[..., None, :], axis=-1)
@@ -127,10 +127,10 @@ def fit_edge(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> tuple[Feature, FitReport]:
-    """The edge on which some sensed points lie, x along it from the first point to the last (paper section 3).
+    """Fit an edge to sensed points, x along it from the first point to the last (paper section 3).
 
     Args:
-        points: ``(n, 3)`` in the world [m].
+        points: points ``(n, 3)`` in the world [m].
         covs: their independent covariances ``(n, 3, 3)`` [m^2].
         label: name of the feature.
         readings: ids of the readings.

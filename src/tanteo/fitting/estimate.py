@@ -1,4 +1,4 @@
-"""What every estimator of this room returns, and how errors that readings share move the fitted feature."""
+"""Results of all fits, and the effect of shared errors on a fitted feature."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Estimate:
     """Fitted frames over batches: ``T = T_mean exp(B' p)``, ``p ~ N(0, P)`` over the rows of the kind.
 
     Attributes:
-        T: ``T_world_feature`` ``(*batch, 4, 4)``.
-        P: from the independent errors of the points ``(*batch, size, size)``.
+        T: frames ``T_world_feature`` ``(*batch, 4, 4)``.
+        P: covariances from the independent errors of the points ``(*batch, size, size)``.
         chi2: weighted sum of squares of the residuals ``(*batch,)``.
         dof: its degrees of freedom.
-        residuals: of each point across the feature ``(*batch, n, k)`` [m].
+        residuals: residual of each point across the feature ``(*batch, n, k)`` [m].
         standardised: each point's residual in its own standard deviations ``(*batch, n)``.
         shared_jacobian: ``K`` ``(*batch, n, size, 3)``: points off by ``dq`` move the feature by ``p = sum K dq``.
     """
@@ -44,16 +44,16 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitReport:
-    """How well the points agree with the fitted feature.
+    """Agreement of the points with the fitted feature.
 
     Attributes:
         chi2: weighted sum of squares.
-        dof: its degrees of freedom; 0 if there are only as many points as it takes.
+        dof: degrees of freedom of ``chi2``; 0 without redundant points.
         p_value: probability of a larger ``chi2`` if the model is right; 1 without degrees of freedom.
         rms: root mean square distance of the points from the feature [m].
         worst: id (or number from 1) of the reading that agrees least.
         worst_sds: its residual in standard deviations.
-        p_worst: probability, at most, that the worst one of so many readings is farther off if all are right.
+        p_worst: largest probability that the worst reading is farther off if all are right.
     """
 
     chi2: float
@@ -66,7 +66,7 @@ class FitReport:
 
 
 def make_report(estimate: Estimate, readings: Sequence[str]) -> FitReport:
-    """Report of one fit (no batch axes)."""
+    """Return the report of one fit (no batch axes)."""
     chi2, dof = float(estimate.chi2), estimate.dof
     k = int(np.argmax(np.abs(estimate.standardised)))
     return FitReport(
@@ -81,15 +81,15 @@ def make_report(estimate: Estimate, readings: Sequence[str]) -> FitReport:
 
 
 def p_of_worst(standardised: FloatArray, size: int) -> float:
-    """Bonferroni's bound of the probability that the largest of some residuals of that size is larger by chance.
+    """Return Bonferroni's bound of the p-value of the largest of several residuals.
 
-    The fit takes over a share of every residual, so that they are smaller than this bound expects.
+    A fit reduces every residual, so the residuals are smaller than the bound assumes.
     """
     return min(len(standardised) * chi2_survival(float(np.max(np.abs(standardised)) ** 2), size), 1.0)
 
 
 def check_points(points: Vectors, covs: Covariances, least: int, what: str) -> tuple[Vectors, Covariances]:
-    """Points ``(*batch, n, 3)`` and covariances ``(*batch, n, 3, 3)`` of the same shape, as float64.
+    """Return points ``(*batch, n, 3)`` and covariances ``(*batch, n, 3, 3)`` as float64 arrays of equal shape.
 
     Raises:
         InputError: for other shapes, numbers that are not finite, or fewer than ``least`` points.
@@ -120,7 +120,7 @@ def check_settled(steps: FloatArray, what: str) -> None:
 
 
 def inverse_spd(A: FloatArray) -> FloatArray:
-    """Inverse of symmetric positive definite matrices that mix units: scaled to unit diagonal first, symmetric."""
+    """Return symmetric inverses of positive definite matrices of mixed units, scaled to unit diagonal first."""
     d = 1 / np.sqrt(np.diagonal(A, axis1=-2, axis2=-1))
     scale = d[..., :, None] * d[..., None, :]
     inverse = np.asarray(np.linalg.inv(A * scale), dtype=np.float64) * scale
@@ -128,11 +128,11 @@ def inverse_spd(A: FloatArray) -> FloatArray:
 
 
 def rigid_motion(rows: FloatArray, moved: FloatArray) -> FloatArray | None:
-    """The rigid motions ``M`` ``(6, d)`` of the world with ``rows @ M = moved``, or None if there are none.
+    """Return the rigid motions ``M`` ``(6, d)`` of the world with ``rows @ M = moved``; None if there are none.
 
     Args:
-        rows: ``(m, 6)``, what a left error ``[v, w]`` of the world does to the quantities.
-        moved: ``(m, d)``, what the shared error does to them.
+        rows: derivatives of the quantities by a left error ``[v, w]`` of the world ``(m, 6)``.
+        moved: derivatives of the quantities by the shared error ``(m, d)``.
     """
     scale = np.abs(moved).max(initial=0.0)
     if scale == 0:
@@ -146,11 +146,10 @@ def rigid_motion(rows: FloatArray, moved: FloatArray) -> FloatArray | None:
 def shared_terms(
     points: Vectors, estimate: Estimate, rows_of_feature: FloatArray, shared: SharedReadings
 ) -> tuple[SharedTerm, ...]:
-    """Gains of shared errors on one fitted feature (``math.md`` section 6).
+    """Return the effect of shared errors on one fitted feature (``math.md`` section 6).
 
-    An error that moves all readings like one rigid body moves the feature with them: the gain is then
-    ``B Ad(T^-1)`` exactly, so that constraints between such features do not feel it. Others go through the
-    estimator's own gain.
+    An error that moves all readings like one rigid body moves the feature with them. Its gain is exactly ``B
+    Ad(T^-1)``, so constraints between such features are independent of it. Other errors have the gain of the estimator.
 
     Args:
         points: measured points ``(n, 3)``.
@@ -167,7 +166,7 @@ def shared_terms(
 
 
 def rigid_error(points: Vectors, error: SharedError, jacobian: FloatArray) -> FloatArray | None:
-    """The rigid motions ``(6, d)`` of the world that a shared error is to all points ``(n, 3)``; None if it is none.
+    """Return a shared error as rigid motions of the world ``(6, d)`` of all points; None if it is not rigid.
 
     Raises:
         InputError: for a Jacobian of another shape than ``(n, 3, d)``.

@@ -1,4 +1,4 @@
-"""One fit a kind of feature: how the labelled points of a kind become a feature of it."""
+"""Registry of fits: one function for each kind of feature."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelledPoints:
-    """The measured points of one label.
+    """Measured points of one label.
 
     Attributes:
-        label: their name.
-        ids: of the readings.
+        label: name of the label.
+        ids: ids of the readings.
         points: on the surface, or centres of the tip's ball ``(n, 3)`` in the world [m].
         covs: their independent covariances ``(n, 3, 3)`` [m^2].
         shared: errors that they have in common.
-        radii: of the tip's ball ``(n,)`` [m]; 0 without one.
-        side: ``normals`` or ``directions`` ``(n, 3)``, if the readings tell which side is outside.
-        normal_sds: of the normals ``(n,)`` [rad], where they are measurements of their own; NaN where not.
+        radii: radius of the tip's ball ``(n,)`` [m]; 0 without one.
+        side: ``normals`` or ``directions`` ``(n, 3)``, if the readings determine the outward side.
+        normal_sds: standard deviations of the normals ``(n,)`` [rad] if they are measurements; NaN otherwise.
     """
 
     label: str
@@ -53,12 +53,12 @@ FITS: dict[str, Fit] = {}
 
 
 def register_fit(kind: FeatureKind, fit: Fit) -> None:
-    """Say how labelled points of a kind become a feature of it."""
+    """Register the fit of a kind of labelled points."""
     FITS[kind.name] = fit
 
 
 def fitted(kind: FeatureKind, estimate: Estimate, sensed: LabelledPoints) -> tuple[Feature, FitReport]:
-    """The feature of an estimate without batch axes, with what its points share, and how well they agree with it."""
+    """Return the feature of an estimate without batch axes, with its shared errors and its report."""
     rows = SE3.adjoint_inverse(estimate.T)[list(kind.rows)]
     terms = shared_terms(sensed.points, estimate, rows, sensed.shared)
     feature = Feature(kind, estimate.T, estimate.P, sensed.label, terms, sensed.points, sensed.ids)
@@ -66,7 +66,7 @@ def fitted(kind: FeatureKind, estimate: Estimate, sensed: LabelledPoints) -> tup
 
 
 def _plane(sensed: LabelledPoints) -> tuple[Sides, FitReport]:
-    """A plane, or both if its outward side is unknown."""
+    """Fit a plane; return both sides if its outward side is unknown."""
     points, covs, radius = sensed.points, sensed.covs, _one_tip("plane", sensed)
 
     def facing(**side: Vectors) -> tuple[Feature, FitReport]:
@@ -94,7 +94,7 @@ def _vertex(sensed: LabelledPoints) -> tuple[Sides, FitReport]:
 def _touched(
     kind: FeatureKind, fit: Callable[..., tuple[Feature, FitReport]], sensed: LabelledPoints
 ) -> tuple[Sides, FitReport]:
-    """An edge or a vertex from points of itself."""
+    """Fit an edge or a vertex to points on it."""
     if sensed.radii.any():
         raise InputError(
             f"{kind.name} {sensed.label!r}: expected surface points, got centres of a ball of "
@@ -106,7 +106,7 @@ def _touched(
 
 
 def _round(kind: FeatureKind, sensed: LabelledPoints) -> tuple[Sides, FitReport]:
-    """A round feature; its side from directions or normals, which count as measurements if their spread is stated."""
+    """Fit a round feature; normals are measurements if their standard deviation is stated."""
     radius = _one_tip(kind.name, sensed)
     feature, report = fit_round(
         kind, sensed.points, sensed.covs, tip_radius=radius, label=sensed.label, readings=sensed.ids,
@@ -117,7 +117,7 @@ def _round(kind: FeatureKind, sensed: LabelledPoints) -> tuple[Sides, FitReport]
 
 
 def _one_tip(name: str, sensed: LabelledPoints) -> float:
-    """The radius of the tip's ball that touched all of it."""
+    """Return the radius of the tip's ball, the same for all points."""
     if np.ptp(sensed.radii) > 1e-9:
         least, most = 1e3 * sensed.radii.min(), 1e3 * sensed.radii.max()
         raise InputError(f"{name} {sensed.label!r}: expected one tip radius, got {least:g} to {most:g} mm.")

@@ -1,4 +1,4 @@
-"""Points that do not spread in as many directions as a feature needs."""
+"""Refusal of points that do not spread in as many directions as a feature needs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def refuse_narrow(spread: FloatArray, R: FloatArray, message: str) -> None:
 
 
 def spreads(points: Vectors) -> tuple[Vectors, FloatArray, FloatArray]:
-    """Mean ``(*batch, 3)``, principal directions as columns and spreads along them, least first."""
+    """Return means ``(*batch, 3)``, principal directions as columns, and spreads along them, smallest first."""
     mean = points.mean(axis=-2)
     centred = points - mean[..., None, :]
     values, vectors = np.linalg.eigh(np.swapaxes(centred, -1, -2) @ centred / points.shape[-2])

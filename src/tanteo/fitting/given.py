@@ -1,4 +1,4 @@
-"""Round features that are finished: of a report of a measuring machine, of a drawing; and sizes that become known."""
+"""Round features from a measuring machine's report or a drawing, and sizes that become known."""
 
 from __future__ import annotations
 
@@ -30,20 +30,21 @@ def given_round(
     label: str = "",
     readings: Sequence[str] = (),
 ) -> Feature:
-    """A circle, cylinder, cone or sphere as somebody else measured it.
+    """Return a circle, cylinder, cone or sphere from its stated centre, axis and size.
 
     Args:
-        kind: of the feature.
+        kind: kind of the feature.
         centre: ``(3,)`` in the world [m]: centre, apex of a cone, any point of a cylinder's axis.
-        sd: of the centre [m]: one number, three along x, y and z of the world, or a covariance ``(3, 3)`` [m^2].
-        axis: ``(3,)``, of any length: out of the material for a circle, into a cone. A circle without it is a centre
-            whose axis says nothing.
-        axis_sd: standard deviation of either tilt [rad]; needed with an axis.
+        sd: standard deviation of the centre [m]: one number, three along x, y and z of the world, or a covariance ``(3,
+            3)`` [m^2].
+        axis: axis ``(3,)``, of any length: out of the material for a circle, into a cone. A circle without it is a
+            centre without information on the axis.
+        axis_sd: standard deviation of each tilt [rad]; needed with an axis.
         size: radius [m] or half angle [rad], if it is known.
         size_sd: its standard deviation.
         convex: True for a boss, False for a bore.
         label: name of the feature.
-        readings: ids of what it was read from.
+        readings: ids of the readings behind it.
 
     Raises:
         InputError: for an axis without spread or length, a cylinder or cone without axis, numbers that are not finite;
@@ -72,7 +73,7 @@ def given_round(
 
 
 def _frame(kind: FeatureKind, axis: Vectors | None, axis_sd: float | None, name: str) -> tuple[FloatArray, float]:
-    """Rotation with z along the axis, and the spread of that."""
+    """Return a rotation with z along the axis, and its covariance."""
     if axis is None:
         if kind.axis is not None and kind.aspects[-1] != "centre":
             raise InputError(f"{name}: expected its axis, got none. Give axis and axis_sd.")
@@ -97,12 +98,12 @@ def _covariance(sd: npt.ArrayLike, name: str) -> FloatArray:
 
 
 def with_known_size(feature: Feature, size: float, sd: float = 0.0) -> tuple[Feature, float]:
-    """The feature given its true size: where frame and size go together, as on an arc, the frame is known better, too.
+    """Return the feature given its true size; correlated frames, as of an arc, become more accurate.
 
     Args:
         feature: a round feature with a fitted size.
-        size: that of a candidate [m or rad].
-        sd: what the made part may differ by.
+        size: size of a candidate [m or rad].
+        sd: standard deviation of the made size from it.
 
     Returns:
         The feature, and the squared Mahalanobis distance of the two sizes (one degree of freedom, shared errors of the

@@ -1,4 +1,4 @@
-"""The readings of one label: their feature, wrong ones named; widened where they scatter, or the surface bends."""
+"""Feature of the readings of one label, without wrong readings, widened if they scatter or bend."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def fit_group(
 def _of_one_side(
     measured: PointMeasurements, kind: FeatureKind, label: str, rows: Sequence[int], tolerance: float
 ) -> tuple[list[int], tuple[Sides, FitReport]]:
-    """The rows without those, a quarter at most, that were sensed from another side of a plane; and their fit."""
+    """Return the rows of one side of a plane, and their fit; at most a quarter of the rows is of another side."""
     kept, least = list(rows), max(3, len(rows) - len(rows) // 4)
     while True:
         fit = unlike = None
@@ -80,7 +80,11 @@ def _agreeing(
     feature: Sides,
     report: FitReport,
 ) -> tuple[Sides, dict[str, float], list[str]]:
-    """The feature of readings of one side, of which that is the fit, as :func:`fit_group` gives it."""
+    """Return the feature of readings of one side without wrong readings, as :func:`fit_group` does.
+
+    Each parameter costs the log of its prior over its posterior spread. A wrong reading is one parameter, and one of
+    all readings.
+    """
     least = kind.min_readings
     bend = _bending(measured, rows, tolerance, feature)
     if _agrees(report):
@@ -111,7 +115,7 @@ def _rather_bent(report: FitReport, cleaned: FitReport, bend: Bending, dropped: 
 def _scattered(
     label: str, feature: Sides, report: FitReport, bend: Bending
 ) -> tuple[Sides, dict[str, float], list[str]]:
-    """The feature, widened by what the readings scatter."""
+    """Return the feature with a covariance widened by the scatter of the readings."""
     ratio = max(report.chi2 / report.dof, bend.gain / max(bend.dof, 1), 1.0)
     note = (
         f"the readings of {label!r} scatter {_figure(np.sqrt(ratio))} times as much as stated: "
@@ -133,7 +137,7 @@ def _curved(report: FitReport, bend: Bending) -> bool:
 
 
 def _bending(measured: PointMeasurements, rows: Sequence[int], tolerance: float, feature: Sides) -> Bending:
-    """How much better these rows fit a surface that bends; not at all if they are of no plane."""
+    """Return the improvement of a bent surface on these rows; none if they are not of a plane."""
     plane = feature[0] if isinstance(feature, tuple) else feature
     if plane.kind is not PLANE:
         return Bending(0.0, 0, 1.0)
@@ -144,7 +148,7 @@ def _bending(measured: PointMeasurements, rows: Sequence[int], tolerance: float,
 def _unless_bent(
     label: str, feature: Sides, bend: Bending, dropped: dict[str, float]
 ) -> tuple[Sides, dict[str, float], list[str]]:
-    """The feature; widened if what was sensed bends."""
+    """Return the feature, widened if the surface bends."""
     if bend.p_value >= SUSPECT:
         return feature, dropped, []
     ratio = bend.gain / bend.dof
@@ -166,7 +170,7 @@ def _fit(
 
 
 def _sensed(measured: PointMeasurements, label: str, rows: Sequence[int], tolerance: float) -> LabelledPoints:
-    """The points of these rows."""
+    """Return the points of these rows."""
     index = np.array(rows)
     # what other sensors share is no error of these readings
     shared = [(e, J[index]) for e, J in zip(measured.shared, measured.jacobians, strict=True) if J[index].any()]
@@ -179,7 +183,7 @@ def _sensed(measured: PointMeasurements, label: str, rows: Sequence[int], tolera
 
 
 def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:
-    """Distance of a reading from a feature, across it [m]."""
+    """Return the distance of a reading from a feature, across it [m]."""
     one = feature[0] if isinstance(feature, tuple) else feature
     row = measured.ids.index(name)
     across = residuals_of(one, measured.points[row][None], float(measured.radii[row])).f
@@ -187,7 +191,7 @@ def _off(feature: Sides, measured: PointMeasurements, name: str) -> float:
 
 
 def _widened(feature: Sides, ratio: float) -> Sides:
-    """Covariance times ``ratio``: what the scatter of the readings says (Birge)."""
+    """Return a covariance times the Birge ratio of the scatter of the readings."""
     if isinstance(feature, tuple):
         return _wider(feature[0], ratio), _wider(feature[1], ratio)
     return _wider(feature, ratio)

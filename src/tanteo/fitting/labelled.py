@@ -1,4 +1,4 @@
-"""From measurements to sensed features: one fit a label, wrong readings named, unknown sides kept open."""
+"""Sensed features from labelled measurements: one fit for each label; wrong readings are named."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from tanteo.sensors import PointMeasurements, reading_kind
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelledFeatures:
-    """What the labels of the readings gave.
+    """Features from the labels of readings.
 
     Attributes:
-        features: planes, edges and vertices; a pair where the outward side of a plane is unknown.
-        unlabelled: rows of the measurements that belong to no feature: centres, and points without label and normal.
+        features: planes, edges and vertices; a pair of both sides if the outward side of a plane is unknown.
+        unlabelled: rows of the measurements that are of no feature: centres, and points without label and normal.
         rejected: ids of readings that disagree with the others of their label.
-        rejected_by: how far each of them is from the feature of the others [m].
-        notes: what could not be used or had to be widened, one sentence each.
+        rejected_by: distance of each from the feature of the others [m].
+        notes: sentences on what could not be used or had to be widened.
     """
 
     features: tuple[Sides, ...]
@@ -76,7 +76,7 @@ def fit_labelled(measured: PointMeasurements, tolerance: float = 0.0) -> Labelle
 
 
 def _plane_at_point(measured: PointMeasurements, row: int, tolerance: float) -> Feature:
-    """A point with its sensed normal as a plane that small."""
+    """Return a point with its sensed normal as a small plane."""
     name, normal, sd = measured.ids[row], measured.normals[row], measured.normal_sds[row]
     if not np.isfinite(sd):
         raise InputError(f"reading {name}: expected the sd of its normal, got none. Add the column normal_sd_deg.")

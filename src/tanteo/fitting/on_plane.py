@@ -1,4 +1,4 @@
-"""The circle in which a bore or boss meets a plane that is known: three or four touches of its wall are enough."""
+"""Circles of bores and bosses in a known plane, from three or four touches of the wall."""
 
 from __future__ import annotations
 
@@ -42,26 +42,27 @@ def circle_on_plane(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> tuple[Feature, FitReport]:
-    """The circle in which the wall of a bore or boss, at right angles to a plane, meets the plane.
+    """Fit the circle in which the wall of a bore or boss, perpendicular to a plane, meets the plane.
 
-    This is three- or four-point probing: the points are on the wall, at any depth, and are seen along the plane's
-    normal; crossings of the rim are points of the wall, too. With a given size two points are enough, if directions and
-    ``convex`` say on which side of them its centre is.
+    This is three- or four-point probing. The points are on the wall, at any depth, and are projected along the plane's
+    normal; crossings of the rim are points of the wall, too. With a known size two points are enough, if directions and
+    ``convex`` determine the side of the centre.
 
     Args:
-        points: of the wall, or centres of the tip's ball ``(n, 3)`` in the world [m].
+        points: points of the wall, or centres of the tip's ball ``(n, 3)`` in the world [m].
         covs: their independent covariances ``(n, 3, 3)`` [m^2].
         plane: the sensed face around it, or a given one (with zero ``P`` if it is exact); z of the circle is its
-            outward normal. What it is not known to is carried to the circle, its shared errors by name: where the
-            plane and several circles of it are used together, give all of them :func:`with_named_errors` of the plane.
-        height: of the circle over the plane, along its outward normal [m]: a rim in a counterbore, the top of a boss.
+            outward normal. Its uncertainty propagates to the circle, its shared errors by name. If the plane and
+            several circles of it are used together, pass all of them :func:`with_named_errors` of the plane.
+        height: height of the circle over the plane, along its outward normal [m]: a rim in a counterbore, the top of a
+            boss.
         height_sd: its standard deviation.
-        size: the radius [m], where it is known.
+        size: radius [m], if it is known.
         size_sd: its standard deviation; 0 holds it.
-        convex: True for a boss, False for a bore; found out of the directions if not given.
-        directions: of the touches, into the material ``(n, 3)``; NaN rows where unknown.
-        tip_radius: of the tip's ball [m].
-        tip_radius_sd: its standard deviation, of one error for all that the tip touched, as of :func:`fit_round`.
+        convex: True for a boss, False for a bore; by default from the directions.
+        directions: directions of the touches, into the material ``(n, 3)``; NaN rows if unknown.
+        tip_radius: radius of the tip's ball [m].
+        tip_radius_sd: its standard deviation, of one error for everything that the tip touched, see :func:`fit_round`.
         label: name of the circle.
         readings: ids of the readings.
         shared: errors that the points have in common, beyond ``covs``.
@@ -102,18 +103,18 @@ def circle_on_plane(
 
 
 def _centre(points: Vectors, plane: Feature) -> Vectors:
-    """Of the circle that the points seem to be on, seen along the plane's normal."""
+    """Return the centre of the circle of the points, projected along the plane's normal."""
     return _core.circle_centre(np.ascontiguousarray(points), np.ascontiguousarray(plane.T_world_feature[:3, :3]))
 
 
 def _away(off: Vectors, axis: Vectors) -> Vectors:
-    """Unit vectors along places off a centre, across an axis ``(n, 3)``."""
+    """Return unit vectors from the axis through a centre towards places ``(n, 3)``."""
     across = off @ (np.eye(3) - np.outer(axis, axis))
     return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300))
 
 
 def _raised(plane: Feature, height: float, sd: float, name: str) -> Feature:
-    """The parallel plane that is so far over another."""
+    """Return the parallel plane at a height over another."""
     check_spread("height_sd", sd, name)
     if not np.isfinite(height):
         raise InputError(f"{name}, height: expected a finite length [m], got {height}.")
@@ -134,9 +135,9 @@ def _side(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Error:
-    """What a shared error does to the plane ``(3, d)`` and the points ``(n, 3, d)``.
+    """Effect of a shared error on the plane ``(3, d)`` and the points ``(n, 3, d)``.
 
-    ``rigid`` are the motions ``(6, d)`` of the world that it is to all of them; none if it is none.
+    ``rigid`` is its rigid motion of the world ``(6, d)``; None if it is not rigid.
     """
 
     error: SharedError
@@ -172,7 +173,7 @@ def _solve(
     side: int | None,
     errors: list[_Error],
 ) -> tuple[RoundEstimate, FloatArray]:
-    """The estimate, and the gain of the plane's perturbation on it ``(6, 3)``."""
+    """Return the estimate, and the derivatives of the circle by the plane's perturbation ``(6, 3)``."""
     information = np.zeros((5, 5))
     information[2:, 2:] = np.linalg.inv(near.P + _EXACT)
     weighing = [(one, shared_root([one.error])) for one in errors if one.rigid is None]
@@ -187,7 +188,7 @@ def _solve(
 
 
 def _terms(fit: Estimate, gain: FloatArray, errors: list[_Error]) -> tuple[SharedTerm, ...]:
-    """What shared errors of plane and points do to the circle and its size; exact for rigid ones."""
+    """Return the effect of shared errors of plane and points on circle and size; exact for rigid errors."""
     rows = np.vstack([SE3.adjoint_inverse(fit.T)[list(CIRCLE.rows)], np.zeros(6)])
     terms = []
     for one in errors:
@@ -197,9 +198,9 @@ def _terms(fit: Estimate, gain: FloatArray, errors: list[_Error]) -> tuple[Share
 
 
 def with_named_errors(plane: Feature) -> Feature:
-    """The plane with its own error under its name, as an error that circles on it share with it.
+    """Return the plane with its own error as a named error that circles on it share.
 
-    Pairing a face and the holes in it counts the face once, then. The covariance as a whole stays what it is.
+    Then a pairing of a face and its holes counts the face once. The total covariance stays the same.
 
     Raises:
         InputError: if the plane has no label to name the error after.

@@ -1,8 +1,8 @@
-"""Planes from points: maximum likelihood with any covariance of the points; ``math.md`` section 8.
+"""Maximum likelihood planes from points with any covariances; ``math.md`` section 8.
 
-Minimises ``sum (n . q - c)^2 / (n' S n)``, the profile likelihood of the errors-in-variables model. Re-weighted least
-squares leaves out how the weights turn with the plane; abscissae corrected by ``S n z / s^2`` put it back, so that the
-fixed point is the exact stationary point.
+The fit minimizes ``sum (n . q - c)^2 / (n' S n)``, the profile likelihood of the errors-in-variables model. Re-weighted
+least squares ignores the derivative of the weights by the plane. Abscissae corrected by ``S n z / s^2`` include it, so
+that the fixed point is the exact stationary point.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _SETTLED = 1e-20
 
 
 def plane_ml(points: Vectors, covs: Covariances) -> Estimate:
-    """Maximum-likelihood planes of ``(*batch, n, 3)`` points; the side of the normal is arbitrary.
+    """Fit planes to ``(*batch, n, 3)`` points by maximum likelihood; the side of the normal is arbitrary.
 
     The origin is the weighted centroid and x, y are the principal directions, which makes ``P`` diagonal over
     ``(z, wx, wy)``. ``chi2`` has ``n - 3`` degrees of freedom.
@@ -71,7 +71,7 @@ def plane_ml(points: Vectors, covs: Covariances) -> Estimate:
 
 
 def _first_frames(points: Vectors, covs: Covariances) -> FloatArray:
-    """Frames with z along the direction of least scatter, after checking that there is a plane to find."""
+    """Return frames with z along the direction of least scatter, and refuse points without a plane."""
     total = np.trace(covs, axis1=-2, axis2=-1)
     _refuse_exact(total)
     w = 1 / total
@@ -106,7 +106,7 @@ def _refuse_collinear(along: Vectors, size: FloatArray) -> None:
 
 
 def _local(points: Vectors, covs: Covariances, R: FloatArray) -> tuple[Vectors, FloatArray, Vectors]:
-    """Points in the frame about their weighted centroid, weights ``1 / n'Sn`` and ``R' S n``."""
+    """Return points about their weighted centroid in the frame, weights ``1 / n'Sn`` and ``R' S n``."""
     a = R[..., :, 2]
     Sa = (covs @ a[..., None, :, None])[..., 0]
     s2 = np.sum(Sa * a[..., None, :], axis=-1)
@@ -126,7 +126,7 @@ def _tilt_information(local: Vectors, w: FloatArray) -> FloatArray:
 
 
 def _to_principal(points: Vectors, covs: Covariances, R: FloatArray) -> FloatArray:
-    """Turn about z that makes the weighted scatter diagonal, longest direction first."""
+    """Turn frames about z so that the weighted scatter is diagonal, longest direction first."""
     local, w, _ = _local(points, covs, R)
     M = _tilt_information(local, w)
     turn = np.zeros((*M.shape[:-2], 3))
@@ -170,15 +170,15 @@ def fit_plane(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> tuple[Feature, FitReport]:
-    """The plane of some sensed points, with z along the outward normal (paper section 3).
+    """Fit the plane of sensed points, with z along the outward normal (paper section 3).
 
     Args:
         points: surface points, or centres of the tip's ball if ``radius`` is given ``(n, 3)`` in the world [m].
         covs: their independent covariances ``(n, 3, 3)`` [m^2].
-        outward: a vector that points out of the material; one of this, ``directions`` and ``normals`` is needed.
-        directions: in which the sensor looked or the tip moved, into the material ``(n, 3)``.
+        outward: vector that points out of the material; one of this, ``directions`` and ``normals`` is needed.
+        directions: directions of the beam or of the tip's motion, into the material ``(n, 3)``.
         normals: sensed outward normals ``(n, 3)``.
-        radius: of the tip's ball [m]; the surface is one radius from the centres, against the outward normal.
+        radius: radius of the tip's ball [m]; the surface is one radius from the centres, against the outward normal.
         label: name of the feature.
         readings: ids of the readings.
         shared: errors that the points have in common, beyond ``covs``.
@@ -204,7 +204,7 @@ def fit_plane(
 
 
 def _outward_side(outward: Vectors | None, directions: Vectors | None, normals: Vectors | None, label: str) -> Vectors:
-    """Vectors that should have a positive component along the outward normal ``(k, 3)``."""
+    """Return vectors with a positive component along the outward normal ``(k, 3)``."""
     for side, sign in ((outward, 1.0), (normals, 1.0), (directions, -1.0)):
         if side is not None:
             vectors = sign * np.asarray(side, dtype=np.float64).reshape(-1, 3)
@@ -219,7 +219,7 @@ def _outward_side(outward: Vectors | None, directions: Vectors | None, normals: 
 
 
 def _facing(estimate: Estimate, side: Vectors, label: str) -> Estimate:
-    """The estimate with its normal turned to that side."""
+    """Return the estimate with its normal on that side."""
     along = side @ estimate.T[:3, 2]
     if np.all(np.abs(along) < _ALONG):
         raise SideError(

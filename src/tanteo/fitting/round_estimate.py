@@ -1,4 +1,4 @@
-"""Round features by maximum likelihood, over batches: the best of several starts, and whether another fits as well.
+"""Maximum likelihood fits of round features over batches, from several starts, with the second-best fit.
 
 The iteration is compiled (``_core``, ``rounds.hpp``); ``math.md`` section 8 derives it.
 """
@@ -32,31 +32,31 @@ class RoundEstimate:
     """Fitted round features over batches.
 
     Attributes:
-        fit: frames, with ``P`` and ``shared_jacobian`` over the kind's rows and then the size: one row more.
+        fit: frames, with ``P`` and ``shared_jacobian`` over the kind's rows and the size as last row.
         size: radius [m] or half angle [rad] ``(*batch,)``.
-        rival: size of another feature that fits about as well ``(*batch,)``; NaN if there is none.
-        settled: whether the iteration came to rest ``(*batch,)``.
-        condition: least eigenvalue of the information scaled to unit diagonal ``(*batch,)``: zero if the points leave
-            something free.
-        frame_gain: how an error of a frame that was known beforehand moves frame and size ``(*batch, m, m - 1)``.
+        rival: size of another feature that fits about equally well ``(*batch,)``; NaN if there is none.
+        converged: whether the iteration converged ``(*batch,)``.
+        condition: smallest eigenvalue of the information scaled to unit diagonal ``(*batch,)``; zero if the points
+            leave a direction free.
+        frame_gain: derivatives of frame and size by a prior frame ``(*batch, m, m - 1)``.
     """
 
     fit: Estimate
     size: FloatArray
     rival: FloatArray
-    settled: BoolArray
+    converged: BoolArray
     condition: FloatArray
     frame_gain: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownFrame:
-    """A frame that is known before the points are.
+    """Prior frame of a round feature.
 
     Attributes:
         T: the frame ``(4, 4)``.
-        information: of its own error over the kind's rows ``(m, m)``.
-        shared_jacobian: what the whitened shared errors of the points do to it ``(m, D)``.
+        information: information on its error over the kind's rows ``(m, m)``.
+        shared_jacobian: its derivatives by the whitened shared errors of the points ``(m, D)``.
     """
 
     T: Transforms
@@ -79,22 +79,23 @@ def round_ml(
     outward: Vectors | None = None,
     shared: SharedReadings = (),
 ) -> RoundEstimate:
-    """Maximum-likelihood circles (rims), cylinders, cones or spheres of ``(*batch, n, 3)`` points.
+    """Fit circles (rims), cylinders, cones or spheres to ``(*batch, n, 3)`` points by maximum likelihood.
 
-    ``chi2`` has one degree of freedom a point (two on a rim) and two a sensed normal, less the unknowns. What is not
-    observable is not refused here (:func:`fit_cylinder` and its like do): see ``condition``, ``P`` and ``rival``.
+    ``chi2`` has one degree of freedom for each point (two on a rim) and two for each sensed normal, less the unknowns.
+    Unobservable features are not refused here, but by :func:`fit_cylinder` and the like: see ``condition``, ``P`` and
+    ``rival``.
 
     Args:
         kind: circle, cylinder, cone or sphere.
-        points: of the surface, or of the rim, in the world [m].
+        points: points of the surface, or of the rim, in the world [m].
         covs: their independent covariances ``(*batch, n, 3, 3)``, positive definite [m^2].
-        size: the radius [m] or half angle [rad], where it is known.
+        size: radius [m] or half angle [rad], if it is known.
         size_sd: its standard deviation; 0 holds it.
-        normals: sensed normals away from the axis (centre) ``(*batch, n, 3)``; zero rows where there is none.
-        normal_sds: of these [rad] ``(*batch, n)``; infinite where there is none.
+        normals: sensed normals away from the axis (centre) ``(*batch, n, 3)``; zero rows without one.
+        normal_sds: standard deviations of the normals [rad] ``(*batch, n)``; infinite without one.
         outward: vectors ``(*batch, n, 3)`` that all point away from the axis, or all towards it; zero if unknown.
-        shared: errors that the points of each fit have in common, with Jacobians ``(n, 3, d)``: points that an error
-            moves against each other count less, as the whole covariance of all points says.
+        shared: errors that the points of each fit share, with Jacobians ``(n, 3, d)``. Points that an error moves
+            against each other get less weight, as in the full covariance of all points.
 
     Raises:
         InputError: for too few points, or shapes that do not fit.
@@ -110,9 +111,9 @@ def round_ml(
 
 
 def weighing(points: Vectors, shared: SharedReadings) -> FloatArray:
-    """What the whitened shared errors do to the points ``(n, 3, D)``, without those that only move all of them at once.
+    """Return the effect of whitened shared errors on the points ``(n, 3, D)``, without rigid motions of all.
 
-    One rigid motion of all points moves the feature with them: how they are weighed does not matter to it.
+    A rigid motion of all points moves the feature with them, so it does not affect the weights.
     """
     n = points.shape[-2]
     blocks = [
@@ -138,7 +139,7 @@ def check_positive(covs: Covariances, name: str) -> None:
 
 
 def unknowns(kind: FeatureKind, size: float | None, size_sd: float) -> int:
-    """How many points it takes."""
+    """Return the smallest number of points."""
     if kind is CIRCLE:
         return 3
     return kind.size + (size is None or size_sd > 0)
@@ -159,21 +160,21 @@ def solved(
     shared_jacobian: FloatArray = _NONE,
     known: KnownFrame | None = None,
 ) -> RoundEstimate:
-    """The estimate of checked points.
+    """Return the estimate of checked points.
 
     Args:
-        kind: whose frame and size are unknown.
-        points: ``(*batch, n, 3)``.
-        covs: ``(*batch, n, 3, 3)``.
-        surface: what the points lie on, if it is not the feature itself: the wall of a circle.
-        size: as for :func:`round_ml`, like what follows.
-        size_sd: of it.
-        normals: sensed.
-        normal_sds: of them.
-        outward: away from the axis, or towards it.
+        kind: kind of the feature.
+        points: points ``(*batch, n, 3)``.
+        covs: covariances ``(*batch, n, 3, 3)``.
+        surface: surface of the points, if it is not the feature itself: the wall of a circle.
+        size: known size, see :func:`round_ml`.
+        size_sd: its standard deviation.
+        normals: sensed normals.
+        normal_sds: standard deviations of the normals.
+        outward: vectors away from the axis, or towards it.
         side: 1 where ``outward`` has to point away from the axis, -1 towards it.
-        shared_jacobian: of the points by whitened errors that they share ``(n, 3, D)``.
-        known: a frame that is known beforehand.
+        shared_jacobian: derivatives of the points by whitened shared errors ``(n, 3, D)``.
+        known: prior frame.
     """
     surface = surface or kind
     batch, n = points.shape[:-2], points.shape[-2]
@@ -181,7 +182,7 @@ def solved(
     dof = _dof(kind, surface, n, sds, size, size_sd, known)
     frame = _NO_FRAME if known is None else known
     D = shared_jacobian.shape[-1] if shared_jacobian.ndim == 3 else 0
-    Ts, sizes, P, gains, frame_gains, off, standardised, chi2, rivals, settled, conditions = _core.fit_rounds(
+    Ts, sizes, P, gains, frame_gains, off, standardised, chi2, rivals, converged, conditions = _core.fit_rounds(
         SURFACES[kind.name], SURFACES[surface.name], _ROWS[kind.name], _rows(points, n, 3), _rows(covs, n, 3, 3),
         _NONE if normals is None else _rows(np.broadcast_to(normals, points.shape), n, 3),
         _NONE if normals is None else _rows(np.broadcast_to(sds, points.shape[:-1]), n),
@@ -195,7 +196,7 @@ def solved(
 
     fit = Estimate(back(Ts), back(P), back(chi2), dof, back(off), back(standardised), back(gains))
     return RoundEstimate(
-        fit, back(sizes), back(rivals), settled.reshape(batch) != 0, back(conditions), back(frame_gains)
+        fit, back(sizes), back(rivals), converged.reshape(batch) != 0, back(conditions), back(frame_gains)
     )
 
 
@@ -212,7 +213,7 @@ def _dof(
     size_sd: float,
     known: KnownFrame | None,
 ) -> int:
-    """Degrees of freedom: residuals and what is known beforehand, less the unknowns."""
+    """Return degrees of freedom: residuals and priors, less the unknowns."""
     residuals = n * (2 if surface is CIRCLE else 1) + 2 * int(np.count_nonzero(sds.reshape(-1, n)[:1]))
     unknown = kind.size + (size is None or size_sd > 0)
     frame = 0 if known is None else int(np.any(known.information != 0, axis=-1).sum())
@@ -221,17 +222,17 @@ def _dof(
 
 @lru_cache(maxsize=256)
 def _limit(dof: int) -> float:
-    """Of sums of squares: what is below is not rejected by the joint test."""
+    """Return the largest sum of squares that the joint test accepts."""
     return float(chi2_limit(SUSPECT, dof)) if dof > 0 else 0.0
 
 
 class RoundDistances(NamedTuple):
-    """How far points are off a round feature, in its frame; ``k`` rows a point, two of a rim.
+    """Distances of points from a round feature, in its frame; ``k`` rows for each point, two for a rim.
 
     Attributes:
         F: signed distances ``(n, k)`` [m], positive outside of the round body.
-        G: by the points ``(n, k, 3)``; the last is the outward normal of a surface.
-        by_size: by radius or half angle ``(n, k)``.
+        G: derivatives by the points ``(n, k, 3)``; the last is the outward normal of a surface.
+        by_size: derivatives by radius or half angle ``(n, k)``.
     """
 
     F: FloatArray
@@ -240,5 +241,5 @@ class RoundDistances(NamedTuple):
 
 
 def round_distances(kind: FeatureKind, local: Vectors, size: float) -> RoundDistances:
-    """Distances of points ``(n, 3)`` in the frame of a feature of that kind and size."""
+    """Return distances of points ``(n, 3)`` in the frame of a feature of that kind and size."""
     return RoundDistances(*_core.round_distances(SURFACES[kind.name], np.ascontiguousarray(local), float(size)))

@@ -1,4 +1,4 @@
-"""A round feature from its points, its side known or found out, the tip's ball taken off; ``math.md`` section 8."""
+"""Fit of a round feature to points: its side, and the radius of the tip's ball; ``math.md`` section 8."""
 
 from __future__ import annotations
 
@@ -35,28 +35,30 @@ def fit_round(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> tuple[Feature, FitReport]:
-    """The cylinder, cone or sphere of some sensed points, or the circle of points of its rim.
+    """Fit a cylinder, cone or sphere to sensed points, or a circle to points of its rim.
 
-    Of a circle the points are on the rim itself, as crossings of an edge are; where a ball touched the wall of a bore,
-    fit a cylinder, or :func:`tanteo.fitting.on_plane`.
+    The points of a circle are on the rim itself, like crossings of an edge. If a ball touched the wall of a bore, fit a
+    cylinder, or use :func:`tanteo.fitting.on_plane`.
 
     Args:
         kind: circle, cylinder, cone or sphere.
-        points: of the surface, or centres of the tip's ball if ``tip_radius`` is given ``(n, 3)`` in the world [m].
+        points: points of the surface, or centres of the tip's ball if ``tip_radius`` is given ``(n, 3)`` in the world
+            [m].
         covs: their independent covariances ``(n, 3, 3)`` [m^2].
-        size: radius [m] or half angle [rad], where it is known.
+        size: radius [m] or half angle [rad], if it is known.
         size_sd: its standard deviation; 0 holds it.
-        convex: True for a boss, False for a bore; found out of directions or normals if not given.
-        directions: in which the sensor looked or the tip moved, into the material ``(n, 3)``; NaN rows where unknown.
-            Of a circle: into the face in which it lies; z of its frame is against them.
-        normals: sensed outward normals ``(n, 3)``; NaN rows where unknown. Of a circle: of that face.
-        normal_sds: of these ``(n,)`` [rad]; without them normals tell the side only.
-        tip_radius: of the tip's ball [m].
-        tip_radius_sd: its standard deviation, of one error for all that the tip touched: features share it by its name.
+        convex: True for a boss, False for a bore; by default from directions or normals.
+        directions: directions of the beam or of the tip's motion, into the material ``(n, 3)``; NaN rows if unknown.
+            For a circle: into its face; z of its frame is opposite.
+        normals: sensed outward normals ``(n, 3)``; NaN rows if unknown. For a circle: of its face.
+        normal_sds: standard deviations of the normals ``(n,)`` [rad]; None: normals determine the side only.
+        tip_radius: radius of the tip's ball [m].
+        tip_radius_sd: its standard deviation, of one error for everything that the tip touched; features share it by
+            its name.
         label: name of the feature.
         readings: ids of the readings.
-        shared: errors that the points have in common, beyond ``covs``. They weigh in the fit: what moves points against
-            each other is told from the feature as far as the points tell it.
+        shared: errors that the points share, beyond ``covs``. They have weight in the fit, so errors that move points
+            against each other are separated from the feature as far as possible.
 
     Returns:
         The feature, its size with variance and covariance, and how well the points agree.
@@ -132,7 +134,7 @@ def _sided(
     sides: tuple[Vectors, Vectors, FloatArray],
     name: str,
 ) -> tuple[RoundEstimate, int | None]:
-    """The fit to the points as they are, and 1 for a boss, -1 for a bore, None where that is not known."""
+    """Return the fit to the points as they are, and 1 for a boss, -1 for a bore, None if unknown."""
     outward, sensed, sds = sides
     own = sds if np.isfinite(sds).any() else None
 
@@ -153,25 +155,25 @@ def _sided(
 
 
 def tip_error(sd: float, outward: Vectors) -> tuple[SharedError, FloatArray]:
-    """A ball that is larger than stated has touched where one as stated would have been nearer to the surface."""
+    """Return the shared error of a tip's radius: a larger ball touches earlier than a nominal one would."""
     return SharedError("tip radius", np.array([[sd**2]]), "error of the radius of the tip [m]"), -outward[..., None]
 
 
 def _spreading(points: Vectors, normals: Vectors) -> int:
-    """1 if sensed normals spread with the points, as those of a boss do, -1 if they come together."""
+    """Return 1 if sensed normals diverge with the points, as on a boss, -1 if they converge."""
     known = normals.any(axis=1)
     p, n = points[known], normals[known]
     return -1 if len(p) and np.sum((p - p.mean(axis=0)) * (n - n.mean(axis=0))) < 0 else 1
 
 
 def _normals(kind: FeatureKind, found: RoundEstimate, points: Vectors) -> Vectors:
-    """Unit vectors away from the axis or centre at the points ``(n, 3)``."""
+    """Return unit vectors away from the axis or centre at the points ``(n, 3)``."""
     local = SE3.apply(SE3.inverse(found.fit.T), points)
     return np.asarray(round_distances(kind, local, float(found.size)).G[:, -1] @ found.fit.T[:3, :3].T)
 
 
 def _off_the_ball(kind: FeatureKind, found: RoundEstimate, tip: float, name: str) -> tuple[Estimate, float]:
-    """The surface, which is ``tip`` nearer to the axis than the ball's centres were; of a cone the apex moves."""
+    """Return the surface, ``tip`` nearer to the axis than the ball's centres; the apex of a cone moves."""
     s = float(found.size)
     if kind is not CONE or tip == 0:
         if not s - tip > 0:
@@ -218,7 +220,7 @@ def feature_of(
     readings: Sequence[str],
     tip_radius: float,
 ) -> Feature:
-    """The feature of an estimate whose last row is the size."""
+    """Return the feature of an estimate whose last row is the size."""
     P = 0.5 * (estimate.P + estimate.P.T)
     gains = tuple(term.jacobian[-1:] for term in terms)
     own = tuple(SharedTerm(term.error, term.jacobian[:-1]) for term in terms)

@@ -1,4 +1,4 @@
-"""Round features that their points do not determine: refused, with what is not observable and what to do."""
+"""Refusal of round features that their points do not determine, with what is unobservable and what to do."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _FREE = 1e-11
 
 
 class Excess(NamedTuple):
-    """How far each part of a round feature is beyond what is called observable: above 1 it is not ``(*batch,)``."""
+    """Ratio of each standard deviation to the largest accepted one; above 1 it is unobservable ``(*batch,)``."""
 
     size: FloatArray
     place: FloatArray
@@ -35,7 +35,7 @@ class Excess(NamedTuple):
 
 
 def excess(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> Excess:
-    """Standard deviations over the largest that are accepted; a covariance beyond them would not hold."""
+    """Return standard deviations over the largest accepted ones, beyond which a covariance is not valid."""
     P = estimate.fit.P
     sd = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 0.0))
     local = SE3.apply(SE3.inverse(estimate.fit.T)[..., None, :, :], points)
@@ -55,7 +55,7 @@ def excess(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> Exces
 
 
 def _with_all_else_known(P: FloatArray) -> FloatArray:
-    """The least standard deviation of a coordinate across the axis with all else known ``(*batch,)``."""
+    """Return the smallest sd of a coordinate across the axis given all others ``(*batch,)``."""
     d = np.sqrt(np.maximum(np.diagonal(P, axis1=-2, axis2=-1), 1e-300))
     unit = P / (d[..., :, None] * d[..., None, :]) + 1e-14 * np.eye(P.shape[-1])
     tight = np.diagonal(np.linalg.inv(unit), axis1=-2, axis2=-1)[..., :2]
@@ -65,7 +65,7 @@ def _with_all_else_known(P: FloatArray) -> FloatArray:
 def observable(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> BoolArray:
     """Whether the points determine each feature of a batch: what :func:`refuse` accepts ``(*batch,)``."""
     beyond = np.maximum.reduce(list(excess(kind, estimate, points)))
-    return np.asarray(estimate.settled & (beyond <= 1) & np.isnan(estimate.rival))
+    return np.asarray(estimate.converged & (beyond <= 1) & np.isnan(estimate.rival))
 
 
 def refuse(kind: FeatureKind, estimate: RoundEstimate, points: Vectors, name: str) -> None:
@@ -79,7 +79,7 @@ def refuse(kind: FeatureKind, estimate: RoundEstimate, points: Vectors, name: st
         first = beyond.size > 1 and beyond.size < np.inf  # a given size would help the rest, too
         worst = _no_size if first else _no_tilt if beyond.tilt > beyond.place else _no_place
         raise DegenerateError(worst(kind, estimate, points, name))
-    if not estimate.settled:
+    if not estimate.converged:
         raise DegenerateError(
             f"{name}: expected points of a {kind.name}, got a fit that does not settle (so far "
             f"{_said(kind, float(estimate.size))}). Look for points of other faces, check their standard deviations, "
@@ -100,7 +100,7 @@ def _said(kind: FeatureKind, size: float) -> str:
 
 
 def arc_of(kind: FeatureKind, estimate: RoundEstimate, points: Vectors) -> float:
-    """Degrees that the points cover about the axis; of a sphere, across the cap that they cover."""
+    """Return the degrees that the points cover about the axis; for a sphere, those of the cap."""
     local = SE3.apply(SE3.inverse(estimate.fit.T), points)
     if kind is SPHERE:
         unit = local / np.linalg.norm(local, axis=-1, keepdims=True)

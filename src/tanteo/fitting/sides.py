@@ -1,4 +1,4 @@
-"""From which side the readings of a label, or of a round feature, were sensed."""
+"""Side from which the readings of a label, or of a round feature, were sensed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ALONG = 0.05
 
 
 def known_side(measured: PointMeasurements, rows: Sequence[int]) -> dict[str, FloatArray]:
-    """What tells the outward side of these rows: sensed normals, or the directions of approach; empty if none does."""
+    """Return the name of the array that determines the outward side of rows; empty if none does."""
     index = np.array(rows)
     for name, vectors in (("normals", measured.normals[index]), ("directions", measured.directions[index])):
         if np.isfinite(vectors).all(axis=1).any():
@@ -24,7 +24,7 @@ def known_side(measured: PointMeasurements, rows: Sequence[int]) -> dict[str, Fl
 
 
 def most_opposed(measured: PointMeasurements, rows: Sequence[int]) -> tuple[int, float]:
-    """The row that was sensed most against the side of all, and the cosine between the two; 1 if no side is known."""
+    """Return the row that was sensed most against the side of all, and the cosine; 1 if no side is known."""
     for vectors in known_side(measured, rows).values():
         total = np.nansum(vectors, axis=0)
         cosines = np.nan_to_num(vectors @ total / max(float(np.linalg.norm(total)), 1e-300), nan=1.0)
@@ -33,7 +33,7 @@ def most_opposed(measured: PointMeasurements, rows: Sequence[int]) -> tuple[int,
 
 
 def outward_vectors(directions: Vectors | None, normals: Vectors | None, n: int) -> Vectors:
-    """Unit vectors out of the material ``(n, 3)``: normals, or against the directions; zero where nothing is known."""
+    """Return unit vectors out of the material ``(n, 3)`` from normals or directions; zero if unknown."""
     for side, sign in ((normals, 1.0), (directions, -1.0)):
         if side is None:
             continue
@@ -45,7 +45,7 @@ def outward_vectors(directions: Vectors | None, normals: Vectors | None, n: int)
 
 
 def side_of(N: Vectors, outward: Vectors, stated: int | None, name: str) -> int | None:
-    """1 if the outward vectors point away from the axis, -1 if towards it; what is stated if they tell nothing.
+    """Return 1 if outward vectors point away from the axis, -1 if towards it; the stated side if unknown.
 
     Raises:
         SideError: if they contradict each other, or what is stated.

@@ -1,4 +1,4 @@
-"""Vertices: from points, and from the edges that meet in them; ``math.md`` sections 4.2 and 8."""
+"""Vertices from points, and from the edges that meet in them; ``math.md`` sections 4.2 and 8."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SETTLED = 1e-13
 
 
 def vertex_ml(points: Vectors, covs: Covariances) -> Estimate:
-    """Weighted means of ``(*batch, n, 3)`` points; ``chi2`` has ``3 n - 3`` degrees of freedom.
+    """Return weighted means of ``(*batch, n, 3)`` points; ``chi2`` has ``3 n - 3`` degrees of freedom.
 
     Raises:
         InputError: without points, or if a covariance is not positive definite.
@@ -58,7 +58,7 @@ def fit_vertex(
     readings: Sequence[str] = (),
     shared: SharedReadings = (),
 ) -> tuple[Feature, FitReport]:
-    """The vertex that some points were sensed on; one point is enough. Arguments as :func:`tanteo.fitting.fit_edge`."""
+    """Fit a vertex to sensed points; one point is enough. Arguments as :func:`tanteo.fitting.fit_edge`."""
     points, covs = check_points(points, covs, 1, f"vertex {label!r}")
     if points.ndim != 2:
         raise InputError(f"vertex {label!r}, points: expected shape (n, 3), got {points.shape}. Use vertex_ml.")
@@ -77,8 +77,8 @@ class Corner:
     Attributes:
         X: points ``(*batch, 3)`` [m].
         P: covariances ``(*batch, 3, 3)``.
-        chi2: how far the lines miss ``(*batch,)``; ``2 k - 3`` degrees of freedom for ``k`` lines.
-        shared_jacobian: of each line's four perturbations on the point ``(*batch, k, 3, 4)``.
+        chi2: squared distances between the lines ``(*batch,)``; ``2 k - 3`` degrees of freedom for ``k`` lines.
+        shared_jacobian: derivatives of the point by each line's four perturbations ``(*batch, k, 3, 4)``.
     """
 
     X: Vectors
@@ -88,7 +88,7 @@ class Corner:
 
 
 def intersect_lines(T: Transforms, P: Covariances) -> Corner:
-    """Maximum-likelihood common point of ``k`` lines; each weighs by its lateral covariance where the point is.
+    """Return the maximum likelihood common point of ``k`` lines, weighted by lateral covariances there.
 
     Args:
         T: frames of the edges ``(*batch, k, 4, 4)``.
@@ -123,7 +123,7 @@ def intersect_lines(T: Transforms, P: Covariances) -> Corner:
 
 
 def _lateral(s: FloatArray) -> FloatArray:
-    """``(y, z)`` displacement of a line at abscissa ``s`` from its four perturbations, ``(*batch, 2, 4)``."""
+    """Return the ``(y, z)`` displacement of a line at abscissa ``s`` by its perturbations ``(*batch, 2, 4)``."""
     L = np.zeros((*s.shape, 2, 4))
     L[..., 0, 0] = L[..., 1, 1] = 1.0
     L[..., 0, 3], L[..., 1, 2] = s, -s
@@ -131,9 +131,9 @@ def _lateral(s: FloatArray) -> FloatArray:
 
 
 def intersect_edges(features: Sequence[Feature], label: str = "") -> tuple[Feature, FitReport]:
-    """The vertex in which sensed edges meet: the paper's "computed from intersection of sensed edges" (section 3).
+    """Return the vertex in which sensed edges meet (paper section 3).
 
-    Shared errors of the edges are inherited. The report's ``worst`` names the edge that misses the point most.
+    The vertex inherits shared errors of the edges. The report's ``worst`` names the edge farthest from the point.
 
     Raises:
         InputError: for fewer than two edges or another kind of feature.
@@ -167,7 +167,7 @@ def intersect_edges(features: Sequence[Feature], label: str = "") -> tuple[Featu
 def inherit(
     features: Sequence[Feature], shared_jacobian: Sequence[FloatArray], rows: FloatArray
 ) -> tuple[SharedTerm, ...]:
-    """Shared terms of a feature made of others with the given gains; exact for rigid errors (``math.md`` section 6)."""
+    """Return shared terms of a feature from others by given gains; exact for rigid errors (``math.md`` section 6)."""
     errors, _, parts = collect_shared(features)
     world = np.concatenate([SE3.adjoint_inverse(f.T_world_feature)[list(f.kind.rows)] for f in features])
     terms, start = [], 0

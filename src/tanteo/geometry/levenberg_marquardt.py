@@ -32,8 +32,6 @@ def maximize(
 
     Lengths are ``step' H step``, in standard deviations of the state.
 
-    Lengths are ``step' H step``: in standard deviations of the state.
-
     Args:
         state: start of the iteration.
         linearize: information ``H`` ``(*batch, n, n)`` and gradient ``g`` ``(*batch, n)`` of the log density at a

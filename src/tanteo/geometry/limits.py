@@ -9,17 +9,17 @@ from tanteo.errors import InputError
 from tanteo.geometry.typing import Covariances, FloatArray
 
 LEAST_SD, LARGEST = 1e-9, 1e6
-"""Nothing is known better than this, and nothing is farther away or larger [m]."""
+"""Smallest accepted standard deviation, and largest accepted length or distance [m]."""
 
 LEAST_TILT_SD, LARGEST_TILT_SD = 1e-6, np.pi / 3
-"""No sensed normal is known better than this, and one that is known worse says nothing [rad]."""
+"""Smallest and largest accepted standard deviation of a sensed normal [rad]; a larger one carries no information."""
 
 NOTABLE = 0.05
-"""Probability below which chance does not explain a finding, so that it is mentioned, and probability from which an
-alternative is: the convention of Fisher (1925), not a tuned number. Regions are told at one less it, 95 %."""
+"""Level below which a finding is reported, and probability from which an alternative is: the convention of Fisher
+(1925), not a tuned number. Reported regions have one minus this probability, 95 %."""
 
 SUSPECT = 1e-3
-"""Fits with a smaller p-value hold a wrong reading, are of more than one surface, or their sd is too small."""
+"""Fits with a smaller p-value have a wrong reading, more than one surface, or too small a standard deviation."""
 
 
 def check_number(name: str, value: object, unit: str = "") -> None:

@@ -80,6 +80,7 @@ from .poses.work_frames import write_work_frame as write_work_frame
 from .readings.brands import BRANDS as BRANDS
 from .readings.brands import Brand as Brand
 from .readings.brands import brand as brand
+from .readings.factor_file import FACTORS as FACTORS
 from .readings.factor_file import read_factor as read_factor
 from .readings.marks_csv import read_marks as read_marks
 from .readings.readings_csv import write_readings as write_readings

@@ -13,6 +13,7 @@ import numpy as np
 
 from tanteo.errors import InputError
 from tanteo.machines.protocol import Sensed
+from tanteo.parts import RECORD, read_whole
 from tanteo.planning import Action, Session
 from tanteo.sensors import Readings
 
@@ -61,14 +62,15 @@ class Journal:
         """
         if not self.path.exists():
             return []
-        lines = self.path.read_text(encoding="utf-8", errors="replace").split("\n")
+        content = read_whole(self.path, "a journal of readings", RECORD)
+        lines = content.decode("utf-8", errors="replace").split("\n")
         found = list[tuple[int, Sensed]]()
         for k, line in enumerate(lines):
             if not line.strip():
                 continue
             try:
                 found.append(_row(json.loads(line)))
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
                 if k < len(lines) - 1:
                     raise InputError(
                         f"{self.path}, line {k + 1}: expected a reading, got '{line[:40]}'. Restore the file."
@@ -83,9 +85,12 @@ class Journal:
 def _row(raw: dict[str, Any]) -> tuple[int, Sensed]:
     distance = np.inf if raw["distance_m"] is None else float(raw["distance_m"])
     start, direction = (np.array(raw[key], dtype=np.float64) for key in ("start_m", "direction"))
+    reach = float(raw["reach_m"])
     if start.shape != (3,) or direction.shape != (3,):
         raise ValueError
-    return int(raw["question"]), Sensed(start, direction, distance, float(raw["reach_m"]))
+    if not np.isfinite([*start, *direction, reach]).all() or np.isnan(distance) or distance < 0:
+        raise ValueError
+    return int(raw["question"]), Sensed(start, direction, distance, reach)
 
 
 def reading_of(action: Action, sensed: Sensed) -> Readings:

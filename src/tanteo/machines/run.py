@@ -15,6 +15,7 @@ from tanteo.machines.protocol import ContactError, RefusedError, Sensed, Stopped
 from tanteo.machines.safe import SafeMachine
 from tanteo.machines.ways import Ways
 from tanteo.planning import Action, Done, Session, Step, largest_corner_sd
+from tanteo.words.findings import BeamsFree, NoClearPath, Stated
 
 _REFUSED = 25
 """Number of consecutive questions without an answer after which the run ends."""
@@ -84,8 +85,8 @@ def probe_part(
         watch(turn)
         in_vain = in_vain + 1 if turn.step is None else 0
         if stopped or in_vain >= _REFUSED:
-            why = stopped or "The machine has no free path to the useful readings: give it more clearance."
-            return Probed(Done(False, why), tuple(turns), stopped, resumed)
+            end = Stated(stopped) if stopped else NoClearPath("machine", last=True)
+            return Probed(Done(False, (end,)), tuple(turns), stopped, resumed)
     return Probed(action, tuple(turns), "", resumed)
 
 
@@ -127,7 +128,7 @@ class _Run:
             if self.sensed is not None:  # the machine stopped during retraction; the reading is valid
                 self._report(action, self.sensed)
             raise
-        return Turn(action, sensed, self._report(action, sensed), "" if sensed.hit else "no contact")
+        return Turn(action, sensed, self._report(action, sensed), "" if sensed.hit else BeamsFree().message)
 
     def _report(self, action: Action, sensed: Sensed) -> Step:
         step = self.session.tell(reading_of(action, sensed), action)

@@ -1,4 +1,4 @@
-"""Which model features the sensed ones may be, by every constraint of the paper by itself, (25)."""
+"""Assign sensed features to model features by the univariate gates (25) of the paper."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PARALLEL = 1e-6
 """Model features whose directions differ by less than this are parallel [rad]."""
 
 _MOST = 40_000
-"""More partial assignments than this are cut: the answer says so."""
+"""Largest number of partial assignments; the answer reports a cut."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,7 @@ class Candidates:
     Attributes:
         Ts_part_feature: frames ``(N, 4, 4)``; an edge appears twice, once in each direction.
         directions: normal or direction ``(N, 3)``; zero for vertices.
-        names: for reports, ``plane 12``.
+        names: names for reports, such as ``plane 12``.
     """
 
     Ts_part_feature: Transforms
@@ -39,7 +39,7 @@ class Candidates:
 
 
 def candidates_of(part: Part) -> dict[str, Candidates]:
-    """Those of a part by the name of their kind; no kind of which it has none."""
+    """Return the model features of a part by the name of their kind; absent kinds have no entry."""
     planes, edges, corners = part.planes, part.edges, part.corners.points
     both = np.concatenate([edges.Ts_part_feature, edges.Ts_part_feature @ EDGE.symmetries[1]])
     at = np.tile(np.eye(4), (len(corners), 1, 1))
@@ -56,11 +56,11 @@ def candidates_of(part: Part) -> dict[str, Candidates]:
 def assignments(
     features: Sequence[Feature], candidates: dict[str, Candidates], significance: float
 ) -> tuple[IntArray, bool]:
-    """Assignments of all features of which every pair passes ``(F, n)``, and whether some were cut.
+    """Return the assignments whose pairs all pass ``(F, n)``, and whether some were cut.
 
     Args:
-        features: planes, edges and vertices; the paper has no constraint for vertices, so they may be anything.
-        candidates: of the part.
+        features: sensed planes, edges and vertices; the paper has no constraint on vertices.
+        candidates: model features of the part, by kind.
         significance: rejection percentage of each gate (25).
     """
     n, kinds = len(features), [feature.kind.name for feature in features]
@@ -80,7 +80,7 @@ def assignments(
 
 
 def _pair_gate(first: Feature, second: Feature, candidates: dict[str, Candidates], significance: float) -> BoolArray:
-    """Gates (25) of one sensed pair against all pairs of the model ``(Ni, Nj)``."""
+    """Return the gates (25) of one sensed pair against all pairs of the model ``(Ni, Nj)``."""
     pairing = _PAIRINGS.get(first.kind.name)
     A, B = candidates[first.kind.name], candidates[second.kind.name]
     if first.kind is not second.kind or pairing is None:
@@ -99,7 +99,7 @@ def _pair_gate(first: Feature, second: Feature, candidates: dict[str, Candidates
 
 
 def _passes(value: FloatArray, variance: FloatArray, model: FloatArray, significance: float) -> BoolArray:
-    """(25); a variance of 0/0, which (21) has at its extremum, passes only the exact value."""
+    """Return gate (25); a variance of 0/0, as (21) has at its extremum, passes only the exact value."""
     safe = np.where(np.isfinite(variance) & (variance > 0), variance, 1e-300)
     return np.asarray(gate(np.nan_to_num(value), safe, model, significance).accept, dtype=np.bool_)
 
@@ -126,10 +126,10 @@ class _Pairing:
     """Constraints of the paper on pairs of one kind of feature.
 
     Attributes:
-        angle: angle of two sensed features, with variance.
-        parallel: cosine and distance of two parallel ones, with variance.
-        distance: distance of parallel model features ``(N, N)`` [m].
-        is_undirected: whether angles are the smallest that fit, (16).
+        angle: function for the angle of two sensed features, with variance.
+        parallel: function for cosine and distance of two parallel features, with variance.
+        distance: function for the distance of parallel model features ``(N, N)`` [m].
+        is_undirected: whether an angle and its supplement are equal, (16).
     """
 
     angle: Callable[..., Any]
@@ -138,7 +138,7 @@ class _Pairing:
     is_undirected: bool
 
     def least(self, angle: FloatArray) -> FloatArray:
-        """Return an angle, or of undirected features the smaller one of two."""
+        """Return an angle; for undirected features, the smaller of it and its supplement."""
         return np.minimum(angle, np.pi - angle) if self.is_undirected else angle
 
 

@@ -1,4 +1,4 @@
-"""The same from labelled measurements: features are fitted to them first."""
+"""Recognize parts as published from labelled measurements, after a fit of features."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tanteo.sensors import PointMeasurements, reading_kind
 from tanteo.words.findings import LabelNotes, LabelsRejected, NoFeatures
 
 _NOTES = 2
-"""Notes on labels that a message has; more of them say nothing new."""
+"""Largest number of notes on labels in a message."""
 
 
 def identify_labelled_as_published(
@@ -29,30 +29,30 @@ def identify_labelled_as_published(
     placed: bool,
     seconds: float,
 ) -> Answer:
-    """Which of the parts pass the constraints and tests of 1991, by features fitted to the labels.
+    """Return the parts that pass the constraints and tests of 1991, from features fitted to the labels.
 
     Args:
-        measured: planes, edges and vertices, every point labelled.
-        parts: candidates.
-        tolerance: sd of the made part's surface against its CAD [m].
+        measured: labelled points on planes, edges and vertices.
+        parts: candidate parts.
+        tolerance: standard deviation of the made surface from its CAD [m].
         significance: rejection percentage of each gate (25).
         top: number of hypotheses to report.
-        seed: that the answer names.
-        placed: whether something is known of the pose, for which the paper has no place.
-        seconds: that measuring took, which the answer tells with the time of the fits.
+        seed: seed to report in the answer.
+        placed: whether there is a pose prior, which the paper does not treat.
+        seconds: time of the measurement model, to which the time of the fits is added [s].
 
     Raises:
-        InputError: what the paper has no place for: points without label, centres of round features, a known pose.
+        InputError: points without label, centres of round features, or a pose prior.
     """
     if any(reading_kind(kind).is_centre for kind in measured.kinds):
         raise InputError(
             "as_published: expected planes, edges and vertices, got centres of round features, which the paper does not"
-            " have. Leave those rows out, or as_published."
+            " have. Remove those rows, or as_published."
         )
     start = time.perf_counter()
     sensed = fit_labelled(measured, tolerance)
     if placed:
-        raise InputError("as_published: expected nothing known of the pose, got priors.pose. Leave it out.")
+        raise InputError("as_published: expected no pose prior, got priors.pose. Remove it.")
     if len(sensed.unlabelled):
         raise InputError(
             "as_published: expected every reading to have a feature label, got some without. The paper compares "
@@ -68,7 +68,7 @@ def identify_labelled_as_published(
 
 
 def _with_notes(answer: Answer, sensed: LabelledFeatures) -> Answer:
-    """Add readings thrown out of their label to the outliers, and the notes to the message."""
+    """Add readings excluded from their label to the outliers, and the notes to the message."""
     out, by = sensed.rejected, sensed.rejected_by
     hypotheses = tuple(
         replace(h, outliers=out + h.outliers, outlier_distances=by + h.outlier_distances) for h in answer.hypotheses
@@ -78,5 +78,5 @@ def _with_notes(answer: Answer, sensed: LabelledFeatures) -> Answer:
 
 
 def _in_short(notes: Sequence[str]) -> LabelNotes:
-    """Return the first notes, and how many more there are."""
+    """Return the first notes and the number of the others."""
     return LabelNotes(tuple(notes[:_NOTES]), max(len(notes) - _NOTES, 0))

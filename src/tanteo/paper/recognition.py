@@ -1,7 +1,7 @@
-"""Recognition as the paper describes it: a part is accepted if some assignment passes all univariate gates.
+"""Recognize parts as the paper does: a part is accepted if an assignment passes all univariate gates.
 
-There is no joint test, no side, no extent, no outlier and no unknown object; a mirrored part is accepted as well as the
-true one. What this costs is measured in ``docs/paper.md``.
+There is no joint test, no side, no extent, no outlier and no unknown object, so mirror images are accepted too.
+``docs/paper.md`` quantifies the consequences.
 """
 
 from __future__ import annotations
@@ -28,16 +28,17 @@ from tanteo.posterior import (
     hypothesis_at,
     part_scale,
     verdict,
-    without_spin,
+    without_symmetric_rotation,
 )
+from tanteo.words.findings import CutShort
 
 _KINDS = "plane", "edge", "vertex"
 
 _SAME = 22.5
-"""Squared Mahalanobis distance within which two poses are one (one in a thousand, six degrees of freedom)."""
+"""Squared Mahalanobis distance within which two poses count as one (0.1 % level, six degrees of freedom)."""
 
 _HOLD = 1e-3
-"""Information that keeps steps small where little resists; far below any real one."""
+"""Damping information for unobserved directions, far below that of any reading."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,10 +46,10 @@ class _Accepted:
     """A part at a pose.
 
     Attributes:
-        part: the part.
-        candidates: its features.
-        choices: which of them the sensed ones are ``(n,)``.
-        T_world_part: the pose ``(4, 4)``.
+        part: accepted part.
+        candidates: model features of the part, by kind.
+        choices: index of the model feature for each sensed one ``(n,)``.
+        T_world_part: pose of the part ``(4, 4)``.
     """
 
     part: Part
@@ -60,16 +61,16 @@ class _Accepted:
 def identify_as_published(
     features: Sequence[Sides], parts: Sequence[Part], *, significance: float = SIGNIFICANCE, top: int = TOP
 ) -> Answer:
-    """Which of the parts pass the constraints and tests of 1991, all poses of all of them with equal weight.
+    """Return the parts that pass the constraints and tests of 1991, all poses with equal weight.
 
     Args:
-        features: sensed planes, edges and vertices in the world; of a plane of unknown side the first is taken.
-        parts: candidates.
+        features: sensed planes, edges and vertices in the world; the first side of a plane of unknown side.
+        parts: candidate parts.
         significance: rejection percentage of each gate (25).
         top: number of hypotheses to report.
 
     Raises:
-        InputError: without parts, for an ``significance`` outside (0, 1), or a feature of another kind.
+        InputError: there are no parts, ``significance`` is outside (0, 1), or a feature has another kind.
     """
     parts, clock = check_question(parts, significance, top, 0, None), Clock()
     sensed = [given[0] if isinstance(given, tuple) else given for given in features]
@@ -77,7 +78,7 @@ def identify_as_published(
         if feature.kind.name not in _KINDS:
             raise InputError(
                 f"feature {feature.label!r}: expected a plane, edge or vertex, got a {feature.kind.name}: the paper "
-                "compares these. Leave it out."
+                "compares these. Remove it."
             )
     accepted, cut = list[_Accepted](), False
     for part in parts:
@@ -90,14 +91,15 @@ def identify_as_published(
     clock.lap("locate")
     unknown = 0.0 if accepted else 1.0
     shares = [(one.part.name, 1 / len(accepted)) for one in accepted]
-    status, findings = verdict(hypotheses, unknown, significance, cut=cut, as_published=True, shares=shares)
+    status, finding = verdict(hypotheses, unknown, significance, as_published=True, shares=shares)
+    findings = (finding, CutShort()) if cut else (finding,)
     return Answer(status, findings, hypotheses, unknown, clock.laps(), significance=significance)
 
 
 def _poses(
     part: Part, candidates: dict[str, Candidates], sensed: Sequence[Feature], choices: IntArray
 ) -> list[_Accepted]:
-    """One pose an assignment, best first; those that symmetry makes one, once."""
+    """Return one pose for each assignment, best first, with symmetric poses once."""
     if not len(choices):
         return []
     blocks = _blocks(candidates, sensed, choices)
@@ -115,7 +117,7 @@ def _poses(
 
 
 def _blocks(candidates: dict[str, Candidates], sensed: Sequence[Feature], choices: IntArray) -> list[Block]:
-    """The pairings of all assignments, for the solver."""
+    """Return the pairings of all assignments for the solver."""
     errors, _, shared_jacobian = collect_shared(sensed)
     root, out = shared_root(errors), []
     for kind in _KINDS:
@@ -135,7 +137,7 @@ def _blocks(candidates: dict[str, Candidates], sensed: Sequence[Feature], choice
 def _squared_gaps(part: Part, T: Transforms, others: Transforms, information: FloatArray) -> FloatArray:
     """Squared Mahalanobis distances from poses ``(F, 4, 4)`` to one, up to the part's symmetry ``(F,)``."""
     gaps = (SE3.inverse(others) @ T) @ part.symmetry.Ts[:, None]
-    xi = SE3.log(without_spin(part, gaps) if part.symmetry.continuous else gaps)
+    xi = SE3.log(without_symmetric_rotation(part, gaps) if part.symmetry.continuous else gaps)
     return np.asarray(np.einsum("sfi,fij,sfj->sf", xi, information[:, :6, :6], xi).min(axis=0))
 
 

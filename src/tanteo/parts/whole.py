@@ -1,7 +1,7 @@
-"""Files that people name, read whole: never a pipe, a device or more than a file of its kind may have.
+"""Read files with a bound of their size; pipes and devices are refused.
 
 A reader that waits for a pipe hangs, one that reads ``/dev/zero`` takes all memory; both are refused before a byte is
-read. The bound holds for what is read, not for what the file system says.
+read. The bound holds for what is read, not for the size that the file system states.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ RECORD = 512_000_000
 
 
 def read_whole(path: str | Path, what: str, most: int = DOCUMENT) -> bytes:
-    """The content of a file.
+    """Return the content of a file.
 
     Args:
-        path: the file; links are followed.
-        what: it should be, with its article, for the message.
-        most: bytes that it may have.
+        path: file to read; links are followed.
+        what: expected kind of file with its article, for the message.
+        most: largest accepted size [bytes].
 
     Raises:
-        InputError: it cannot be read, is a folder, a pipe or a device, or too large; the message names it.
+        InputError: the file cannot be read, is a folder, pipe or device, or is too large.
 
     Example:
         >>> len(read_whole("images/camera.yaml", "a calibration file")) > 100

@@ -15,8 +15,8 @@ from .execution.loop import Executed as Executed
 from .execution.loop import Visit as Visit
 from .execution.loop import reachable as reachable
 from .execution.loop import sense_part as sense_part
-from .execution.possible import Possible as Possible
-from .execution.possible import Room as Room
+from .execution.possible import FreeSpace as FreeSpace
+from .execution.possible import PossiblePoses as PossiblePoses
 from .execution.resting import Furniture as Furniture
 from .execution.start import HYPOTHESES as HYPOTHESES
 from .execution.start import hand_probe as hand_probe

@@ -1,4 +1,4 @@
-"""Rules by which others choose the next reading: to compare with, and for who wants them."""
+"""Simple policies for comparison: random, nearest, largest face, and the 3-2-1 rule."""
 
 from __future__ import annotations
 
@@ -9,49 +9,50 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.planning.context import Choice, DecisionContext
+from tanteo.words.findings import DrawnAtRandom, LargestFaceLeast, NearestPlace, Rule321
 
 
 @dataclass(frozen=True, slots=True)
 class Random:
-    """Any candidate."""
+    """Policy that draws a candidate at random."""
 
     name: str = "random"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """A draw that depends on seed and number of readings only."""
+        """Return a candidate drawn by seed and number of readings."""
         rng = np.random.default_rng((1991, context.seed, context.count))
-        return Choice(int(rng.integers(len(context.candidates))), np.nan, "it was drawn at random")
+        return Choice(int(rng.integers(len(context.candidates))), np.nan, DrawnAtRandom())
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The candidate that is reached soonest, at least ``apart`` from all readings so far.
+    """Policy that chooses the nearest candidate at a distance from all readings so far.
 
     Attributes:
-        apart: least distance to earlier readings, in diagonals of the part.
-        name: of the policy.
+        apart: least distance to earlier readings, as a fraction of the part's diagonal.
+        name: name of the policy.
     """
 
     apart: float = 0.1
     name: str = "nearest"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """The nearest start, of those that meet a new place."""
+        """Return the nearest candidate that meets a new place."""
         s = context
         away = _from_readings(s) - self.apart * s.state.target(0).part.diagonal
         travel = s.travel()
         k = int(np.lexsort((travel, np.minimum(away, 0.0) * -1.0))[0])
-        return Choice(k, np.nan, "it is the nearest new place")
+        return Choice(k, np.nan, NearestPlace())
 
 
 @dataclass(frozen=True, slots=True)
 class LargestFace:
-    """The largest face of the likeliest mode that was sensed least, near its middle or away from earlier readings."""
+    """Policy that chooses the face with the largest area per reading, at a place far from earlier readings."""
 
     name: str = "largest-face"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """A place on the face with the largest area for each reading on it."""
+        """Return a candidate on the face with the largest area per reading."""
         s = context
         counts = _sensed_faces(s)
         on_best = np.flatnonzero(s.candidates.mode == 0)
@@ -62,17 +63,17 @@ class LargestFace:
         worth = areas / (1 + met)
         best = pool[worth >= worth.max() * (1 - 1e-9)]
         k = _spread_out(s, best)
-        return Choice(k, np.nan, f"it is on {part.faces[s.candidates.face[k]].name}, the largest that was sensed least")
+        return Choice(k, np.nan, LargestFaceLeast(part.faces[s.candidates.face[k]].name))
 
 
 @dataclass(frozen=True, slots=True)
 class Scripted321:
-    """Three readings on the largest plane, two on a plane across it, one on a plane across both; and again."""
+    """Policy that repeats the 3-2-1 rule: three readings on the largest plane, two on a second, one on a third."""
 
     name: str = "3-2-1"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """A place on the plane whose turn it is, as far from earlier readings as there is one."""
+        """Return a candidate on the next plane of the rule, far from earlier readings."""
         s = context
         on_best = np.flatnonzero(s.candidates.mode == 0)
         pool = on_best if len(on_best) else np.arange(len(s.candidates))
@@ -81,11 +82,11 @@ class Scripted321:
         which = script[0 if turn < 3 else 1 if turn < 5 else 2] if len(script) == 3 else -1
         on_face = pool[s.candidates.face[pool] == which]
         k = _spread_out(s, on_face if len(on_face) else pool)
-        return Choice(k, np.nan, f"it is reading {turn + 1} of 3-2-1")
+        return Choice(k, np.nan, Rule321(turn + 1))
 
 
 def _script(s: DecisionContext, pool: IntArray) -> list[int]:
-    """The largest plane that can be sensed, the largest across it, and the largest across both."""
+    """Return the largest reachable plane, the largest one about perpendicular to it, and to both."""
     part = s.state.target(int(s.candidates.mode[pool[0]])).part
     reachable = set(s.candidates.face[pool].tolist())
     planes = part.planes
@@ -99,7 +100,7 @@ def _script(s: DecisionContext, pool: IntArray) -> list[int]:
 
 
 def _sensed_faces(s: DecisionContext) -> dict[int, int]:
-    """How many readings lie on each face of the likeliest mode."""
+    """Return the number of readings on each face of the most probable mode."""
     if s.state.touches is None or not len(s.state.touches) or not len(s.state.weights):
         return {}
     target = s.state.target(0)
@@ -110,7 +111,7 @@ def _sensed_faces(s: DecisionContext) -> dict[int, int]:
 
 
 def _from_readings(s: DecisionContext) -> FloatArray:
-    """Distance of every candidate's aim from the nearest reading ``(C,)``; infinite before the first."""
+    """Return the distance of every candidate's aim from the nearest reading ``(C,)`` [m]; infinite before the first."""
     if s.state.touches is None or not len(s.state.touches):
         return np.full(len(s.candidates), np.inf)
     gaps = s.aims()[:, None] - s.state.touches.points
@@ -118,7 +119,7 @@ def _from_readings(s: DecisionContext) -> FloatArray:
 
 
 def _spread_out(s: DecisionContext, pool: IntArray) -> int:
-    """The one farthest from all readings; the first, nearest to the middle of them all."""
+    """Return the candidate farthest from all readings; before the first, the one nearest to the middle."""
     away = _from_readings(s)[pool]
     if np.isinf(away).all():
         aims = s.aims()[pool]

@@ -1,4 +1,4 @@
-"""Readings that the probe can really make: places on what may be there, from where it may come, with room to come."""
+"""Candidate readings that the probe can make: places on possible parts with a clear approach."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from tanteo.planning.state import SensingState
 from tanteo.posterior import PreparedPart
 
 _LIKELY = 0.01
-"""Modes of at least this probability are aimed at."""
+"""Least probability of a mode that candidates aim at."""
 
 _TRIED = 320
-"""Places of a mode at least that are tried."""
+"""Least number of places that are tried on a mode."""
 
 _SHARP = 1e-5
-"""A sharp tip ends so far before the surface that it touches, which then does not hide its stylus [m]."""
+"""Distance of a sharp tip from its surface in the visibility check of the stylus [m]."""
 _TILT_SDS = 3.0
-"""Standard deviations of the part's attitude by which it may lean on the stylus."""
+"""Standard deviations of the part's attitude in the collision check of the stylus."""
 
 _TOO_NEAR, _SOME, _DRAWS = 0.01, 0.25, 64
-"""Probability that a reading is nearer than the sensor's least range, up to which it may be, by so many poses; that
-share of the readings may be in any case."""
+"""Largest probability that a reading is below the sensor's least range, least fraction of the candidates that stay in
+any case, and number of poses for the estimate."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,11 +36,11 @@ class Candidates:
     """Readings to choose from.
 
     Attributes:
-        origins: where the probe starts, world ``(C, 3)`` [m].
-        directions: in which it looks or moves, unit, world ``(C, 3)``.
-        mode: mode of the belief that each is aimed at ``(C,)``.
-        face: index of the face of that mode's part that is to be met ``(C,)``.
-        ranges: after which it is, if that mode is true ``(C,)`` [m].
+        origins: starts of the probe, world frame ``(C, 3)`` [m].
+        directions: unit directions of beams or motions, world frame ``(C, 3)``.
+        mode: index of the mode that each aims at ``(C,)``.
+        face: index of the face of that mode's part that it aims at ``(C,)``.
+        ranges: range to the face if that mode is true ``(C,)`` [m].
     """
 
     origins: Vectors
@@ -53,24 +53,24 @@ class Candidates:
         return len(self.origins)
 
     def take(self, rows: IntArray | BoolArray) -> Candidates:
-        """Some of them."""
+        """Return some of the candidates."""
         return Candidates(*(getattr(self, name)[rows] for name in self.__slots__))
 
     @property
     def aims(self) -> Vectors:
-        """What each would meet if its mode is true, world ``(C, 3)`` [m]."""
+        """Points that the candidates meet if their modes are true, world frame ``(C, 3)`` [m]."""
         return np.asarray(self.origins + self.ranges[:, None] * self.directions)
 
 
 def propose(state: SensingState, probe: Probe, count: int = 500, seed: int = 0, *, anywhere: bool = True) -> Candidates:
-    """Readings on the likelier modes, about as many as asked for, that keep clear of every mode that is alive.
+    """Return candidates on the more probable modes whose approach is clear of all possible modes.
 
     Args:
-        state: what is known.
-        probe: what senses, and where it may come from.
-        count: of readings.
-        seed: which places of the surfaces are tried.
-        anywhere: keep clear of the part wherever the belief says that it may be, not only at the pose of each mode.
+        state: posterior of the session.
+        probe: sensor model with the limits of its approach.
+        count: approximate number of candidates.
+        seed: seed of the places on the surfaces.
+        anywhere: whether approaches must clear sampled poses of each mode, not only its best pose.
     """
     w = state.weights
     likely = np.flatnonzero(w >= min(_LIKELY, w.max(initial=0.0)))
@@ -86,14 +86,14 @@ def propose(state: SensingState, probe: Probe, count: int = 500, seed: int = 0, 
 
 
 def _far_enough(state: SensingState, candidates: Candidates, probe: Probe) -> BoolArray:
-    """Readings that are improbably too near for the sensor ``(C,)``; those for which it is least, if it is for most."""
+    """Return the candidates that are rarely below the sensor's least range, or the best of them ``(C,)``."""
     samples = draw(state, _DRAWS)
     near = (predict(samples, candidates.origins, candidates.directions).ranges < probe.min_range) @ samples.weights
     return np.asarray(near <= max(_TOO_NEAR, float(np.quantile(near, _SOME))))
 
 
 def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -> Candidates:
-    """Readings that would meet evenly spread places of one mode first, at an incidence that the probe answers to."""
+    """Return candidates that meet evenly spread places of one mode at an allowed incidence."""
     target, T = state.target(k), state.poses[k]
     rows = np.random.default_rng((1991, seed, k)).permutation(len(target.samples))[: max(_TRIED, count)]
     points, normals, faces = target.samples[rows], target.normals[rows], target.sample_faces[rows]
@@ -118,14 +118,14 @@ def _on_mode(state: SensingState, k: int, probe: Probe, count: int, seed: int) -
 def _between_walls(
     target: PreparedPart, points: Vectors, back: Vectors, ranges: FloatArray, clearance: float
 ) -> FloatArray:
-    """Stand-offs ``(n,)`` [m], half of the way to the wall behind where there is no more: in a bore from its axis.
+    """Return stand-offs ``(n,)`` [m], reduced to half of the free distance to an opposite wall, as in a bore.
 
     Args:
         target: the part.
-        points: to be met, in its frame ``(n, 3)``.
-        back: from there to the start, likewise.
-        ranges: stand-offs where there is room.
-        clearance: that the start needs [m].
+        points: aimed points, part frame ``(n, 3)`` [m].
+        back: unit directions from the points to the starts, part frame ``(n, 3)``.
+        ranges: stand-offs without walls ``(n,)`` [m].
+        clearance: clearance of the start [m].
     """
     away = 1e-6 * target.part.diagonal
     free = target.surface.cast(points + away * back, back).distances + away
@@ -141,9 +141,18 @@ def _stylus_free(
     probe: Probe,
     tilt: float,
 ) -> BoolArray:
-    """Whether the part leaves the stylus free from start to contact, also where it leans by ``tilt`` [rad] ``(n,)``.
+    """Return whether the stylus is free of the part from start to contact, also at a tilt of the part ``(n,)``.
 
-    The stylus is taken as half as thick as the ball; the contacts are of the ball's centre.
+    The stylus has half the thickness of the ball.
+
+    Args:
+        target: the part.
+        to_part: pose ``T_part_world`` ``(4, 4)``.
+        starts: starts of the ball's centre, world frame ``(n, 3)`` [m].
+        contacts: ball's centre at contact, world frame ``(n, 3)`` [m].
+        directions: unit directions of the motions, world frame ``(n, 3)``.
+        probe: sensor model.
+        tilt: largest tilt of the part [rad].
     """
     up = -directions if probe.stylus is None else np.broadcast_to(probe.stylus, directions.shape)
     sides = SO3.frame_from_axis(up, 2)[..., :2]
@@ -159,14 +168,14 @@ def _stylus_free(
 
 
 def within_cone(directions: Vectors, probe: Probe) -> Vectors:
-    """The allowed directions nearest to these ``(C, 3)``."""
+    """Return the allowed directions nearest to given ones ``(C, 3)``."""
     if probe.approach is None:
         return directions
     a = probe.approach
     along = directions @ a
     across = directions - along[:, None] * a
     length = np.linalg.norm(across, axis=1, keepdims=True)
-    beside = SO3.frame_from_axis(a, 2)[:, 0]  # straight against the cone's axis every direction of its edge is as near
+    beside = SO3.frame_from_axis(a, 2)[:, 0]  # opposite to the axis, all directions on the cone are equally near
     across = np.where(length > 1e-9, across, beside)
     length = np.where(length > 1e-9, length, 1.0)
     edge = np.cos(probe.cone) * a + np.sin(probe.cone) * across / length

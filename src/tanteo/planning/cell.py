@@ -1,7 +1,7 @@
-"""The cell judged by the part: tip offset, mountings, base, bias are states beside its pose, and readings tell of them.
+"""Check of a cell by readings of a part: tip offset, mountings, robot base and bias are estimated beside the pose.
 
-For each error that readings share: what they say it is, how far that is from what was stated, and whether they can tell
-it from the others; and the reading that would.
+For each shared error, the result has its estimate, a test of its stated standard deviation, and the errors that the
+readings cannot separate from it. It also proposes the reading with the most information about the errors.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from tanteo.posterior import point_moves
 from tanteo.sensors import Column, PointMeasurements, Readings
 
 Measured = Callable[[Readings], PointMeasurements]
-"""How readings are made into measurements."""
+"""Function that converts readings into measurements."""
 
-_TOLD = 0.05
-"""Share of an error's stated variance that readings must explain, for it to be judged at all."""
-_ALIKE = 0.7
-"""Correlation from which on readings do not tell two errors from each other."""
+_EXPLAINED = 0.05
+"""Least fraction of an error's stated variance that the readings must explain for a test."""
+_CORRELATED = 0.7
+"""Correlation above which the readings do not separate two errors."""
 _PLACES, _TURNS = 60, 4
-"""Places of the part, and turns of the hand about each approach, that are looked at for the next reading."""
+"""Number of places of the part, and of rotations of the hand, among which the next reading is chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellError:
-    """One shared error as the readings have it.
+    """Estimate of one shared error.
 
     Attributes:
-        name: of the error.
-        meaning: what it is, in words.
-        stated: standard deviations that were stated ``(d,)`` [m, rad, or none of a scale].
-        estimate: what the readings say it is ``(d,)``.
-        sd: how well they do ``(d,)``.
-        p_value: of so large an estimate, if what was stated is true; 1 where readings say nothing of it.
-        told: the largest share of a component's variance that readings have explained.
+        name: name of the error.
+        meaning: description of the error.
+        stated: stated standard deviations ``(d,)`` [m, rad; a scale has no unit].
+        estimate: estimate by the readings ``(d,)``.
+        sd: standard deviation of the estimate ``(d,)``.
+        p_value: p-value of the estimate under the stated deviations; 1 if the readings do not determine it.
+        explained: largest fraction of a component's variance that the readings explain.
     """
 
     name: str
@@ -52,7 +52,7 @@ class CellError:
     estimate: FloatArray
     sd: FloatArray
     p_value: float
-    told: float
+    explained: float
 
     @property
     def contradicted(self) -> bool:
@@ -62,15 +62,15 @@ class CellError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NextForCell:
-    """The reading that tells most of the shared errors.
+    """Reading with the most information about the shared errors.
 
     Attributes:
-        point: place of the part, world ``(3,)`` [m].
-        direction: in which to come ``(3,)``.
-        face: of the part.
-        turn: of the hand from how it was held [rad].
-        axis: of that turn, world ``(3,)``.
-        gain: what it tells of the errors [nats].
+        point: point on the part, world frame ``(3,)`` [m].
+        direction: unit direction of the approach, world frame ``(3,)``.
+        face: name of the face.
+        turn: rotation of the hand from its earlier attitude [rad].
+        axis: axis of that rotation, world frame ``(3,)``.
+        gain: information about the errors [nats].
     """
 
     point: Vectors
@@ -83,26 +83,26 @@ class NextForCell:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellCheck:
-    """What the readings of a part say of the cell.
+    """Result of the check of a cell.
 
     Attributes:
-        errors: of the cell, in the order of the measurements.
-        alike: pairs of errors that readings do not tell from each other, with their correlation.
-        following: the reading that would tell most; None where none would tell anything.
+        errors: shared errors, in the order of the measurements.
+        correlated: pairs of errors that the readings do not separate, with their correlation.
+        following: reading with the most information; None if none has any.
     """
 
     errors: tuple[CellError, ...]
-    alike: tuple[tuple[str, str, float], ...]
+    correlated: tuple[tuple[str, str, float], ...]
     following: NextForCell | None
 
 
 def check_cell(state: SensingState, readings: Readings, measured: Measured) -> CellCheck:
-    """Judge the cell by what is known of the part.
+    """Estimate and test the shared errors of a cell by readings of a part.
 
     Args:
-        state: after the readings.
-        readings: that were told.
-        measured: how they are made into measurements, with the errors that they share.
+        state: state of the session after the readings.
+        readings: the readings.
+        measured: function that converts readings into measurements with shared errors.
 
     Raises:
         InputError: no part explains the readings, or they share no error.
@@ -126,33 +126,36 @@ def check_cell(state: SensingState, readings: Readings, measured: Measured) -> C
         slices.append(rows)
         start = rows.stop
         block = root[rows, rows]
-        p, told = _against(z[rows], C[rows, rows])
+        p, explained = _against(z[rows], C[rows, rows])
         sd = np.sqrt(np.diag(block @ C[rows, rows] @ block.T))
         errors.append(CellError(
-            error.name, error.meaning or error.name, np.sqrt(np.diag(error.covariance)), block @ z[rows], sd, p, told
+            error.name, error.meaning or error.name, np.sqrt(np.diag(error.covariance)), block @ z[rows], sd, p,
+            explained,
         ))  # fmt: skip
-    return CellCheck(tuple(errors), _alike(errors, slices, C), _following(state, readings, points, measured))
+    return CellCheck(tuple(errors), _correlated(errors, slices, C), _following(state, readings, points, measured))
 
 
 def _against(z: FloatArray, C: FloatArray) -> tuple[float, float]:
-    """P-value of an estimate whose prior is unit normal: its covariance is then what the readings explain of that."""
+    """Return the p-value of an estimate with unit normal prior, and the largest explained fraction of variance."""
     explained, axes = np.linalg.eigh(np.eye(len(z)) - C)
-    told = explained > _TOLD
-    if not told.any():
+    enough = explained > _EXPLAINED
+    if not enough.any():
         return 1.0, float(max(explained.max(), 0.0))
-    along = axes[:, told].T @ z
-    return chi2_survival(float(np.sum(along**2 / explained[told])), int(told.sum())), float(explained.max())
+    along = axes[:, enough].T @ z
+    return chi2_survival(float(np.sum(along**2 / explained[enough])), int(enough.sum())), float(explained.max())
 
 
-def _alike(errors: Sequence[CellError], slices: Sequence[slice], C: FloatArray) -> tuple[tuple[str, str, float], ...]:
-    """Pairs whose errors go together: the largest canonical correlation after the readings."""
+def _correlated(
+    errors: Sequence[CellError], slices: Sequence[slice], C: FloatArray
+) -> tuple[tuple[str, str, float], ...]:
+    """Return pairs of errors with a large canonical correlation after the readings."""
     found = []
     for i, a in enumerate(slices):
         for j in range(i + 1, len(slices)):
             b = slices[j]
             joint = _inverse_root(C[a, a]) @ C[a, b] @ _inverse_root(C[b, b])
             r = float(np.linalg.norm(joint, 2))
-            if r > _ALIKE:
+            if r > _CORRELATED:
                 found.append((errors[i].meaning, errors[j].meaning, r))
     return tuple(sorted(found, key=lambda row: -row[2]))
 
@@ -165,12 +168,10 @@ def _inverse_root(C: FloatArray) -> FloatArray:
 def _following(
     state: SensingState, readings: Readings, before: PointMeasurements, measured: Measured
 ) -> NextForCell | None:
-    """Of readings at places of the part, with the hand as it was and turned, the one that tells most of the errors."""
+    """Return the reading with the most information about the errors, over places and rotations of the hand."""
     mode, target = state.modes[0], state.target(0)
     D = sum(len(e.covariance) for e in before.shared)
-    C = np.asarray(np.linalg.pinv(mode.information, hermitian=True))[
-        : 6 + D, : 6 + D
-    ]  # behind it may be the noise scale
+    C = np.asarray(np.linalg.pinv(mode.information, hermitian=True))[: 6 + D, : 6 + D]  # the noise scale may follow
     step = max(1, len(target.samples) // _PLACES)
     places, outward, faces = target.samples[::step], target.normals[::step], target.sample_faces[::step]
     world, normals = SE3.apply(mode.T_peak, places), outward @ mode.T_peak[:3, :3].T
@@ -180,7 +181,7 @@ def _following(
         made = measured(_made(readings, before, world, -normals, turn * axes[..., column]))
         J = _rows(made, before, world, places, normals, mode.T_peak)
         variances = np.einsum("ni,nij,nj->n", normals[made.rows], made.covs, normals[made.rows])
-        gains = np.array([_told(C, h, v, D) for h, v in zip(J, variances, strict=True)])
+        gains = np.array([_information(C, h, v, D) for h, v in zip(J, variances, strict=True)])
         k = int(np.argmax(gains)) if len(gains) else 0
         if len(gains) and gains[k] > (1e-3 if best is None else best.gain):
             row = int(made.rows[k])
@@ -190,15 +191,15 @@ def _following(
 
 
 def _turns(readings: Readings) -> list[tuple[int, float]]:
-    """Turns of the hand: about the approach, its third axis; of a touch, whose hand is free of it, across it too."""
+    """Return rotations of the hand about the approach, and for touches about the two other axes, too."""
     if not readings.Ts_world_hand.given.any():
         return [(2, 0.0)]
     columns = (2, 0, 1) if readings.points.given.any() else (2,)
     return [(2, 0.0), *((c, 2 * np.pi * k / _TURNS) for c in columns for k in range(1, _TURNS))]
 
 
-def _told(C: FloatArray, h: FloatArray, variance: float, D: int) -> float:
-    """By how much one reading narrows the shared errors, whatever the pose is [nats]."""
+def _information(C: FloatArray, h: FloatArray, variance: float, D: int) -> float:
+    """Return the information of one reading about the shared errors with the pose marginalized [nats]."""
     before = C[6 : 6 + D, 6 : 6 + D]
     v = (C @ h)[6 : 6 + D]
     after = before - np.outer(v, v) / (variance + h @ C @ h)
@@ -206,7 +207,7 @@ def _told(C: FloatArray, h: FloatArray, variance: float, D: int) -> float:
 
 
 def _made(readings: Readings, before: PointMeasurements, world: Vectors, ways: Vectors, turn: Vectors) -> Readings:
-    """Readings at these places: the hand of the one whose approach is nearest, brought there and turned ``(n, 3)``."""
+    """Return readings at given places, with the hand of the most similar reading, moved there and rotated."""
     had = np.where(np.isnan(before.directions), -before.normals, before.directions)
     had = np.where(np.isnan(had), -np.eye(3)[2], had)
     near = np.argmax(ways @ had.T, axis=1)
@@ -231,7 +232,7 @@ def _made(readings: Readings, before: PointMeasurements, world: Vectors, ways: V
 def _rows(
     made: PointMeasurements, before: PointMeasurements, world: Vectors, places: Vectors, normals: Vectors, T: FloatArray
 ) -> FloatArray:
-    """How pose and shared errors move each reading along the normal ``(n, 6 + D)``; errors are matched by name."""
+    """Return the Jacobian of each reading along the normal over pose and shared errors ``(n, 6 + D)``."""
     n, p = normals[made.rows], places[made.rows]
     pose = -np.einsum("ni,nij->nj", n, T[:3, :3] @ point_moves(p))
     ends = np.cumsum([0, *(len(e.covariance) for e in before.shared)])

@@ -1,4 +1,4 @@
-"""The fewest readings that keep a tolerance: first as if all met their faces, then over all placements."""
+"""Search for the smallest set of readings that keeps a tolerance, first linearized, then over all placements."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.planning.design import Design
 
 _SWEEPS, _STARTS = 6, 12
-"""Rounds of exchanges, and sets drawn at random that are exchanged as well: one alone may end at a poor one."""
+"""Number of rounds of exchanges, and of random initial sets, which avoid poor local minima."""
 
 
 def choose(design: Design, tolerance: float, confidence: float, max_measurements: int, *, can: bool) -> IntArray:
-    """The fewest candidates that keep the tolerance, or the best of the most that are allowed, best first.
+    """Return the smallest set of candidates that keeps the tolerance, or the best allowed set, best first.
 
     Args:
         design: the problem.
-        tolerance: to be kept [m].
-        confidence: with which.
-        max_measurements: readings at most.
-        can: all candidates together keep it.
+        tolerance: tolerance [m].
+        confidence: least probability of the tolerance.
+        max_measurements: largest number of readings.
+        can: whether all candidates together keep it.
     """
     chosen = _linear(design.steadied(), tolerance, confidence, max_measurements)
     limited = design.chance(design.limit, tolerance) < confidence
@@ -29,7 +29,7 @@ def choose(design: Design, tolerance: float, confidence: float, max_measurements
 
 
 def _linear(design: Design, tolerance: float, confidence: float, max_measurements: int) -> list[int]:
-    """Those that would keep it if every reading met its face as often as on average."""
+    """Return the smallest set that keeps the tolerance in the linearized problem."""
     chosen: list[int] = []
     while len(chosen) < min(max_measurements, len(design.rows)):
         starts = [_extended(design, chosen), *_drawn(len(design.rows), len(chosen) + 1)]
@@ -37,25 +37,25 @@ def _linear(design: Design, tolerance: float, confidence: float, max_measurement
         if design.chance(design.after(np.array(chosen)), tolerance) >= confidence:
             break
         if design.chance(design.limit, tolerance) < confidence:
-            break  # the robot's own error is too large for any number of readings
+            break  # the error of the robot is too large for any number of readings
     return chosen
 
 
 def _steady(
     design: Design, chosen: list[int], tolerance: float, confidence: float, max_measurements: int, *, exchange: bool
 ) -> list[int]:
-    """Exchanged, and then more of them, until the tolerance is kept over all placements."""
-    chosen = _settled(design, chosen, tolerance) if exchange else chosen
+    """Exchange and add readings until the tolerance is kept over all placements."""
+    chosen = _exchanged_over_placements(design, chosen, tolerance) if exchange else chosen
     while (
         len(chosen) < min(max_measurements, len(design.rows)) and design.kept(np.array(chosen), tolerance) < confidence
     ):
         chosen = [*chosen, _best_with(design, chosen, tolerance)[0]]
-        chosen = _settled(design, chosen, tolerance) if exchange else chosen
+        chosen = _exchanged_over_placements(design, chosen, tolerance) if exchange else chosen
     return chosen
 
 
-def _settled(design: Design, chosen: list[int], tolerance: float) -> list[int]:
-    """Each reading in turn exchanged for a better one, over all placements."""
+def _exchanged_over_placements(design: Design, chosen: list[int], tolerance: float) -> list[int]:
+    """Exchange each reading once for a better one, over all placements."""
     for k in range(len(chosen)):
         others = chosen[:k] + chosen[k + 1 :]
         j, lost = _best_with(design, others, tolerance)
@@ -65,14 +65,14 @@ def _settled(design: Design, chosen: list[int], tolerance: float) -> list[int]:
 
 
 def _best_with(design: Design, chosen: list[int], tolerance: float) -> tuple[int, FloatArray]:
-    """The candidate to add, and what is lost with each."""
+    """Return the best candidate to add, and the loss with each candidate."""
     lost = design.lost_with_each(chosen, tolerance)
     lost[chosen] = np.inf
     return int(np.argmin(lost)), lost
 
 
 def _drawn(count: int, n: int) -> list[list[int]]:
-    """Sets of ``n`` candidates, the same every time."""
+    """Return reproducible random sets of ``n`` candidates."""
     rng = np.random.default_rng((1991, n))
     return [rng.choice(count, n, replace=False).tolist() for _ in range(_STARTS)]
 
@@ -84,7 +84,7 @@ def _extended(design: Design, chosen: list[int]) -> list[int]:
 
 
 def _exchanged(design: Design, chosen: list[int]) -> list[int]:
-    """No swap of one reading makes it better."""
+    """Exchange single readings until no exchange reduces the cost."""
     cost = design.cost_of(chosen)
     for _ in range(_SWEEPS):
         before = cost
@@ -101,7 +101,7 @@ def _exchanged(design: Design, chosen: list[int]) -> list[int]:
 
 
 def _ordered(design: Design, chosen: list[int]) -> IntArray:
-    """The reading that helps most first."""
+    """Return the readings in the order of their benefit."""
     order: list[int] = []
     left = list(chosen)
     while left:

@@ -1,4 +1,4 @@
-"""Room on the way: whether start and way in of a reading keep clear of what is forbidden, and of the part."""
+"""Clearance of candidates: start and approach path against the workspace and all possible poses of the parts."""
 
 from __future__ import annotations
 
@@ -18,23 +18,27 @@ if TYPE_CHECKING:
     from tanteo.planning.candidates import Candidates
 
 _LIVE = 0.003
-"""Modes of at least this probability, if it is one of the parts, must be given a wide berth."""
+"""Least probability of a mode, given that a part is present, that approaches must clear."""
 
 _STEPS, _BESIDE_WALLS = 4, 10
-"""Places along the way in that are checked for room; more where it may be between walls."""
+"""Number of checked points on an approach path, without and with a stylus, which may move between walls."""
 
 _DRAWS, _LEAST_DRAWS = 64, 8
-"""Poses of all modes that a way must keep clear of, and the least of each."""
+"""Number of sampled poses that an approach path must clear, and least number for each mode."""
 
 _BEYOND, _ENOUGH = (1.5, 1.0), 0.25
-"""Their spread in that of the belief, where that leaves such a share of the ways; the last in any case."""
+"""Spreads of the samples, as multiples of the posterior's, and least fraction of paths that must stay for the wider
+one."""
 
 
 def has_room(state: SensingState, candidates: Candidates, probe: Probe, *, anywhere: bool = True) -> BoolArray:
-    """Whether all of the way is inside the workspace, and start and way in clear of every live mode ``(C,)``.
+    """Return whether the approach path of each candidate is inside the workspace and clear of all modes ``(C,)``.
 
-    Clear of a mode is clear of its pose and, ``anywhere``, of samples about it, so that the part is not met wherever it
-    may be.
+    Args:
+        state: posterior of the session.
+        candidates: readings to check.
+        probe: sensor model with its clearance.
+        anywhere: whether the path must also clear sampled poses of every mode.
     """
     way = _way(candidates, probe)
     ok: BoolArray = np.all(probe.workspace.clearances(way)[0] >= probe.clearance, axis=(1, 2))
@@ -51,9 +55,9 @@ def has_room(state: SensingState, candidates: Candidates, probe: Probe, *, anywh
 def _clear_anywhere(
     state: SensingState, live: IntArray, way: Vectors, gaps: FloatArray, ok: BoolArray, probe: Probe
 ) -> BoolArray:
-    """Which of the ways that are clear of the live modes' poses are so of samples about them ``(C,)``.
+    """Return which clear paths also clear sampled poses of all modes ``(C,)``.
 
-    Of draws wider than the belief, if that leaves enough to choose from; else of its own.
+    The samples are wider than the posterior if enough paths remain; otherwise they have its spread.
     """
     w = state.weights[live] / max(state.weights.sum(), 1e-300)
     counts = np.maximum(_LEAST_DRAWS, np.round(_DRAWS * w)).astype(np.int64)
@@ -69,10 +73,10 @@ def _clear_anywhere(
 
 
 def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
-    """Whether nothing forbidden is on the way from the start, or its retreat, to the aim ``(C,)``.
+    """Return whether no forbidden box is on the path from the retreat over the start to the aim ``(C,)``.
 
-    A beam is as thin as a line. A touch needs its room up to where it comes as near to the part; from there on its tip
-    goes alone, so that a thin part may lie on a forbidden table.
+    A beam is a line. A touch needs its clearance until its distance from the part equals it; from there only the tip
+    counts, so that a thin part may lie on a forbidden table.
     """
     c, boxes = candidates, probe.workspace.forbidden
     aims, last = c.aims, np.maximum(c.ranges - probe.clearance, 0.0) if probe.contact else np.zeros(len(c))
@@ -90,15 +94,15 @@ def _reached_freely(candidates: Candidates, probe: Probe) -> BoolArray:
 def _clear_of_draws(
     state: SensingState, k: int, xi: FloatArray, way: Vectors, gaps: FloatArray, probe: Probe
 ) -> BoolArray:
-    """Whether ways keep clear of a mode's part wherever it may be ``(n,)``.
+    """Return whether paths are clear of a mode's part at sampled poses ``(n,)``.
 
     Args:
-        state: what is known.
-        k: the mode.
-        xi: the samples, in standard deviations ``(D, 6)``.
-        way: places of each way ``(n, P, 3)``.
-        gaps: of each from the part at the mode's pose ``(n, P)`` [m].
-        probe: whose clearance is to be kept.
+        state: posterior of the session.
+        k: index of the mode.
+        xi: perturbations in standard deviations ``(D, 6)``.
+        way: points of each path ``(n, P, 3)`` [m].
+        gaps: distances of the points from the part at the mode's pose ``(n, P)`` [m].
+        probe: sensor model with its clearance.
     """
     target, T = state.target(k), state.poses[k]
     values, vectors = np.linalg.eigh(state.covariances[k])
@@ -113,7 +117,7 @@ def _clear_of_draws(
 
 
 def clear_at(target: PreparedPart, T: Transforms, Ts: Transforms, candidates: Candidates, probe: Probe) -> BoolArray:
-    """Whether start and way in keep clear of a part at poses ``(S, 4, 4)`` about ``T``: ``(S, C)``."""
+    """Return whether the approach paths are clear of a part at poses ``(S, 4, 4)`` near ``T``, as flags ``(S, C)``."""
     way = _way(candidates, probe)
     gaps, corners = _distances(target, SE3.inverse(T), way, probe), box_corners(target.part)
     farthest = np.linalg.norm(SE3.apply(Ts[:, None], corners) - SE3.apply(T, corners), axis=-1).max(axis=1)
@@ -125,20 +129,20 @@ def clear_at(target: PreparedPart, T: Transforms, Ts: Transforms, candidates: Ca
 
 
 def _way(candidates: Candidates, probe: Probe) -> Vectors:
-    """Places on the way in, the start first ``(C, P, 3)``."""
+    """Return points on the approach paths, the start first ``(C, P, 3)`` [m]."""
     back = np.linspace(0.0, probe.retreat, _STEPS if probe.stylus is None else _BESIDE_WALLS)
     return candidates.origins[:, None] + back[:, None] * _back(candidates, probe)[:, None]
 
 
 def _back(candidates: Candidates, probe: Probe) -> Vectors:
-    """Directions out of the way in ``(C, 3)``: straight back, or along a stylus, which alone leads out of a bore."""
+    """Return the directions of retreat ``(C, 3)``: straight back, or along a stylus, as out of a bore."""
     return -candidates.directions if probe.stylus is None else np.broadcast_to(probe.stylus, candidates.origins.shape)
 
 
 def _distances(target: PreparedPart, to_part: Transforms, points: Vectors, probe: Probe) -> FloatArray:
-    """Distances of world points from the surface, negative inside: from the grid, less what that may be off.
+    """Return lower bounds of the distances of world points from the surface, negative inside [m].
 
-    For a stylus, which goes where the grid is too coarse, exact where the grid leaves its clearance open.
+    They are those of the grid less its error. For a stylus they are exact where the grid does not decide the clearance.
     """
     local = SE3.apply(to_part, points)
     distances = np.asarray(target.field(local)[0] - 0.5 * target.field.step)

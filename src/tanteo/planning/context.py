@@ -1,4 +1,4 @@
-"""What a policy decides on, what it decides, and what it is."""
+"""Interface of policies: their input, their choice, and the protocol."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ from tanteo.planning.candidates import Candidates
 from tanteo.planning.probe import Probe
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
+from tanteo.words import Finding
 
 SharedOf: TypeAlias = Callable[[Candidates], SharedAhead | None]
-"""The shared errors of candidates; None where there are none, or nothing is known of them yet."""
+"""Function that returns the shared errors of candidates, or None without any."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DecisionContext:
-    """What a policy decides on.
+    """Input of a policy.
 
     Attributes:
-        state: what is known.
-        candidates: one at least.
-        probe: what senses.
-        place: where the probe is, world ``(3,)`` [m]; None before the first reading.
-        tolerance: of the corners, beyond which nothing more needs to be known [m]; None for none.
-        count: readings made so far.
-        seed: of policies that draw.
-        part_only: nobody asks where the part is, only which one.
-        part_open: which part it is was asked for and is not known yet.
-        feature: name of one that has to keep the tolerance instead of the corners.
-        shared: errors that the readings share, of any candidates; None where only the probe says it.
+        state: posterior of the session.
+        candidates: readings to choose from, at least one.
+        probe: sensor model.
+        place: position of the probe, world frame ``(3,)`` [m]; None before the first reading.
+        tolerance: tolerance of the goal [m], below which more accuracy has no value; None without one.
+        count: number of readings so far.
+        seed: seed of policies that draw.
+        part_only: whether the goal demands the part but no pose.
+        part_open: whether the goal demands the part and it is not known yet.
+        feature: feature that has to keep the tolerance instead of the corners; None for the corners.
+        shared: function that returns the shared errors of candidates; None if only the probe models them.
     """
 
     state: SensingState
@@ -49,34 +50,34 @@ class DecisionContext:
     shared: SharedOf | None = None
 
     def travel(self) -> FloatArray:
-        """From where the probe is to the start of every candidate ``(C,)`` [m]; none before the first reading."""
+        """Return the distance from the probe to every candidate's start ``(C,)`` [m]; 0 before the first reading."""
         if self.place is None:
             return np.zeros(len(self.candidates))
         return np.asarray(np.linalg.norm(self.candidates.origins - self.place, axis=1))
 
     def seconds(self) -> FloatArray:
-        """Time that each candidate takes, travelling included ``(C,)``."""
+        """Return the duration of every candidate including travel ``(C,)`` [s]."""
         return self.probe.seconds + self.travel() / self.probe.speed
 
     def aims(self) -> Vectors:
-        """Where the candidates are expected to meet the surface, world ``(C, 3)`` [m]."""
+        """Return the points at which the candidates should meet the surface, world frame ``(C, 3)`` [m]."""
         return self.candidates.aims
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """One candidate.
+    """Choice of a policy.
 
     Attributes:
-        index: of the candidate.
-        gain: what it is expected to tell [nats]; NaN where the policy does not ask.
-        why: in words.
-        seconds: that this takes; None where the policy does not weigh it.
+        index: index of the candidate.
+        gain: expected information [nats]; NaN if the policy does not compute it.
+        reason: why the policy chose it.
+        seconds: duration [s]; None if the policy does not weigh it.
     """
 
     index: int
     gain: float
-    why: str
+    reason: Finding
     seconds: float | None = None
 
 
@@ -85,9 +86,9 @@ class Policy(Protocol):
 
     @property
     def name(self) -> str:
-        """As on the command line."""
+        """Name of the policy on the command line."""
         ...
 
     def choose(self, context: DecisionContext) -> Choice:
-        """One of the candidates."""
+        """Return the choice among the candidates."""
         ...

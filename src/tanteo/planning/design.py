@@ -1,4 +1,4 @@
-"""The linear problem of a plan: what is known before, and what each reading that can be made would tell."""
+"""Linear problem of a plan: the prior, and the information of each candidate reading."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ from tanteo.planning.state import begin
 from tanteo.posterior import PreparedPart, observed_covariance
 
 _CANDIDATES = 800
-"""Readings among which the plan is chosen."""
+"""Number of candidates of a plan."""
 
 _LEAST = 40
-"""So many readings are kept at least, however rarely they meet their faces."""
+"""Least number of candidates that stay although they rarely meet their faces."""
 
 _TINY = 1e-9
-"""Share of the variances that is left where nothing needs to be known."""
+"""Fraction of the variances that stays along motions that symmetry makes irrelevant."""
 
 _EXACT = 1e-7
-"""Of a robot that is exact in place or in turn, but not in the other [m, rad]."""
+"""Standard deviation in place of zero, if a robot is exact in position or in rotation only [m, rad]."""
 
 _POSES = 2048
-"""Poses by which the chance to be within the tolerance is counted."""
+"""Number of poses for the probability of the tolerance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Design:
-    """Candidates as rows of a linear problem: perturbations of the pose, bias and robot's base, ``D`` in all.
+    """Candidates as rows of a linear problem in pose perturbation, bias and robot base, ``D`` states in all.
 
-    Bias and base are there only if the probe has them.
+    Bias and base are states only if the probe has these errors.
 
     Attributes:
         target: the part.
-        probe: what senses.
-        candidates: readings that can be made.
-        faces: index of the face that each meets ``(N,)``.
-        points: where it does, world ``(N, 3)`` [m].
-        rows: how each moves with pose, bias and base ``(N, D)``.
-        variances: of what is new at each ``(N,)`` [m^2].
-        prior: covariance of all of them before ``(D, D)``.
-        limit: of the pose, if it were known exactly relative to the robot ``(6, 6)``.
-        places: what has to be within the tolerance, corners or a feature.
-        moves: how these move with the pose ``(K, 3, 6)``.
-        chosen_by: placements by which readings are chosen.
-        judged_by: others, by which the choice is judged.
+        probe: sensor model.
+        candidates: candidate readings.
+        faces: index of the face of each candidate ``(N,)``.
+        points: met points, world frame ``(N, 3)`` [m].
+        rows: Jacobian over pose, bias and base ``(N, D)``.
+        variances: independent variance of each candidate ``(N,)`` [m^2].
+        prior: prior covariance of the states ``(D, D)``.
+        limit: covariance of the pose in the limit of infinitely many readings ``(6, 6)``.
+        places: places that have to keep the tolerance.
+        moves: Jacobian of these places over the pose ``(K, 3, 6)``.
+        chosen_by: placements for the choice of readings.
+        judged_by: independent placements for the evaluation of the choice.
     """
 
     target: PreparedPart
@@ -71,56 +71,56 @@ class Design:
     judged_by: Placements
 
     def after(self, chosen: IntArray) -> Covariances:
-        """Covariance of pose, bias and base after some readings."""
+        """Return the covariance of the states after some readings."""
         G = self.rows[chosen]
         return np.asarray(np.linalg.inv(np.linalg.inv(self.prior) + (G.T / self.variances[chosen]) @ G))
 
     def pose(self, C: Covariances) -> Covariances:
-        """Of the pose in the world."""
+        """Return the covariance of the pose."""
         return C[:6, :6]
 
     def cost(self, squares: FloatArray) -> FloatArray:
-        """Of mean square errors of the places ``(*batch, K)``: the worst count most."""
+        """Return the cost of mean square errors of the places ``(*batch, K)``, which weights the worst most."""
         return np.asarray(np.sum(squares**4, axis=-1) ** 0.25)
 
     def squares(self, C: Covariances) -> FloatArray:
-        """Mean square error of every place ``(K,)``."""
+        """Return the mean square error of every place ``(K,)`` [m^2]."""
         return np.einsum("cij,jk,cik->c", self.moves, self.pose(C), self.moves)
 
     def cost_of(self, chosen: list[int]) -> float:
-        """Cost after some readings."""
+        """Return the cost after some readings."""
         return float(self.cost(self.squares(self.after(np.array(chosen)))))
 
     def with_each(self, C: Covariances) -> FloatArray:
-        """Cost after each of the candidates is added ``(N,)``."""
+        """Return the cost after each candidate is added ``(N,)``."""
         c = self.rows @ C
         s = np.sum(c * self.rows, axis=1) + self.variances
         moved = np.einsum("cij,nj->nci", self.moves, c[:, :6])
         return self.cost(self.squares(C) - np.sum(moved**2, axis=-1) / s[:, None])
 
     def chance(self, C: Covariances, tolerance: float) -> float:
-        """That all places are within a tolerance."""
+        """Return the probability that all places keep a tolerance."""
         values, vectors = np.linalg.eigh(self.pose(C))
         xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
         return float(np.mean(self._off(xi) <= tolerance))
 
     def kept(self, chosen: IntArray, tolerance: float) -> float:
-        """Share of the placements at which all places are within a tolerance, by the readings that meet their faces."""
+        """Return the probability of the tolerance over all placements; only readings that meet their faces count."""
         out, known, total = self.judged_by, np.linalg.inv(self.prior), 0.0
         for met, k in out.patterns(chosen):
             C = self.after(chosen[met])
-            rest = C @ known  # what of the first error no reading has seen
+            rest = C @ known  # part of the prior error that no reading observes
             values, vectors = np.linalg.eigh(C - rest @ C)
             noise = out.noise[k] @ (vectors * np.sqrt(values.clip(0.0))).T
             total += np.sum(self._off((noise - (out.errors[k] @ rest.T)[:, None])[..., :6]) <= tolerance)
         return float(total / (len(out) * out.noise.shape[1]))
 
     def _off(self, xi: FloatArray) -> FloatArray:
-        """How far the worst place is off at perturbations of the pose ``(*batch, 6)`` [m]."""
+        """Return the largest displacement of a place at perturbations of the pose ``(*batch, 6)`` [m]."""
         return np.asarray(np.linalg.norm(np.einsum("cij,...j->...ci", self.moves, xi), axis=-1).max(axis=-1))
 
     def lost_with_each(self, chosen: list[int], tolerance: float) -> FloatArray:
-        """About the share of the placements where the tolerance is lost, each of the candidates added ``(N,)``."""
+        """Return the approximate probability that the tolerance is missed after each candidate is added ``(N,)``."""
         by, lost = self.chosen_by, np.zeros(len(self.rows))
         rows = np.array(chosen, dtype=np.int64)
         for met, k in by.patterns(rows):
@@ -130,23 +130,23 @@ class Design:
         return lost / len(by)
 
     def _lost(self, costs: FloatArray, tolerance: float) -> FloatArray:
-        """Chance that an error in space of such mean squares is larger than the tolerance."""
+        """Return the probability that an error in space with given mean squares exceeds the tolerance."""
         from scipy.special import gammaincc  # slow to import
 
         return np.asarray(gammaincc(1.5, 1.5 * tolerance**2 / costs))
 
     def promise(self, chosen: IntArray, tolerance: float) -> Promise:
-        """What some readings bring."""
+        """Return the probabilities of some readings, see :class:`Promise`."""
         if_met = self.chance(self.after(chosen), tolerance)
         shares = (of[:, chosen].all(axis=1).mean() for of in (self.judged_by.meets, self.judged_by.room))
         return Promise(self.kept(chosen, tolerance), if_met, *map(float, shares))
 
     def best(self, tolerance: float) -> float:
-        """Share of the placements at which all that can be sensed, together, keeps the tolerance."""
+        """Return the probability of the tolerance with all candidates together."""
         return self.kept(np.arange(len(self.rows)), tolerance)
 
     def steadied(self) -> Design:
-        """With readings that count the less, the less often they meet their faces."""
+        """Return the problem with larger variances for candidates that often miss their faces."""
         share = np.maximum(self.chosen_by.meets.mean(axis=0), 1 / len(self.chosen_by))
         return replace(self, variances=self.variances / share**2)
 
@@ -154,15 +154,15 @@ class Design:
 def design_of(
     start: Start, probe: Probe, seed: int, feature: str | None = None, steady: float = 0.9, room: float = 0.98
 ) -> Design | None:
-    """The problem of one part at one prior pose, linear about it; None if the probe reaches no place.
+    """Return the linear problem of one part at one prior pose, or None if the probe reaches no place.
 
     Args:
         start: one part at one prior pose.
-        probe: what senses.
-        seed: of the places that are tried.
-        feature: name of one that has to be within the tolerance; the corners of the part's box if not given.
-        steady: share of the placements at which a reading must meet its face; less if few do.
-        room: share of them at which the probe must have room for it; less if it rarely has.
+        probe: sensor model.
+        seed: seed of the candidate places.
+        feature: feature that has to keep the tolerance; None for the corners of the part's box.
+        steady: least fraction of the placements at which a candidate must meet its face; lower if few do.
+        room: least fraction of the placements at which its approach must be clear; lower if few are.
     """
     target, T = start.targets[0], start.Ts[0]
     candidates = propose(begin(start), probe, _CANDIDATES, seed, anywhere=False)
@@ -177,7 +177,7 @@ def design_of(
     rows = [g]
     if probe.shared_sd > 0:
         rows.append(np.ones((len(g), 1)))
-    if max(probe.base_sds) > 0:  # the robot is off: all that it reads moves as if the part had moved the other way
+    if max(probe.base_sds) > 0:  # an error of the robot acts like the inverse motion of the part
         rows.append(-g)
     points = candidates.origins + ranges[:, None] * candidates.directions
     own, places = probe.own_variance(ranges, cosines), places_of(target.part, feature)
@@ -188,17 +188,17 @@ def design_of(
 
 
 def _steadiest(among: Placements, steady: float, room: float) -> IntArray:
-    """Candidates that reach both shares of the placements, or so many that come nearest."""
+    """Return the candidates that reach both fractions of the placements, or those nearest to them."""
     margin = np.minimum(among.meets.mean(axis=0) - steady, among.room.mean(axis=0) - room)
     return np.flatnonzero(margin >= min(0.0, np.sort(margin)[::-1][min(_LEAST, len(margin)) - 1]))
 
 
 def _prior(start: Start, probe: Probe) -> tuple[Covariances, Covariances]:
-    """Covariance of pose, bias and base, and that of the pose if it were known exactly relative to the robot."""
+    """Return the prior covariance of the states, and the pose covariance in the limit of infinitely many readings."""
     from scipy.linalg import block_diag  # slow to import
 
     pose = observed_covariance(start.targets[0].part, start.covariances[0])
-    pose = pose + _TINY * start.covariances[0]  # invertible, where a round part may spin
+    pose = pose + _TINY * start.covariances[0]  # invertible also for the spin of a round part
     blocks, limit = [pose], np.zeros((6, 6))
     if probe.shared_sd > 0:
         blocks.append(np.full((1, 1), probe.shared_sd**2))

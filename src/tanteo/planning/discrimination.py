@@ -1,4 +1,4 @@
-"""The single reading that tells one part from another, once the part is located as either of them."""
+"""The best single reading to discriminate two parts, after the object is located as either of them."""
 
 from __future__ import annotations
 
@@ -18,43 +18,42 @@ from tanteo.planning.samples import draw
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin
 from tanteo.planning.utility import about_mode
-from tanteo.posterior import PreparedPart, Priors, Problem, corner_moves, identify_points, prepare_all, settle
+from tanteo.posterior import PreparedPart, Priors, Problem, corner_moves, identify_points, prepare_all, refine_poses
+from tanteo.words.findings import NoPlaceReached, ReadingDiscriminates
 
 _PLACES = 60
-"""Places of the one part that the other is laid on."""
+"""Number of points of the first part to which the second one is fitted."""
 
 _AGREE = 0.02
-"""How well, in diagonals of the part."""
-
-_TELLS = 0.3
-"""Information from which a reading is said to discriminate two parts [nats]."""
+"""Standard deviation of that fit, as a fraction of the part's diagonal."""
 
 _FITTED = np.full(8, 3.0)
-"""Steps of the fit, and the scale from which a place loses its weight [times how well they agree]."""
+"""Robust scales of the successive steps of the fit, as multiples of its standard deviation."""
 
 _CLOSER, _SAME, _AS_MUCH = np.geomspace(3.0, 0.02, 24), 5e-5, 0.05
-"""Steps of the fit by as much surface as can be; what is the same surface then [m]; shares of it that are as much."""
+"""Robust scales of a fit that maximizes the common surface, distance of common points [m], and difference of the common
+fractions that counts as equal."""
 
 _SAMPLES = 48
-"""Poses of each place of each part, by which readings are compared."""
+"""Number of samples for each relative pose of each part."""
 
 _TWINS = 4
-"""Ways of laying it on that are looked at."""
+"""Number of relative poses of the two parts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discrimination:
-    """A reading that discriminates two parts.
+    """Best reading to discriminate two parts.
 
     Attributes:
-        parts: their names.
-        origin: from where to look or move, in the frame of the first part ``(3,)`` [m].
-        direction: in which, unit ``(3,)``.
-        ranges: what it reads if it is the first, and if it is the second [m]; infinite for nothing.
-        sds: standard deviations of these [m].
-        T_first_second: where the second part is then, in the frame of the first ``(4, 4)``.
-        information: about which it is [nats]; ln 2 is all there is.
-        message: one sentence.
+        parts: names of the parts.
+        origin: start of the beam or motion, frame of the first part ``(3,)`` [m].
+        direction: unit direction, frame of the first part ``(3,)``.
+        ranges: expected range for the first and the second part ``(2,)`` [m]; infinite for a miss.
+        sds: standard deviations of these ranges ``(2,)`` [m].
+        T_first_second: pose of the second part in the frame of the first ``(4, 4)``.
+        information: expected information about the part [nats], at most ln 2.
+        finding: result as a typed finding.
     """
 
     parts: tuple[str, str]
@@ -64,33 +63,38 @@ class Discrimination:
     sds: FloatArray
     T_first_second: Transforms
     information: float
-    message: str
+    finding: ReadingDiscriminates | NoPlaceReached
 
     @property
-    def tells(self) -> bool:
-        """Whether it is worth making."""
-        return self.information >= _TELLS
+    def message(self) -> str:
+        """The finding in words."""
+        return self.finding.message
+
+    @property
+    def discriminates(self) -> bool:
+        """Whether the reading is worth making."""
+        return self.information >= ReadingDiscriminates.LEAST
 
 
 def discriminate(
     first: PreparedPart | Part, second: PreparedPart | Part, probe: Probe, sd: float = 2e-4, seed: int = 0
 ) -> Discrimination:
-    """The reading that tells most about which of two parts it is, located to ``sd`` at its corners.
+    """Return the reading with the most information about which of two parts is present.
 
-    The second part is where it looks most like the first; it may look like it in several ways, and the reading is that
-    which tells most in the way in which it tells least.
+    The second part is at the pose at which it is most similar to the first. If there are several such poses, the
+    reading maximizes the information of the worst one.
 
     Args:
         first: one part.
-        second: the other.
-        probe: what senses.
-        sd: to which the part is located, at its corners [m].
-        seed: of the places that are tried.
+        second: the other part.
+        probe: sensor model.
+        sd: standard deviation of the located part at its corners [m].
+        seed: seed of the candidate places.
 
     Example:
         >>> left, right = (tanteo.read_part(f"parts/bracket_{side}.step") for side in ("left", "right"))
         >>> found = tanteo.discriminate(left, right, tanteo.probe_of("keyence_il300"))
-        >>> found.tells
+        >>> found.discriminates
         True
     """
     first, second = prepare_all("parts", (first, second))
@@ -108,12 +112,13 @@ def discriminate(
     names = (first.part.name, second.part.name)
     if not len(candidates):
         nowhere = np.full(3, np.nan)
-        message = "The probe reaches no place of the parts: give it more room, or another approach."
-        return Discrimination(names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, message)
+        return Discrimination(
+            names, nowhere, nowhere, nowhere[:2], nowhere[:2], twins[0], 0.0, NoPlaceReached(names)
+        )  # fmt: skip
     told = _told(state, candidates, probe, len(twins))
     k = int(np.lexsort((told.sum(axis=0), told.min(axis=0)))[-1])
     twin = int(np.argmin(told[:, k]))
-    here = draw(begin(start), 1)  # the middle of every pose
+    here = draw(begin(start), 1)  # the mean of every mode
     seen = predict(here, candidates.origins[k : k + 1], candidates.directions[k : k + 1], probe)
     rows = [int(np.flatnonzero(here.mode == mode)[0]) for mode in (0, 1 + twin)]
     ranges = seen.ranges[0, rows]
@@ -121,14 +126,16 @@ def discriminate(
     own = probe.variance(np.where(answers, ranges, 1.0), np.where(answers, seen.cosines[0, rows], 1.0))
     sds = np.sqrt(own + seen.variances[0, rows] + seen.scatter[0, rows])
     ranges, echoes = np.where(answers, ranges, np.inf), _echoes(state, candidates.take(np.array([k])), probe)
+    both, (a, b) = (float(ranges[0]), float(ranges[1])), echoes[[0, 1 + twin]]
+    finding = ReadingDiscriminates(names, both, (float(a), float(b)), float(told[twin, k]))
     return Discrimination(
         names, candidates.origins[k], candidates.directions[k], ranges, sds,
-        twins[twin], float(told[twin, k]), _message(names, ranges, echoes[[0, 1 + twin]], float(told[twin, k])),
+        twins[twin], float(told[twin, k]), finding,
     )  # fmt: skip
 
 
 def _told(state: SensingState, candidates: Candidates, probe: Probe, twins: int) -> FloatArray:
-    """What each reading tells about which part it is, if the second is known to be at each of its places ``(k, C)``."""
+    """Return the information of each reading for each relative pose of the second part ``(k, C)`` [nats]."""
     samples = draw(state, _SAMPLES * (1 + twins))
     predicted = predict(samples, candidates.origins, candidates.directions, probe)
     out = []
@@ -142,7 +149,7 @@ def _told(state: SensingState, candidates: Candidates, probe: Probe, twins: int)
 
 
 def _echoes(state: SensingState, one: Candidates, probe: Probe) -> FloatArray:
-    """How often a reading by a cone has an echo at every mode; 1 for a thin beam."""
+    """Return how often a reading by a cone has an echo at every mode; 1 for a thin beam."""
     if not has_cone(probe):
         return np.ones(len(state.weights))
     samples = draw(state, _SAMPLES * len(state.weights))
@@ -151,10 +158,10 @@ def _echoes(state: SensingState, one: Candidates, probe: Probe) -> FloatArray:
 
 
 def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
-    """Poses of the second part, in the frame of the first, at which it looks most like it ``(k, 4, 4)``.
+    """Return the poses of the second part in the frame of the first at which both are most similar ``(k, 4, 4)``.
 
-    It does so on the whole, all differences shared out over its surface, and with as much of the surface as can be just
-    where the first has it, which puts all the difference in one place: as when it was located by what both have.
+    One criterion distributes the differences over the whole surface. The other maximizes the common surface, so that
+    the differences are in one place, as if the object was located by the common faces.
     """
     points, normals = first.samples[:_PLACES], first.normals[:_PLACES]
     sd = _AGREE * first.part.diagonal
@@ -165,15 +172,15 @@ def laid_on(first: PreparedPart, second: PreparedPart) -> Transforms:
         return SE3.from_parts(np.eye(3), first.part.centroid - second.part.centroid)[None]
     Ts = np.stack([h.T_world_part for h in answer.hypotheses])
     problem = Problem(touches, FreeRays.none(), priors)
-    Ts = settle(problem, second, Ts, sd * _FITTED)  # the places are exact: no noise put one beside its face
-    close = settle(problem, second, np.concatenate([Ts, np.eye(4)[None]]), sd * _CLOSER)
+    Ts = refine_poses(problem, second, Ts, sd * _FITTED)  # the points are exact and need no normal sign check
+    close = refine_poses(problem, second, np.concatenate([Ts, np.eye(4)[None]]), sd * _CLOSER)
     off = second.surface.closest(SE3.apply(SE3.inverse(close)[:, None], points)).distances
     share = np.mean(off < _SAME, axis=1)
     return _distinct(second, np.concatenate([Ts, close[share > share.max() - _AS_MUCH]]))
 
 
 def _distinct(part: PreparedPart, Ts: Transforms) -> Transforms:
-    """The first of poses that are the same to what the corners of the part's box show."""
+    """Return poses without near duplicates, compared at the corners of the part's box."""
     kept: list[Transforms] = []
     for T in Ts:
         gaps = [corner_moves(part.part) @ SE3.log(SE3.inverse(other) @ T) for other in kept]
@@ -183,16 +190,6 @@ def _distinct(part: PreparedPart, Ts: Transforms) -> Transforms:
 
 
 def located(target: PreparedPart, sd: float) -> Covariances:
-    """A covariance of the pose with about that standard deviation at the corners ``(6, 6)``."""
+    """Return a pose covariance with about a given standard deviation at the corners ``(6, 6)``."""
     J = corner_moves(target.part)
     return np.asarray(sd**2 * 3 / 6 * np.linalg.inv(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0)))
-
-
-def _message(names: tuple[str, str], ranges: FloatArray, echoes: FloatArray, told: float) -> str:
-    words = ["nothing" if np.isinf(r) else f"{1e3 * r:.2f} mm" for r in ranges]
-    words = [w if e in (0, 1) else f"{w}, {e:.0%} of the time" for w, e in zip(words, echoes, strict=True)]
-    if told < 0.05:
-        both = f"{words[0]} for both" if words[0] == words[1] else f"{words[0]} and {words[1]}, which its noise hides"
-        return f"No single reading of this sensor tells {names[0]} from {names[1]}: the best reads {both}."
-    sure = "tells" if told > 0.6 else "hardly tells" if told < _TELLS else "helps to tell"
-    return f"This reading {sure} {names[0]} ({words[0]}) from {names[1]} ({words[1]})."

@@ -1,4 +1,4 @@
-"""What each reading of a session told, and which readings the answer rests on."""
+"""Information of each reading of a session, and support of the answer by readings."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from tanteo.posterior import (
     information_by_point,
     motion_of,
     observed_covariance,
-    spins,
+    symmetry_motions,
 )
 from tanteo.words import Motion
 
 _FORGOTTEN = np.exp(-DEFAULTS.search.negligible)
-"""What a part that is not listed any more may still have had."""
+"""Upper bound of the probability of a part that the posterior does not list any more."""
 
 
 class Observation(Protocol):
-    """What is known after a step, as :class:`tanteo.planning.Step` has it."""
+    """Posterior after a step, as in :class:`tanteo.planning.Step`."""
 
     @property
     def ids(self) -> tuple[str, ...]: ...  # noqa: D102
@@ -50,20 +50,20 @@ class Observation(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """What some readings told when they came.
+    """Information of the readings of one step.
 
     Attributes:
         ids: names of the readings.
-        met: face of the part of the final answer that each of them met, or that it met nothing, or nothing of it.
-        part: the likeliest part after them; empty for none.
-        probability: of that part.
-        about_part: information about the part: of the probabilities after against those before [nats].
-        about_pose: half the log of the determinants' ratio of the likeliest pose's covariances [nats]; NaN where the
-            likeliest part is another one than before.
-        motion: motion of the part that became better known; None where none did.
-        narrowed: standard deviation along it over that before; NaN without one.
-        corner_sd_before: largest corner sd before them, of the same part, over all poses that it may have [m].
-        corner_sd: after them [m].
+        met: face of the final answer's part that each reading met, ``nothing``, or ``nothing of it`` for an outlier.
+        part: name of the most probable part after the step; empty for none.
+        probability: probability of that part.
+        about_part: information about the part: relative entropy of the probabilities after and before [nats].
+        about_pose: information about the pose: half the log of the ratio of the covariances' determinants [nats]; NaN
+            if the most probable part has changed.
+        motion: motion of the part whose uncertainty decreased most; None if none did.
+        narrowed: standard deviation along it after the step over that before; NaN without a motion.
+        corner_sd_before: largest corner sd of the same part before the step, over all its possible poses [m].
+        corner_sd: largest corner sd after the step [m].
     """
 
     ids: tuple[str, ...]
@@ -80,15 +80,16 @@ class Added:
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """One principal direction of the final pose's covariance, and what is known of it from where.
+    """Principal direction of the final pose's covariance, and the readings that constrain it.
 
-    Principal in the sense of the corners of the part's box: the squares of ``moves`` sum to their mean square error.
+    The directions are principal for the corners of the part's box: the squares of ``moves`` sum to their mean square
+    error.
 
     Attributes:
         motion: the motion.
-        moves: how far one standard deviation along it moves the corners of the part's box, root mean square [m].
-        shares: of the information along it, names of readings and their shares, largest first.
-        prior: share of what was known beforehand; all shares sum to one.
+        moves: root mean square displacement of the corners for one standard deviation [m].
+        shares: name of each reading and its fraction of the information along the motion, largest first.
+        prior: fraction of the prior; all fractions sum to one.
     """
 
     motion: Motion
@@ -99,13 +100,13 @@ class Direction:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Why a session's answer is what it is.
+    """Explanation of a session's answer.
 
     Attributes:
-        part: of the answer; empty if no part explains the readings.
-        added: by the readings of each step.
-        directions: of the answer's pose, six or, of a round part, those that are not its spin, the worst known first;
-            none before the first reading that met something.
+        part: name of the answer's part; empty if no part explains the readings.
+        added: information of each step.
+        directions: principal directions of the answer's pose without the spin of a round part, most uncertain first;
+            empty before the first contact point.
     """
 
     part: str
@@ -114,11 +115,11 @@ class Explanation:
 
 
 def explain(state: SensingState, steps: Sequence[Observation]) -> Explanation:
-    """What each reading told and what the answer rests on.
+    """Return the information of each step and the support of the answer.
 
     Args:
-        state: at the end.
-        steps: on the way there, from the first.
+        state: final state of the session.
+        steps: steps of the session, in order.
     """
     start, met = state.start, _met(state)
     before: list[Observation | None] = [None, *steps][: len(steps)]
@@ -128,11 +129,11 @@ def explain(state: SensingState, steps: Sequence[Observation]) -> Explanation:
 
 
 def _met(state: SensingState) -> dict[str, str]:
-    """Names of the faces that the readings met, if the best mode is true."""
+    """Return the names of the faces that the readings met if the best mode is true, by reading."""
     if state.touches is None or not state.modes:
         return {} if state.touches is None else dict.fromkeys(state.touches.ids, "nothing of it")
     one = goodness_of_fit(state.modes[0])
-    rows = zip(state.touches.ids, face_names(one), one.belongs, strict=True)
+    rows = zip(state.touches.ids, face_names(one), one.inliers, strict=True)
     return {i: n if ok else "nothing of it" for i, n, ok in rows}
 
 
@@ -152,14 +153,14 @@ def _added(start: Start, before: Observation | None, after: Observation, met: di
 
 
 def _rough_corner_sd(start: Start, part: int) -> float:
-    """Largest corner sd of a part, by its prior poses."""
+    """Return the largest corner sd of a part by its prior poses [m]."""
     own = np.flatnonzero(start.part == part)
     rough = {name: getattr(start, name)[own] for name in ("part", "Ts", "covariances", "weights")}
     return largest_corner_sd(begin(replace(start, **rough)))
 
 
 def _about_part(start: Start, before: Observation | None, after: Observation) -> float:
-    """Relative entropy of the parts' probabilities, the unknown object among them, to those before."""
+    """Return the relative entropy of the probabilities of parts and unknown object to those before [nats]."""
     P = np.bincount(start.part, weights=start.weights, minlength=len(start.targets)) * (1 - start.priors.unknown)
     prior = np.r_[P, start.priors.unknown] if before is None else np.r_[before.probabilities, before.unknown]
     now = np.r_[after.probabilities, after.unknown]
@@ -168,7 +169,7 @@ def _about_part(start: Start, before: Observation | None, after: Observation) ->
 
 
 def _covariance_before(start: Start, before: Observation | None, part: int) -> Covariances | None:
-    """Of the pose of a part; None where another part was likelier."""
+    """Return the covariance of a part's pose before a step, or None if another part was more probable."""
     if before is not None:
         return before.covariance if before.part == part else None
     rows = np.flatnonzero(start.part == part)
@@ -176,7 +177,7 @@ def _covariance_before(start: Start, before: Observation | None, part: int) -> C
 
 
 def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[Motion | None, float]:
-    """The motion whose spread shrank most, and by which factor; of all that is linear in the pose."""
+    """Return the motion whose standard deviation decreased most, and the factor."""
     d = np.sqrt(np.diag(old))
     L = d[:, None] * np.linalg.cholesky(old / np.outer(d, d))
     values, vectors = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, after.covariance).T))
@@ -186,9 +187,9 @@ def _narrowed(part: Part, old: Covariances, after: Observation) -> tuple[Motion 
 
 
 def _directions(state: SensingState) -> tuple[Direction, ...]:
-    """Principal directions of the error of the corners of the part's box: whatever the part's frame, the same.
+    """Return the principal directions of the error of the box's corners, which do not depend on the part's frame.
 
-    The spin of a round part is no error, and none of them.
+    They exclude the spin of a round part.
     """
     if state.touches is None or not state.modes:
         return ()
@@ -197,7 +198,7 @@ def _directions(state: SensingState) -> tuple[Direction, ...]:
     J = corner_moves(part)
     L = np.linalg.cholesky(np.mean(np.swapaxes(J, 1, 2) @ J, axis=0))
     values, vectors = np.linalg.eigh(L.T @ observed_covariance(part, state.covariances[0]) @ L)
-    out, count = [], 6 - len(spins(part))
+    out, count = [], 6 - len(symmetry_motions(part))
     for variance, u in zip(values[::-1][:count], vectors.T[::-1][:count], strict=True):
         xi = np.linalg.solve(L.T, u)
         total, each = float(xi @ mode.information[:6, :6] @ xi), (own @ xi) @ xi

@@ -1,8 +1,8 @@
-"""Features as candidates: this face, this edge, this corner, this bore, each as the few readings that acquire it.
+"""Features as candidates: a face, edge, corner or bore, each with the few readings that acquire it.
 
 The paper chooses among features, not among single readings. A face needs three readings that are far apart, an edge two
-on either side of it, a corner one on each of its faces, the wall of a bore or a boss five. What they tell together is
-more than what one of them tells and less than their sum: the determinant of their joint covariance says how much.
+on either side, a corner one on each of its faces, and the wall of a bore or boss five. Their joint information is more
+than that of one reading and less than the sum; the determinant of their joint covariance gives it.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from tanteo.planning.state import SensingState
 from tanteo.planning.utility import about_mode
 
 _MODES = 3
-"""Modes, the likeliest, whose features are looked at."""
+"""Number of the most probable modes whose features are candidates."""
 
 _FACE, _SIDE, _WALL = 3, 2, 5
-"""Readings of a face, of each side of an edge, and of the wall of a bore or a boss."""
+"""Numbers of readings of a face, of each side of an edge, and of the wall of a bore or boss."""
 
 Kind: TypeAlias = Literal["face", "edge", "corner", "wall"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Feature:
-    """A face, an edge, a corner, or the wall of a bore or a boss, of a part at one mode of the belief.
+    """Face, edge, corner, or wall of a bore or boss, of a part at one mode.
 
     Attributes:
-        kind: what it is.
-        mode: of the belief.
-        faces: indices of the part's faces that meet there.
-        name: in words.
-        rows: the candidates that acquire it, in the order of their readings.
+        kind: kind of the feature.
+        mode: index of the mode.
+        faces: indices of the part's faces that form it.
+        name: name for messages.
+        rows: indices of the candidates that acquire it, in order.
     """
 
     kind: Kind
@@ -52,11 +52,11 @@ class Feature:
 
 
 def features(state: SensingState, candidates: Candidates) -> tuple[Feature, ...]:
-    """The faces, edges, corners and walls that the candidates can acquire; single places where they can acquire none.
+    """Return the features that the candidates can acquire; single readings if they can acquire none.
 
     Args:
-        state: what is known.
-        candidates: readings that can be made.
+        state: posterior of the session.
+        candidates: candidate readings.
     """
     modes = np.unique(candidates.mode)
     modes = modes[np.argsort(-state.weights[modes], kind="stable")][:_MODES]
@@ -71,7 +71,7 @@ def features(state: SensingState, candidates: Candidates) -> tuple[Feature, ...]
 
 
 def _of_mode(state: SensingState, c: Candidates, mode: int) -> Iterable[Feature]:
-    """The features of one mode, faces first."""
+    """Yield the features of one mode, faces first."""
     part = state.target(mode).part
     own = np.flatnonzero(c.mode == mode)
     local = SE3.apply(SE3.inverse(state.poses[mode]), c.aims[own])
@@ -83,20 +83,20 @@ def _of_mode(state: SensingState, c: Candidates, mode: int) -> Iterable[Feature]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _On:
-    """Candidates of one mode, by the faces on which they are: rows of each, and the place of every row in the part."""
+    """Candidates of one mode by face: indices on each face, and point of every candidate in the part frame."""
 
     part: Part
     rows: dict[int, IntArray]
     place: dict[int, Vectors]
 
     def name(self, faces: Sequence[int]) -> str:
-        """Of one face or several."""
+        """Return the names of one or several faces."""
         *others, last = (self.part.faces[f].name for f in faces)
         return f"{', '.join(others)} and {last}" if others else last
 
 
 _Found: TypeAlias = Iterator[tuple[Sequence[int], str, IntArray]]
-"""Faces of each feature, what it is called, and the candidates that acquire it."""
+"""Faces, name and candidates of each feature."""
 
 
 def _faces(on: _On) -> _Found:
@@ -132,18 +132,18 @@ def _walls(on: _On) -> _Found:
 _FINDERS: dict[Kind, Callable[[_On], _Found]] = {
     "face": _faces, "edge": _edges, "corner": _corners, "wall": _walls,
 }  # fmt: skip
-"""How the features of each kind are found among candidates."""
+"""Functions that find the features of each kind among candidates."""
 
 
 def _faces_at(part: Part, corner: int) -> list[int]:
-    """The faces that meet at a corner."""
+    """Return the faces that meet at a corner."""
     start = part.corners.edges_start
     edges = part.corners.edges[start[corner] : start[corner + 1]]
     return sorted({int(f) for f in part.edges.faces[edges].ravel()})
 
 
 def _apart(rows: IntArray, place: dict[int, Vectors], count: int) -> IntArray:
-    """So many of the candidates, far from each other: each as far as possible from those before it."""
+    """Return some candidates far from each other, by farthest point sampling."""
     x = np.stack([place[int(k)] for k in rows])
     chosen = [int(np.argmax(np.linalg.norm(x - x.mean(axis=0), axis=1)))]
     while len(chosen) < count:
@@ -153,7 +153,7 @@ def _apart(rows: IntArray, place: dict[int, Vectors], count: int) -> IntArray:
 
 
 def _along(rows: IntArray, place: dict[int, Vectors], ends: Vectors) -> IntArray:
-    """Two candidates beside an edge, far apart along it."""
+    """Return two candidates near an edge that are far apart along it."""
     x, u = np.stack([place[int(k)] for k in rows]), ends[1] - ends[0]
     t = (x - ends[0]) @ u / (u @ u)
     away = np.linalg.norm(x - ends[0] - np.clip(t, 0, 1)[:, None] * u, axis=1)
@@ -169,16 +169,16 @@ def _nearest(rows: IntArray, place: dict[int, Vectors], point: Vectors) -> IntAr
 def joint_information(
     found: Sequence[Feature], samples: Samples, predicted: Predictions, context: DecisionContext
 ) -> FloatArray:
-    """What the readings of each feature are expected to tell together about part and pose ``(F,)`` [nats].
+    """Return the joint information of the readings of each feature about part and pose ``(F,)`` [nats].
 
-    About the pose by the determinants, as far as it matters for the tolerance, if the feature's mode is true; about the
-    mode what the best of its readings tells, which is the least that all of them do.
+    The information about the pose comes from determinants, as far as it matters for the tolerance, given the feature's
+    mode. That about the mode is the information of the best reading, a lower bound for all of them.
 
     Args:
         found: the features.
-        samples: of the belief.
-        predicted: what each candidate would read under them.
-        context: belief, candidates and probe.
+        samples: samples of the posterior.
+        predicted: predicted readings for the samples.
+        context: input of the policy.
     """
     s, c = context, context.candidates
     apart, pose = about_mode(samples, predicted, s.probe), np.zeros(len(found))
@@ -203,7 +203,14 @@ def joint_information(
 
 
 def shrunk(G: FloatArray, R: FloatArray, whole: FloatArray, useful: FloatArray) -> float:
-    """Half the log of the ratio of determinants of the readings with and without what is useful of the pose."""
+    """Return half the log of the ratio of the readings' determinants with and without the useful covariance.
+
+    Args:
+        G: Jacobian of the readings over the pose ``(n, 6)``.
+        R: covariance of the readings given the pose ``(n, n)``.
+        whole: covariance of the pose ``(6, 6)``.
+        useful: its useful part ``(6, 6)``.
+    """
     if not len(G):
         return 0.0
     S = G @ whole @ G.T + R

@@ -1,4 +1,4 @@
-"""What a reading is expected to tell: the measures by which the next one is chosen; ``math.md`` section 11.
+"""Measures of the expected information of one reading (``math.md`` section 11).
 
 Under hypothesis ``h`` of weight ``w_h`` the reading is normal with mean ``mu_h`` and covariance ``S_h``. All
 information is in nats.
@@ -20,11 +20,11 @@ _REACH = 12.0
 _STEP = 0.125
 """Step of the trapezoid rule in the smallest standard deviation."""
 _PANEL = 0.25
-"""Width of a panel in standard deviations, where hypotheses are too unlike for one step."""
+"""Width of a panel in standard deviations, if the variances differ too much for one step."""
 
 
 def kl_divergence(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) -> FloatArray:
-    """Kullback-Leibler divergence of the normal ``(m1, S1)`` from ``(m2, S2)`` ``(*batch,)`` [nats]."""
+    """Return the Kullback-Leibler divergence of the normal ``(m1, S1)`` from ``(m2, S2)`` ``(*batch,)`` [nats]."""
     S1, S2 = np.asarray(S1, dtype=np.float64), np.asarray(S2, dtype=np.float64)
     L1, L2 = np.linalg.cholesky(S1), np.linalg.cholesky(S2)
     A = np.linalg.solve(L2, L1)
@@ -34,7 +34,7 @@ def kl_divergence(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) ->
 
 
 def bhattacharyya(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) -> FloatArray:
-    """Bhattacharyya distance of two normals ``(*batch,)`` [nats]; ``exp(-B)`` bounds their overlap."""
+    """Return the Bhattacharyya distance of two normals ``(*batch,)`` [nats]; ``exp(-B)`` bounds their overlap."""
     S1, S2 = np.asarray(S1, dtype=np.float64), np.asarray(S2, dtype=np.float64)
     mean = 0.5 * (S1 + S2)
     d = np.linalg.solve(np.linalg.cholesky(mean), np.asarray(m2 - m1)[..., None])[..., 0]
@@ -49,7 +49,7 @@ def _half_log_det(S: Covariances) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AcceptProbability:
-    """How often a gate accepts a hypothesis whose prediction is off.
+    """Probability that a gate accepts a hypothesis with a wrong prediction.
 
     Attributes:
         noncentrality: squared Mahalanobis distance of the predictions ``(*batch,)``.
@@ -61,12 +61,12 @@ class AcceptProbability:
 
 
 def accept_probability(delta: Vectors, S: Covariances, significance: float) -> AcceptProbability:
-    """Probability that the gate (25), in its joint form, accepts a hypothesis that predicts ``delta`` off.
+    """Return the probability that the gate (25), in its joint form, accepts a wrong hypothesis.
 
     Args:
-        delta: difference of the two predictions ``(*batch, m)``.
-        S: covariance common to both ``(*batch, m, m)``.
-        significance: rejected share of true matches.
+        delta: difference of the predictions of both hypotheses ``(*batch, m)``.
+        S: covariance of both ``(*batch, m, m)``.
+        significance: rejected fraction of true matches.
     """
     from scipy.special import chndtr  # slow to import
 
@@ -77,15 +77,15 @@ def accept_probability(delta: Vectors, S: Covariances, significance: float) -> A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GateDiscrimination:
-    """What one scalar reading tells between hypotheses.
+    """Measures of one scalar reading that discriminates hypotheses.
 
     Attributes:
         accept: ``A_ij``, probability that hypothesis ``j`` passes the gate when ``i`` is true ``(n, n)``.
-        expected_remaining: hypotheses left after the gate, on average.
-        mutual_information: between hypothesis and reading, exact [nats].
-        mi_lower: pairwise lower bound of it; the measure to choose by.
-        mi_upper: pairwise upper bound.
-        error_bound: bound on the probability to name the wrong hypothesis after the reading.
+        expected_remaining: expected number of hypotheses after the gate.
+        mutual_information: exact mutual information of hypothesis and reading [nats].
+        mi_lower: pairwise lower bound of it, by which readings are chosen [nats].
+        mi_upper: pairwise upper bound [nats].
+        error_bound: bound on the probability of a wrong hypothesis after the reading.
     """
 
     accept: FloatArray
@@ -99,16 +99,16 @@ class GateDiscrimination:
 def gate_discrimination(
     weights: FloatArray, means: FloatArray, variances: FloatArray, significance: float
 ) -> GateDiscrimination:
-    """All measures of one scalar reading with ``y | i ~ N(means_i, variances_i)`` (``math.md`` section 11).
+    """Return all measures of one scalar reading with ``y | i ~ N(means_i, variances_i)`` (``math.md`` section 11).
 
     Args:
-        weights: of the hypotheses ``(n,)``, summing to one.
+        weights: weights of the hypotheses that sum to one ``(n,)``.
         means: predicted readings ``(n,)``.
-        variances: theirs ``(n,)``, positive.
-        significance: level of the gate.
+        variances: their variances, positive ``(n,)``.
+        significance: significance level of the gate.
 
     Raises:
-        InputError: if weights are no distribution or a variance is not positive.
+        InputError: the weights are no distribution, or a variance is not positive.
     """
     w, mu, var = _check(weights, means, variances)
     accept = accept_matrix(mu, var, significance)
@@ -126,7 +126,7 @@ def gate_discrimination(
 
 
 def accept_matrix(means: FloatArray, variances: FloatArray, significance: float) -> FloatArray:
-    """``A_ij``: probability that the gate about hypothesis ``j`` accepts a reading drawn from ``i``."""
+    """Return ``A_ij``, the probability that the gate of hypothesis ``j`` accepts a reading drawn from ``i``."""
     from scipy.special import ndtr  # slow to import
 
     D = np.sqrt(chi2_limit(significance))
@@ -140,9 +140,9 @@ def accept_matrix(means: FloatArray, variances: FloatArray, significance: float)
 
 
 def information_bounds(weights: FloatArray, means: FloatArray, variances: FloatArray) -> tuple[float, float]:
-    """Lower and upper bound of the mutual information (Kolchinsky and Tracey 2017) [nats].
+    """Return lower and upper bound of the mutual information (Kolchinsky and Tracey 2017) [nats].
 
-    The lower bound is the measure to choose a reading by: it ranks as the exact value does in nine of ten draws.
+    Readings are chosen by the lower bound, whose ranking equals that of the exact value in nine of ten random cases.
     """
     w, mu, var = _check(weights, means, variances)
     KL = 0.5 * ((mu[:, None] - mu) ** 2 / var + var[:, None] / var - 1 + np.log(var / var[:, None]))
@@ -150,7 +150,7 @@ def information_bounds(weights: FloatArray, means: FloatArray, variances: FloatA
 
 
 def _mixed(w: FloatArray, distance: FloatArray) -> float:
-    """``-sum w_i ln sum w_j exp(-d_ij)``."""
+    """Return ``-sum w_i ln sum w_j exp(-d_ij)``."""
     used = w > 0
     return float(-w[used] @ np.log(np.exp(-distance[np.ix_(used, used)]) @ w[used]))
 
@@ -161,10 +161,10 @@ def _pairwise_bhattacharyya(mu: FloatArray, var: FloatArray) -> FloatArray:
 
 
 def mutual_information(weights: FloatArray, means: FloatArray, variances: FloatArray) -> float:
-    """Mutual information of hypothesis and reading [nats], exact to rounding.
+    """Return the mutual information of hypothesis and reading [nats], exact to rounding.
 
-    Each hypothesis' share is integrated over its own 12 standard deviations, by the trapezoid rule or, where others
-    are far sharper, panel by panel; no entropies of opposite sign cancel.
+    The term of each hypothesis is integrated over its own 12 standard deviations, by the trapezoid rule or, if others
+    are much sharper, by panels. No entropies of opposite sign cancel.
     """
     w, mu, var = _check(weights, means, variances)
     sd, total = np.sqrt(var), 0.0
@@ -180,7 +180,7 @@ def mutual_information(weights: FloatArray, means: FloatArray, variances: FloatA
 
 
 def _nodes(mu: FloatArray, sd: FloatArray, k: int) -> tuple[FloatArray, FloatArray]:
-    """Nodes ``y`` and weights, in units of ``sd_k``, for integrals over hypothesis ``k``."""
+    """Return nodes ``y`` and weights, in units of ``sd_k``, for integrals over hypothesis ``k``."""
     sharpest = float(sd.min() / sd[k])
     if sharpest > 1 / 64:
         step = _STEP * min(1.0, sharpest)

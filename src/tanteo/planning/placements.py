@@ -1,8 +1,7 @@
-"""Where a part may turn out to lie when a plan is carried out, and which readings meet their faces there.
+"""Sampled placements of a part for a plan, and the readings that meet their faces there.
 
-A reading that is chosen beforehand is made whether it still meets its face or not. Placements are drawn from all that
-is known beforehand, each with errors of sensor, robot and readings; at each only the readings count that have room and
-meet their faces.
+A planned reading is made even if it misses its face. Placements are sampled from the prior, each with errors of sensor,
+robot and readings. At each placement only the readings with a clear approach that meet their faces count.
 """
 
 from __future__ import annotations
@@ -21,23 +20,23 @@ from tanteo.planning.samples import even_normals
 from tanteo.posterior import PreparedPart
 
 _CHOICE, _VERDICT = 256, 1024
-"""Placements by which readings are chosen, and others by which the choice is judged: its own would flatter it."""
+"""Numbers of placements for the choice, and of independent ones for its evaluation, to avoid a bias."""
 
 _NOISES = 4
-"""Samples of the readings' noise at each."""
+"""Number of noise samples for each placement."""
 
 _SEED = 1991, 27
 
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """What some readings bring that are chosen beforehand.
+    """Probabilities of planned readings.
 
     Attributes:
-        within: chance that the tolerance is kept, over all placements; only readings that meet their faces count.
-        if_met: the same if every reading meets its face.
-        all_meet: share of the placements at which every reading does.
-        room: share of them at which all starts, and the ways there, are clear of the part.
+        within: probability that the tolerance is kept, over all placements; only readings that meet their faces count.
+        if_met: the same probability if every reading meets its face.
+        all_meet: fraction of the placements at which every reading meets its face.
+        room: fraction of the placements at which all starts and approach paths are clear of the part.
     """
 
     within: float
@@ -48,14 +47,14 @@ class Promise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placements:
-    """Samples of where the part lies, how far sensor and robot are off, and what the candidates meet then.
+    """Sampled poses and errors, and the results of the candidates.
 
     Attributes:
-        Ts: poses of the part, world ``(S, 4, 4)``.
-        errors: of what is expected of pose, bias and base ``(S, D)``.
-        noise: standard normal, that of the readings ``(S, M, D)``.
-        room: whether the probe has room at the start of each candidate and on the way there ``(S, N)``.
-        meets: whether each candidate has room and is answered, by its face ``(S, N)``.
+        Ts: poses of the part ``T_world_part`` ``(S, 4, 4)``.
+        errors: errors of pose, bias and base ``(S, D)``.
+        noise: standard normal noise of the readings ``(S, M, D)``.
+        room: whether start and approach path of each candidate are clear ``(S, N)``.
+        meets: whether each candidate is clear and has an echo from its face ``(S, N)``.
     """
 
     Ts: Transforms
@@ -68,11 +67,11 @@ class Placements:
         return len(self.Ts)
 
     def take(self, rows: IntArray | BoolArray) -> Placements:
-        """With some of the candidates."""
+        """Return the placements with some of the candidates."""
         return replace(self, room=self.room[:, rows], meets=self.meets[:, rows])
 
     def patterns(self, chosen: IntArray) -> list[tuple[BoolArray, IntArray]]:
-        """Which of the chosen readings meet their faces ``(n,)``, and the placements where it is these."""
+        """Return each set of readings that meet their faces, as flags ``(n,)``, with its placements."""
         found, which = np.unique(self.meets[:, chosen], axis=0, return_inverse=True)
         order = np.argsort(which, kind="stable")
         return list(zip(found, np.split(order, np.cumsum(np.bincount(which.ravel()))[:-1]), strict=True))
@@ -81,14 +80,14 @@ class Placements:
 def placements(
     target: PreparedPart, T: Transforms, prior: Covariances, candidates: Candidates, probe: Probe
 ) -> tuple[Placements, Placements]:
-    """Those to choose by, and those to judge by.
+    """Return placements for the choice of readings, and independent ones for its evaluation.
 
     Args:
         target: the part.
         T: its expected pose ``(4, 4)``.
-        prior: covariance of pose, bias and base ``(D, D)``; the pose comes first, independent of the others.
-        candidates: readings.
-        probe: what makes them.
+        prior: covariance of pose, bias and base ``(D, D)``; the pose is first and independent of the others.
+        candidates: candidate readings.
+        probe: sensor model.
     """
     rng, count = np.random.default_rng(_SEED), _CHOICE + _VERDICT
     normal = np.concatenate([even_normals(count + 1)[1:], rng.normal(size=(count, len(prior) - 6))], axis=1)
@@ -103,7 +102,7 @@ def placements(
 def _meets(
     target: PreparedPart, Ts: Transforms, candidates: Candidates, probe: Probe, rng: np.random.Generator
 ) -> BoolArray:
-    """Whether each candidate is answered, by its face ``(S, C)``; of a cone by any one of its rays."""
+    """Return whether each candidate has an echo from its face ``(S, C)``; for a cone, from one random ray."""
     along = candidates.directions[:, None]
     if has_cone(probe):
         along = _rays(candidates.directions, probe.beam_half_angle, len(Ts), rng)
@@ -113,7 +112,7 @@ def _meets(
 
 
 def _rays(directions: Vectors, half_angle: float, count: int, rng: np.random.Generator) -> Vectors:
-    """Of every cone so many rays, drawn evenly over its disc ``(C, S, 3)``."""
+    """Return random rays of every cone, uniform over its disc ``(C, S, 3)``."""
     slope = np.tan(half_angle) * np.sqrt(rng.random((len(directions), count)))
     turn = 2 * np.pi * rng.random(slope.shape)
     across = SO3.frame_from_axis(directions, 2)[:, None]

@@ -1,7 +1,7 @@
-"""What has to be where it is said to be: all corners of a part's box, or one feature of it by name.
+"""Points of a part that have to keep a tolerance: the corners of its box, or one feature by name.
 
-A feature counts in the directions that are its own: a face along its normal, an edge across itself, a vertex in all
-directions. Where it slides on itself nothing is seen of it, and nothing is lost.
+A feature counts in the directions in which its displacement is visible: a face along its normal, an edge across its
+direction, and a vertex in all directions.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ class Places:
     """Points of a part, each with the directions in which it counts.
 
     Attributes:
-        name: in words, ``all corners of bracket`` or ``edge 4 of bracket``.
+        name: name for messages, ``all corners of bracket`` or ``edge 4 of bracket``.
         feature: name of the feature; None for the corners of the box.
-        points: in the part frame ``(K, 3)`` [m].
-        across: projectors on the directions that count ``(K, 3, 3)``, part frame.
+        points: points, part frame ``(K, 3)`` [m].
+        across: projectors on the directions that count, part frame ``(K, 3, 3)``.
     """
 
     name: str
@@ -34,28 +34,23 @@ class Places:
     across: FloatArray
 
     @property
-    def worst(self) -> str:
-        """What a largest deviation is of, in words."""
-        return "largest corner sd" if self.feature is None else self.feature
-
-    @property
     def moves(self) -> FloatArray:
-        """How the points move with the part's pose, in the directions that count ``(K, 3, 6)``, part frame."""
+        """Jacobian of the points over the pose, in the directions that count, part frame ``(K, 3, 6)``."""
         return np.asarray(self.across @ point_moves(self.points))
 
     def sd(self, covariance: Covariances) -> float:
-        """Largest standard deviation of a point, in any direction that counts, for one of the pose ``(6, 6)`` [m]."""
+        """Return the largest standard deviation of a point in a direction that counts, for a pose covariance [m]."""
         J = self.moves
         return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
 
 
 def places_of(part: Part, feature: str | None = None) -> Places:
-    """The places of a feature, or the corners of the part's box.
+    """Return the places of a feature, or the corners of the part's box.
 
     Args:
         part: the part.
-        feature: ``face 3``, ``edge 4`` or ``vertex 2``, numbered as ``tanteo part show`` does; None for the corners,
-            which are taken, too, of a part that has no such feature.
+        feature: ``face 3``, ``edge 4`` or ``vertex 2``, numbered as by ``tanteo part show``. For None, and for parts
+            without this feature, the result has the corners.
     """
     found = None if feature is None else named_feature(part, feature)
     if found is None:
@@ -65,10 +60,14 @@ def places_of(part: Part, feature: str | None = None) -> Places:
 
 
 def check_feature(feature: str, parts: Sequence[Part] = ()) -> None:
-    """Refuse what names no feature, or none that any of the parts has.
+    """Check that a name is that of a feature, and that one of the parts has it.
+
+    Args:
+        feature: name of the feature.
+        parts: parts to check; empty to check the name only.
 
     Raises:
-        InputError: with the names that there are.
+        InputError: the name is invalid, or no part has the feature; the message lists the features.
     """
     cls = named_class(feature)
     if cls is None:
@@ -77,7 +76,7 @@ def check_feature(feature: str, parts: Sequence[Part] = ()) -> None:
         )
     if parts and all(named_feature(part, feature) is None for part in parts):
         counts = ", ".join(f"{part.name}: {_range(cls, part)}" for part in parts[:3])
-        raise InputError(f"feature: expected one of a part, got '{feature}'. There are, of {counts}.")
+        raise InputError(f"feature: expected one of a part, got '{feature}'. Available: {counts}.")
 
 
 def _range(cls: type[NamedFace], part: Part) -> str:

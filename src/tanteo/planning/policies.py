@@ -1,4 +1,4 @@
-"""Which of the candidates to take: by what it tells, alone or with others, or by one of the rules that others use."""
+"""Policies that choose the next reading: by expected information, by features, or by rules for comparison."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from tanteo.planning.baselines import LargestFace, Nearest, Random, Scripted321
 from tanteo.planning.context import Choice, DecisionContext, Policy
 from tanteo.planning.feature_candidates import Feature, features, joint_information
 from tanteo.planning.utility import UTILITIES, Utility, outlook
+from tanteo.words.findings import MostInformation
 
 
 def most_information(context: DecisionContext) -> float:
-    """What the best candidate is expected to tell [nats], whichever one a policy takes: by this a session ends."""
-    return float(outlook(context).told.max())
+    """Return the largest expected information of a candidate [nats], which decides whether a session ends."""
+    return float(outlook(context).gain.max())
 
 
 @dataclass(frozen=True, slots=True)
 class Greedy:
-    """The reading of the greatest utility; or of the most for its time, travelling included.
+    """Policy that chooses the reading with the greatest utility, or the greatest utility per time.
 
     Attributes:
-        utility: its name in the registry.
-        per_second: divide by the time that it takes.
-        name: of the policy.
+        utility: name of the utility in the registry.
+        per_second: whether to divide by the duration including travel.
+        name: name of the policy.
 
     Raises:
-        InputError: if no utility has that name.
+        InputError: no utility has that name.
     """
 
     utility: str = "information"
@@ -41,29 +42,29 @@ class Greedy:
             raise InputError(f"utility: expected one of {known}, got {self.utility!r}. Register it, or name one.")
 
     def choose(self, context: DecisionContext) -> Choice:
-        """The candidate with the greatest utility, or utility a second."""
+        """Return the candidate with the greatest utility, or utility per second."""
         ahead = outlook(context)
         worth = UTILITIES[self.utility](ahead)
         seconds = context.seconds() if self.per_second else None
         k = int(np.argmax(worth if seconds is None else worth / seconds))
-        why = f"it is expected to tell {ahead.told[k]:.2f} nats about part and pose"
-        return Choice(k, float(ahead.told[k]), why, None if seconds is None else float(seconds[k]))
+        gain = float(ahead.gain[k])
+        return Choice(k, gain, MostInformation(gain), None if seconds is None else float(seconds[k]))
 
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """The face, edge or corner whose readings together tell most for their time; of these the one that does so.
+    """Policy that chooses the feature with the most information per time, and the best reading of it.
 
-    It looks as many readings ahead as the feature needs, and moves on as soon as another feature is worth more.
+    It plans as many readings ahead as the feature needs, and changes as soon as another feature is better.
 
     Attributes:
-        name: of the policy.
+        name: name of the policy.
     """
 
     name: str = "features"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """A reading of the feature that is worth most."""
+        """Return the best reading of the best feature."""
         s = context
         ahead = outlook(s)
         found = features(s.state, s.candidates)
@@ -71,13 +72,14 @@ class Features:
         seconds = np.array([_seconds(s, feature) for feature in found])
         best = int(np.argmax(gains / seconds))
         chosen = found[best]
-        k = int(chosen.rows[np.argmax((ahead.told / s.seconds())[chosen.rows])])
-        why = f"with {len(chosen.rows) - 1} more of {chosen.name} it is expected to tell {gains[best]:.2f} nats"
-        return Choice(k, float(gains[best]), why, float(seconds[best]))
+        k = int(chosen.rows[np.argmax((ahead.gain / s.seconds())[chosen.rows])])
+        gain = float(gains[best])
+        reason = MostInformation(gain, chosen.name, len(chosen.rows) - 1)
+        return Choice(k, gain, reason, float(seconds[best]))
 
 
 def _seconds(s: DecisionContext, feature: Feature) -> float:
-    """Time that the readings of a feature take, one after another."""
+    """Return the duration of all readings of a feature [s]."""
     way = np.linalg.norm(np.diff(s.candidates.origins[feature.rows], axis=0), axis=1).sum()
     return float(s.probe.seconds * len(feature.rows) + (s.travel()[feature.rows[0]] + way) / s.probe.speed)
 
@@ -91,10 +93,14 @@ POLICIES: dict[str, Policy] = {
 
 
 def register_utility(name: str, utility: Utility) -> None:
-    """Make a utility known under its name, and the policy that takes the reading of which it is greatest.
+    """Register a utility and the greedy policy for it.
+
+    Args:
+        name: name of both.
+        utility: function that rates candidates.
 
     Raises:
-        InputError: if another policy has that name.
+        InputError: another policy has that name.
     """
     if name in POLICIES and UTILITIES.get(name) is not utility:
         raise InputError(f"utility: expected a name of its own, got {name!r}, which is taken. Choose another name.")
@@ -103,10 +109,10 @@ def register_utility(name: str, utility: Utility) -> None:
 
 
 def policy_named(name: str) -> Policy:
-    """The policy of that name.
+    """Return the policy of a name.
 
     Raises:
-        InputError: there is none.
+        InputError: no policy has that name.
     """
     if name not in POLICIES:
         raise InputError(f"policy: expected one of {', '.join(POLICIES)}, got '{name}'. Name one of these.")

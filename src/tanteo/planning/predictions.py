@@ -1,4 +1,4 @@
-"""What beams would read: by rays on every sample of a belief, and off one plane of a part."""
+"""Predicted readings: by rays on every sample of a posterior, and for one plane of a part."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ from tanteo.posterior import PreparedPart
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predictions:
-    """What beams would meet under every sample.
+    """Predicted readings of beams for every sample.
 
     Attributes:
-        ranges: ``(C, S)`` [m]; infinite where nothing is met.
-        cosines: of the incidence ``(C, S)``; 0 where nothing is met.
-        variances: of the range from the sample's own covariance ``(C, S)`` [m^2].
-        spreads: from that of its mode ``(C, S)`` [m^2].
-        useful: from the part of that which is worth knowing ``(C, S)`` [m^2].
-        faces: index of the part's face that is met ``(C, S)``; -1 for none.
-        shares: of the rays of the beam's cone, those that are answered ``(C, S)``; 1 for a thin beam.
-        scatter: variance of the range from ray to ray beyond that on one plane ``(C, S)`` [m^2]; 0 for a thin beam.
-        shared: variance from what the pose leaves open of the errors that readings share ``(C, S)`` [m^2]; NaN where
-            only the probe says it.
+        ranges: ranges ``(C, S)`` [m]; infinite for a miss.
+        cosines: cosines of the incidence ``(C, S)``; 0 for a miss.
+        variances: variances of the range from the covariance of the sample ``(C, S)`` [m^2].
+        spreads: variances from the covariance of the mode ``(C, S)`` [m^2].
+        useful: variances from the useful part of that covariance ``(C, S)`` [m^2].
+        faces: indices of the met faces ``(C, S)``; -1 for a miss.
+        shares: fraction of the rays of the beam's cone that have an echo ``(C, S)``; 1 for a thin beam.
+        scatter: variance of the range between rays, beyond that on one plane ``(C, S)`` [m^2]; 0 for a thin beam.
+        shared: variance from the shared errors given the pose ``(C, S)`` [m^2]; NaN if only the probe models them.
     """
 
     ranges: FloatArray
@@ -46,7 +45,7 @@ class Predictions:
 
     @property
     def met(self) -> BoolArray:
-        """Whether anything is met ``(C, S)``."""
+        """Whether each beam meets the part ``(C, S)``."""
         return np.isfinite(self.ranges)
 
 
@@ -57,16 +56,16 @@ def predict(
     probe: Probe | None = None,
     shared: SharedAhead | None = None,
 ) -> Predictions:
-    """What beams would read, by rays on every sample; ``math.md`` section 7, end, for the variance.
+    """Return the predicted readings of beams for every sample (``math.md`` section 7, end, for the variance).
 
-    The echo of a cone comes from any one of its rays: some may meet the part, and others nothing or another face.
+    The echo of a cone comes from any one of its rays; others may miss the part or meet another face.
 
     Args:
-        samples: where the parts may be.
-        origins: of the beams, world ``(C, 3)`` [m].
-        directions: unit, world ``(C, 3)``.
-        probe: what senses, if its cone or ball is to count.
-        shared: errors that the readings share, with those told before.
+        samples: samples of the posterior.
+        origins: origins of the beams, world frame ``(C, 3)`` [m].
+        directions: unit directions, world frame ``(C, 3)``.
+        probe: sensor model, if its cone or ball matters.
+        shared: errors that the beams share with earlier readings.
     """
     parts = np.unique(samples.part).tolist() or [0]
     rows = [np.flatnonzero(samples.part == k) for k in parts]
@@ -88,7 +87,7 @@ def _of_part(
     probe: Probe | None,
     shared: SharedAhead | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """What :class:`Predictions` has, under the samples of part ``k``."""
+    """Return the fields of :class:`Predictions` for the samples of part ``k``."""
     target, Ts = samples.targets[k], samples.Ts[some]
     d, cosine, face, g = beams(target, Ts, origins, directions)
     shares, scatter = np.ones(d.shape), np.zeros(d.shape)
@@ -108,16 +107,17 @@ def _of_part(
 def beams(
     target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors
 ) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
-    """What beams meet on a part at poses: range, cosine of incidence, face, and how the range moves with the pose.
+    """Return the intersections of beams with a part at poses.
 
     Args:
         target: the part.
         Ts: poses ``(S, 4, 4)``.
-        origins: of the beams, world ``(C, 3)`` [m].
-        directions: unit, world ``(C, 3)``.
+        origins: origins of the beams, world frame ``(C, 3)`` [m].
+        directions: unit directions, world frame ``(C, 3)``.
 
     Returns:
-        ``(C, S)`` three times (infinite, 0 and -1 for a miss), and the derivatives ``(C, S, 6)``, 0 for a miss.
+        Range, cosine of incidence and face ``(C, S)``, which are infinite, 0 and -1 for a miss, and derivatives of the
+        range over the pose ``(C, S, 6)``.
     """
     met = rays_met(target, Ts, origins, directions[:, None])
     return met.distances, met.cosines, met.faces, met.derivatives
@@ -125,12 +125,12 @@ def beams(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RangePrediction:
-    """The range that a beam is expected to read.
+    """Predicted range of a beam.
 
     Attributes:
-        mean: ``(*batch,)`` [m]; negative if the plane is behind.
-        variance: of the reading: pose and device together.
-        gradient: over the body error of the part's pose ``(*batch, 6)``.
+        mean: expected range ``(*batch,)`` [m]; negative if the plane is behind the origin.
+        variance: variance of the reading from pose and device ``(*batch,)`` [m^2].
+        gradient: gradient over the body error of the part's pose ``(*batch, 6)``.
     """
 
     mean: FloatArray
@@ -146,18 +146,18 @@ def predict_range(
     direction: Vectors,
     variance: FloatArray | float,
 ) -> RangePrediction:
-    """Range along a beam to a plane of the part, with the part's pose uncertain (``math.md`` section 7, end).
+    """Return the predicted range along a beam to a plane of a part with uncertain pose (``math.md`` section 7, end).
 
     Args:
         T_world_part: pose of the part ``(*batch, 4, 4)``.
         C: its body covariance ``(*batch, 6, 6)``.
         T_part_plane: frame of the plane, z outward ``(*batch, 4, 4)``.
-        origin: of the beam, world ``(*batch, 3)`` [m].
-        direction: unit, world ``(*batch, 3)``.
-        variance: of the device at that range [m^2].
+        origin: origin of the beam, world frame ``(*batch, 3)`` [m].
+        direction: unit direction, world frame ``(*batch, 3)``.
+        variance: variance of the device at that range [m^2].
 
     Raises:
-        DegenerateError: if a beam is parallel to its plane.
+        DegenerateError: a beam is parallel to its plane.
     """
     T = T_world_part @ T_part_plane
     n_world = T[..., :3, 2]

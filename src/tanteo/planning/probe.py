@@ -1,4 +1,4 @@
-"""What senses next, as far as choosing needs it: how far it reaches, how noisy it is, what it needs around it."""
+"""Sensor model for planning: range, noise, and the clearance and limits of its approach."""
 
 from __future__ import annotations
 
@@ -16,39 +16,40 @@ _POSITIVE = ("max_range", "standoff", "clearance", "retreat", "speed")
 _NOT_NEGATIVE = (
     "beam_half_angle", "shared_sd", "repeat_sd", "base_sds", "farthest", "cone", "seconds", "min_range", "radius",
 )  # fmt: skip
-"""Numbers of a probe that have to be so."""
+"""Fields of a probe that must not be negative."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Probe:
-    """A beam or a touch probe, its errors, and where it may be brought.
+    """Model of a beam or a touch probe, its errors, and the limits of its approach.
 
     Attributes:
-        name: for people.
+        name: name for messages.
         law: standard deviation along the beam or motion, by range.
-        beam_half_angle: of the cone [rad]; 0 for a touch or a thin beam.
-        contact: it touches: its noise is the same in every direction.
-        max_range: how far it reaches [m].
-        min_range: nearer than this it does not answer [m].
-        radius: of the ball at its tip [m]: what it reads is where the centre of the ball stops; 0 for a point or beam.
-        max_incidence: angle to the surface's normal up to which it answers [rad].
-        shared_sd: of the errors that its readings share, along the beam [m].
-        repeat_sd: of the hand's place from reading to reading, in every direction [m].
-        base_sds: of the robot's absolute error, which all readings share: place [m] and turn about the world's
-            origin [rad], each axis.
-        standoff: from where it starts to the surface that it is to meet [m]; with a stylus half of the way to the wall
-            behind, where that is nearer, as in a bore.
-        farthest: the most that this may be, where it may also start from farther off [m]; 0 where it may not.
-        clearance: radius of the room that it needs about its start and on the straight way there [m].
-        retreat: length of that way [m]: straight back from the start, or up the stylus, if it has one.
-        approach: direction in which it may look or move, world ``(3,)``; None for any.
+        beam_half_angle: half angle of the beam's cone [rad]; 0 for a touch or a thin beam.
+        contact: whether it touches; its noise is isotropic then.
+        max_range: largest range [m].
+        max_incidence: largest angle between beam and surface normal with an echo [rad].
+        shared_sd: standard deviation of the errors that its readings share, along the beam [m].
+        repeat_sd: standard deviation of the hand's place from reading to reading, in every direction [m].
+        base_sds: standard deviations of the robot's absolute error, which all readings share: along each axis [m] and
+            about each axis through the world's origin [rad].
+        standoff: distance of the start from the surface [m]. With a stylus it is at most half of the distance to an
+            opposite wall, as in a bore.
+        farthest: largest stand-off, if the probe may also start from farther away [m]; 0 if it may not.
+        clearance: radius of the free space around the start and the approach path [m].
+        retreat: length of the approach path [m], straight back from the start, or along the stylus if there is one.
+        approach: middle direction of beams or motions, world frame ``(3,)``; None for any direction.
         cone: largest angle to ``approach`` [rad].
-        workspace: where its start may be.
-        stylus: direction from the ball of a touch probe to what holds it, world ``(3,)``, which the part must leave
-            free all the way; None where nothing is known.
-        stylus_behind: it is held from behind instead: back along each motion.
-        speed: of travelling between readings [m/s].
-        seconds: that one reading takes, beside travelling.
+        stylus: direction from the ball of a touch probe to its holder, world frame ``(3,)``. The part must not touch
+            the stylus; None if it is unknown.
+        stylus_behind: whether the holder is behind the ball along each motion instead.
+        workspace: bounds of the start.
+        speed: speed of travel between readings [m/s].
+        seconds: duration of one reading without travel [s].
+        min_range: smallest range with an echo [m].
+        radius: radius of the ball at its tip [m]; a reading is the centre of the stopped ball. It is 0 for a point or a
+            beam.
 
     Example:
         >>> probe = tanteo.probe_of("keyence_il300", standoff=0.3)
@@ -100,15 +101,15 @@ class Probe:
         return InputError(f"probe '{self.name}', {field}: expected {expected}, got {got}.")
 
     def _check_standoff(self) -> None:
-        """Whether it reads at its stand-off."""
+        """Check that the probe reads at its stand-off."""
         least, most, got = (f"{1e3 * v:g} mm" for v in (self.min_range, self.max_range, self.standoff))
         if self.standoff > self.max_range:
             raise self._refused("standoff", f"a stand-off within range, {most} at most", f"{got}. Start nearer")
         if self.standoff < self.min_range:
-            raise self._refused("standoff", f"{least} or more, where it begins to read", f"{got}. Start farther off")
+            raise self._refused("standoff", f"{least} or more, where it starts to read", f"{got}. Start farther off")
 
     def _check_law(self) -> None:
-        """Whether its noise is that of one sensor, and one that readings can have."""
+        """Check that the noise is that of one sensor, with a possible size."""
         if np.ndim(self.law.const) or np.ndim(self.law.sigma(np.asarray(self.standoff))):
             raise self._refused("law", "that of one sensor", "arrays. Give one number each")
         sd = float(self.law.sigma(np.asarray(self.standoff)))
@@ -117,7 +118,7 @@ class Probe:
             raise self._refused("law", expected, f"{sd:g}. Correct it")
 
     def _check_ball(self) -> None:
-        """Whether there is room for its ball."""
+        """Check that the ball fits into stand-off and clearance."""
         if self.radius >= self.standoff or self.radius > self.clearance:
             ball, standoff, clearance = (f"{1e3 * v:g} mm" for v in (self.radius, self.standoff, self.clearance))
             raise self._refused(
@@ -125,67 +126,67 @@ class Probe:
                 f"{ball} beside {standoff} and {clearance}. Give it more of both",
             )  # fmt: skip
         if self.radius > 0 and not self.contact:
-            raise self._refused("radius", "none of a beam", "one. Say contact=True")
+            raise self._refused("radius", "none of a beam", "one. Use contact=True")
 
     def _direction(self, field: str) -> Vectors:
-        """A field's direction, unit."""
+        """Return the direction of a field as a unit vector."""
         d = np.asarray(getattr(self, field), dtype=np.float64)
         if d.shape != (3,) or not (np.isfinite(d).all() and np.abs(d).max() > 0):
             raise self._refused(field, "a direction", f"{d.tolist()}")
         d = d if 1e-100 < np.abs(d).max() < 1e100 else d / np.abs(d).max()  # no square overflows
-        if abs(np.linalg.norm(d) - 1) > 1e-12:  # a unit vector stays as it is, to the last bit
+        if abs(np.linalg.norm(d) - 1) > 1e-12:  # a unit vector keeps all its bits
             d = d / np.linalg.norm(d)
         return np.asarray(d)
 
     @property
     def standoffs(self) -> FloatArray:
-        """Distances from which it may start, evenly spread from the nearest to the farthest ``(n,)`` [m]."""
+        """PossiblePoses stand-offs, evenly spread from the nearest to the farthest ``(n,)`` [m]."""
         return np.linspace(self.standoff, max(self.standoff, self.farthest), 3 if self.farthest > self.standoff else 1)
 
     def variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
-        """Variance of what it reads along its beam, errors that its readings share included [m^2].
+        """Return the variance of a reading along its beam, with the errors that readings share [m^2].
 
         Args:
-            ranges: true ones ``(*batch)`` [m].
-            cosines: of the incidence, positive ``(*batch)``.
+            ranges: true ranges ``(*batch,)`` [m].
+            cosines: cosines of the incidence, positive ``(*batch,)``.
         """
         return self.own_variance(ranges, cosines) + self.shared_variance(cosines)
 
     def shared_variance(self, cosines: FloatArray) -> FloatArray:
-        """The part of it that its readings share."""
+        """Return the part of the variance that readings share [m^2]."""
         return np.asarray(self.shared_sd**2 + (self.base_sds[0] / cosines) ** 2)
 
     def short(self, cosines: FloatArray) -> FloatArray:
-        """By how much the centre of its ball stops short of a plane, along the approach [m]; 0 for a miss."""
+        """Return the distance of the stopped ball's centre from a plane, along the approach [m]; 0 for a miss."""
         return np.asarray(self.radius / np.where(cosines > 0, cosines, 1.0) * (cosines > 0))
 
     def own_variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
-        """The part of it that is new at every reading."""
+        """Return the part of the variance that is independent between readings [m^2]."""
         along, repeat2 = self.law.sigma(ranges) ** 2, self.repeat_sd**2
         if self.contact:
             return np.asarray((along + repeat2) / cosines**2)
         return np.asarray(along + self.cone_variance(ranges, cosines) + repeat2 / cosines**2)
 
     def cone_variance(self, ranges: FloatArray, cosines: FloatArray) -> FloatArray:
-        """What the cone adds to it on a plane, as the echo comes from any of its rays."""
+        """Return the variance from the cone on a plane, where the echo comes from any of its rays [m^2]."""
         return np.asarray((0.5 * self.beam_half_angle * ranges) ** 2 * (1 / cosines**2 - 1))
 
     def answers(self, ranges: FloatArray, cosines: FloatArray) -> BoolArray:
-        """Whether there is a reading at these ranges and incidences."""
+        """Return whether readings with these ranges and incidences have an echo."""
         within = (ranges >= self.min_range) & (ranges <= self.max_range)
         return np.asarray(within & (cosines >= np.cos(self.max_incidence)))
 
 
 def probe_of(preset: SensorPreset | str | float, robot: RobotPreset | str | None = None, **where: object) -> Probe:
-    """The probe of a sensor's preset on a robot; ``where`` are further fields of :class:`Probe`.
+    """Return the model of a sensor preset on a robot.
 
     Args:
-        preset: the sensor, or its name; or one standard deviation of its readings [m], and nothing else is known of it.
-        robot: its errors, or its name; none are assumed without it.
-        where: standoff, clearance, approach, workspace and so on.
+        preset: sensor preset or its name, or only the standard deviation of its readings [m].
+        robot: robot preset or its name; None for an exact robot.
+        where: further fields of :class:`Probe`, such as standoff, clearance, approach and workspace.
 
     Raises:
-        InputError: a stand-off at which the sensor reads nothing yet.
+        InputError: a field is invalid, such as a stand-off out of the sensor's range.
 
     Example:
         >>> tanteo.probe_of("keyence_il300", robot="calibrated_small").name

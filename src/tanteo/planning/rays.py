@@ -1,4 +1,4 @@
-"""What rays meet on a part at many poses; and the rays of a cone, of which any one may be the echo."""
+"""Intersections of rays with a part at many poses, and averages over the rays of a beam's cone."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from tanteo.planning.probe import Probe
 from tanteo.posterior import PreparedPart
 
 _THIN = np.radians(0.5)
-"""Half angle up to which a beam is taken as one ray: its spot is hardly larger than what a part is known to."""
+"""Half angle up to which a beam is modelled as one ray [rad], because its spot is small."""
 
 _RAYS, _GOLDEN = 7, np.pi * (3 - np.sqrt(5))
-"""Rays of a cone, and the turn from one to the next."""
+"""Number of rays of a cone, and angle between successive rays about its axis [rad]."""
 
 Axis = tuple[FloatArray, FloatArray, FloatArray]
 """Range, cosine and derivatives of the beam's axis."""
 
 
 def has_cone(probe: Probe) -> bool:
-    """Whether its beam is so wide that where it meets an edge has to be looked at ray by ray."""
+    """Return whether a beam is so wide that its rays are modelled separately."""
     return not probe.contact and probe.beam_half_angle > _THIN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Met:
-    """What rays meet at poses.
+    """First intersections of rays with a part at poses.
 
     Attributes:
-        distances: ``(C, S)`` [m]; infinite for a miss.
-        cosines: of incidence ``(C, S)``; 0 for a miss.
-        faces: ``(C, S)``; -1 for a miss.
-        derivatives: how ranges move with the pose ``(C, S, 6)``; 0 for a miss.
+        distances: ranges ``(C, S)`` [m]; infinite for a miss.
+        cosines: cosines of the incidence ``(C, S)``; 0 for a miss.
+        faces: indices of the faces ``(C, S)``; -1 for a miss.
+        derivatives: derivatives of the ranges over the pose ``(C, S, 6)``; 0 for a miss.
     """
 
     distances: FloatArray
@@ -45,7 +45,14 @@ class Met:
 
 
 def rays_met(target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors) -> Met:
-    """By rays from ``(C, 3)`` in world directions ``(C, S, 3)``, or ``(C, 1, 3)``."""
+    """Return the first intersections of rays with a part at poses.
+
+    Args:
+        target: the part.
+        Ts: poses ``(S, 4, 4)``.
+        origins: origins of the rays, world frame ``(C, 3)`` [m].
+        directions: unit directions, world frame ``(C, S, 3)`` or ``(C, 1, 3)``.
+    """
     poses, starts, along = (np.ascontiguousarray(values) for values in (Ts, origins, directions))
     distances, cosines, faces, derivatives = _core.beams(target.shape, poses, starts, along)
     return Met(distances, cosines, faces.astype(np.int64), derivatives)
@@ -54,10 +61,10 @@ def rays_met(target: PreparedPart, Ts: Transforms, origins: Vectors, directions:
 def of_cone(
     target: PreparedPart, Ts: Transforms, origins: Vectors, directions: Vectors, axis: Axis, probe: Probe
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Of the rays that are answered: mean range and cosine, derivatives, share, scatter of the ranges ``(C, S)``.
+    """Return averages over the answered rays of a cone: range, cosine, derivatives, fraction, and variance ``(C, S)``.
 
-    Rays for equal areas of the cone's disc, the axis among them, turned from sample to sample: over many of them every
-    place of the disc counts the same.
+    The rays stand for equal areas of the cone's disc and include its axis. They rotate from sample to sample, so that
+    all places of the disc have equal weight over many samples.
     """
     d, cosine, g = axis
     answers, g = probe.answers(d, cosine), g.copy()
@@ -71,7 +78,7 @@ def of_cone(
         answers = probe.answers(met.distances, met.cosines)
         first = np.nonzero(answers & (n == 0))
         g[first] = met.derivatives[first]
-        depth = np.where(answers, met.distances, 0.0) / length  # along the axis, where the reading is put
+        depth = np.where(answers, met.distances, 0.0) / length  # along the axis, to which the range refers
         n, total, squares = n + answers, total + depth, squares + depth**2
         cosines += np.where(answers, met.cosines, 0.0)
     none, some = n == 0, np.maximum(n, 1.0)

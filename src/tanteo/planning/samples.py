@@ -1,4 +1,4 @@
-"""A belief as a few hundred small normal densities, for what is not linear: edges, misses, the wrong face."""
+"""Approximation of a posterior by small normal densities, for effects of edges, misses and wrong faces."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from tanteo.planning.state import SensingState
 from tanteo.posterior import PreparedPart
 
 _KEPT = 0.3
-"""Share of the covariance that stays with every sample; the rest is between the samples."""
+"""Fraction of the covariance within each sample; the rest is between the samples."""
 
 _RMS = 1.6
 """A normal error in space stays within 1.6 times its root mean square with a probability of 95 %."""
 
 _SEEN = 1e-12
-"""Share of the largest mean square motion of the places below which a motion moves none of them."""
+"""Fraction of the largest mean square motion of the places below which a motion does not count."""
 
 _PLASTIC = 1.1127756842787055
 """Root of x^7 = x + 1: multiples of its powers fill six dimensions evenly (Roberts 2018)."""
 
 _FULL = 24
-"""So many vectors have a covariance of full rank in six dimensions, well enough known to be made one."""
+"""Number of vectors above which their covariance is normalized to the identity."""
 
 _LEAST = 1e-4
-"""Modes of less probability are not asked about."""
+"""Fraction of the largest probability below which a mode has no samples."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Poses that are possible, each with the small covariance of its own.
+    """PossiblePoses poses, each with a small covariance of its own.
 
     Attributes:
         targets: the parts.
-        part: index of the part of each ``(S,)``.
-        mode: index of the mode of the belief that it is drawn from ``(S,)``.
+        part: index of the part of each sample ``(S,)``.
+        mode: index of the mode of each sample ``(S,)``.
         Ts: poses ``T_world_part`` ``(S, 4, 4)``.
-        covariances: ``(S, 6, 6)``, part frame, right perturbation [m, rad].
-        weights: ``(S,)``, summing to one.
-        whole: covariance of the mode of each ``(S, 6, 6)``.
-        useful: the part of it that is worth knowing ``(S, 6, 6)``: all of it, or what exceeds a tolerance.
+        covariances: covariances of the samples, part frame, right perturbation ``(S, 6, 6)`` [m, rad].
+        weights: weights that sum to one ``(S,)``.
+        whole: covariance of the mode of each sample ``(S, 6, 6)``.
+        useful: the useful part of it ``(S, 6, 6)``: all of it, or the excess over a tolerance.
     """
 
     targets: tuple[PreparedPart, ...]
@@ -63,13 +63,13 @@ class Samples:
 
 
 def draw(state: SensingState, count: int, tolerance: float | None = None, feature: str | None = None) -> Samples:
-    """About so many samples of a belief, more of the likelier modes, spread evenly over each (Sobol).
+    """Return evenly spread samples of a posterior, more for more probable modes (quasi-random, Roberts 2018).
 
     Args:
-        state: what is known.
-        count: of samples; every mode has one at least.
-        tolerance: of the corners of the part [m], beyond which nothing more needs to be known; None for none.
-        feature: name of one that has to keep it instead, see :class:`tanteo.planning.Stop`.
+        state: posterior of the session.
+        count: approximate number of samples; every mode has at least one.
+        tolerance: tolerance of the corners of the part [m], below which accuracy has no value; None without one.
+        feature: feature that has to keep it instead, see :class:`tanteo.planning.Stop`.
     """
     alive = np.flatnonzero(state.weights > _LEAST * state.weights.max(initial=0.0))
     w = state.weights[alive] / state.weights[alive].sum()
@@ -80,7 +80,7 @@ def draw(state: SensingState, count: int, tolerance: float | None = None, featur
     C = state.covariances[mode]
     values, vectors = np.linalg.eigh(state.covariances[alive])
     L = (vectors * np.sqrt(values.clip(0.0))[:, None, :])[which]
-    many = counts[which] > 1  # a single sample has all of the covariance
+    many = counts[which] > 1  # a single sample has the complete covariance
     moved = np.where(many[:, None], np.sqrt(1 - _KEPT) * (L @ xi[..., None])[..., 0], 0.0)
     kept = np.where(many, _KEPT, 1.0)[:, None, None] * C
     Ts = state.poses[mode] @ SE3.exp(moved)
@@ -92,7 +92,7 @@ def draw(state: SensingState, count: int, tolerance: float | None = None, featur
 def _from_draws(
     state: SensingState, alive: IntArray, counts: IntArray, kept: Covariances, Ts: Transforms
 ) -> tuple[Covariances, Transforms]:
-    """Where a mode is not normal, the samples of the belief, with a share of the curvature at its maximum."""
+    """Return covariances and poses, for modes that are not normal from the samples of the posterior."""
     first = np.cumsum(counts) - counts
     for k, n, at in zip(alive, counts, first, strict=True):
         if state.draws is None or state.modes[k].normal or n < 2:
@@ -108,9 +108,9 @@ def _from_draws(
 
 
 def _useful(state: SensingState, k: int, tolerance: float | None, feature: str | None) -> Covariances:
-    """``C - (C^-1 + W)^-1`` of mode ``k``, ``W`` the information that just keeps the places within the tolerance.
+    """Return ``C - (C^-1 + W)^-1`` of mode ``k``, where ``W`` is the information that just keeps the tolerance.
 
-    Of motions that move none of them, nothing is worth knowing.
+    Motions that do not move any of the places do not count.
     """
     C = state.covariances[k]
     if tolerance is None:
@@ -125,7 +125,7 @@ def _useful(state: SensingState, k: int, tolerance: float | None, feature: str |
 
 @cache
 def even_normals(n: int) -> FloatArray:
-    """Evenly spread standard normal vectors ``(n, 6)``, the first at the centre, the others with unit covariance."""
+    """Return evenly spread standard normal vectors ``(n, 6)``: the first is zero, the others have unit covariance."""
     if n == 1:
         return np.zeros((1, 6))
     half = _even(1 << (int(n) // 2 - 1).bit_length())[: n // 2]
@@ -138,6 +138,6 @@ def even_normals(n: int) -> FloatArray:
 
 @cache
 def _even(n: int) -> FloatArray:
-    """Evenly spread standard normal vectors ``(n, 6)`` on one side, as they come; fewer are the first of more."""
+    """Return the first ``n`` evenly spread standard normal vectors of one sequence ``(n, 6)``."""
     u = (0.5 + np.arange(1, n + 1)[:, None] * _PLASTIC ** -np.arange(1.0, 7.0)) % 1.0
     return np.vectorize(NormalDist().inv_cdf)(np.clip(u, 1e-6, 1 - 1e-6))

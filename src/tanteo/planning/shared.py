@@ -1,4 +1,4 @@
-"""How errors that all readings share move what a candidate would read, and what is known of them beside the pose."""
+"""Effect of shared errors on the predicted readings of candidates, and their distribution given the pose."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from tanteo.planning.state import SensingState
 from tanteo.posterior import Mode
 
 _FAR = 3.0
-"""Standard deviations up to which a pose far from the maximum says of the shared errors what it says near it."""
+"""Bound of the mean of whitened shared errors at poses far from the maximum [standard deviations]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SharedAhead:
-    """The shared errors of candidates. Given the pose of a mode they are normal, with a mean that moves with the pose.
+    """Shared errors of candidates, which are normal given the pose, with a mean that is linear in the pose.
 
     Attributes:
-        jacobians: true point = point + jacobian z of unit normal errors ``z``, world ``(C, 3, D)``.
-        Ts: where each mode has its maximum ``(M, 4, 4)``.
-        means: of the errors there ``(M, D)``.
-        slopes: how their mean moves with the pose, part frame, right perturbation ``(M, D, 6)``.
-        covariances: of them, given the pose ``(M, D, D)``.
+        jacobians: Jacobian of the points over unit normal errors ``z``, world frame ``(C, 3, D)``.
+        Ts: pose of the maximum of each mode ``(M, 4, 4)``.
+        means: means of the errors there ``(M, D)``.
+        slopes: derivatives of the means over the pose, part frame, right perturbation ``(M, D, 6)``.
+        covariances: covariances of the errors given the pose ``(M, D, D)``.
     """
 
     jacobians: FloatArray
@@ -35,12 +35,12 @@ class SharedAhead:
 
     @classmethod
     def of(cls, state: SensingState, jacobians: FloatArray, columns: IntArray) -> SharedAhead:
-        """What a belief knows of them.
+        """Return the shared errors by the posterior of a session.
 
         Args:
-            state: what is known.
-            jacobians: of the candidates, whitened ``(C, 3, D)``.
-            columns: which of the belief's shared errors each of theirs is ``(D,)``; -1 for one that is new.
+            state: posterior of the session.
+            jacobians: whitened Jacobians of the candidates ``(C, 3, D)``.
+            columns: index of each error among those of the posterior ``(D,)``; -1 for a new one.
         """
         M, D, known = len(state.weights), jacobians.shape[2], np.flatnonzero(columns >= 0)
         means, slopes, covariances = np.zeros((M, D)), np.zeros((M, D, 6)), np.tile(np.eye(D), (M, 1, 1))
@@ -52,16 +52,16 @@ class SharedAhead:
     def moved(
         self, mode: IntArray, Ts: Transforms, derivatives: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What they do to ranges.
+        """Return the effect of the shared errors on ranges.
 
         Args:
-            mode: of each pose ``(S,)``.
-            Ts: the poses ``(S, 4, 4)``.
-            derivatives: how ranges move with the pose alone ``(C, S, 6)``.
+            mode: index of the mode of each pose ``(S,)``.
+            Ts: poses ``(S, 4, 4)``.
+            derivatives: derivatives of the ranges over the pose ``(C, S, 6)``.
 
         Returns:
-            By how much each is off on average ``(C, S)`` [m], how it moves with the pose and with what the shared
-            errors then are ``(C, S, 6)``, and the variance from what the pose leaves open of them ``(C, S)`` [m^2].
+            Mean deviation of each range ``(C, S)`` [m], total derivative over the pose ``(C, S, 6)``, and variance of
+            the errors given the pose ``(C, S)`` [m^2].
         """
         by = self._by(Ts, derivatives)
         xi = SE3.log(SE3.inverse(self.Ts[mode]) @ Ts)
@@ -72,18 +72,18 @@ class SharedAhead:
     def together(
         self, mode: int, T: Transforms, derivatives: FloatArray, own: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Of all candidates at one pose of a mode: how they move with it ``(C, 6)``, and their covariance given it."""
+        """Return the derivatives of all candidates over a mode's pose ``(C, 6)``, and their covariance given it."""
         by = self._by(T[None], derivatives[:, None])[:, 0]
         return derivatives + by @ self.slopes[mode], np.diag(own) + by @ self.covariances[mode] @ by.T
 
     def _by(self, Ts: Transforms, derivatives: FloatArray) -> FloatArray:
-        """How ranges move with the errors, the part being still ``(C, S, D)``."""
-        normals = np.einsum("sij,csj->csi", Ts[:, :3, :3], derivatives[..., :3])  # over their cosine with the beam
+        """Return derivatives of the ranges over the errors at a fixed pose ``(C, S, D)``."""
+        normals = np.einsum("sij,csj->csi", Ts[:, :3, :3], derivatives[..., :3])  # over the cosine of the incidence
         return np.asarray(-(normals @ self.jacobians))
 
 
 def _given_pose(mode: Mode, columns: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean of some shared errors at a maximum, how it moves with the pose, and their covariance given the pose."""
+    """Return mean of some shared errors at a maximum, its derivative over the pose, and their covariance."""
     known = np.asarray(np.linalg.inv(mode.information[6:, 6:]), dtype=np.float64)
     slopes = -known @ mode.information[6:, :6]
     return mode.z[columns], slopes[columns], known[np.ix_(columns, columns)]

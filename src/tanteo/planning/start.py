@@ -1,4 +1,4 @@
-"""What is assumed before the first reading: where each part may be, as a mixture of prior poses."""
+"""Prior of a session: a mixture of prior poses for each part."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from tanteo.parts import Part, as_part
 from tanteo.posterior import Hypothesis, PoseMixture, PosePrior, PreparedPart, Priors, prepare_all, sized
 
 ORIGIN_SDS = 0.005, float(np.radians(3.0))
-"""How well a part's place is taken to be known if nobody says: each axis [m], about each axis [rad]."""
+"""Default standard deviations of a prior pose along [m] and about [rad] each axis."""
 
 _BEYOND = 1.2
-"""Spread of the poses that are looked at, in that of the prior poses."""
+"""Spread of sampled poses, as a multiple of that of the prior poses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,18 +27,18 @@ class Start:
     """Prior poses of parts, each normal, with their probabilities; the unknown object has the rest.
 
     Attributes:
-        targets: the parts, prepared (``inference.prepare``).
+        targets: the parts, prepared (``posterior.prepare``).
         part: index of the part of each prior pose ``(A,)``.
         Ts: prior poses ``T_world_part`` ``(A, 4, 4)``.
-        covariances: of them ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
-        weights: their probabilities, if it is one of the parts: they sum to one ``(A,)``.
-        priors: of the unknown object and of outliers; the radius of the workspace.
-        factors: measurements of the pose from which the session starts, such as an image. They are the posterior's
-            prior of the pose then, all parts are equally probable beforehand, and the prior poses are the first guess.
+        covariances: their covariances ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        weights: their probabilities given that a part is present, which sum to one ``(A,)``.
+        priors: priors of the unknown object and of outliers, and radius of the workspace.
+        factors: measurements of the pose from which the session starts, such as an image. They replace the prior of the
+            pose, with equally probable parts, and the prior poses are only initial poses.
         suggested: number of prior poses, the first ones, that only the factors suggest.
 
     Raises:
-        InputError: no part, no prior pose of it, weights that are no probabilities, a covariance without spread.
+        InputError: part or prior pose is missing, the weights are no probabilities, or a covariance is singular.
     """
 
     targets: tuple[PreparedPart, ...]
@@ -66,11 +66,9 @@ class Start:
             which = np.asarray(self.part).tolist()
             raise InputError(f"start, part: expected indices of {len(self.targets)} parts, got {which}.")
         if self.priors.pose is not None:
-            raise InputError(
-                "priors, pose: expected none, for the start's own poses are what is known. Give it as them."
-            )
+            raise InputError("priors, pose: expected none, because a start has prior poses. Add it to them.")
         if np.linalg.eigvalsh(C).min() <= 0:
-            raise InputError("start: expected a spread in every direction, got none in one. A tiny one is enough.")
+            raise InputError("start: expected a positive variance in all directions, got 0. Use a small one.")
         check_spreads("start", C)
         if (turn := float(np.sqrt(np.linalg.eigvalsh(C[..., 3:, 3:]).max()))) > np.pi:
             raise InputError(
@@ -78,7 +76,7 @@ class Start:
             )
         check_places("start, T_world_part", Ts[..., :3, 3])
         radius = max(target.part.radius for target in self.targets)
-        if abs(w.sum() - 1) > 1e-12:  # what sums to one stays as it is, to the last bit
+        if abs(w.sum() - 1) > 1e-12:  # weights that sum to one keep all their bits
             w = w / w.sum()
         for name, value in (("Ts", Ts), ("covariances", C), ("weights", w)):
             object.__setattr__(self, name, np.require(value, requirements="C"))
@@ -88,23 +86,23 @@ class Start:
         return len(self.part)
 
     def prior(self, rows: IntArray) -> PosePrior:
-        """The prior poses of those rows, as what is known of as many poses."""
+        """Return the prior poses of some rows."""
         return PosePrior(self.Ts[rows], self.covariances[rows])
 
     def stated(self, row: int) -> PosePrior | None:
-        """The prior pose of a row; None if it is only suggested by a factor, which the posterior has as it is."""
+        """Return the prior pose of a row, or None if only a factor suggests it, which the posterior contains itself."""
         return None if row < self.suggested else PosePrior(self.Ts[row], self.covariances[row])
 
     def shares(self) -> FloatArray:
-        """Probability of every part, if it is one of them, before any factor ``(P,)``."""
+        """Return the prior probability of every part given that one is present, without factors ``(P,)``."""
         if self.factors:
             return np.full(len(self.targets), 1 / len(self.targets))
         return np.bincount(self.part, weights=self.weights, minlength=len(self.targets)).astype(np.float64)
 
     def mixtures(self) -> dict[int, PoseMixture]:
-        """The prior poses of each part that has any, given that it is this one, by the id of the part.
+        """Return the prior poses of each part given that it is present, by the id of the part.
 
-        None where factors are the prior of the pose.
+        The result is empty if factors replace the prior of the pose.
         """
         if self.factors:
             return {}
@@ -117,9 +115,14 @@ class Start:
         return out
 
     def likeliest(self, part: int, T_world_part: Transforms) -> int:
-        """Row of the prior pose of a part from which a pose ``(4, 4)``, or a symmetric one, most probably is.
+        """Return the row of the prior pose that most probably generates a pose, up to symmetry.
 
-        It is -1 if the part has none, as only factors suggest the pose then.
+        Args:
+            part: index of the part.
+            T_world_part: the pose ``(4, 4)``.
+
+        Returns:
+            The row; -1 if the part has no prior pose.
         """
         own = np.flatnonzero((self.part == part) & (self.weights > 0))
         if not len(own):
@@ -133,7 +136,7 @@ class Start:
         return int(own[np.argmax(log - 0.5 * np.sum(white * white, axis=-1).min(axis=1))])
 
     def drawn(self, part: int, count: int) -> Transforms:
-        """The same poses of a part every time, over all its prior poses and somewhat beyond ``(count, 4, 4)``."""
+        """Return reproducible samples of the prior poses of a part with a wider spread ``(count, 4, 4)``."""
         rows = np.flatnonzero(self.part == part)
         which = np.resize(rows, count)
         xi = np.random.default_rng((1991, part)).normal(size=(count, 6, 1))
@@ -147,16 +150,19 @@ def around(
     covariance: Covariances,
     priors: Priors | None = None,
 ) -> Start:
-    """Some part, its centroid about a place and its axes about along those of the place: a feeder, a fixture.
+    """Return a start with every part at one place, such as a feeder or a fixture.
+
+    The centroid of the part is about at the place, and its axes are about parallel to those of the place.
 
     Args:
         targets: the parts, prepared or not, all equally probable.
         T_world_place: the place ``(4, 4)``.
-        covariance: of the part there ``(6, 6)``, order x y z rx ry rz, in the frame of the place at the centroid.
-        priors: of the unknown object and of outliers.
+        covariance: covariance of the part's pose there, order x y z rx ry rz, frame of the place at the centroid
+            ``(6, 6)`` [m, rad].
+        priors: priors of the unknown object and of outliers; None for the defaults.
 
     Raises:
-        InputError: no parts, a place that is no rigid motion, a covariance that cannot be one or is in degrees.
+        InputError: no part is given, the place is no rigid motion, or the covariance is invalid or in degrees.
 
     Example:
         >>> import numpy as np
@@ -185,7 +191,14 @@ def around(
 def at_pose(
     target: PreparedPart | Part, T_world_part: Transforms, covariance: Covariances, priors: Priors | None = None
 ) -> Start:
-    """One part at a prior pose ``T_world_part`` ``(4, 4)`` with covariance ``(6, 6)``, part frame [m, rad]."""
+    """Return a start with one part at one prior pose.
+
+    Args:
+        target: the part.
+        T_world_part: prior pose ``(4, 4)``.
+        covariance: its covariance, part frame ``(6, 6)`` [m, rad].
+        priors: priors of the unknown object and of outliers; None for the defaults.
+    """
     T, C = np.asarray(T_world_part, dtype=np.float64), np.asarray(covariance, dtype=np.float64)
     return Start(
         prepare_all("part", as_part("part", target)),
@@ -198,7 +211,7 @@ def at_pose(
 
 
 def at_origin(target: PreparedPart | Part, priors: Priors | None = None) -> Start:
-    """One part with its frame at the world's, known at its centroid as well as :data:`ORIGIN_SDS`: for plans."""
+    """Return a start with a part's frame at that of the world, with :data:`ORIGIN_SDS` at its centroid, for plans."""
     part = prepare_all("part", as_part("part", target))[0].part
     J = SE3.adjoint(SE3.from_parts(np.eye(3), part.centroid))
     return at_pose(target, np.eye(4), J @ np.diag(np.repeat(ORIGIN_SDS, 3) ** 2) @ J.T, priors)
@@ -207,12 +220,14 @@ def at_origin(target: PreparedPart | Part, priors: Priors | None = None) -> Star
 def from_hypotheses(
     hypotheses: Sequence[Hypothesis], targets: Sequence[PreparedPart] | Sequence[Part], priors: Priors | None = None
 ) -> Start:
-    """What another answer left open: that of an image, or of earlier readings, which are not told again.
+    """Return a start with the hypotheses of another answer, from an image or from earlier readings.
+
+    The session must not get the same readings again.
 
     Args:
-        hypotheses: of the answer; parts by name.
-        targets: these parts.
-        priors: of the unknown object and of outliers.
+        hypotheses: hypotheses of the answer.
+        targets: the parts that they name.
+        priors: priors of the unknown object and of outliers; None for the defaults.
 
     Raises:
         InputError: a hypothesis names a part that is not among the targets.

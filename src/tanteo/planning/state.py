@@ -1,8 +1,7 @@
-"""The belief while sensing goes on: the posterior of all readings, under the prior poses of a start.
+"""State of a session: the posterior of all readings under the prior poses of a start.
 
-Before the first reading it is the start itself, or the posterior of its factors. After that
-:func:`tanteo.posterior.update_posterior` leads from one posterior to the next, and what is asked of a belief are its
-modes, as normal densities or by their samples.
+Before the first reading it is the prior itself, or the posterior of the start's factors. Then
+:func:`tanteo.posterior.update_posterior` updates it. Its modes are available as normal densities and as samples.
 """
 
 from __future__ import annotations
@@ -17,17 +16,17 @@ from tanteo.planning.start import Start
 from tanteo.posterior import Mode, Posterior, PreparedPart, Problem, on_part, posterior_of_factors, update_posterior
 
 _LEAST_P = 1e-12
-"""Probability of a mode at least: where the object is only like a part, it is kept as the place of that."""
+"""Least probability of a mode: it keeps the pose of the nearest part if the object is probably unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WeightedPoses:
-    """Samples of a belief.
+    """Samples of a posterior.
 
     Attributes:
-        Ts: ``(N, 4, 4)``.
-        mode: index of the mode of each ``(N,)``.
-        weights: ``(N,)``, summing to the probability of all parts.
+        Ts: poses ``T_world_part`` ``(N, 4, 4)``.
+        mode: index of the mode of each sample ``(N,)``.
+        weights: weights that sum to the probability of all parts ``(N,)``.
     """
 
     Ts: Transforms
@@ -37,19 +36,19 @@ class WeightedPoses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensingState:
-    """What is known after some readings.
+    """State of a session after some readings.
 
     Attributes:
-        start: what was assumed beforehand.
-        posterior: of all readings and factors; None before the first reading without factors.
-        unknown: probability of the unknown object.
-        draws: samples of all of it; None before the first reading.
-        poses: where the part may be, best first ``(M, 4, 4)``: the modes, or the prior poses before the first reading.
-        covariances: of them ``(M, 6, 6)``.
-        part: index of the part of each ``(M,)``.
-        weights: probability of each ``(M,)``; sums to one with ``unknown``.
-        rows: prior pose of the start from which each most probably is ``(M,)``.
-        chances: of being within tolerances, see :func:`tanteo.planning.chance_within`, as far as they were asked for.
+        start: prior poses.
+        posterior: posterior of all readings and factors; None before the first reading without factors.
+        unknown: posterior of the unknown object.
+        draws: samples of the posterior; None before the first reading.
+        poses: poses of the modes, best first ``(M, 4, 4)``; before the first reading, the prior poses.
+        covariances: their covariances ``(M, 6, 6)``.
+        part: index of the part of each mode ``(M,)``.
+        weights: probabilities of the modes, which sum to one with ``unknown`` ``(M,)``.
+        rows: index of the prior pose behind each mode ``(M,)``.
+        chances: computed probabilities of tolerances, see :func:`tanteo.planning.chance_within`.
     """
 
     start: Start
@@ -82,35 +81,35 @@ class SensingState:
 
     @property
     def touches(self) -> ContactPoints | None:
-        """All readings that met something; None before the first reading."""
+        """All contact points; None before the first reading."""
         return None if self.posterior is None else self.posterior.problem.points
 
     @property
     def free(self) -> FreeRays:
-        """The paths on which nothing was met."""
+        """All free-space rays."""
         return FreeRays.none() if self.posterior is None else self.posterior.problem.rays
 
     @property
     def modes(self) -> tuple[Mode, ...]:
-        """Parts at poses with their probabilities, best first; none before the first reading."""
+        """Modes of the posterior, best first; none before the first reading."""
         return () if self.posterior is None else self.posterior.modes
 
     def of_parts(self) -> FloatArray:
-        """Probability of every part of the start, whatever its pose."""
+        """Return the probability of every part of the start over all its poses ``(P,)``."""
         counts = np.bincount(self.part, weights=self.weights, minlength=len(self.start.targets))
         return np.asarray(counts, dtype=np.float64)
 
     def target(self, k: int) -> PreparedPart:
-        """The part of mode ``k``."""
+        """Return the part of mode ``k``."""
         return self.start.targets[self.part[k]]
 
     def on_part(self) -> BoolArray:
-        """Which readings the likeliest mode is met by, rather than outliers ``(n,)``; it takes a mode."""
+        """Return flags of the readings that are no outliers of the most probable mode ``(n,)``; it needs a mode."""
         return on_part(self.modes[0])
 
 
 def _draws(posterior: Posterior) -> WeightedPoses:
-    """The samples of all modes."""
+    """Return the samples of all modes."""
     modes = posterior.modes
     Ts = np.concatenate([np.zeros((0, 4, 4)), *(m.Ts for m in modes)])
     mode = np.repeat(np.arange(len(modes)), [len(m.Ts) for m in modes])
@@ -119,7 +118,7 @@ def _draws(posterior: Posterior) -> WeightedPoses:
 
 
 def begin(start: Start) -> SensingState:
-    """The belief before the first reading: the prior poses of the start, or the posterior of its factors."""
+    """Return the state before the first reading: the prior poses, or the posterior of the start's factors."""
     if not start.factors:
         return SensingState(start, None, start.priors.unknown)
     problem = Problem(ContactPoints.none(), FreeRays.none(), start.priors, pose_factors=start.factors)
@@ -128,18 +127,18 @@ def begin(start: Start) -> SensingState:
 
 
 def _log_priors(start: Start) -> FloatArray:
-    """Log prior of each part that may be there ``(P,)``."""
+    """Return the log prior of each part ``(P,)``."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(start.shares()) + np.log1p(-start.priors.unknown))
 
 
 def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> SensingState:
-    """The belief after readings.
+    """Return the state after readings.
 
     Args:
-        before: the belief before them.
-        touches: all readings so far that met something, the old ones included.
-        free: all paths so far on which nothing was met.
+        before: state before them.
+        touches: all contact points so far, earlier ones included.
+        free: all free-space rays so far.
     """
     start = before.start
     priors, log_priors = start.priors, _log_priors(start)
@@ -147,7 +146,7 @@ def update(before: SensingState, touches: ContactPoints, free: FreeRays) -> Sens
     problem = Problem(touches, free, priors, mixtures=start.mixtures(), pose_factors=start.factors)
     anywhere = np.log(priors.unknown) + problem.log_not_on_part.sum()
     anywhere += len(free) * np.log1p(-priors.outlier_rate) + problem.log_factors_unknown
-    rng = np.random.default_rng((1991, len(touches), len(free)))  # the same belief of the same readings every time
+    rng = np.random.default_rng((1991, len(touches), len(free)))  # the same readings give the same posterior
     parts = [start.targets[k] for k in some]
     after = update_posterior(problem, parts, log_priors[some], before.posterior, float(anywhere), rng)
     return SensingState(start, after, after.unknown, _draws(after))

@@ -1,8 +1,8 @@
-"""When to stop: the part is known, it is placed well enough, or nothing is left that is worth its cost."""
+"""Goal of a session: part and pose with demanded confidence, least information and largest number of readings."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,13 +14,14 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.planning.places import Places, check_feature, places_of
 from tanteo.planning.samples import even_normals
 from tanteo.planning.state import SensingState
-from tanteo.posterior import observed_covariance, without_spin
+from tanteo.posterior import observed_covariance, without_symmetric_rotation
+from tanteo.words.findings import GoalReached
 
 _SAMPLES = 2048
-"""Poses by which the probability to be within a tolerance is counted."""
+"""Number of poses for the probability of a tolerance."""
 
 _FAINT = 0.1
-"""Share of the least gain below which a reading is no longer expected to tell anything: so exact are expectations."""
+"""Fraction of the least gain that is below the accuracy of an expected information."""
 
 _HALF = 0.5
 """A part counts as identified only above 50 %: below, no reading is made to confirm it."""
@@ -28,23 +29,23 @@ _HALF = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """What has to be known before sensing ends; what is None is not asked for.
+    """Goal of a session and its limits; a goal of None is not demanded.
 
-    Nothing is known that is not more probable than all else together, however little is asked for.
+    A part or pose counts as known only above 50 %, even if the goal demands less.
 
     Attributes:
-        probability: of one part, whatever its pose.
-        tolerance: that all corners of the part's box are to be within, or the feature [m].
-        confidence: with which they are.
-        feature: one feature that has to keep the tolerance instead of the corners, ``face 3``, ``edge 4`` or
-            ``vertex 2``: a face along its normal, an edge across itself. Of parts that have none of that name, the
-            corners.
-        least_gain: information below which no reading is worth making [nats], but to confirm what is known but for
-            the unknown object, and where the readings that may still be made tell what little is left to know.
-        max_measurements: number of readings at which to end in any case.
+        probability: least posterior of the part over all its poses; None if the part does not matter.
+        tolerance: largest deviation of all corners of the part's box, or of the feature [m]; None if the pose does not
+            matter.
+        confidence: least probability that the tolerance is kept.
+        least_gain: information below which a reading is not worth its cost [nats]. Exceptions are readings that exclude
+            the unknown object, and cases in which the remaining readings can provide the little that is missing.
+        max_measurements: largest number of readings.
+        feature: feature that has to keep the tolerance instead of the corners, ``face 3``, ``edge 4`` or ``vertex 2``:
+            a face along its normal, an edge across its direction. Parts without this feature use the corners.
 
     Raises:
-        InputError: no probability, a tolerance that is no length, a feature without tolerance, or no name of one.
+        InputError: a probability or a length is invalid, or the feature is invalid or has no tolerance.
 
     Example:
         >>> stop = tanteo.Stop(tolerance=0.5e-3, confidence=0.95)
@@ -65,56 +66,55 @@ class Stop:
             if value is not None:
                 check_number(name, value)
             if value is not None and not 0 < value < 1:
-                raise InputError(f"{name}: expected a probability between 0 and 1, got {value:g}. Say 0.99.")
+                raise InputError(f"{name}: expected a probability between 0 and 1, got {value:g}. Use 0.99.")
         if self.tolerance is not None:
             check_length("tolerance", self.tolerance, LEAST_SD)
         if self.feature is not None:
             check_feature(self.feature)
             if self.tolerance is None:
                 raise InputError(
-                    f"feature: expected a tolerance with '{self.feature}', got none. Say tolerance=0.5e-3."
+                    f"feature: expected a tolerance with '{self.feature}', got none. Use tolerance=0.5e-3."
                 )
         check_count("max_measurements", self.max_measurements, 1)
         check_number("least_gain", self.least_gain)
         if not self.least_gain >= 0:
             raise InputError("least_gain: expected no negative information [nats].")
 
-    def reached(self, state: SensingState) -> str:
-        """Why sensing can end now, in words; empty if it cannot."""
+    def reached(self, state: SensingState) -> GoalReached | None:
+        """Return what is known if the goal is reached, or None."""
         if state.touches is None or not len(state.touches) or not len(state.weights):
-            return ""
+            return None
         P = state.of_parts()
         k = int(np.argmax(P))
-        name = state.start.targets[k].part.name
-        words = []
+        part = state.start.targets[k].part
+        goal = GoalReached(part.name)
         if self.probability is not None:
             if not self.knows_part(state):
-                return ""
-            words.append(f"it is {name} ({_short(P[k])})")
+                return None
+            goal = replace(goal, probability=float(P[k]))
         if self.tolerance is not None:
-            inside = self.chance(state)
-            if inside < max(self.confidence, _HALF):
-                return ""
-            places = places_of(state.start.targets[k].part, self.feature)
-            what = f"every corner of {name}" if places.feature is None else places.name
-            words.append(f"{what} is within {1e3 * self.tolerance:.3g} mm of where it is said to be ({_short(inside)})")
-        return " and ".join(words)
+            within = self.chance(state)
+            if within < max(self.confidence, _HALF):
+                return None
+            feature = places_of(part, self.feature).feature or ""
+            goal = replace(goal, tolerance=self.tolerance, within=within, feature=feature)
+        return goal
 
     def chance(self, state: SensingState) -> float:
-        """That the corners, or the feature, are within the tolerance; NaN where none is asked for."""
+        """Return the probability that the tolerance is kept; NaN without a tolerance."""
         return float("nan") if self.tolerance is None else chance_within(state, self.tolerance, self.feature)
 
     def knows_part(self, state: SensingState) -> bool:
-        """Whether it is known well enough which part it is; always, where nobody asks."""
+        """Return whether the part is known as well as demanded; True if the part does not matter."""
         if self.probability is None:
             return True
         return bool(state.of_parts().max(initial=0.0) > max(self.probability, _HALF))
 
     def confirms(self, state: SensingState) -> bool:
-        """Whether more readings on the part are all that is missing: which it is among the parts, and where, is known.
+        """Return whether only the probability of the unknown object prevents the goal.
 
-        Then only the unknown object is in the way. That it is a part like this one gets less probable by one over the
-        number of readings that are on it; no single one of them tells much.
+        Part and pose are known then, and more readings on the part reach the goal: the probability of a similar unknown
+        part decreases with one over their number.
         """
         if self.probability is None or not len(state.weights) or state.unknown > _HALF:
             return False
@@ -125,15 +125,15 @@ class Stop:
         return self.tolerance is None or self.chance(state) >= self.confidence * rest
 
     def settles(self, state: SensingState, gain: float, left: int) -> bool:
-        """Whether so many readings, each of which tells little, would tell what is not known yet: part and place.
+        """Return whether many readings with little information each can still reach the goal.
 
-        What is left to know of a part at 0.98, where 0.99 is asked for, is little too. Where the tolerance is not kept
-        even if it is what it most probably is, more is missing than that.
+        This is so if their total information exceeds the entropy of the posterior, and if the best mode already keeps
+        the tolerance.
 
         Args:
-            state: what is known.
-            gain: what the next reading is expected to tell [nats].
-            left: readings that may still be made.
+            state: posterior of the session.
+            gain: expected information of the next reading [nats].
+            left: number of readings that may still be made.
         """
         if not len(state.weights) or gain < _FAINT * self.least_gain:
             return False
@@ -143,19 +143,15 @@ class Stop:
         return self.tolerance is None or self.chance(state) >= self.confidence * float(state.weights.max())
 
 
-def _short(p: float) -> str:
-    return f"P = {p:.4f}" if p < 0.9999 else "P > 0.9999"
-
-
 def chance_within(state: SensingState, tolerance: float, feature: str | None = None) -> float:
-    """Probability that all corners of the part's box are within a tolerance of where the best mode puts them.
+    """Return the probability that all corners of the box are within a tolerance of their places at the best mode.
 
-    Other modes of the same part count as far as they put the corners there too; symmetric poses are one.
+    Poses of other modes of the same part count if they keep the tolerance, too. Symmetric poses count as one.
 
     Args:
-        state: what is known.
-        tolerance: how far off they may be [m].
-        feature: name of one that is to be within it instead, see :class:`Stop`.
+        state: posterior of the session.
+        tolerance: largest deviation [m].
+        feature: feature that has to keep the tolerance instead of the corners, see :class:`Stop`.
     """
     if (tolerance, feature) not in state.chances:
         state.chances[tolerance, feature] = _chance_within(state, tolerance, feature)
@@ -176,11 +172,11 @@ def _chance_within(state: SensingState, tolerance: float, feature: str | None) -
 
 
 def _poses(state: SensingState, k: int, count: int) -> tuple[FloatArray, FloatArray]:
-    """Poses of one mode and their weights: from its covariance, or those it was weighed by if it is not normal."""
+    """Return poses of one mode and their weights: from its covariance, or its samples if it is not normal."""
     rows = np.zeros(0, dtype=np.int64)
     if state.draws is not None and not state.modes[k].normal:
         rows = np.flatnonzero(state.draws.mode == k)
-    if state.draws is not None and len(rows):  # of a mode that hardly matters, no draw may be left
+    if state.draws is not None and len(rows):  # an improbable mode may have no sample
         return state.draws.Ts[rows], state.draws.weights[rows]
     values, vectors = np.linalg.eigh(state.covariances[k])
     xi = even_normals(count) @ (vectors * np.sqrt(values.clip(0.0))).T
@@ -188,11 +184,11 @@ def _poses(state: SensingState, k: int, count: int) -> tuple[FloatArray, FloatAr
 
 
 def corner_distances(state: SensingState, k: int, Ts: FloatArray) -> FloatArray:
-    """Largest distance of a corner of the part's box from where mode ``k`` has it ``(S,)`` [m], up to symmetry.
+    """Return the largest distance of a corner of the box from its place at a mode ``(S,)`` [m], up to symmetry.
 
     Args:
-        state: what is known.
-        k: the mode.
+        state: posterior of the session.
+        k: index of the mode.
         Ts: poses of the same part ``(S, 4, 4)``.
     """
     return _distances(state, k, Ts)
@@ -203,10 +199,13 @@ def _distances(state: SensingState, k: int, Ts: FloatArray, feature: str | None 
 
 
 def largest_corner_sd(state: SensingState) -> float:
-    """Largest standard deviation of the position of a corner of the likeliest part's box, in any direction [m].
+    """Return the largest sd of the position of a corner of the most probable part's box, in any direction [m].
 
-    Over all poses that this part may have: that of one which may lie in either of two ways is large. Up to symmetry;
-    NaN if no part explains the readings.
+    It covers all possible poses of this part, up to symmetry, so that it is large if two poses are possible. It is NaN
+    if no part explains the readings.
+
+    Args:
+        state: posterior of the session.
     """
     if not len(state.weights):
         return float("nan")
@@ -223,14 +222,14 @@ def largest_corner_sd(state: SensingState) -> float:
 
 
 def _moved(state: SensingState, k: int, Ts: FloatArray, places: Places) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """From where mode ``k`` has the places to where poses have them, in its frame ``(S, K, 3)``; how these are turned.
+    """Return displacements of the places from a mode to poses ``(S, K, 3)``, the rotations, and the largest.
 
-    And how far the worst place is moved ``(S,)``. Of poses that symmetry makes equal, the one at which that is least.
+    Of symmetric poses, the one with the smallest largest displacement ``(S,)`` counts.
     """
     part = state.target(k).part
     gaps = SE3.inverse(state.poses[k] @ part.symmetry.Ts)[:, None] @ Ts
     if part.symmetry.continuous:
-        gaps = without_spin(part, gaps)
+        gaps = without_symmetric_rotation(part, gaps)
     R, t = gaps[..., :3, :3], gaps[..., :3, 3]
     moved = (R - np.eye(3)) @ places.points.T + t[..., None]  # (..., 3, K): sums over three in a row are slow
     if places.feature is not None:

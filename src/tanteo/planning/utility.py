@@ -1,12 +1,11 @@
-"""How much a reading is expected to tell, about part and pose together (``math.md`` section 11).
+"""Expected information of readings about part and pose (``math.md`` section 11), and the registry of utilities.
 
-Two things add up. Which mode is it, part and place: the mutual information of mode and reading, with the densities of
-the modes made of small normal ones, so that what an edge does to a reading counts, and the chance of a miss; overlaps
-of pairs are Bhattacharyya's, as in the bound of Kolchinsky and Tracey. And where is the part, given the mode: half the
-log of the ratio of variances, as far as it matters for a tolerance.
+The information has two terms. The first is the mutual information of mode and reading. The density of each mode is a
+mixture of small normal densities, so that edges and misses count; the overlaps of pairs are Bhattacharyya coefficients,
+as in the bound of Kolchinsky and Tracey (2017). The second is the information about the pose given the mode: half the
+log of the ratio of variances, as far as it matters for the tolerance.
 
-A utility is one entry of a registry: what each candidate is worth by what it is expected to read. This information is
-one of them.
+A utility rates candidates by their predicted readings. This information is one entry of the registry.
 """
 
 from __future__ import annotations
@@ -26,36 +25,40 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.samples import Samples, draw
 
 SAMPLES = 128
-"""Poses on which every candidate is tried."""
+"""Number of samples for the prediction of candidates."""
 
 ALONE, MEANWHILE = 0.01, 0.3
-"""Share of all that is told which counts beside what is told of the part: where that alone is asked for, to decide
-between equals; and until it is known, where the pose is asked for as well."""
+"""Weights of the total information beside that about the part: if the goal demands the part only, to decide between
+equal candidates; and until the part is known, if the goal demands the pose, too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlook:
-    """What the candidates are expected to read, and to tell.
+    """Predicted readings of the candidates and their expected information.
 
     Attributes:
-        context: what is decided on.
-        samples: poses of the belief.
-        predicted: what each candidate would read at each of them.
-        told: information that each is expected to give about part and pose ``(C,)`` [nats].
+        context: input of the policy.
+        samples: samples of the posterior.
+        predicted: predicted readings for the samples.
+        gain: expected information of each candidate about part and pose ``(C,)`` [nats].
     """
 
     context: DecisionContext
     samples: Samples
     predicted: Predictions
-    told: FloatArray
+    gain: FloatArray
 
 
 Utility: TypeAlias = Callable[[Outlook], FloatArray]
-"""What each candidate is worth ``(C,)``, in units of its own: the greatest is taken."""
+"""Function that rates candidates ``(C,)`` in any unit; a greedy policy chooses the greatest value."""
 
 
 def outlook(context: DecisionContext) -> Outlook:
-    """Try every candidate on poses of the belief."""
+    """Return the predictions and the expected information of all candidates.
+
+    Args:
+        context: input of the policy.
+    """
     s = context
     samples = draw(s.state, SAMPLES, s.tolerance, s.feature)
     shared = None if s.shared is None else s.shared(s.candidates)
@@ -64,43 +67,47 @@ def outlook(context: DecisionContext) -> Outlook:
 
 
 def information(ahead: Outlook) -> FloatArray:
-    """What each reading is expected to tell ``(C,)`` [nats].
+    """Return the utility ``information`` of each candidate ``(C,)`` [nats].
 
-    Where nobody asks for the pose it is the part that counts, and above all until it is known where both are asked for.
+    If the goal demands the part only, mainly the information about the part counts. If it demands both, that about the
+    part has more weight until the part is known.
+
+    Args:
+        ahead: predictions of the candidates.
     """
     s = ahead.context
     if s.part_only or s.part_open:
         share = ALONE if s.part_only else MEANWHILE
-        return share * ahead.told + about_mode(ahead.samples, ahead.predicted, s.probe, ahead.samples.part)
-    return ahead.told
+        return share * ahead.gain + about_mode(ahead.samples, ahead.predicted, s.probe, ahead.samples.part)
+    return ahead.gain
 
 
 def expected_information(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
-    """What each reading is expected to tell about part and pose ``(C,)`` [nats].
+    """Return the expected information of each reading about part and pose ``(C,)`` [nats].
 
     Args:
-        samples: of the belief.
-        predicted: what each reading would be under them.
-        probe: what senses.
+        samples: samples of the posterior.
+        predicted: predicted readings for the samples.
+        probe: sensor model.
     """
     return about_mode(samples, predicted, probe) + about_pose(samples, predicted, probe)
 
 
 def about_pose(samples: Samples, predicted: Predictions, probe: Probe) -> FloatArray:
-    """What each reading tells about the pose once the mode is known ``(C,)`` [nats]; nothing by missing."""
+    """Return the expected information about the pose given the mode ``(C,)`` [nats]; misses give none."""
     echo, own = _own(predicted, probe)
     share = np.where(echo > 0, predicted.useful / (predicted.spreads + own), 0.0)
     return np.asarray((-0.5 * np.log1p(-np.minimum(share, 1 - 1e-12)) * echo) @ samples.weights)
 
 
 def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: IntArray | None = None) -> FloatArray:
-    """What each reading tells about which mode it is ``(C,)`` [nats].
+    """Return the expected information of each reading about the mode ``(C,)`` [nats].
 
     Args:
-        samples: of the belief.
-        predicted: what each reading would be under them.
-        probe: what senses.
-        groups: what to discriminate instead of the modes, a number for every sample ``(S,)``; the parts, say.
+        samples: samples of the posterior.
+        predicted: predicted readings for the samples.
+        probe: sensor model.
+        groups: group of every sample to discriminate instead of the modes, such as its part ``(S,)``.
     """
     groups = samples.mode if groups is None else groups
     names, group = np.unique(groups, return_inverse=True)
@@ -114,12 +121,12 @@ def about_mode(samples: Samples, predicted: Predictions, probe: Probe, groups: I
 
 
 def about_hit(w: FloatArray, samples: Samples, groups: IntArray) -> FloatArray:
-    """What the answer alone tells, that there is one or none ``(C,)`` [nats].
+    """Return the information about the group from the presence of an echo alone ``(C,)`` [nats].
 
     Args:
-        w: probability of every sample, and that it answers ``(C, S)``.
-        samples: of the belief.
-        groups: number of what is to be discriminated, for every sample ``(S,)``.
+        w: probability of every sample times that of its echo ``(C, S)``.
+        samples: samples of the posterior.
+        groups: group of every sample ``(S,)``.
     """
     names, group = np.unique(groups, return_inverse=True)
     member = (group[:, None] == np.arange(len(names))).astype(np.float64)
@@ -129,12 +136,12 @@ def about_hit(w: FloatArray, samples: Samples, groups: IntArray) -> FloatArray:
 
 
 def _of_two(chance: FloatArray) -> FloatArray:
-    """Entropy of whether something happens [nats]."""
+    """Return the binary entropy [nats]."""
     return entropy(chance) + entropy(np.maximum(1 - chance, 0.0))
 
 
 def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:
-    """Probability of an answer, and the variance of the reading itself ``(C, S)``."""
+    """Return the probability of an echo, and the variance of the reading without that of the pose ``(C, S)``."""
     answers = predicted.met & probe.answers(predicted.ranges, predicted.cosines)
     ranges, cosines = np.where(answers, predicted.ranges, 1.0), np.where(answers, predicted.cosines, 1.0)
     shared = np.where(np.isnan(predicted.shared), probe.shared_variance(cosines), predicted.shared)
@@ -143,4 +150,4 @@ def _own(predicted: Predictions, probe: Probe) -> tuple[FloatArray, FloatArray]:
 
 
 UTILITIES: dict[str, Utility] = {"information": information}
-"""All utilities by name."""
+"""Utilities by name."""

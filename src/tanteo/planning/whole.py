@@ -1,8 +1,8 @@
-"""Features that a hand acquires whole, as candidates: the rim of a bore, its wall; what each would tell, and its time.
+"""Complete features as candidates, such as the rim or the wall of a bore: expected information and duration.
 
-No single reading shows where a rim is. The hand acquires it by many readings in a row, which give a feature with
-covariance: so far is its frame off where the likeliest pose has it, so far its size. That is predicted for every sample
-of the belief, and tells about part and pose as readings do (``utility``).
+No single reading locates a rim. The hand acquires it by many readings, which result in a feature with covariance. The
+prediction for every sample of the posterior is the deviation of the feature's frame from its expected place, and the
+deviation of its size. The information about part and pose follows as for readings (``utility``).
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from tanteo.planning.state import SensingState
 from tanteo.planning.utility import ALONE, MEANWHILE, SAMPLES, about_hit
 
 _ACQUIRED = 0.95
-"""Probability that a feature is acquired that is there."""
+"""Probability that an existing feature is acquired."""
 
 _OTHER = 5.0
-"""What is more standard deviations off the idea is not acquired, as it is another one."""
+"""Deviation from the initial guess beyond which a feature counts as another one [standard deviations]."""
 
-_ALIKE = 0.5
-"""Product of the directions of axes from which they are alike."""
+_SAME_AXIS = 0.5
+"""Cosine of the angle between two axes above which they may belong to one feature."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartFeatures:
-    """Features of one kind of a part that can be acquired whole.
+    """Features of one kind of a part that can be acquired completely.
 
     Attributes:
-        points: origins of their frames, in the part's ``(n, 3)`` [m].
-        axes: about which they are free to turn ``(n, 3)``.
-        sizes: as of the kind ``(n,)``.
-        convex: on which side the material is ``(n,)``.
+        points: origins of their frames, part frame ``(n, 3)`` [m].
+        axes: axes of rotational symmetry, part frame ``(n, 3)``.
+        sizes: radii ``(n,)`` [m].
+        convex: whether the material is inside, as of a boss ``(n,)``.
     """
 
     points: Vectors
@@ -54,13 +54,14 @@ class PartFeatures:
 
 @dataclass(frozen=True, slots=True)
 class WholeKind:
-    """A kind of feature that is acquired whole.
+    """Kind of feature that a hand acquires completely.
 
     Attributes:
-        kind: of the feature.
-        sds: with which it is acquired as a rule, by the rows of the kind [m, rad], and of its size [m].
-        seconds: that this takes, travelling there not included.
-        of_part: all that a part has.
+        kind: kind of the feature.
+        sds: usual standard deviations of its frame, by the rows of the kind [m, rad].
+        size_sd: usual standard deviation of its size [m].
+        seconds: usual duration without travel [s].
+        of_part: function that returns all features of this kind of a part.
     """
 
     kind: FeatureKind
@@ -72,18 +73,18 @@ class WholeKind:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeFeature:
-    """A feature that can be acquired now.
+    """Feature that the hand can acquire now.
 
     Attributes:
         kind: key of :data:`WHOLE`.
-        name: in words.
-        mode: of the belief, of whose part it is.
-        T_world_feature: where that mode has it ``(4, 4)``, its z along its axis.
-        size: of it.
-        convex: on which side the material is.
-        place_sd: farther off than five of these [m] another one would be sensed.
-        size_share: likewise of the size, as a share of it.
-        origin: where the hand begins, world ``(3,)`` [m].
+        name: name of the feature.
+        mode: index of the mode whose part has it.
+        T_world_feature: its frame at that mode ``(4, 4)``, z along its axis.
+        size: radius [m].
+        convex: whether the material is inside, as of a boss.
+        place_sd: standard deviation of its place [m]; a feature five of these away counts as another one.
+        size_share: standard deviation of its size as a fraction, used in the same way.
+        origin: start of the acquisition, world frame ``(3,)`` [m].
     """
 
     kind: str
@@ -101,13 +102,13 @@ Offers: TypeAlias = Sequence[WholeFeature]
 
 
 def _rims(part: Part) -> PartFeatures:
-    """Ends of bores and bosses that are open."""
+    """Return the open ends of bores and bosses."""
     rows = [(r.centre, r.axis, r.radius, not one.hole) for one in round_features(part) for r in one.rims if r.open]
     return _listed(rows)
 
 
 def _walls(part: Part) -> PartFeatures:
-    """The same ends of those that are cylinders: the wall is acquired from there."""
+    """Return the open ends of cylindrical bores and bosses, from which the wall is acquired."""
     some = [one for one in round_features(part) if one.surface == "cylinder"]
     return _listed([(r.centre, r.axis, r.radius, not one.hole) for one in some for r in one.rims if r.open])
 
@@ -124,15 +125,15 @@ WHOLE: Mapping[str, WholeKind] = MappingProxyType({
     CIRCLE.name: WholeKind(CIRCLE, (1.5e-4, 1.9e-4, 2.7e-4, 2.5e-3, 1.2e-2), 1e-4, 90.0, _rims),
     CYLINDER.name: WholeKind(CYLINDER, (1.5e-4, 1.9e-4, 2.5e-3, 1.2e-2), 1e-4, 155.0, _walls),
 })  # fmt: skip
-"""What is acquired whole, by kind; spreads and times as ``benchmarks/sense_round.py`` has them, the face included."""
+"""Kinds of complete features; ``benchmarks/sense_round.py`` gives their deviations and durations, with the face."""
 
 
 def whole_information(offers: Offers, context: DecisionContext) -> FloatArray:
-    """What each is expected to tell about part and pose ``(F,)`` [nats], as far as it is asked for.
+    """Return the expected information of each feature about part and pose ``(F,)`` [nats], as far as the goal needs it.
 
     Args:
         offers: the features.
-        context: belief, tolerance, and what is asked for.
+        context: posterior, tolerance and goal.
     """
     s = context
     samples = draw(s.state, SAMPLES, s.tolerance, s.feature)
@@ -144,7 +145,7 @@ def whole_information(offers: Offers, context: DecisionContext) -> FloatArray:
 
 
 def whole_seconds(offers: Offers, context: DecisionContext) -> FloatArray:
-    """Time that each takes, travelling there included ``(F,)``."""
+    """Return the duration of each feature including travel ``(F,)`` [s]."""
     place = context.place
     ways = np.array([0.0 if place is None else float(np.linalg.norm(one.origin - place)) for one in offers])
     return np.asarray([WHOLE[one.kind].seconds for one in offers] + ways / context.probe.speed)
@@ -152,14 +153,14 @@ def whole_seconds(offers: Offers, context: DecisionContext) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Seen:
-    """A feature, and what would be sensed of it at every sample.
+    """Predicted results of the acquisition of a feature for every sample.
 
     Attributes:
         one: the feature.
-        samples: of the belief.
-        G: how the part's perturbation moves it, rows of its kind ``(m, 6)``.
-        means: how far off where it should be it is, and its size ``(m + 1, S)``.
-        there: whether there is one that would be taken for it ``(S,)``.
+        samples: samples of the posterior.
+        G: Jacobian of the feature's frame over the pose of the part, rows of its kind ``(m, 6)``.
+        means: deviation of frame and size from the expected ones ``(m + 1, S)``.
+        there: whether a feature exists that would be acquired ``(S,)``.
     """
 
     one: WholeFeature
@@ -181,7 +182,7 @@ class _Seen:
         return cls(one, samples, G, means, there)
 
     def about_pose(self) -> float:
-        """What it tells of the pose if its mode is true: half the log of a ratio of determinants."""
+        """Return the information about the pose if the mode is true: half the log of a ratio of determinants."""
         rows = np.flatnonzero(self.samples.mode == self.one.mode)
         if not len(rows):
             return 0.0
@@ -190,7 +191,7 @@ class _Seen:
         return float(_ACQUIRED * self.samples.weights[rows].sum() * told)
 
     def about(self, groups: IntArray) -> float:
-        """What it tells of which group it is: by whether it is acquired, and by the best of its numbers."""
+        """Return the information about the group of the samples, from the success and the best of its numbers."""
         group = np.unique(groups, return_inverse=True)[1]
         if group.max(initial=0) == 0:
             return 0.0
@@ -203,7 +204,7 @@ class _Seen:
 
 
 def _nearest(one: WholeFeature, found: PartFeatures, Ts: Transforms) -> tuple[FloatArray, BoolArray]:
-    """Of the features of a part at poses that which would be taken for it: rows and size ``(m + 1, S)``; if any is."""
+    """Return the deviations of the most similar feature at every pose ``(m + 1, S)``, and whether it is acquired."""
     same = found.convex == one.convex
     sizes, R = found.sizes[same], one.T_world_feature[:3, :3]
     places = (SE3.apply(Ts[:, None], found.points[same]) - one.T_world_feature[:3, 3]) @ R
@@ -211,7 +212,7 @@ def _nearest(one: WholeFeature, found: PartFeatures, Ts: Transforms) -> tuple[Fl
     x, y, z = np.moveaxis(axes, -1, 0)
     off = np.concatenate([places, np.stack([-y, x, np.zeros_like(x)], axis=-1)], axis=-1)
     away = np.maximum(np.linalg.norm(places, axis=-1) / one.place_sd, np.abs(np.log(sizes / one.size)) / one.size_share)
-    away = np.where(z > _ALIKE, away, np.inf)
+    away = np.where(z > _SAME_AXIS, away, np.inf)
     best, line = np.argmin(away, axis=1), np.arange(len(Ts))
     rows = off[line, best][:, list(WHOLE[one.kind].kind.rows)].T
     return np.concatenate([rows, sizes[best][None] - one.size]), away[line, best] <= _OTHER

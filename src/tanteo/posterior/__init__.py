@@ -1,4 +1,4 @@
-"""The posterior over parts, poses and the unknown object: proposals, maximization, sampling and answers."""
+"""Posterior over parts, poses and the unknown object: proposals, maximization, sampling and answers."""
 
 from lazy_loader import attach_stub
 

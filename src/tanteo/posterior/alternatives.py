@@ -1,8 +1,8 @@
-"""Factors of the pose of which one or another group holds, and normal densities of the pose as one of them.
+"""Mixtures of pose factors of which one group holds, and normal densities of the pose as such a factor.
 
-An image may show something else than the part that is sensed. Then its factor does not hold, and what was known of the
-pose without the image does. ``Alternatives`` is the mixture of both; its formula is in
-``_core/factors/alternatives.hpp``.
+An image may show another object than the part that is sensed. Then the factor of the image does not hold, and the prior
+of the pose without the image does. ``Alternatives`` is the mixture of both; ``_core/factors/alternatives.hpp`` has the
+formula.
 """
 
 from __future__ import annotations
@@ -18,28 +18,29 @@ from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior.answers.part_motions import part_scale, spins
+from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions
 from tanteo.posterior.problem import PoseMixture
 from tanteo.posterior.settings import DEFAULTS
-
-_DRAWN = DEFAULTS.samples.widely
-"""Number of samples of the densities of a part from which a search starts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NormalPoses(PoseFactor):
-    """The pose of each part has a mixture of normal densities; all poses that symmetry makes one are as probable.
+    """Normal densities of the pose of each part; all poses that are equal by symmetry have the same density.
 
     Attributes:
         mixtures: densities of each part. The weights of a part sum to its probability relative to the prior of the
             parts.
+        count: number of samples of the densities of a part from which a search starts.
+        seed: seed of these samples.
     """
 
     mixtures: Mapping[Part, PoseMixture]
+    count: int = DEFAULTS.samples.widely
+    seed: int = 0
 
     @property
     def is_pose_prior(self) -> bool:
-        """The factor is the prior density of the pose."""
+        """Return whether the factor is a prior density of the pose: yes."""
         return True
 
     def poses(self, part: Part) -> Transforms:
@@ -47,11 +48,11 @@ class NormalPoses(PoseFactor):
         if part not in self.mixtures:
             return np.zeros((0, 4, 4))
         known = self.mixtures[part]
-        rng = np.random.default_rng(_DRAWN)
+        rng = np.random.default_rng(self.seed)
         shares = np.exp(known.log_weights - log_sum(known.log_weights))
-        rows = rng.choice(len(shares), size=_DRAWN, p=shares / shares.sum())
+        rows = rng.choice(len(shares), size=self.count, p=shares / shares.sum())
         L = np.asarray(np.linalg.cholesky(known.covariances))[rows]
-        drawn = known.Ts[rows] @ SE3.exp((L @ rng.normal(size=(_DRAWN, 6, 1)))[..., 0])
+        drawn = known.Ts[rows] @ SE3.exp((L @ rng.normal(size=(self.count, 6, 1)))[..., 0])
         return np.concatenate([known.Ts, drawn])
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:
@@ -70,9 +71,9 @@ class NormalPoses(PoseFactor):
 def _root(part: Part, covariance: FloatArray) -> tuple[FloatArray, float]:
     """Return R with R'R the information, without spins of the part, and the log of its normalization.
 
-    Turns about the axis of a part of revolution, or of a ball about its centre, are uniform.
+    Turns about the axis of a part of revolution, or about the centre of a ball, are uniform.
     """
-    rows, S = spins(part), part_scale(part)
+    rows, S = symmetry_motions(part), part_scale(part)
     unit = np.linalg.inv(S)
     keep = (np.eye(6) - rows.T @ rows) @ unit
     values, vectors = np.linalg.eigh(keep @ covariance @ keep.T)
@@ -87,10 +88,10 @@ def _root(part: Part, covariance: FloatArray) -> tuple[FloatArray, float]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alternatives(PoseFactor):
-    """One of several groups of factors holds.
+    """Mixture of groups of factors, of which exactly one group holds.
 
     Attributes:
-        groups: groups of factors; a group is as probable as its weight says times the densities of its factors.
+        groups: groups of factors; the probability of a group is its weight times the densities of its factors.
         log_weights: log probability of each group, and the log density of measurements that the other groups explain
             ``(k,)``.
         log_unknown: log density of all measurements if the object is unknown.
@@ -102,12 +103,12 @@ class Alternatives(PoseFactor):
 
     @property
     def states(self) -> int:
-        """Number of shared errors of all factors."""
+        """Return the number of shared errors of all factors."""
         return sum(factor.states for group in self.groups for factor in group)
 
     @property
     def is_pose_prior(self) -> bool:
-        """Whether each group has a prior density of the pose."""
+        """Return whether each group has a prior density of the pose."""
         return all(any(factor.is_pose_prior for factor in group) for group in self.groups)
 
     def poses(self, part: Part) -> Transforms:

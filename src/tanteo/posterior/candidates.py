@@ -1,4 +1,4 @@
-"""The parts that are asked about: their sizes without opening them, and the tables that are compared first."""
+"""Candidate parts: their sizes without opening them, and the tables for the first comparisons."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from tanteo.geometry.typing import FloatArray, IntArray, Vectors
 from tanteo.parts import StoredParts, as_parts
 from tanteo.posterior.answers.whole_object import WholeObject
 from tanteo.posterior.prepared import PreparedPart, prepare
-from tanteo.posterior.settings import DEFAULTS, RaceSettings
+from tanteo.posterior.settings import PruningSettings
 
 
 class Candidates:
     """Parts of a list or of a catalogue.
 
     Attributes:
-        parts: the parts, or what was prepared of them.
+        parts: the parts, prepared or not.
     """
 
     def __init__(self, parts: Any) -> None:
@@ -30,12 +30,12 @@ class Candidates:
         return len(self.parts)
 
     def prepared(self, row: int) -> PreparedPart:
-        """One of them, opened."""
+        """Return one part, opened."""
         return prepare(self.parts[row])
 
     @cached_property
     def _numbers(self) -> FloatArray:
-        """Area, volume, radius, and centroid and box where the signature has them ``(n, 17)``."""
+        """Return area, volume, radius, centroid and box of the parts, as in the signature ``(n, 17)``."""
         if isinstance(self.parts, StoredParts):
             return self.parts.numbers
         out = np.zeros((len(self), 17))
@@ -48,47 +48,47 @@ class Candidates:
 
     @property
     def areas(self) -> FloatArray:
-        """``(n,)`` [m^2]."""
+        """Return the surface areas ``(n,)`` [m^2]."""
         return self._numbers[:, 0]
 
     @property
     def volumes(self) -> FloatArray:
-        """``(n,)`` [m^3]."""
+        """Return the volumes ``(n,)`` [m^3]."""
         return self._numbers[:, 1]
 
     @property
     def radii(self) -> FloatArray:
-        """Of the balls about the centroids ``(n,)`` [m]."""
+        """Return the radii of the balls about the centroids ``(n,)`` [m]."""
         return self._numbers[:, 2]
 
     @property
     def centroids(self) -> Vectors:
-        """``(n, 3)`` [m]."""
+        """Return the centroids ``(n, 3)`` [m]."""
         return self._numbers[:, 5:8]
 
     @property
     def diagonals(self) -> FloatArray:
-        """Of the boxes ``(n,)`` [m]."""
+        """Return the diagonals of the boxes ``(n,)`` [m]."""
         return np.asarray(np.linalg.norm(self._numbers[:, 11:14] - self._numbers[:, 8:11], axis=1))
 
     def log_odds(self, whole: WholeObject | None) -> FloatArray:
-        """Log odds of each by what was measured of the whole object ``(n,)``; 0 without."""
+        """Return log odds of each part by its global properties ``(n,)``; 0 without measurements of these."""
         if whole is None:
             return np.zeros(len(self))
         out = whole.log_odds(self.volumes, self._numbers[:, 11:14] - self._numbers[:, 8:11])
         return out if whole.outline is None else out + whole.outline.log_odds(self.parts)
 
     def named(self, odds: FloatArray, rows: Iterable[int]) -> dict[str, float]:
-        """Numbers of some parts by their names."""
+        """Return numbers of some parts by their names."""
         return {self.name(int(row)): float(odds[row]) for row in rows}
 
-    def names_alike(self, part: Any) -> list[str]:
+    def names_of_same_shape(self, part: Any) -> list[str]:
         """Return the names of the parts of the same area and volume, up to single precision."""
         rounding = float(np.finfo(np.float32).resolution)
         same = np.isclose(self._numbers[:, :2], (part.area, part.volume), rtol=rounding, atol=0).all(axis=1)
         return [self.name(int(row)) for row in np.flatnonzero(same)]
 
-    def similar(self, prepared: PreparedPart, rows: IntArray, settings: RaceSettings) -> list[int]:
+    def similar(self, prepared: PreparedPart, rows: IntArray, settings: PruningSettings) -> list[int]:
         """Return those of some parts that have nearly the box, centroid, area and volume of a part, nearest first."""
         part = prepared.part
         own = np.r_[part.centroid, part.box.ravel(), np.sqrt(part.area / 6), np.cbrt(part.volume)]
@@ -98,7 +98,7 @@ class Candidates:
         return [int(row) for row in rows[near[np.argsort(off[near], kind="stable")]][: settings.least]]
 
     def name(self, row: int) -> str:
-        """Of one of them, unopened where that is possible."""
+        """Return the name of a part, without opening it if possible."""
         if isinstance(self.parts, Catalogue):
             return self.parts.name(row)
         one = self.parts[row]
@@ -106,7 +106,7 @@ class Candidates:
 
     @cached_property
     def tables(self) -> list[tuple[int, Any]]:
-        """Row of the first part of each table, and its arrays: those of a catalogue as they lie on disk."""
+        """Return the first row of each table of parts, and its arrays; those of a catalogue are memory-mapped."""
         if isinstance(self.parts, Catalogue):
             starts = self.parts.starts
             return [(int(s), segment.table) for s, segment in zip(starts, self.parts.segments, strict=False)]
@@ -114,7 +114,7 @@ class Candidates:
 
     @cached_property
     def fields(self) -> list[tuple[int, Any]]:
-        """The columns of the coarse fields; of a list, no others are computed."""
+        """Return the columns of the coarse fields; for a list of parts no other columns are computed."""
         if isinstance(self.parts, Catalogue):
             return self.tables
         opened = [prepare(part) for part in self.parts]
@@ -131,10 +131,5 @@ def _signed(prepared: PreparedPart) -> dict[str, Any]:
 
 
 def sizes_of(parts: Any) -> tuple[float, ...]:
-    """Return the diagonals of parts [m]; of very many those that differ by a hundredth."""
-    found = Candidates(parts).diagonals
-    if len(found) <= DEFAULTS.checks.many_parts:
-        return tuple(found.tolist())
-    steps = np.unique(np.rint(100 * np.log(found))) / 100
-    inner = np.exp(steps).clip(found.min(), found.max())
-    return (float(found.min()), *inner.tolist(), float(found.max()))
+    """Return the diagonals of parts [m]."""
+    return tuple(Candidates(parts).diagonals.tolist())

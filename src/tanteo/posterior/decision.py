@@ -1,4 +1,4 @@
-"""The verdict on the parts that were found: its status, what it rests on, and what was not searched."""
+"""Verdict on the searched parts: its status, the findings behind it, and the parts that were not searched."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from tanteo.geometry.limits import NOTABLE
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis, Status
 from tanteo.posterior.answers.status import verdict
+from tanteo.posterior.candidate_pruning import Active
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.diagnostics import (
     against_labels,
     face_elsewhere,
-    left_out,
     mostly_on,
-    not_on_it,
+    mostly_on_part,
     on_furniture,
+    outlier_finding,
     scattered,
 )
+from tanteo.posterior.dominant_error import dominant_shared_error
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
-from tanteo.posterior.limits import what_limits
 from tanteo.posterior.posterior import Posterior
 from tanteo.posterior.prior_check import PriorCheck
-from tanteo.posterior.race import Active
 from tanteo.words import Finding
 from tanteo.words.findings import (
     AmongUnsearched,
@@ -38,21 +38,21 @@ from tanteo.words.findings import (
 )
 
 _PATCH = 0.2
-"""Share of the part's size that measurements have to reach over, or the pose to be roughly known, for one answer."""
+"""Smallest extent of the points over the part's size for one answer, unless the pose is roughly known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """The result of a search, before the verdict.
+    """Result of a search, before the verdict.
 
     Attributes:
         candidates: all parts.
-        chosen: those that were searched.
-        posterior: over them.
-        found: the modes with the measurements at each, best first.
-        hypotheses: as many of them as are reported.
-        check: how the prior of the pose agrees.
-        worst: the reading that contradicts the best one most; None if none is far off.
+        chosen: parts that were searched.
+        posterior: posterior over the searched parts.
+        found: goodness of fit of all modes, best first.
+        hypotheses: hypotheses that are reported.
+        check: agreement of the prior pose with the measurements.
+        worst: the reading that contradicts the best hypothesis most; None if no reading is far off.
     """
 
     candidates: Candidates
@@ -70,7 +70,7 @@ def verdict_of(
     """Return the status and the findings: the verdict, what it rests on, and what is odd about the measurements."""
     posterior, found, hypotheses, check = outcome.posterior, outcome.found, outcome.hypotheses, outcome.check
     unknown, priors = posterior.unknown, posterior.problem.priors
-    status, findings = verdict(
+    status, finding = verdict(
         hypotheses,
         unknown,
         significance,
@@ -78,20 +78,24 @@ def verdict_of(
         shares=[(one.mode.prepared.part.name, one.mode.probability) for one in found],
         prior_p=check.p,
         elsewhere=check.elsewhere,
-        same=outcome.candidates.names_alike(found[0].mode.prepared.part) if found else (),
+        same=outcome.candidates.names_of_same_shape(found[0].mode.prepared.part) if found else (),
     )
+    findings: tuple[Finding, ...] = (finding,)
     if status == "unknown" and not check.elsewhere:
         status, findings = _known_after_all(findings, hypotheses, outcome.chosen, posterior)
     if status == "recognized":
         status, findings = _doubted(findings, found[0], priors)
     more: list[Finding | None] = []
     if hypotheses and status == "recognized":
-        more += [what_limits(found[0], shared), left_out(hypotheses[0], priors)]
+        more += [dominant_shared_error(found[0], shared), outlier_finding(hypotheses[0], priors)]
     if found and status != "insufficient":
         more.append(face_elsewhere(posterior.problem.points, found[0], unknown, priors))
     if found:
         more.append(on_furniture(found[0]))
-    more += [_missed(posterior.missing, status), _not_searched(outcome.chosen, posterior, status)]
+    if status in ("ambiguous", "insufficient") and posterior.missing > NOTABLE:
+        more.append(MissedPoses(posterior.missing))
+    if status != "recognized" and NOTABLE < posterior.unsearched < 0.5:
+        more.append(NotSearched(len(outcome.chosen.others), posterior.unsearched))
     if hypotheses and not any(isinstance(one, PriorContradicted) for one in findings):
         # a contradicted prior biases the pose, and with it the scatter
         more.append(scattered(hypotheses[0], outcome.worst, unknown=status == "unknown"))
@@ -102,11 +106,11 @@ def _known_after_all(
     findings: tuple[Finding, ...], hypotheses: tuple[Hypothesis, ...], chosen: Active, posterior: Posterior
 ) -> tuple[Status, tuple[Finding, ...]]:
     """Return the verdict on an unknown object that may be a part that was not searched, or similar to the best."""
-    if posterior.left_out > 0.5 * posterior.unknown > 0:
+    if posterior.unsearched > 0.5 * posterior.unknown > 0:
         best = hypotheses[0].part if hypotheses else ""
-        return "ambiguous", (AmongUnsearched(best, len(chosen.others), posterior.left_out),)
+        return "ambiguous", (AmongUnsearched(best, len(chosen.others), posterior.unsearched),)
     if hypotheses and mostly_on(hypotheses[0], posterior.unknown):
-        return "unknown", (not_on_it(hypotheses[0], posterior.unknown),)
+        return "unknown", (mostly_on_part(hypotheses[0], posterior.unknown),)
     return "unknown", findings
 
 
@@ -118,23 +122,11 @@ def _doubted(findings: tuple[Finding, ...], best: GoodnessOfFit, priors: Priors)
     return ("ambiguous", (doubt,)) if doubt is not None else ("recognized", findings)
 
 
-def _not_searched(chosen: Active, posterior: Posterior, status: str) -> NotSearched | None:
-    """Return that parts which were not searched may explain the readings as well, where that matters."""
-    if status == "recognized" or not NOTABLE < posterior.left_out < 0.5:
-        return None
-    return NotSearched(len(chosen.others), posterior.left_out)
-
-
 def _close_together(best: GoodnessOfFit) -> bool:
-    """Whether the points are of a small patch, which many a part has twice, and nothing else says where it is."""
+    """Return whether the points are on a small patch, which many parts have twice, and nothing else fixes the pose."""
     problem = best.mode.objective.problem
     known = problem.priors.pose is not None and problem.priors.pose.T_world_part is not None
     placed = known or bool(problem.pose_factors)
-    points = problem.points.take(problem.around.others)
+    points = problem.points.take(problem.furniture.others)
     off = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
     return not placed and 2 * float(np.quantile(off, 0.75)) < _PATCH * best.mode.prepared.part.diagonal
-
-
-def _missed(once: float, status: str) -> MissedPoses | None:
-    """Return that the search may have missed other poses than the listed ones, where that matters."""
-    return MissedPoses(once) if status in ("ambiguous", "insufficient") and once > NOTABLE else None

@@ -1,4 +1,4 @@
-"""Each measurement at some poses: how dense it is on the part, whether it belongs, which face it met, how far off."""
+"""Evaluation of each measurement at some poses: densities, inlier probability, nearest face, residual."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
-from tanteo.posterior.around import outlier_log_density
+from tanteo.posterior.furniture_points import outlier_log_density
 from tanteo.posterior.sampling.peaks import Objective
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Details:
-    """``n`` points at ``S`` poses.
+    """Evaluation of ``n`` points at ``S`` poses.
 
     Attributes:
-        log_hit: log density on the part, or on what stands around ``(S, n)``.
-        log_outlier: as an outlier, or on what stands around ``(S, n)``.
-        places: number of the place of each ``(n,)``, the same for readings of one beam; None where each has its own.
-        groups: number of the label of each ``(n,)``; -1 without.
+        log_hit: log density of each point on the part or on furniture ``(S, n)``.
+        log_outlier: log density of each point as an outlier or on furniture ``(S, n)``.
+        places: number of the place of each point ``(n,)``, equal for readings of one beam; None if all have their own.
+        groups: number of the label of each point ``(n,)``; -1 without a label.
         log_groups: log density of the points of each label on the part ``(S, G)``.
-        log_elsewhere: the same on a surface of their own, which is not the part's ``(G,)``.
-        log_points: log density of all points, labels and outliers as they are weighed ``(S,)``.
-        log_there: right on the face that it most likely met, wherever that may be ``(S, n)``.
-        belongs: probability that it is on the part ``(S, n)``.
-        distances: from that face ``(S, n)`` [m].
-        per_sd: one over the standard deviation along its normal ``(S, n)`` [1/m].
-        tilts: of a sensed normal, in standard deviations ``(S, n)``; 0 where none was sensed.
-        normals: of that face there, outward, part frame ``(S, n, 3)``; zero for edges and corners.
+        log_elsewhere: log density of the points of each label on a surface that is not the part's ``(G,)``.
+        log_points: log density of all points together, with labels and outliers ``(S,)``.
+        log_there: log density of each point exactly on its most probable face, wherever that face is ``(S, n)``.
+        inlier_probability: probability that the point is on the part ``(S, n)``.
+        distances: signed distance of each point from its most probable face ``(S, n)`` [m].
+        per_sd: one over the standard deviation along the normal of that face ``(S, n)`` [1/m].
+        tilts: deviation of a sensed normal ``(S, n)`` [standard deviations]; 0 where none was sensed.
+        normals: outward normal of that face at the point, part frame ``(S, n, 3)``; zero for edges and corners.
         in_part: the point in the part frame ``(S, n, 3)`` [m].
-        faces: index of the face ``(S, n)``; below -1 for edges and corners.
+        faces: index of that face ``(S, n)``; below -1 for edges and corners.
     """
 
     log_hit: FloatArray
@@ -42,7 +42,7 @@ class Details:
     log_elsewhere: FloatArray
     log_points: FloatArray
     log_there: FloatArray
-    belongs: FloatArray
+    inlier_probability: FloatArray
     distances: FloatArray
     per_sd: FloatArray
     tilts: FloatArray
@@ -52,19 +52,19 @@ class Details:
 
     @property
     def residuals(self) -> FloatArray:
-        """Distances in standard deviations ``(S, n)``."""
+        """Return the distances in standard deviations ``(S, n)``."""
         return self.distances * self.per_sd
 
 
 def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
-    """The measurements at poses ``(S, 4, 4)`` and other states ``(S, D)``."""
+    """Evaluate the measurements at poses ``(S, 4, 4)`` and other states ``(S, D)``."""
     points = objective.problem.points
     table, faces, log_points, log_groups = _core.details(
         objective.prepared.shape, objective.core, np.ascontiguousarray(Ts), np.ascontiguousarray(zs)
     )
     outlier = outlier_log_density(points, objective.problem.priors)
     with np.errstate(divide="ignore"):
-        around = outlier + np.log(objective.problem.around.over_outlier)
+        around = outlier + np.log(objective.problem.furniture.over_outlier)
         hit = np.logaddexp(np.log(table[..., 0]) + outlier, around)
         there = np.log(table[..., 5]) + outlier
     there = np.maximum(there, hit)
@@ -72,7 +72,7 @@ def details_at(objective: Objective, Ts: Transforms, zs: FloatArray) -> Details:
     of_groups = np.array([outlier[groups == g].sum() for g in range(log_groups.shape[1])])
     return Details(
         hit, np.broadcast_to(np.logaddexp(outlier, around), hit.shape), points.places, groups, log_groups + of_groups,
-        objective.problem.elsewhere.log_odds + of_groups, log_points, there,
+        objective.problem.label_evidence.log_odds + of_groups, log_points, there,
         table[..., 1], table[..., 2], table[..., 3], table[..., 4],
         table[..., 6:9], table[..., 9:], faces.astype(np.int64),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What is said of measurements that are not on the part that explains the others, or scatter more than stated."""
+"""Findings about measurements that are off the part, or that scatter otherwise than stated."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.near_variants import log_density_by_surfaces, log_density_of_near_variant, shifted
-from tanteo.posterior.outliers import so_many
+from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.words.findings import (  # fmt: skip
     FaceDisplaced,
     LabelsContradicted,
@@ -28,7 +28,7 @@ def mostly_on(best: Hypothesis, unknown: float) -> bool:
     return best.probability < unknown and 0 < len(best.outliers) < len(best.pairings)
 
 
-def not_on_it(best: Hypothesis, unknown: float) -> MostlyOnPart:
+def mostly_on_part(best: Hypothesis, unknown: float) -> MostlyOnPart:
     """Return that the unknown object is more probable than a part that most of the points are on."""
     return MostlyOnPart(best.part, unknown, best.outliers, len(best.outliers) + len(best.pairings))
 
@@ -36,7 +36,8 @@ def not_on_it(best: Hypothesis, unknown: float) -> MostlyOnPart:
 def against_labels(one: GoodnessOfFit, priors: Priors) -> LabelsContradicted | None:
     """Return that more labelled points are off the part than labels are wrong; None if they are not.
 
-    A sensor may make more outliers than is stated, and then the rate is found out; but labels come from a person.
+    The outlier rate of a sensor is estimated and may exceed the stated one. Labels come from a person, so the stated
+    rate holds for them.
     """
     off, n = int(np.sum(one.outliers & (one.at.groups >= 0))), int(np.sum(one.at.groups >= 0))
     if not off or binomial_cdf(off - 1, n, np.array([priors.outlier_rate]))[0] < 1 - SUSPECT:
@@ -44,12 +45,12 @@ def against_labels(one: GoodnessOfFit, priors: Priors) -> LabelsContradicted | N
     return LabelsContradicted(one.mode.prepared.part.name, off, n)
 
 
-def left_out(best: Hypothesis, priors: Priors) -> Outliers | None:
+def outlier_finding(best: Hypothesis, priors: Priors) -> Outliers | None:
     """Return the points that are off the part, and whether so many are expected; None if all are on it."""
     outliers, n = len(best.outliers), len(best.outliers) + len(best.pairings)
     if not outliers:
         return None
-    expected = so_many(outliers, n, priors.outlier_rate) > NOTABLE
+    expected = beta_binomial_tail(outliers, n, priors.outlier_rate) > NOTABLE
     return Outliers(best.outliers, best.outlier_distances, n, expected)
 
 
@@ -58,9 +59,9 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
 
     Args:
         points: the measurements.
-        one: the likeliest mode.
+        one: the most probable mode.
         unknown: probability of the unknown object.
-        priors: what is assumed beforehand.
+        priors: priors of the inference.
     """
     if unknown < NOTABLE:
         return None
@@ -76,7 +77,7 @@ def face_elsewhere(points: ContactPoints, one: GoodnessOfFit, unknown: float, pr
 
 def on_furniture(one: GoodnessOfFit) -> OnFurniture | None:
     """Return how many points are on the furniture; None if none is."""
-    around, on_it = one.mode.objective.problem.around, one.on_furniture
+    around, on_it = one.mode.objective.problem.furniture, one.on_furniture
     counts = [(name, int(np.sum(on_it & (around.which == k)))) for k, name in enumerate(around.names)]
     found = tuple((name, count) for name, count in counts if count)
     return OnFurniture(len(on_it), found) if found else None
@@ -87,8 +88,8 @@ def scattered(best: Hypothesis, worst: WorstReading | None, *, unknown: bool = F
 
     Args:
         best: the most probable hypothesis.
-        worst: the reading that agrees least; None if none is far off.
-        unknown: whether the answer is unknown, for which only a larger scatter about the closest part matters.
+        worst: the reading that agrees least; None if no reading is far off.
+        unknown: whether the answer is ``unknown``. Then only a larger scatter about the closest part matters.
     """
     scale, low, high = best.noise_scale
     if low <= 1 <= high or (unknown and scale < 1):

@@ -1,4 +1,4 @@
-"""From sensed features to the answer: as labelled points, like every other measurement."""
+"""Recognition from sensed features, which count as labelled points."""
 
 from __future__ import annotations
 
@@ -26,19 +26,20 @@ def identify_features(
     top: int = TOP,
     priors: Priors | None = None,
 ) -> Answer:
-    """Which of the parts the sensed features belong to, and its pose.
+    """Return which part the sensed features are of, and its pose.
 
-    A feature counts as the points that it is as good as, which share one face, edge or corner of the part (or are of
-    something else). Where the points themselves are at hand, :func:`tanteo.identify` is better: they are all there is.
+    A feature counts as the points with the same information, which share one face, edge or corner of the part (or are
+    of something else). If the points themselves are available, :func:`tanteo.identify` is better: they carry all the
+    information.
 
     Args:
         features: sensed planes, edges, vertices, circles, cylinders, spheres and cones in the world; a plane whose
-            outward side is unknown as a pair of both.
-        parts: candidates, as parts or prepared.
-        tolerance: sd of the made part's surface against its CAD [m].
-        significance: an answer whose joint test has a smaller p-value than this is not accepted.
+            outward side is unknown is a pair of both sides.
+        parts: candidate parts, prepared or not.
+        tolerance: standard deviation of the made part's surface from its CAD [m].
+        significance: p-value below which the joint test rejects an answer.
         top: number of hypotheses to report.
-        priors: what is assumed beforehand; the radius is that of the largest part if not given.
+        priors: priors; by default the radius is that of the largest part.
 
     Returns:
         The answer, whatever its status; nothing is raised for an unkind world. Pairings and outliers are named by the
@@ -58,9 +59,9 @@ def identify_features(
 
 
 def _by_feature(hypothesis: Hypothesis, readings: dict[str, tuple[str, ...]]) -> Hypothesis:
-    """Pairings and outliers by the readings of each feature instead of the points that stand for it.
+    """Return a hypothesis with readings of features instead of the points that represent these.
 
-    A feature of which most points are off is an outlier.
+    A feature is an outlier if most of its points are off the part.
     """
     paired, off = dict[str, list[str]](), dict[str, list[float]]()
     for name, face in hypothesis.pairings:

@@ -1,6 +1,6 @@
-"""What is odd about the input: units, spreads, directions, repeats, a stuck sensor, free-space rays through the part.
+"""Findings about the input: units, spreads, directions, repeats, a stuck sensor, free rays through the part.
 
-Each is a typed :class:`tanteo.words.Finding`. Those here cost next to nothing; ``mirror`` searches again.
+Each is a typed :class:`tanteo.words.Finding`. These checks need no search; ``otherwise`` has those that do.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tanteo.posterior.answers.results import Answer
 from tanteo.posterior.candidates import Candidates, sizes_of
 from tanteo.posterior.free_space import gone_through
 from tanteo.posterior.prepared import prepare
-from tanteo.posterior.settings import DEFAULTS, FEWEST
+from tanteo.posterior.settings import DEFAULTS, FEWEST, CheckSettings, Settings
 from tanteo.posterior.unknown import LARGER
 from tanteo.sensors import PointMeasurements, Readings, find_repeated, find_stuck
 from tanteo.words import Finding, size_advice
@@ -40,13 +40,13 @@ UNITS = {unit: METRES[unit] for unit in ("mm", "m", "um", "in")}
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Sizes on both sides, and the units that they were read with.
+    """Sizes of readings and parts, and the units with which they were read.
 
     Attributes:
-        span: how far apart the readings are [m].
+        span: extent of the readings [m].
         sizes: diagonals of the parts [m].
         column: unit in the names of the readings' columns; empty if not known.
-        option: unit that was stated for the parts; empty if their files have one of their own.
+        option: stated unit of the parts; empty if their files have their own.
     """
 
     span: float
@@ -56,52 +56,60 @@ class Scale:
 
 
 def scale_of(points: Vectors, parts: Any, column: str = "", option: str = "") -> Scale:
-    """Sizes and units of points ``(n, 3)`` [m] and parts, of a list or a catalogue."""
+    """Return sizes and units of points ``(n, 3)`` [m] and of the parts of a list or a catalogue."""
     span = 2 * float(np.median(_away(points))) if len(points) >= FEWEST else 0.0
     return Scale(span, sizes_of(parts), column, option)
 
 
 def about_readings(
-    answer: Answer, readings: Readings, measured: PointMeasurements, free: FreeRays, parts: Sequence[Part]
+    answer: Answer,
+    readings: Readings,
+    measured: PointMeasurements,
+    free: FreeRays,
+    parts: Sequence[Part],
+    settings: Settings = DEFAULTS,
 ) -> tuple[Finding, ...]:
-    """What is odd about the readings, in the light of an answer.
+    """Return findings about the readings, given an answer.
 
     Args:
-        answer: what the readings are of.
-        readings: what the devices said.
-        measured: what was made of it.
+        answer: the answer from these readings.
+        readings: readings as the devices reported them.
+        measured: measurements made from the readings.
         free: free-space rays.
-        parts: the candidates, prepared or not.
+        parts: candidate parts, prepared or not.
+        settings: settings of the inference.
     """
     found: tuple[Finding | None, ...] = (
-        _gone_through(answer, free, measured.free.ids, parts),
+        _gone_through(answer, free, measured.free.ids, parts, settings),
         find_repeated(measured),
         find_stuck(readings),
-        _too_wide(answer, measured, parts),
+        _too_wide(answer, measured, parts, settings.checks),
     )
     return tuple(one for one in found if one is not None)
 
 
-def about_frames(answer: Answer, scale: Scale, measured: PointMeasurements) -> Finding | None:
-    """Of readings of no known part: which unit or direction was probably meant otherwise."""
+def about_frames(
+    answer: Answer, scale: Scale, measured: PointMeasurements, checks: CheckSettings = DEFAULTS.checks
+) -> Finding | None:
+    """Return which unit or direction was probably confused; None if the readings are of a known part."""
     if answer.status != "unknown":
         return None
     return (
-        about_units(scale)
-        or about_directions(measured.points, measured.directions)
-        or about_normals(measured.normals, measured.directions)
+        about_units(scale, checks)
+        or about_directions(measured.points, measured.directions, checks)
+        or about_normals(measured.normals, measured.directions, checks)
     )
 
 
-def about_units(scale: Scale) -> UnitsQuestion | None:
+def about_units(scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> UnitsQuestion | None:
     """Return the units that would make both sides fit; None if they fit, or none would."""
-    if not scale.span or fits_size(scale.span, scale.sizes):
+    if not scale.span or fits_size(scale.span, scale.sizes, checks):
         return None
     columns, files = list[str](), list[str]()
     for column, option in product(_others(scale.column), _others(scale.option)):
         span = scale.span * UNITS.get(column, 1) / UNITS.get(scale.column, 1)
         sizes = [size * UNITS.get(option, 1) / UNITS.get(scale.option, 1) for size in scale.sizes]
-        if (column == scale.column) != (option == scale.option) and fits_size(span, sizes):
+        if (column == scale.column) != (option == scale.option) and fits_size(span, sizes, checks):
             if option != scale.option:
                 files.append(option)
             else:
@@ -111,8 +119,8 @@ def about_units(scale: Scale) -> UnitsQuestion | None:
     return UnitsQuestion(max(scale.sizes), len(scale.sizes), scale.span, tuple(columns), tuple(files))
 
 
-def about_size(points: Vectors, scale: Scale) -> TooNarrow | None:
-    """Readings that hardly can be of these parts.
+def about_size(points: Vectors, scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> TooNarrow | None:
+    """Return a finding about readings that are too narrow for these parts; None if they are not.
 
     Raises:
         ReadingsError: the readings are far wider than any part.
@@ -121,8 +129,8 @@ def about_size(points: Vectors, scale: Scale) -> TooNarrow | None:
         return None
     away = _away(points)
     largest, smallest = max(scale.sizes), min(scale.sizes)
-    units = about_units(scale)
-    if np.median(away) > DEFAULTS.checks.too_wide * largest:
+    units = about_units(scale, checks)
+    if np.median(away) > checks.too_wide * largest:
         raise ReadingsError(
             f"readings: expected points around a part of {largest * 1e3:.4g} mm or less, got half of them more than "
             f"{np.median(away) * 1e3:.4g} mm from their middle. {size_advice(units)}"
@@ -132,44 +140,49 @@ def about_size(points: Vectors, scale: Scale) -> TooNarrow | None:
     return TooNarrow(float(away.max()), smallest, units)
 
 
-def about_spread(covs: Covariances, scale: Scale) -> Finding | None:
-    """Standard deviations that no sensor of such parts has; ``covs`` of the readings ``(n, 3, 3)`` [m^2]."""
+def about_spread(covs: Covariances, scale: Scale, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
+    """Return a finding about standard deviations that no sensor has; None if they are plausible."""
     if not len(covs):
         return None
     sd = float(np.median(np.sqrt(np.trace(covs, axis1=1, axis2=2) / 3)))
-    if DEFAULTS.checks.finest <= sd <= DEFAULTS.checks.coarsest * max(scale.sizes):
+    if checks.finest <= sd <= DEFAULTS.checks.coarsest * max(scale.sizes):
         return None
-    return SpreadQuestion(sd, max(scale.sizes) if sd > DEFAULTS.checks.finest else float("nan"))
+    return SpreadQuestion(sd, max(scale.sizes) if sd > checks.finest else float("nan"))
 
 
-def about_directions(points: Vectors, directions: Vectors) -> Finding | None:
-    """Directions ``(n, 3)``, NaN where unknown, most of which lead away from the middle of the points."""
+def about_directions(points: Vectors, directions: Vectors, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
+    """Return a finding about directions most of which point outward; None if they do not.
+
+    Directions are ``(n, 3)``, NaN where unknown; outward is away from the middle of the points.
+    """
     known = np.isfinite(directions).all(axis=1)
     if known.sum() < FEWEST:
         return None
     inward = np.median(points[known], axis=0) - points[known]
     cosines = np.sum(inward * directions[known], axis=1) / np.linalg.norm(inward, axis=1).clip(1e-12)
-    if cosines.mean() > -DEFAULTS.checks.outward:
+    if cosines.mean() > -checks.outward:
         return None
     return DirectionsQuestion(float(np.mean(cosines < 0)))
 
 
-def about_normals(normals: Vectors, directions: Vectors) -> Finding | None:
-    """Sensed normals that point as the sensor looks: into the material."""
+def about_normals(normals: Vectors, directions: Vectors, checks: CheckSettings = DEFAULTS.checks) -> Finding | None:
+    """Return a finding about sensed normals that point into the material; None if they do not."""
     cosines = np.sum(normals * directions, axis=1)
     known = cosines[np.isfinite(cosines)]
-    if len(known) < FEWEST or np.mean(known > 0) <= DEFAULTS.checks.into:
+    if len(known) < FEWEST or np.mean(known > 0) <= 1 - checks.outward:
         return None
     return NormalsQuestion(float(np.mean(known > 0)))
 
 
-def _gone_through(answer: Answer, free: FreeRays, ids: Sequence[str], parts: Sequence[Part]) -> FreeSpaceCrossed | None:
-    """Free-space rays that the best answer's part is surely in the way of."""
+def _gone_through(
+    answer: Answer, free: FreeRays, ids: Sequence[str], parts: Sequence[Part], settings: Settings
+) -> FreeSpaceCrossed | None:
+    """Return the free-space rays that the part of the best answer surely blocks; None if it blocks none."""
     if not answer.hypotheses or not len(free):
         return None
     best = answer.hypotheses[0]
     part = prepare(part_named(parts, best.part))
-    short = gone_through(free, best.T_world_part, best.covariance, best.shared, part)
+    short = gone_through(free, best.T_world_part, best.covariance, best.shared, part, settings)
     rows = np.flatnonzero(short > 0)[np.argsort(-short[short > 0], kind="stable")]
     if not len(rows):
         return None
@@ -177,8 +190,10 @@ def _gone_through(answer: Answer, free: FreeRays, ids: Sequence[str], parts: Seq
     return FreeSpaceCrossed(best.part, named, lengths, len(ids))
 
 
-def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]) -> TooFarApart | None:
-    """That readings of no known part lie farther apart than any part is wide, as millimetres would."""
+def _too_wide(
+    answer: Answer, measured: PointMeasurements, parts: Sequence[Part], checks: CheckSettings
+) -> TooFarApart | None:
+    """Return that readings of no known part are farther apart than any part; None if they are not."""
     if answer.status != "unknown" or not len(measured.points):
         return None
     away = float(np.median(np.linalg.norm(measured.points - np.median(measured.points, axis=0), axis=1)))
@@ -189,18 +204,18 @@ def _too_wide(answer: Answer, measured: PointMeasurements, parts: Sequence[Part]
 
 
 def _away(points: Vectors) -> FloatArray:
-    """Distances from the middle ``(n,)`` [m]."""
+    """Return the distances of points from their middle ``(n,)`` [m]."""
     return np.asarray(np.linalg.norm(points - np.median(points, axis=0), axis=1))
 
 
 def _others(unit: str) -> tuple[str, ...]:
-    """The unit itself and what else it might be; itself alone where it was not a choice."""
+    """Return the unit and the units with which it may be confused; itself alone if it was not a choice."""
     return (unit, *(u for u in UNITS if u != unit)) if unit else (unit,)
 
 
-def fits_size(span: float, sizes: Sequence[float]) -> bool:
-    """Whether readings of that span may be of a part of one of these sizes [m]."""
-    own = DEFAULTS.checks
-    return any(
-        own.least_span <= span / size <= LARGER and own.smallest_part <= size <= own.largest_part for size in sizes
-    )
+def fits_size(span: float, sizes: Sequence[float], checks: CheckSettings = DEFAULTS.checks) -> bool:
+    """Return whether readings of that span may be of a part of one of these sizes [m]."""
+    size = np.asarray(sizes)
+    ratio = span / size
+    wide = (checks.least_span <= ratio) & (ratio <= LARGER)
+    return bool(np.any(wide & (checks.smallest_part <= size) & (size <= checks.largest_part)))

@@ -1,4 +1,4 @@
-"""A mode of the posterior with the measurements at its maximum: what is of the part, what fits, what is free."""
+"""Goodness of fit of a mode: points on the part, residuals, and motions that nothing constrains."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from tanteo.fitting import pose_information, weak_motions
 from tanteo.geometry.typing import FloatArray, Tangents
 from tanteo.parts import Part
 from tanteo.posterior.answers.misfit import Misfit
-from tanteo.posterior.answers.part_motions import part_scale, spins, without_spins
+from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions, without_symmetry
 from tanteo.posterior.details import Details, details_at
 from tanteo.posterior.sampling.modes import Mode, to_origin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoodnessOfFit:
-    """A mode with the measurements at its maximum.
+    """A mode with the measurements evaluated at its maximum.
 
     Attributes:
         mode: the mode.
-        at: the measurements there, one pose.
-        per_stated_sd: one over the stated standard deviation of each along its normal ``(n,)`` [1/m].
-        free: motions that nothing resists, those of the part's symmetry first, over ``part_scale`` ``(m, 6)``.
+        at: evaluation of the measurements at the maximum (one pose).
+        per_stated_sd: one over the stated standard deviation of each point along its normal ``(n,)`` [1/m].
+        free: motions that nothing constrains, the part's symmetries first, over ``part_scale`` ``(m, 6)``.
     """
 
     mode: Mode
@@ -34,40 +34,35 @@ class GoodnessOfFit:
     free: Tangents
 
     @property
-    def belongs(self) -> np.ndarray:
-        """Which points are on the part ``(n,)``."""
-        return np.asarray(self.at.belongs[0] > 0.5)
+    def inliers(self) -> np.ndarray:
+        """Return which points are on the part ``(n,)``."""
+        return np.asarray(self.at.inlier_probability[0] > 0.5)
 
     @property
     def on_furniture(self) -> np.ndarray:
-        """Which points are of what stands around ``(n,)``: not on the part, and no outliers."""
+        """Return which points are on furniture ``(n,)``: neither on the part nor outliers."""
         problem = self.mode.objective.problem
-        return np.asarray(~self.belongs & (problem.around.over_outlier > problem.priors.outlier_rate))
+        return np.asarray(~self.inliers & (problem.furniture.over_outlier > problem.priors.outlier_rate))
 
     @property
     def outliers(self) -> np.ndarray:
-        """Which points nothing explains ``(n,)``."""
-        return np.asarray(~self.belongs & ~self.on_furniture)
-
-    @property
-    def log_noise_factor(self) -> float:
-        """How well the noise was known: log of the factor."""
-        return self.mode.objective.problem.scale_sd
+        """Return which points nothing explains ``(n,)``."""
+        return np.asarray(~self.inliers & ~self.on_furniture)
 
     def misfit(self) -> Misfit:
-        """Of the points that belong and their normals, against what was stated."""
-        belongs, tilts, factors = self.belongs, self.at.tilts[0], self.mode.objective.problem.points.factors
-        points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[belongs] ** 2))
-        across = sum(factor.codimension for factor, on in zip(factors, belongs, strict=True) if on)
-        told = 2 * int(np.count_nonzero(tilts[belongs]))
-        tilted = float(np.sum(tilts[belongs] ** 2))
-        return Misfit(points, tilted, across + told - 6, self.log_noise_factor, across - 6)
+        """Return the squared residuals of the points on the part and of their normals."""
+        inliers, tilts, factors = self.inliers, self.at.tilts[0], self.mode.objective.problem.points.factors
+        points = float(np.sum((self.at.distances[0] * self.per_stated_sd)[inliers] ** 2))
+        across = sum(factor.codimension for factor, on in zip(factors, inliers, strict=True) if on)
+        told = 2 * int(np.count_nonzero(tilts[inliers]))
+        tilted = float(np.sum(tilts[inliers] ** 2))
+        return Misfit(points, tilted, across + told - 6, self.mode.objective.problem.scale_sd, across - 6)
 
-    def told_beside(self, rows: FloatArray) -> float:
-        """How many states not the points tell but priors (of shared errors, of the pose by ``rows``) or nothing.
+    def states_from_priors(self, rows: FloatArray) -> float:
+        """Return the number of states that priors or nothing determine instead of the points.
 
         Args:
-            rows: derivatives of what was known of the pose, standardised ``(m, 6)``.
+            rows: whitened derivatives of the prior of the pose ``(m, 6)``.
         """
         objective = self.mode.objective
         states = 6 + objective.problem.points.shared_jacobian.shape[2]
@@ -78,33 +73,33 @@ class GoodnessOfFit:
 
 
 def goodness_of_fit(mode: Mode) -> GoodnessOfFit:
-    """The mode with the measurements at its maximum."""
+    """Evaluate the measurements at the maximum of a mode."""
     part, T = mode.prepared.part, mode.T_peak[None]
     at = details_at(mode.objective, T, mode.z[None])
-    information = without_spins(part, pose_information(mode.information))
+    information = without_symmetry(part, pose_information(mode.information))
     scaled = mode.objective.problem.scale_sd > 0
     stated = details_at(mode.objective, T, np.r_[mode.z[:-1], 0.0][None]) if scaled else at
     return GoodnessOfFit(mode, at, stated.per_sd[0], _free(mode, information))
 
 
 def _free(mode: Mode, information: FloatArray) -> Tangents:
-    """Motions that nothing resists at the maximum, but for those that the ends of faces hold nearly as well."""
+    """Return the motions that nothing constrains, except those that ends of faces constrain nearly as well."""
     part, own = mode.prepared.part, mode.objective.problem.settings.samples
-    scale, known = part_scale(part), spins(part)
-    told = without_spins(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
-    if mode.maxima > 1 and mode.ess >= own.told:  # each maximum by itself seems to hold what all together leave free
+    scale, known = part_scale(part), symmetry_motions(part)
+    told = without_symmetry(part, np.asarray(np.linalg.inv(mode.covariance), dtype=np.float64))
+    if mode.maxima > 1 and mode.ess >= own.shape:  # each maximum by itself seems to hold what all together leave free
         return weak_motions(told, scale, fixed=known)
     free = weak_motions(information, scale, fixed=known)
-    if len(free) == len(known) or mode.ess < own.told:
+    if len(free) == len(known) or mode.ess < own.shape:
         return free
-    held = weak_motions(told, scale, own.held, fixed=known)
+    held = weak_motions(told, scale, own.edge_held_sd, fixed=known)
     return held if len(held) < len(free) else free
 
 
 def face_names(one: GoodnessOfFit) -> list[str]:
-    """What each point is nearest to, in words."""
+    """Return the name of the element that is nearest to each point."""
     part = one.mode.prepared.part
-    around, furniture = one.mode.objective.problem.around, one.on_furniture
+    around, furniture = one.mode.objective.problem.furniture, one.on_furniture
     names = [_name_of(part, int(f)) for f in one.at.faces[0]]
     return [around.names[around.which[k]] if furniture[k] else name for k, name in enumerate(names)]
 
@@ -122,10 +117,10 @@ def _name_of(part: Part, number: int) -> str:
 
 
 def information_by_point(mode: Mode) -> FloatArray:
-    """What each point adds to the information on the pose at the maximum, shared errors as known ``(n, 6, 6)``.
+    """Return the information of each point on the pose at the maximum, given shared errors ``(n, 6, 6)``.
 
-    Part frame, right perturbation [m, rad]. Each is looked at alone: a point that the others make an outlier counts as
-    far as it is none by itself.
+    Part frame, right perturbation [m, rad]. Each point is evaluated alone: a point that the others make an outlier
+    counts as far as it is an inlier by itself.
     """
     objective, problem = mode.objective, mode.objective.problem
     out = np.zeros((len(problem.points), 6, 6))

@@ -1,6 +1,7 @@
-"""Free-space rays that the part of an answer is surely in the way of.
+"""Free-space rays that the part of an answer surely blocks.
 
-A face that lies more obliquely than the sensor's limit sends no echo back: that a ray met nothing says nothing of it.
+A face that is more oblique than the sensor's limit returns no echo. A ray without an echo carries no information about
+it.
 """
 
 from __future__ import annotations
@@ -13,14 +14,17 @@ from tanteo.geometry import SO3
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms, Vectors
 from tanteo.posterior.answers.part_motions import observed_covariance
 from tanteo.posterior.prepared import PreparedPart
-from tanteo.posterior.settings import DEFAULTS
+from tanteo.posterior.settings import DEFAULTS, Settings
 
-_AROUND = np.linspace(0, 2 * np.pi, DEFAULTS.checks.path_turns, endpoint=False)
+_DIRECTIONS = 8
+"""Numerical: directions across a ray in which it is moved; between two of them the offset is 8 % less than stated."""
+
+_AROUND = np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
 """Directions across a ray in which it is moved [rad]."""
 
 
 def _across(directions: Vectors) -> FloatArray:
-    """Four unit vectors across each direction ``(k, 4, 3)``."""
+    """Return four unit vectors across each direction ``(k, 4, 3)``."""
     least = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
     u = SO3.cross(directions, least)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
@@ -29,7 +33,7 @@ def _across(directions: Vectors) -> FloatArray:
 
 
 def _passed(free: FreeRays, Ts: Transforms, z: FloatArray, part: PreparedPart) -> tuple[FloatArray, FloatArray]:
-    """How probably each path passes the part ``(S, m)``, and where its middle meets it ``(S, m)`` [m]."""
+    """Return the probability that each path passes the part, and the distance of its first hit [m] ``(S, m)``."""
     origins, directions = free.at(z)
     local, along = (origins - Ts[:, None, :3, 3]) @ Ts[:, :3, :3], directions @ Ts[:, :3, :3]
     hits = _echoes(part, local, along, free.incidences)
@@ -46,16 +50,22 @@ def _passed(free: FreeRays, Ts: Transforms, z: FloatArray, part: PreparedPart) -
 
 
 def gone_through(
-    free: FreeRays, T: Transforms, covariance: Covariances, shared: SharedGiven | None, part: PreparedPart
+    free: FreeRays,
+    T: Transforms,
+    covariance: Covariances,
+    shared: SharedGiven | None,
+    part: PreparedPart,
+    settings: Settings = DEFAULTS,
 ) -> FloatArray:
-    """How far before its end each path should have met the part ``(m,)`` [m]; zero for those that may have passed it.
+    """Return how far before its end the part blocks each path ``(m,)`` [m]; zero if the path may pass it.
 
     Args:
-        free: paths on which nothing was met.
+        free: paths without an echo.
         T: pose of the part ``(4, 4)``.
-        covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad].
-        shared: the whitened errors that move the paths, given the pose; None if nothing does.
+        covariance: covariance of the pose ``(6, 6)``, part frame, right perturbation [m, rad].
+        shared: whitened shared errors that move the paths, given the pose; None if there are none.
         part: the part.
+        settings: settings of the inference, for the extent of an error.
     """
     out = np.zeros(len(free))
     if not len(free):
@@ -66,19 +76,18 @@ def gone_through(
     rows = np.flatnonzero(passed[0] < 0.5)
     if len(rows):
         met = hits[0, rows]
-        sure = _surely(free.take(rows), T, covariance, shared, part, met)
+        sure = _surely(free.take(rows), T, covariance, shared, part, met, settings.search.reach_sds)
         out[rows[sure]] = (free.lengths[rows] - met)[sure]
     return out
 
 
 def _surely(
-    free: FreeRays, T: Transforms, C: Covariances, shared: SharedGiven, part: PreparedPart, met: FloatArray
+    free: FreeRays, T: Transforms, C: Covariances, shared: SharedGiven, part: PreparedPart, met: FloatArray, gate: float
 ) -> BoolArray:
-    """Paths that meet the part also with both off by as much as is likely, to all sides and along them ``(m,)``.
+    """Return which paths meet the part even if path and part are off by any probable error ``(m,)``.
 
-    Of a cone all rays have to: its rim is at two of the standard deviations that ``slopes`` say.
+    Of a cone all rays have to meet it; its rim is at two of the standard deviations in ``slopes``.
     """
-    gate = DEFAULTS.search.reach_sds
     origins, directions = (np.broadcast_to(x, (1, len(free), 3))[0] for x in free.at(shared.mean[None]))
     start, along = (origins - T[:3, 3]) @ T[:3, :3], directions @ T[:3, :3]
     S = _between(free, T, C, shared, part, start + met[:, None] * along, met)
@@ -100,9 +109,9 @@ def _between(
     points: Vectors,
     far: FloatArray,
 ) -> Covariances:
-    """Of points of paths, so far along them, against the part, in whose frame they are ``(m, 3, 3)`` [m2].
+    """Return covariances of points on paths relative to the part, in its frame ``(m, 3, 3)`` [m^2].
 
-    What moves readings and paths alike moves the pose as well: that is no distance between them.
+    A shared error that moves readings and paths equally moves the pose as well, so it does not count.
     """
     own = -np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), -SO3.hat(points)], axis=2)
     by_shared = np.zeros((len(points), 3, len(shared.mean)))
@@ -114,12 +123,12 @@ def _between(
 
 
 def _ends(free: FreeRays, part: PreparedPart) -> FloatArray:
-    """Up to where material would certainly have been met ``(m,)`` [m]."""
+    """Return the distance up to which material would certainly have returned an echo ``(m,)`` [m]."""
     return free.lengths - free.margin - 0.01 * part.part.diagonal
 
 
 def _echoes(part: PreparedPart, starts: Vectors, along: Vectors, incidences: FloatArray) -> FloatArray:
-    """Distances of what rays meet first; infinite where that is met at more than these angles."""
+    """Return distances of first hits; infinite if the angle of incidence exceeds the limit."""
     hits = part.surface.cast(starts, along)
     cosines = np.abs(np.sum(part.surface.normals[hits.triangles] * along, axis=-1))
     return np.where(cosines >= np.cos(incidences) - 1e-12, hits.distances, np.inf)

@@ -1,7 +1,7 @@
-"""What labels say of an object that is not the part: points of one label share a plane, a line or a point of it.
+"""Evidence of labels for an unknown object: points of one label share a plane, a line or a point.
 
-Points that are anywhere hardly ever lie in one plane. So a label whose points do is no proof of whichever part has such
-a face.
+Points anywhere in space hardly ever lie in one plane. So a label whose points do is no evidence for the parts that have
+such a face: an unknown object has one, too.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from tanteo.geometry.special import log_even, log_sum
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Vectors
 
 _COUNT = 6
-"""Points of a label that count (decision 62). A made face is off by the same for all of them, so that more points state
-no more of whether it is the part's."""
+"""Number of points of a label that count (decision 62). A made face deviates equally for all of them, so more points
+carry no more information on whether the face is the part's."""
 
 _SIZES = 6
-"""Sizes of faces and edges, each half of the last, that are equally likely."""
+"""Number of equally probable sizes of faces and edges, each half of the previous one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Facets:
-    """Pieces of planes that the measurements show: labelled planes, and sensed normals with their points; and edges.
+    """Pieces of planes and edges that the measurements show: labelled ones, and sensed normals with their points.
 
     Attributes:
-        normals: outward, or of either sign where nobody knows; of edges their directions ``(K, 3)``.
-        covariances: of them ``(K, 3, 3)`` [rad^2].
-        points: of each ``(K, 3)`` [m].
-        variances: of these along the normal, infinite for edges ``(K,)`` [m^2].
+        normals: outward normals, or of either sign where the side is unknown; for edges their directions ``(K, 3)``.
+        covariances: covariances of the normals ``(K, 3, 3)`` [rad^2].
+        points: a point on each ``(K, 3)`` [m].
+        variances: variances of these points along the normal ``(K,)`` [m^2]; infinite for edges.
     """
 
     normals: Vectors
@@ -44,12 +44,12 @@ class Facets:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Elsewhere:
-    """Measurements off the part, beside as many outliers that know nothing of each other.
+class LabelEvidence:
+    """Densities of measurements that are not of the part, over those of independent outliers.
 
     Attributes:
-        log_odds: of each group, log density of its points on a surface of their own, over that of outliers ``(G,)``.
-        facets: what is known of surfaces.
+        log_odds: log density of the points of each label on a surface of their own, over that of outliers ``(G,)``.
+        facets: surfaces that the measurements show.
     """
 
     log_odds: FloatArray
@@ -57,7 +57,7 @@ class Elsewhere:
 
 
 def groups_of(points: ContactPoints) -> IntArray:
-    """Number of the label of each point ``(n,)``; -1 where it has none, or is alone with it and says no more."""
+    """Return the number of the label of each point ``(n,)``; -1 if its label gives no information."""
     counts: dict[tuple[str, str], int] = {}
     keys = list(zip(points.labels, points.kinds, strict=True))
     for key in keys:
@@ -68,13 +68,13 @@ def groups_of(points: ContactPoints) -> IntArray:
     return np.array([number.get(key, -1) for key in keys], dtype=np.int32)
 
 
-def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhere:
-    """What the labels say of an object of which nothing else is known.
+def label_evidence(points: ContactPoints, groups: IntArray, radius: float) -> LabelEvidence:
+    """Return the densities of labelled points on an unknown object.
 
     Args:
         points: the measurements.
-        groups: of :func:`groups_of`.
-        radius: of the ball in which the object is [m].
+        groups: labels as :func:`groups_of` numbers them.
+        radius: radius of the ball that contains the object [m].
     """
     alone = np.flatnonzero(points.oriented & (groups < 0) & ~points.centres)
     n, sd = points.normals[alone], points.normal_sds[alone]
@@ -97,16 +97,16 @@ def elsewhere(points: ContactPoints, groups: IntArray, radius: float) -> Elsewhe
     columns = (
         zip(*rows, strict=True) if rows else (np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0))
     )
-    return Elsewhere(log_odds, Facets(*(np.array(column) for column in columns)))
+    return LabelEvidence(log_odds, Facets(*(np.array(column) for column in columns)))
 
 
 _Row: TypeAlias = tuple[Vectors, Covariances, Vectors, FloatArray]
 
 
 def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
-    """Log density of points on one plane, line or point that is anywhere, over that of outliers; the plane or line.
+    """Return the log density of points on one unknown plane, line or point over that of outliers, and its estimate.
 
-    The integral over the plane, line or point is Laplace's, about their least squares fit.
+    The integral over plane, line or point is Laplace's approximation about the least squares fit.
     """
     middle = points.points.mean(axis=0)
     axes = np.linalg.svd((points.points - middle).T @ (points.points - middle))[2]
@@ -140,14 +140,14 @@ def _shared(points: ContactPoints, radius: float) -> tuple[float, _Row | None]:
 def _integral(
     points: ContactPoints, S: Covariances, J: FloatArray, off: FloatArray, radius: float
 ) -> tuple[float, FloatArray, Covariances]:
-    """Log of the integral over a plane, line or point, over the density of outliers; its states and their covariance.
+    """Return the log integral over a plane, line or point, over the density of outliers; its state and covariance.
 
     Args:
-        points: that are on it.
-        S: their covariances across it ``(n, m, m)`` [m^2].
-        J: how they move with its states, the shared errors last ``(n, m, k)``.
-        off: how far they are from the first guess of it ``(n, m)`` [m].
-        radius: of the object [m].
+        points: points that are on it.
+        S: covariances of the points across it ``(n, m, m)`` [m^2].
+        J: derivatives of the points by its states, the shared errors last ``(n, m, k)``.
+        off: deviations of the points from its first estimate ``(n, m)`` [m].
+        radius: radius of the object [m].
     """
     m = off.shape[1]
     states = m * (4 - m)  # of the plane, line or point, before the shared errors
@@ -165,13 +165,13 @@ def _integral(
 
 
 def _log_together(reach: float, n: int, free: int, radius: float) -> float:
-    """Log density of where points are on a face, or along an edge, that is as large as it may be, over anywhere.
+    """Return the log density of points on a face or edge of any possible size, over that anywhere.
 
     Args:
-        reach: of the points from their middle [m].
+        reach: largest distance of the points from their middle [m].
         n: number of points.
         free: two for a face, one for an edge, none for a corner.
-        radius: of the object [m].
+        radius: radius of the object [m].
     """
     sizes = radius * 0.5 ** np.arange(_SIZES)
     held = sizes[sizes >= min(reach, radius)]
@@ -184,5 +184,5 @@ def _log_together(reach: float, n: int, free: int, radius: float) -> float:
 
 
 def _outward(points: ContactPoints, normal: Vectors) -> float:
-    """1 where the normal looks towards the sensor, -1 where away; 1 where nobody knows."""
+    """Return 1 if the normal points towards the sensor or the side is unknown, -1 if away."""
     return -1.0 if float(np.sum(points.inward @ normal)) > 0 else 1.0

@@ -1,8 +1,8 @@
-"""Near variants: objects that are like a part, but differ anywhere, or by one face that is farther out or in.
+"""Near variants: objects like a part that differ anywhere, or by one displaced face.
 
-A near variant of a part looks like the part with more outliers than the sensor makes. These may be anywhere (decision
-35). Or they agree: another variant has a higher step, a wider bore, a thicker wall, and what was sensed of it is all
-off that one face by the same (decision 49). Outliers of a sensor do not do that.
+A near variant looks like the part with more outliers than the sensor makes. These may be anywhere (decision 35). Or
+they agree: a variant has a higher step, a wider bore or a thicker wall, and all readings of that face are off by the
+same distance (decision 49). Outliers of a sensor do not agree.
 """
 
 from __future__ import annotations
@@ -17,31 +17,33 @@ from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.parts import Part
 from tanteo.posterior.details import Details
 from tanteo.posterior.outliers import LEAST_RATE, log_by_rate
-from tanteo.posterior.settings import DEFAULTS
 
 _ONE_FACE = 0.5
-"""Share of what is a near variant that differs from it by one face (decision 49)."""
+"""Fraction of near variants that differ by one face (decision 49)."""
 
 _OFFSET = 0.1
-"""Standard deviation of how far a face may be out or in, in diagonals of the part."""
+"""Standard deviation of the displacement of a face over the diagonal of the part."""
 
 _LEAST = 1
-"""A face is elsewhere if so many readings agree on where; one alone may be an outlier as well, and is weighed so."""
+"""Number of agreeing readings from which a face may be displaced; a single one may be an outlier as well."""
 
 _AT_ONCE = 2_000_000
-"""Pairs of readings that are compared at a time."""
+"""Numerical: pairs of readings that are compared at a time, which bounds the memory."""
+
+_NODES = 12
+"""Numerical: least number of nodes of the Gauss-Legendre quadrature over the displaced fraction of a surface."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shifted:
-    """Faces that may be elsewhere, as readings say that agree on where.
+    """Faces that may be displaced, because several readings agree on another place.
 
     Attributes:
-        poses: at which pose ``(K,)``.
-        faces: which face ``(K,)``.
-        offsets: how far outside of its place ``(K,)`` [m].
-        counts: readings that are off the face and agree ``(K,)``.
-        log_odds: of the face there over the face where the part has it, before the prior of the face ``(K,)``.
+        poses: index of the pose ``(K,)``.
+        faces: index of the face ``(K,)``.
+        offsets: displacement of the face, outward ``(K,)`` [m].
+        counts: number of readings that are off the face and agree ``(K,)``.
+        log_odds: log odds of the displaced face against the nominal one, before the prior of the face ``(K,)``.
     """
 
     poses: IntArray
@@ -52,14 +54,15 @@ class Shifted:
 
 
 def log_density_of_near_variant(at: Details, part: Part, mean: float) -> FloatArray:
-    """Log density of all readings if the object is a near variant of the part ``(S,)``: anywhere else, or by one face.
+    """Return the log density of all readings on a near variant of the part ``(S,)``.
 
-    A face counts with "anywhere" unless the readings say more clearly that it alone is elsewhere.
+    It differs anywhere or by one face. A face counts as "anywhere" unless the readings support more strongly that it
+    alone is displaced.
 
     Args:
         at: the readings at the poses.
         part: the part.
-        mean: rate of outliers that is stated.
+        mean: stated rate of outliers.
     """
     anywhere = log_density_by_surfaces(at, mean)
     found, share = shifted(at, part, mean), _ONE_FACE / len(part.faces)
@@ -72,11 +75,11 @@ def log_density_of_near_variant(at: Details, part: Part, mean: float) -> FloatAr
 
 
 def log_density_by_surfaces(at: Details, mean: float) -> FloatArray:
-    """The same if any share of the surface is anywhere else ``(S,)``: what one label names, or one beam meets, as one.
+    """Return the log density if any fraction of the surface is displaced, labels and beams as units ``(S,)``.
 
     Args:
         at: the readings at the poses.
-        mean: rate of outliers that is stated.
+        mean: stated rate of outliers.
     """
     alone = at.groups < 0
     places = None if at.places is None else at.places[alone]
@@ -86,27 +89,27 @@ def log_density_by_surfaces(at: Details, mean: float) -> FloatArray:
 
 
 def log_density_elsewhere(log_on: FloatArray, log_off: FloatArray) -> FloatArray:
-    """Log density of all readings if any share of the surface, all shares alike, is anywhere else ``(S,)``.
+    """Return the log density if a fraction of the surface, uniform from 0 to 1, is displaced ``(S,)``.
 
     Args:
-        log_on: log density of what was sensed at each place if the surface is that of the part ``(S, P)``.
-        log_off: if it is elsewhere ``(S, P)``.
+        log_on: log density at each place if its surface is that of the part ``(S, P)``.
+        log_off: log density at each place if its surface is displaced ``(S, P)``.
     """
-    nodes = max(DEFAULTS.unknown.nodes, int(np.ceil(2 * np.sqrt(log_on.shape[1]))))
+    nodes = max(_NODES, int(np.ceil(2 * np.sqrt(log_on.shape[1]))))
     return log_sum(log_by_rate(log_on, log_off, *_shares(nodes)), axis=0)
 
 
 def shifted(at: Details, part: Part, mean: float) -> Shifted:
-    """The faces that are better elsewhere: those of which readings that look off agree on another place.
+    """Return the faces that explain the readings better if displaced.
 
-    A face may be off by a normal density; readings of it that do not agree stay outliers, at the rate that is stated.
-    The integral over where it is is Laplace's. Of several places of one face at one pose the best one counts. Where
-    what agrees with the outliers are the readings on the face as it is, it is not elsewhere.
+    The displacement of a face has a normal prior. Readings that do not agree on it stay outliers at the stated rate.
+    The integral over the displacement is Laplace's approximation. The best displacement of each face at each pose
+    counts. A face is not displaced if only readings on the nominal face agree with the outliers.
 
     Args:
         at: the readings at the poses.
         part: the part.
-        mean: rate of outliers that is stated.
+        mean: stated rate of outliers.
     """
     off = np.greater(*_at_rate(at, mean)[::-1])
     pose, reading = _proposed(at, off & (off.sum(axis=1) >= _LEAST)[:, None])
@@ -124,12 +127,12 @@ def shifted(at: Details, part: Part, mean: float) -> Shifted:
 
 
 def _at_rate(at: Details, mean: float) -> tuple[FloatArray, FloatArray]:
-    """Log densities of each reading and that it is on the surface, or off, at the rate that is stated ``(S, n)``."""
+    """Return log densities of each reading times the probability to be on the surface, or off ``(S, n)``."""
     return np.log1p(-mean) + at.log_hit, np.log(max(mean, LEAST_RATE)) + at.log_outlier
 
 
 def _proposed(at: Details, off: BoolArray) -> tuple[IntArray, IntArray]:
-    """Poses and readings ``(P,)`` that say where a face may be: of those that are as far off it, within an sd, one."""
+    """Return poses and readings ``(P,)`` that propose a displacement; of equal ones within an sd, one."""
     far, (pose, reading) = 1 / np.finfo(float).eps, np.nonzero(off)  # farther, whole numbers are not exact
     off = np.rint((at.distances * at.per_sd)[pose, reading].clip(-far, far)).astype(np.int64)
     _, one = np.unique(np.stack([pose, at.faces[pose, reading], off]), axis=1, return_index=True)
@@ -139,7 +142,7 @@ def _proposed(at: Details, off: BoolArray) -> tuple[IntArray, IntArray]:
 def _about(
     at: Details, part: Part, mean: float, off: BoolArray, pose: IntArray, reading: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """How far out a face is, how many agree, and the log odds ``(P,)``, if a reading at a pose is on the face there."""
+    """Return displacement, number of agreeing readings and log odds ``(P,)`` of a face through a reading."""
     on, outlier = (of[pose] for of in _at_rate(at, mean))
     there, d, weight = np.log1p(-mean) + at.log_there[pose], at.distances[pose], at.per_sd[pose] ** 2
     same = at.faces[pose] == at.faces[pose, reading][:, None]
@@ -160,16 +163,16 @@ def _about(
 def by_place(
     log_hit: FloatArray, log_outlier: FloatArray, mean: float, places: IntArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Log densities of all readings of each place, if the surface is there, and if it is not ``(S, P)``.
+    """Return log densities of all readings of each place, if the surface is there and if it is displaced ``(S, P)``.
 
-    At one place the surface is there or elsewhere for all readings: where one of them is on the part, the others
-    are outliers of the sensor, whatever the object is.
+    At one place the surface is there or displaced for all readings. If one of them is on the part, the others are
+    outliers of the sensor.
 
     Args:
         log_hit: log density of each reading if it is on the part ``(S, n)``.
-        log_outlier: if it is elsewhere ``(S, n)``.
-        mean: rate of outliers that is stated.
-        places: number of the place of each reading ``(n,)``; each has its own if not given.
+        log_outlier: log density of each reading if it is off the part ``(S, n)``.
+        mean: stated rate of outliers.
+        places: number of the place of each reading ``(n,)``; None if each has its own.
     """
     if places is None or len(np.unique(places)) == len(places):
         return log_hit, log_outlier

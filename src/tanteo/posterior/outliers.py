@@ -1,4 +1,4 @@
-"""How often measurements are outliers: stated as a mean, and found out from the measurements (decision 35)."""
+"""Outlier rate with a stated mean, integrated over a beta prior (decision 35)."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ JEFFREYS = 0.5
 """First parameter of the beta density of a rate, that of the prior of Jeffreys (1946)."""
 
 LEAST_RATE = 1e-290
-"""Least rate of outliers: no reading tells a smaller one from none, and its logarithm is still a number."""
+"""Numerical: smallest rate of outliers, whose logarithm is still a number."""
 
 _RARE = 1e-3
-"""Mean rate below which a beta density is a gamma density, up to a thousandth."""
+"""Numerical: mean rate below which a gamma density stands for the beta density, with a relative error of as much."""
 
 NODES = 4
-"""Least number of nodes of the quadrature over a rate (decision 35)."""
+"""Numerical: least number of nodes of the Gauss quadrature over a rate (decision 35)."""
 
 
 def outlier_rates(mean: float, n: int) -> tuple[FloatArray, FloatArray]:
-    """Rates of outliers and their weights ``(K,)``, nodes of Gauss's quadrature under the beta density of that mean.
+    """Return rates of outliers and their weights ``(K,)``: nodes of Gauss quadrature under the beta prior.
 
     Args:
-        mean: rate that is stated, above 0 and below 1.
-        n: readings, which know the rate the better the more they are: then the nodes are closer.
+        mean: stated mean rate, above 0 and below 1.
+        n: number of readings; more readings determine the rate better and need closer nodes.
     """
     return _rates(mean, max(NODES, int(np.ceil(1.2 * np.sqrt(n)))))
 
@@ -41,8 +41,8 @@ def _rates(mean: float, nodes: int) -> tuple[FloatArray, FloatArray]:
     return (1 + x) / 2, w
 
 
-def so_many(outliers: int, n: int, mean: float) -> float:
-    """Probability of at least so many outliers among ``n`` readings; 0 of any if ``mean`` is 0."""
+def beta_binomial_tail(outliers: int, n: int, mean: float) -> float:
+    """Return the probability of at least this number of outliers among ``n`` readings; 0 of any if ``mean`` is 0."""
     if outliers == 0 or mean == 0:
         return float(outliers == 0)
     rates, weights = outlier_rates(mean, n)
@@ -50,7 +50,7 @@ def so_many(outliers: int, n: int, mean: float) -> float:
 
 
 def log_by_rate(log_hit: FloatArray, log_outlier: FloatArray, rates: FloatArray, weights: FloatArray) -> FloatArray:
-    """Log density of all readings and each rate together ``(K, S)``, of those weights ``(K,)``."""
+    """Return the log density of all readings and each rate together ``(K, S)``."""
     top = np.maximum(log_hit, log_outlier)
     hit, outlier = np.exp(log_hit - top), np.exp(log_outlier - top)
     each = [np.sum(np.log((1 - rate) * hit + rate * outlier), axis=-1) for rate in rates]

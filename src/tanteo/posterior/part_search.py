@@ -1,4 +1,4 @@
-"""The search for one part, round by round: initial poses, maxima, and the sources that led to each."""
+"""Search for one part in rounds: initial poses, maxima, and the sources that led to each."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from tanteo.posterior.symmetry import log_orbit
 
 @dataclass(slots=True, eq=False)
 class PartSearch:
-    """The search for one part, round by round.
+    """Search for one part in rounds.
 
     Attributes:
-        objective: leads from poses to maxima.
+        objective: maximizes the posterior of the part from initial poses.
         pairs: pairs of points from which proposals are made, a few each round.
         rng: generator of all draws.
         peaks: maxima so far.
         planes: planes that labels and sensed normals show.
         restarts: number of rounds so far.
         along: poses on a ridge of the posterior that are no maxima, as bases of the sampler; None without.
-        trusted: whether the region of its maximum was normal before the last measurement.
+        trusted: whether the mode was normal before the last measurement.
         known: poses that earlier stages found; None without.
         exhaustive: whether these are all poses that the measurements allow.
         log_odds: log odds of the part by its global properties (mass, size, outline).
@@ -54,17 +54,17 @@ class PartSearch:
 
     @property
     def settings(self) -> SearchSettings:
-        """Numbers of the search."""
+        """Return the settings of the search."""
         return self.objective.problem.settings.search
 
     @property
     def log_evidence(self) -> float:
-        """Log-evidence of all maxima, symmetric poses included, relative to what the core leaves out of the prior."""
+        """Return the log-evidence of all maxima and their symmetric images, without constant factors of the prior."""
         return self._constant + float(log_sum(self.peaks.evidence)) if len(self.peaks) else -np.inf
 
     def log_rare(self, times: int | None = None) -> float:
         """Return the log-evidence of maxima to which fewer sources led; to be surely found if None."""
-        rare = self.peaks.evidence[self.peaks.times < (self.settings.often if times is None else times)]
+        rare = self.peaks.evidence[self.peaks.times < (self.settings.sure_sources if times is None else times)]
         return self._constant + float(log_sum(rare)) if len(rare) else -np.inf
 
     @property
@@ -105,12 +105,11 @@ class PartSearch:
         """Settle and maximize initial poses, and merge the maxima."""
         if not len(found):
             return
-        objective, settled = self.objective, found.settled
-        rest = objective.settle_and_maximize(
-            np.ascontiguousarray(found.Ts[~settled]), found.sources[~settled],
-            found.keep if found.keep is not None else max(len(found), 1),
-        )  # fmt: skip
-        near = objective.maximize(np.ascontiguousarray(found.Ts[settled]), groups=found.sources[settled], fine=True)
+        objective, refined = self.objective, found.refined
+        keep = found.keep if found.keep is not None else max(len(found), 1)
+        Ts, sources = objective.refine(np.ascontiguousarray(found.Ts[~refined]), found.sources[~refined], keep)
+        rest = objective.maximize(Ts, groups=sources)
+        near = objective.maximize(np.ascontiguousarray(found.Ts[refined]), groups=found.sources[refined], fine=True)
         self.peaks = objective.merged(self.peaks, rest.join(near), self.settings.maximized)
 
     def pass_on(self, Ts: Transforms, proposer: Proposer) -> None:
@@ -121,7 +120,7 @@ class PartSearch:
 
     def _take_other_points(self) -> None:
         """Propose from other points, settle on them."""
-        points, others = self.objective.problem.points, self.objective.problem.around.others
+        points, others = self.objective.problem.points, self.objective.problem.furniture.others
         count = self.settings.points
         if len(others) <= count:
             return
@@ -130,26 +129,23 @@ class PartSearch:
 
     def on_the_part(self) -> BoolArray:
         """Return which points the best maximum has on the part ``(m,)``, without those on furniture."""
-        others = self.objective.problem.around.others
+        others = self.objective.problem.furniture.others
         if not len(others) or not len(self.peaks):
             return np.zeros(len(others), dtype=bool)
         best = details_at(self.objective, self.peaks.Ts[:1], self.peaks.zs[:1])
-        return np.asarray(best.belongs[0, others] > 0.5)
+        return np.asarray(best.inlier_probability[0, others] > 0.5)
 
     def is_good_fit(self) -> bool:
         """Return whether the best maximum has nearly all points on the part, with noise as it is known."""
         on = self.on_the_part()
-        return not len(on) or (float(on.mean()) > self.settings.explained and not self.is_noisy())
-
-    def is_noisy(self) -> bool:
-        """Return whether the best maximum takes the noise for larger than the factor to which it is known."""
         scaled = self.objective.problem.scale_sd > 0 and len(self.peaks) > 0
-        return scaled and float(self.peaks.zs[0, -1]) > 1
+        is_noisy = scaled and float(self.peaks.zs[0, -1]) > 1
+        return not len(on) or (float(on.mean()) > self.settings.explained and not is_noisy)
 
     def is_doubtful(self) -> bool:
         """Return whether the best maximum has more outliers than expected, which may have hidden a better one."""
         on, rate = self.on_the_part(), self.objective.problem.priors.outlier_rate
-        expected = len(on) * rate + self.settings.unusual_sds * np.sqrt(len(on) * rate)
+        expected = len(on) * rate + self.settings.notable_sds * np.sqrt(len(on) * rate)
         return len(self.peaks) > 0 and float(np.sum(~on)) > (expected if len(on) > self.settings.any_outlier else 0.0)
 
 
@@ -163,7 +159,7 @@ def start_searches(
 ) -> list[PartSearch]:
     """Return searches of several parts; what depends on the points alone is computed once."""
     count = problem.settings.search.points
-    rows, planes = spread(problem, count), sensed_planes(problem, problem.points.take(problem.around.others))
+    rows, planes = spread(problem, count), sensed_planes(problem, problem.points.take(problem.furniture.others))
     pairs, none = far_pairs(problem.points, rows, count), Peaks.none(problem.states)
     out = []
     for part, rng in zip(parts, rngs, strict=True):
@@ -174,7 +170,7 @@ def start_searches(
 
 def spread(problem: Problem, count: int) -> Indices:
     """Return rows of points that are far from each other, without those on furniture."""
-    others = problem.around.others
+    others = problem.furniture.others
     return others[spread_rows(problem.points.take(others), count)].astype(np.int32)
 
 

@@ -1,4 +1,4 @@
-"""The posterior over parts, poses and the unknown object: modes with samples, weights that sum to one."""
+"""Posterior over parts, poses and the unknown object: modes with samples and probabilities."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
+from tanteo.posterior.candidate_pruning import Unsearched, missing, prune
 from tanteo.posterior.details import details_at
 from tanteo.posterior.near_variants import log_density_of_near_variant
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, start_search
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals import InitialPoses
-from tanteo.posterior.race import LeftOut, missing, race
 from tanteo.posterior.sampling.modes import Mode, modes_of
 from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.sampling.sampler import Sampler
@@ -26,18 +26,18 @@ from tanteo.posterior.unknown import log_anywhere, log_unknown
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """What is known after the measurements.
+    """Posterior after the measurements.
 
     Attributes:
-        problem: the question.
-        modes: best first.
+        problem: measurements and priors.
+        modes: modes, best first.
         unknown: probability of the unknown object.
-        log_evidence: of the measurements, whatever they are of.
-        missing: share of the probability that the search met only once: about what it did not meet at all.
-        searches: what was found of each part.
-        log_priors: of these parts ``(P,)``.
-        log_anywhere: log evidence of an unknown object that is like no part, its prior included.
-        left_out: of the probability of the unknown object, what parts that were not searched may have at most.
+        log_evidence: log-evidence of the measurements over all parts and the unknown object.
+        missing: probability of all maxima that one source alone led to, an estimate of what the search missed.
+        searches: searches of the parts.
+        log_priors: log of the prior probability of these parts ``(P,)``.
+        log_anywhere: log-evidence of an unknown object that is like no part, its prior included.
+        unsearched: probability of the unknown object that parts without a search may have at most.
     """
 
     problem: Problem
@@ -48,7 +48,7 @@ class Posterior:
     searches: tuple[PartSearch, ...] = field(repr=False)
     log_priors: FloatArray
     log_anywhere: float
-    left_out: float = 0.0
+    unsearched: float = 0.0
 
 
 def infer(
@@ -60,23 +60,23 @@ def infer(
     *,
     known: Sequence[Transforms | None] = (),
     exhaustive: bool = False,
-    left_out: LeftOut | None = None,
+    unsearched: Unsearched | None = None,
 ) -> Posterior:
-    """The posterior: search, sample, weigh.
+    """Search, sample and return the posterior.
 
     Args:
-        problem: the question.
-        parts: the parts that are worth a search.
+        problem: measurements and priors.
+        parts: parts to search.
         count: number of all parts.
-        centroid: mean of theirs, in their frames ``(3,)`` [m].
-        rng: of all draws.
-        known: poses of each of them to begin with; None where there are none.
+        centroid: mean of the centroids of all parts, in their frames ``(3,)`` [m].
+        rng: generator of all draws.
+        known: initial poses of each of these parts; None without.
         exhaustive: whether these are all poses that labels and normals allow.
-        left_out: what is known of the other parts.
+        unsearched: the parts that are not searched.
     """
     prior = float(np.log1p(-problem.priors.unknown) - np.log(max(count, 1)))
     anywhere = float(np.log(problem.priors.unknown)) + log_anywhere(problem, centroid)
-    searches, unseen = race(problem, parts, anywhere - prior, rng, known, exhaustive=exhaustive, left_out=left_out)
+    searches, unseen = prune(problem, parts, anywhere - prior, rng, known, exhaustive=exhaustive, unsearched=unsearched)
     return weigh(problem, searches, np.full(len(searches), prior), anywhere, rng, log_left_out=unseen + prior)
 
 
@@ -86,7 +86,7 @@ def search_about(
     """Return the maxima of parts to which proposed poses lead, without any further search.
 
     Args:
-        problem: the question.
+        problem: measurements and priors.
         proposals: parts with poses ``(S, 4, 4)`` from which maximizations start.
         rng: generator of all draws.
     """
@@ -102,7 +102,7 @@ def posterior_of_factors(problem: Problem, parts: Sequence[PreparedPart], log_pr
     """Return the posterior of the factors of the pose alone, from the poses that they suggest.
 
     Args:
-        problem: the question, without points.
+        problem: priors and pose factors, without points.
         parts: parts, all of which have a suggested pose or no evidence.
         log_priors: log of the prior of each part ``(P,)``.
     """
@@ -125,13 +125,13 @@ def weigh(
     """Sample the regions that matter and weigh them all.
 
     Args:
-        problem: the question.
-        searches: maxima of each part.
-        priors: log of the prior of each part ``(P,)``.
-        anywhere: log evidence of an unknown object that is like no part, its prior included.
-        rng: of all draws.
-        log_left_out: log evidence of parts that were not searched, at most, their prior included: the object is one
-            that is not known, too, if it is one of them.
+        problem: measurements and priors.
+        searches: searches of the parts.
+        priors: log of the prior probability of each part ``(P,)``.
+        anywhere: log-evidence of an unknown object that is like no part, its prior included.
+        rng: generator of all draws.
+        log_left_out: largest log-evidence of parts that were not searched, their prior included; it counts for the
+            unknown object.
     """
     drawing = zip(searches, priors, common_random_numbers(rng, len(searches)), strict=True)
     negligible = problem.settings.search.negligible
@@ -167,7 +167,7 @@ def weigh(
 
 
 def _at_peaks(modes: Sequence[Mode], sampler: Sampler) -> Peaks:
-    """The maxima of modes, for what is asked of the measurements there."""
+    """Return the maxima of modes."""
     peaks = Peaks.none(sampler.objective.problem.states)
     if not modes:
         return peaks
@@ -175,7 +175,7 @@ def _at_peaks(modes: Sequence[Mode], sampler: Sampler) -> Peaks:
 
 
 def _log_variant(objective: Objective, peaks: Peaks, log_masses: FloatArray) -> float:
-    """Log evidence of near variants of a part, about its maxima of those masses ``(M,)``, the likeliest of them."""
+    """Return the log-evidence of near variants of a part about its most probable maxima."""
     if not len(log_masses):
         return -np.inf
     rows = np.argsort(-log_masses, kind="stable")[: objective.problem.settings.search.kept]
@@ -189,6 +189,6 @@ def _sampler(search: PartSearch, prior: float, total: float, rng: np.random.Gene
     objective, peaks = search.objective, search.peaks
     constant = objective.problem.log_pose_density(objective.prepared) + prior
     constant += log_orbit(objective.prepared, named=objective.named) + search.log_odds
-    some = np.flatnonzero(peaks.evidence + constant > total - objective.problem.settings.search.faint)
+    some = np.flatnonzero(peaks.evidence + constant > total - objective.problem.settings.search.drop_gap)
     some = some if len(some) else np.zeros(1, dtype=np.int64)
     return Sampler(objective, peaks.take(some), rng, constant, search.along, trusted=search.trusted)

@@ -1,4 +1,4 @@
-"""A part as the likelihood sees it: its compiled shape, and what its symmetry makes one."""
+"""A part with everything that the likelihood needs, computed on first use."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tanteo.parts import DistanceField, Part, Surface, as_parts, distance_field
 
 @dataclass(frozen=True, eq=False)
 class PreparedPart:
-    """What inference asks of a part; nothing is made, or opened, before it is asked for.
+    """A part with everything that the likelihood needs; each property is computed or opened on first use.
 
     Attributes:
         part: the part.
@@ -26,7 +26,7 @@ class PreparedPart:
 
     @cached_property
     def shape(self) -> _core.Shape:
-        """The compiled shape; one that was made before is opened where it lies in the cache."""
+        """Return the compiled shape, from the cache if it has one."""
         stored = cache.load_derived(self.part, SHAPE)
         if stored is not None:
             try:
@@ -39,52 +39,52 @@ class PreparedPart:
 
     @cached_property
     def samples(self) -> Vectors:
-        """Places even over the surface ``(K, 3)``, in the part frame [m]."""
+        """Return uniform samples of the surface ``(K, 3)``, in the part frame [m]."""
         return self.shape.samples
 
     @cached_property
     def normals(self) -> Vectors:
-        """Of the surface there, outward ``(K, 3)``."""
+        """Return the outward normals at the samples ``(K, 3)``."""
         return self.shape.normals
 
     @cached_property
     def sample_faces(self) -> IntArray:
-        """Index of the face there ``(K,)``."""
+        """Return the index of the face at each sample ``(K,)``."""
         return self.part.triangle_face[self.surface.closest(self.samples).triangles]
 
     @cached_property
     def surface(self) -> Surface:
-        """For distances and rays in batches."""
+        """Return the surface for distances and rays in batches."""
         return Surface(self.part.vertices, self.part.triangles)
 
     @cached_property
     def field(self) -> DistanceField:
-        """For rough signed distances of very many points."""
+        """Return a field of approximate signed distances, for very many points."""
         return distance_field(self.surface)
 
     @cached_property
     def faces(self) -> dict[str, np.ndarray]:
-        """What sensed planes are compared with, as the tables of a catalogue have it."""
+        """Return the faces with which sensed planes are compared, as in the tables of a catalogue."""
         return faces_of(self.part)
 
     def close(self) -> None:
-        """Let go of what can be opened again in a moment: of very many parts not all can be open."""
+        """Release what can be reopened quickly, because a catalogue has too many parts to keep all open."""
         if "stored" in self.part.derived:
             self.__dict__.pop("shape", None)
 
     @property
     def centre(self) -> Vectors:
-        """About which small motions turn the part: its centroid ``(3,)`` [m]."""
+        """Return the point about which small motions turn the part: its centroid ``(3,)`` [m]."""
         return self.part.centroid
 
     @property
     def spacing(self) -> float:
-        """Typical distance between samples [m]."""
+        """Return the typical distance between samples [m]."""
         return float(np.sqrt(self.part.area / SAMPLES))
 
 
 def prepare(part: Part | PreparedPart) -> PreparedPart:
-    """Prepare a part; what is prepared is kept with the part."""
+    """Return a prepared part, which is stored with the part."""
     if isinstance(part, PreparedPart):
         return part
     part = getattr(part, "part", part)
@@ -95,7 +95,7 @@ def prepare(part: Part | PreparedPart) -> PreparedPart:
 
 
 def prepare_all(name: str, parts: Any) -> tuple[PreparedPart, ...]:
-    """Parts, or one, prepared.
+    """Return one part or several, prepared.
 
     Raises:
         InputError: paths, or something else in the place of parts.

@@ -1,7 +1,7 @@
-"""Whether the part is where it was said to be: the prior of the pose, against the measurements.
+"""Agreement of the prior pose with the measurements.
 
-Near the answer distances tell. If the prior is far off, the answer is a pose that fits badly where the part is not, and
-only a search without it finds the one that fits.
+If the prior pose is slightly wrong, its distance from the answer shows it. If it is far off, the answer is a pose near
+it that fits badly, and only a search without the prior finds the right one.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from tanteo.posterior.answers.part_motions import part_scale
 from tanteo.posterior.answers.pose_prior import in_box, prior_rows
 from tanteo.posterior.answers.priors import Priors
 from tanteo.posterior.answers.results import Hypothesis
-from tanteo.posterior.around import without_pose
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
-from tanteo.posterior.outliers import so_many
+from tanteo.posterior.furniture_points import without_pose
+from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.posterior.posterior import Posterior
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.sampling.peaks import Objective
@@ -30,11 +30,11 @@ from tanteo.posterior.sampling.peaks import Objective
 
 @dataclass(frozen=True, slots=True)
 class PriorCheck:
-    """How the prior of the pose agrees with the measurements.
+    """Agreement of the prior pose with the measurements.
 
     Attributes:
-        p: p-value of it; 1 if nothing was known.
-        other: the answer without it, where a part explains the measurements far better than where it was said to be.
+        p: p-value of the prior pose; 1 without a prior.
+        other: posterior without the prior, if a part explains the measurements far better elsewhere; None otherwise.
     """
 
     p: float = 1.0
@@ -42,7 +42,7 @@ class PriorCheck:
 
     @property
     def elsewhere(self) -> str:
-        """That part; empty if there is none."""
+        """Return the name of the part that explains the measurements elsewhere; empty if there is none."""
         return self.other.modes[0].prepared.part.name if self.other is not None else ""
 
 
@@ -51,14 +51,14 @@ def check_prior(
 ) -> PriorCheck:
     """Whether the prior of the pose is contradicted: near the answer, or by an answer without it.
 
-    Where it is true, measurements are ``1 / significance`` times denser without it in at most ``significance`` of all
-    cases, whatever their distribution, because both densities integrate to one.
+    If the prior is true, measurements are ``1 / significance`` times denser without it in at most ``significance`` of
+    all cases, whatever their distribution, because both densities integrate to one.
 
     Args:
-        posterior: the answer.
-        best: its first hypothesis; None if there is none.
-        without: the answer if nothing had been known of the pose, which is looked for if there is doubt.
-        significance: least p-value.
+        posterior: the posterior.
+        best: first hypothesis; None if there is none.
+        without: function that returns the posterior without the prior, called if there is doubt.
+        significance: significance level.
     """
     priors = posterior.problem.priors
     if priors.pose is None:
@@ -81,13 +81,13 @@ def check_prior(
 def is_good_fit(one: GoodnessOfFit, rate: float) -> bool:
     """Whether a mode has the residuals of noise, and no more outliers than that rate makes."""
     outliers, n = int(np.sum(one.outliers)), len(one.outliers)
-    if so_many(outliers, n, rate) <= one.mode.objective.problem.settings.checks.outlier_level:
+    if beta_binomial_tail(outliers, n, rate) <= NOTABLE:
         return False
     return one.misfit().p_value > SUSPECT
 
 
 def _share(posterior: Posterior) -> float:
-    """Of the first mode as it would be without a box, what the box leaves: 1 if it is well inside."""
+    """Return the fraction of the first mode without the box that is inside the box; 1 without a box."""
     pose, mode = posterior.problem.priors.pose, posterior.modes[0]
     if pose is None or pose.box is None:
         return 1.0
@@ -100,22 +100,22 @@ def _share(posterior: Posterior) -> float:
 
 
 def _alone(mode: Mode, priors: Priors) -> Objective:
-    """The climber of a mode if nothing were known of the pose."""
+    """Return the objective of a mode without the prior of the pose."""
     problem = mode.objective.problem
     problem = replace(problem, priors=without_pose(problem.points, priors), mixtures={})
     return replace(mode.objective, problem=problem, core=problem.compiled(mode.prepared))
 
 
 def p_of_prior(mode: Mode, priors: Priors) -> float:
-    """P-value of what was known of the pose beforehand, beside the measurements near an answer: 1 without.
+    """Return the p-value of the prior of the pose given the measurements near an answer; 1 without a prior.
 
-    Without it the measurements fit somewhere near as well or better: by how much, beside the squared distance of the
-    pose from the prior, is chi-square of as many degrees as both say something of. The prior is looked at where it
-    agrees best with the measurements: at the answer, or at a sample of it.
+    Without the prior the measurements fit as well or better at a pose nearby. The gain in log density and the squared
+    distance of that pose from the prior are together chi-square, with as many degrees of freedom as both constrain. The
+    prior is evaluated where it agrees best with the measurements: at the answer or at one of its samples.
 
     Args:
-        mode: the answer.
-        priors: what is assumed beforehand.
+        mode: mode of the answer.
+        priors: priors of the inference.
     """
     part = mode.prepared.part
     share = _box_share(mode, priors)
@@ -142,7 +142,7 @@ def p_of_prior(mode: Mode, priors: Priors) -> float:
 
 
 def _box_share(mode: Mode, priors: Priors) -> float:
-    """How much of a mode a box leaves; 1 without."""
+    """Return the fraction of a mode that is inside the box; 1 without a box."""
     if priors.pose is None or priors.pose.box is None:
         return 1.0
     return float(mode.weights @ in_box(priors.pose, mode.prepared.part, mode.Ts))

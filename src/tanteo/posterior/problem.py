@@ -1,4 +1,4 @@
-"""The question: what was sensed, the errors that readings share, and what is known beforehand; packed for the core."""
+"""Measurements and priors of an inference, compiled for the core."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from tanteo.factors import ContactPoints, FreeRays, PoseFactor
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import Covariances, FloatArray, Indices, IntArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior.answers.pose_prior import PosePrior, log_density_within
+from tanteo.posterior.answers.pose_prior import log_density_within
 from tanteo.posterior.answers.priors import Priors
-from tanteo.posterior.around import Around, around, outlier_log_density
-from tanteo.posterior.labels import Elsewhere, elsewhere, groups_of
+from tanteo.posterior.furniture_points import FurniturePoints, outlier_log_density, weigh_furniture
+from tanteo.posterior.labels import LabelEvidence, groups_of, label_evidence
 from tanteo.posterior.outliers import outlier_rates
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.settings import DEFAULTS, Settings
@@ -23,12 +23,12 @@ from tanteo.posterior.settings import DEFAULTS, Settings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseMixture:
-    """Normal densities of where a part may be, with their weights; those of one part.
+    """Mixture of normal densities of the pose of one part.
 
     Attributes:
         Ts: means ``T_world_part`` ``(A, 4, 4)``.
-        covariances: ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
-        log_weights: ``(A,)``.
+        covariances: covariances ``(A, 6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        log_weights: log of the weights ``(A,)``.
     """
 
     Ts: Transforms
@@ -38,19 +38,19 @@ class PoseMixture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """What inference is asked; immutable.
+    """Measurements and priors of an inference; immutable.
 
     Attributes:
         points: contact points and beam hits.
         rays: free-space rays.
-        priors: rates, radius of the workspace (a number, not 0), what is known of the pose.
-        mixtures: of the pose of each part, by the id of its :class:`PreparedPart`, instead of ``priors.pose``.
-        odds: log odds of each part by what was measured of the whole object, by its name; none were measured without.
-        pose_factors: measurements of the pose that are no points or rays, such as images and functions of a user.
-        settings: numbers of the search.
-        around: points that may be of what stands around.
+        priors: priors; the radius of the workspace is a number, not 0.
+        mixtures: prior of the pose of each part, by the id of its :class:`PreparedPart`, in place of ``priors.pose``.
+        odds: log odds of each part by its global properties, by name; empty without measurements of these.
+        pose_factors: measurements of the pose other than points and rays, such as images and functions of a user.
+        settings: settings of the inference.
+        furniture: points that may be on furniture.
         groups: number of the label of each point ``(n,)``; -1 where it has none.
-        elsewhere: what labels say of surfaces that are not the part's.
+        label_evidence: densities of labelled points on surfaces that are not the part's.
     """
 
     points: ContactPoints
@@ -60,48 +60,48 @@ class Problem:
     odds: Mapping[str, float] = field(default_factory=dict)
     pose_factors: tuple[PoseFactor, ...] = ()
     settings: Settings = DEFAULTS
-    around: Around = field(init=False, repr=False)
+    furniture: FurniturePoints = field(init=False, repr=False)
     groups: IntArray = field(init=False, repr=False)
-    elsewhere: Elsewhere = field(init=False, repr=False)
+    label_evidence: LabelEvidence = field(init=False, repr=False)
     _factors: list[tuple[_core.FactorList, Indices]] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
         groups = groups_of(self.points)
         object.__setattr__(self, "groups", groups)
-        object.__setattr__(self, "around", around(self.points, self.priors, self.settings.search))
-        object.__setattr__(self, "elsewhere", elsewhere(self.points, groups, self.priors.radius))
+        object.__setattr__(self, "furniture", weigh_furniture(self.points, self.priors, self.settings.search))
+        object.__setattr__(self, "label_evidence", label_evidence(self.points, groups, self.priors.radius))
 
     @property
     def scale_sd(self) -> float:
-        """Log of the factor to which the noise is known, the unit of the state; 0 where there is none."""
+        """Return the log of the factor to which the noise is known, the unit of the noise state; 0 without."""
         return self.priors.log_noise_factor if len(self.points) else 0.0
 
     @property
     def shared_errors(self) -> int:
-        """Number of shared errors: of the points first, then of each pose factor."""
+        """Return the number of shared errors: of the points first, then of each pose factor."""
         return int(self.points.shared_jacobian.shape[2]) + sum(factor.states for factor in self.pose_factors)
 
     @property
     def states(self) -> int:
-        """Number of states beside the pose: shared errors and the noise scale."""
+        """Return the number of states beside the pose: shared errors and the noise scale."""
         return self.shared_errors + (self.scale_sd > 0)
 
     @property
     def log_factors_unknown(self) -> float:
-        """Log density of all pose factors if the object is unknown."""
+        """Return the log density of all pose factors if the object is unknown."""
         return float(sum(factor.log_unknown for factor in self.pose_factors))
 
     @property
     def log_not_on_part(self) -> FloatArray:
-        """Log density of each point if it is not of the part: anywhere, or on what stands around ``(n,)``."""
-        return np.asarray(outlier_log_density(self.points, self.priors) + np.log1p(self.around.over_outlier))
+        """Return the log density of each point as an outlier or on furniture ``(n,)``."""
+        return np.asarray(outlier_log_density(self.points, self.priors) + np.log1p(self.furniture.over_outlier))
 
     def log_odds(self, part: Part) -> float:
-        """Log odds of a part by what was measured of the whole object."""
+        """Return the log odds of a part by its global properties."""
         return self.odds.get(part.name, 0.0)
 
     def mixture(self, prepared: PreparedPart) -> PoseMixture | None:
-        """What is known of the pose of a part, as normal densities; None if nothing is."""
+        """Return the prior of the pose of a part as a mixture of normal densities; None without."""
         if id(prepared) in self.mixtures:
             return self.mixtures[id(prepared)]
         pose = self.priors.pose
@@ -112,7 +112,7 @@ class Problem:
         return PoseMixture(Ts, C, np.full(len(Ts), -np.log(len(Ts))))
 
     def log_pose_density(self, prepared: PreparedPart) -> float:
-        """Log of what the core leaves out of the prior density of the pose: it is over shifts [m] and turns [rad]."""
+        """Return the log of the constant factors of the pose prior, over shifts [m] and turns [rad]."""
         anywhere = -3 * np.log(2 * self.priors.radius) - np.log(8 * np.pi**2)
         pose = self.priors.pose
         placed = id(prepared) in self.mixtures or (pose is not None and pose.T_world_part is not None)
@@ -120,20 +120,22 @@ class Problem:
             anywhere = 0.0  # the mixture, or the factor, is a density already
         if pose is None:
             return float(anywhere)
-        return float(anywhere + log_density_within(unplaced(pose), self.priors.radius))
+        return float(
+            anywhere + log_density_within(replace(pose, T_world_part=None, covariance=None), self.priors.radius)
+        )
 
     @property
     def factors(self) -> list[tuple[_core.FactorList, Indices]]:
-        """The measurements for the core; compiled once, for all parts."""
+        """Return the measurements for the core, compiled once for all parts."""
         if not self._factors and len(self.points):
             self._factors.extend(self.points.compiled(outlier_log_density(self.points, self.priors)))
         return self._factors
 
     def compiled(self, prepared: PreparedPart) -> _core.Problem:
-        """The question about one part, for the core."""
+        """Return the problem of one part for the core."""
         t, rays = self.points, self.rays
         rates, weights = outlier_rates(self.priors.outlier_rate, len(t))
-        rays = rays.join(self.around.paths) if len(self.around.paths) else rays
+        rays = rays.join(self.furniture.paths) if len(self.furniture.paths) else rays
         table = self.priors.pose.table if self.priors.pose is not None else None
         lines = np.column_stack(
             [rays.origins, rays.directions, rays.lengths - rays.margin, rays.slopes, np.cos(rays.incidences)]
@@ -141,7 +143,7 @@ class Problem:
         means, roots, log_weights = self._normals(prepared)
         more = ((0, 0), (0, 0), (0, self.shared_errors - t.shared_jacobian.shape[2]))
         core = _core.make_problem(
-            self.factors, _c(self.around.over_outlier), self.groups, _c(self.elsewhere.log_odds),
+            self.factors, _c(self.furniture.over_outlier), self.groups, _c(self.label_evidence.log_odds),
             _c(np.pad(t.shared_jacobian, more)),
             np.zeros((0, 3, 0)), float(self.scale_sd), _c(rates), _c(weights), self.priors.outlier_rate, _c(lines),
             _c(np.pad(rays.shared_jacobian, more)), _c(np.pad(rays.turns, more)), _c(means), _c(roots), _c(log_weights),
@@ -154,7 +156,7 @@ class Problem:
         return core
 
     def _normals(self, prepared: PreparedPart) -> tuple[Transforms, FloatArray, FloatArray]:
-        """Means, roots of the inverse covariances and log weights of the normal densities, of symmetric poses, too."""
+        """Return means, roots of inverse covariances and log weights of the pose prior, with symmetric images."""
         known = self.mixture(prepared)
         if known is None:
             return np.zeros((0, 4, 4)), np.zeros((0, 6, 6)), np.zeros(0)
@@ -167,11 +169,6 @@ class Problem:
         back = SE3.inverse(turns)
         means, roots = known.Ts[:, None] @ back, roots[:, None] @ SE3.adjoint(back)
         return means.reshape(-1, 4, 4), roots.reshape(-1, 6, 6), np.repeat(log, len(turns))
-
-
-def unplaced(pose: PosePrior) -> PosePrior:
-    """What is known of the pose but for its normal density."""
-    return replace(pose, T_world_part=None, covariance=None)
 
 
 def _c(values: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""From measurements to the answer: which part they are of, and where it is."""
+"""Recognition from measurements: the part, its pose, and the findings."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from tanteo.posterior.answers.pose_prior import PosePrior
 from tanteo.posterior.answers.priors import Priors, sized
 from tanteo.posterior.answers.question import Clock, check_question
 from tanteo.posterior.answers.results import Answer, Hypothesis
-from tanteo.posterior.around import without_pose
+from tanteo.posterior.candidate_pruning import Active, Unsearched, screen
 from tanteo.posterior.candidates import Candidates
 from tanteo.posterior.decision import Outcome, verdict_of
 from tanteo.posterior.fit_at_mode import GoodnessOfFit, goodness_of_fit
+from tanteo.posterior.furniture_points import without_pose
+from tanteo.posterior.observability_gate import observability_gate
 from tanteo.posterior.posterior import Posterior, infer
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.prior_check import check_prior
 from tanteo.posterior.problem import Problem
-from tanteo.posterior.race import Active, LeftOut, screen
 from tanteo.posterior.result import as_hypothesis, worst_reading
 from tanteo.posterior.settings import DEFAULTS, Settings
-from tanteo.posterior.too_little import too_little
 
 
 def identify_points(
@@ -43,19 +43,19 @@ def identify_points(
     seed: int = 0,
     settings: Settings = DEFAULTS,
 ) -> Answer:
-    """Which part the measurements are of, and its pose, labelled or not.
+    """Return which part the measurements are of, and its pose, with or without labels.
 
     Args:
         points: contact points and beam hits in the world; with directions, normals, tip radii and labels where known.
-        rays: on which nothing was met.
-        parts: candidates, prepared or not; what is prepared is kept with the part.
-        shared: the errors behind ``points.gains``, in that order, for the words of the answer.
-        significance: an answer whose joint test has a smaller p-value is not accepted.
+        rays: free-space rays.
+        parts: candidate parts, prepared or not; prepared data is stored with the part.
+        shared: shared errors of the points, in the order of their columns, for the words of the answer.
+        significance: p-value below which the joint test rejects an answer.
         top: number of hypotheses to report.
-        priors: what is assumed beforehand.
+        priors: priors of the inference.
         factors: further measurements of the pose, such as images and functions of your own.
-        seed: of the search and the samples.
-        settings: numbers of the search and the race.
+        seed: seed of the search and the samples.
+        settings: settings of the inference.
 
     Raises:
         InputError: without parts, or for an ``significance`` outside (0, 1).
@@ -67,7 +67,7 @@ def identify_points(
         points, rays, sized(priors, float(candidates.radii.max())), pose_factors=tuple(factors), settings=settings
     )
     clock.lap("prepare")
-    if (few := too_little(problem)) is not None:
+    if (few := observability_gate(problem)) is not None:
         return Answer("insufficient", (few,), (), 1.0, clock.laps(), seed, significance=significance)
     odds = candidates.log_odds(problem.priors.whole)
     chosen, posterior = _searched(problem, candidates, odds, seed, clock)
@@ -94,12 +94,12 @@ def identify_points(
 def _searched(
     problem: Problem, candidates: Candidates, odds: FloatArray, seed: int, clock: Clock
 ) -> tuple[Active, Posterior]:
-    """The parts that are worth a search, and the posterior over them; of more parts where they do not explain it."""
+    """Return the active parts and their posterior; if they do not explain the points, of more parts."""
     chosen = screen(problem, candidates, odds)
     problem = replace(problem, odds=candidates.named(odds, [*chosen.rows, *chosen.others] if odds.any() else ()))
     clock.lap("narrow")
     posterior = _answer(problem, candidates, chosen, seed)
-    if chosen.aside and posterior.unknown > 0.5:  # nothing explains the points: what was measured may be of another
+    if chosen.pruned_by_properties and posterior.unknown > 0.5:  # mass or size may be of another object
         chosen = screen(problem, candidates, odds, every=True)
         posterior = _answer(problem, candidates, chosen, seed)
     clock.lap("search")
@@ -109,39 +109,37 @@ def _searched(
 def _located(
     posterior: Posterior, pose: PosePrior | None, top: int
 ) -> tuple[list[GoodnessOfFit], tuple[Hypothesis, ...]]:
-    """All modes with the measurements at each, and the best as hypotheses."""
+    """Return the goodness of fit of all modes, and the best modes as hypotheses."""
     found = [goodness_of_fit(mode) for mode in posterior.modes]
     return found, tuple(as_hypothesis(posterior.problem.points, one, pose) for one in found[:top])
 
 
 def _answer(problem: Problem, candidates: Candidates, chosen: Active, seed: int) -> Posterior:
-    """The posterior of the parts that are worth a search."""
+    """Return the posterior of the active parts."""
     parts = [candidates.prepared(int(row)) for row in chosen.rows]
     known = [_proposed(problem, candidates, chosen, int(row)) for row in chosen.rows]
     rest = set(chosen.others.tolist())
 
     def similar(part: PreparedPart) -> list[PreparedPart]:
-        rows = [row for row in candidates.similar(part, chosen.others, problem.settings.race) if row in rest]
+        rows = [row for row in candidates.similar(part, chosen.others, problem.settings.pruning) if row in rest]
         rest.difference_update(rows)
         return [candidates.prepared(row) for row in rows]
 
     centroid = candidates.centroids.mean(axis=0)
-    behind = chosen.left_out if chosen.bound else None
+    behind = chosen.unsearched if chosen.bound else None
     return infer(
         problem, parts, len(candidates), centroid, np.random.default_rng(seed), known=known,
         exhaustive=chosen.exhaustive,
-        left_out=LeftOut(
-            len(rest), behind, chosen.discount, similar, untried=chosen.bound and not chosen.exhaustive
-        ),
+        unsearched=Unsearched(len(rest), behind, chosen.discount, similar, chosen.bound and not chosen.exhaustive),
     )  # fmt: skip
 
 
 def _proposed(problem: Problem, candidates: Candidates, chosen: Active, row: int) -> Transforms | None:
-    """Poses of a part to begin with: by what was sensed, and where an image shows the outline of the object."""
+    """Return initial poses of a part: from measurements, pose factors and an outline; None without."""
     whole, found = problem.priors.whole, chosen.known.get(row)
     proposed = [factor.poses(candidates.prepared(row).part) for factor in problem.pose_factors]
     if whole is not None and whole.outline is not None:
-        proposed.append(whole.outline.poses(candidates.parts, row))
+        proposed.append(whole.outline.poses(candidates.parts, row, problem.settings.search.negligible))
     known = [] if found is None else [found]
     known += [Ts for Ts in proposed if len(Ts)]
     return np.concatenate(known) if known else None

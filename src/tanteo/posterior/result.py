@@ -1,4 +1,4 @@
-"""From a mode of the posterior to a hypothesis: pose, covariance, what is unobserved, which measurements do not fit."""
+"""Hypotheses from modes: pose, covariance, unobserved directions, outliers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.typing import Transforms
 from tanteo.posterior.answers.hypothesis import hypothesis_at
 from tanteo.posterior.answers.misfit import Misfit
-from tanteo.posterior.answers.part_motions import spins
+from tanteo.posterior.answers.part_motions import symmetry_motions
 from tanteo.posterior.answers.pose_prior import PosePrior, prior_rows
 from tanteo.posterior.answers.results import Hypothesis
 from tanteo.posterior.details import details_at
@@ -24,14 +24,14 @@ from tanteo.words.findings import WorstReading
 
 
 def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | None = None) -> Hypothesis:
-    """The hypothesis: the pose of the mode with the covariance of its samples.
+    """Return the hypothesis of a mode: its pose with the covariance of its samples.
 
     Args:
         points: the measurements.
         one: the mode.
-        pose: what was known of it beforehand; the joint test asks whether the measurements agree with that, too.
+        pose: prior of the pose; the joint test also checks agreement with it.
     """
-    mode, part, belongs = one.mode, one.mode.prepared.part, one.belongs
+    mode, part, inliers = one.mode, one.mode.prepared.part, one.inliers
     free, distances = one.free, one.at.distances[0]
     covariance, given = mode_covariances(one)
     common, common_given = common_tolerance(points, one)
@@ -44,7 +44,7 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
         free=free,
         probability=mode.probability,
         misfit=misfit,
-        rms=float(np.sqrt(np.mean(distances[belongs] ** 2))) if belongs.any() else 0.0,
+        rms=float(np.sqrt(np.mean(distances[inliers] ** 2))) if inliers.any() else 0.0,
         outliers=tuple(name for name, off in zip(points.ids, one.outliers, strict=True) if off),
         pairings=tuple((i, f) for i, f, off in zip(points.ids, names, one.outliers, strict=True) if not off),
         outlier_distances=tuple(float(d) for d, off in zip(distances, one.outliers, strict=True) if off),
@@ -54,21 +54,19 @@ def as_hypothesis(points: ContactPoints, one: GoodnessOfFit, pose: PosePrior | N
 
 
 def _joint_misfit(one: GoodnessOfFit, pose: PosePrior | None) -> Misfit:
-    """Of measurements, shared errors and what was known of the pose: at the maximum, or where a sample agrees more.
+    """Return the misfit of measurements, shared errors and prior at the maximum, or at a sample that fits better.
 
-    A density is not highest where squares are least: where a prior bends a region, they may be far apart.
+    The maximum of a density is not the minimum of the squares. If a prior bends a region, they may be far apart.
     """
     best = _misfit_at(one, pose, one.mode.T_peak)
     if pose is None or best.p_value > NOTABLE:
         return best
     heavy = np.argsort(-one.mode.weights, kind="stable")[: one.mode.objective.problem.settings.samples.heaviest]
-    others = [_misfit_at(_moved_to(one, T), pose, T) for T in one.mode.Ts[heavy]]
+    others = []
+    for T in one.mode.Ts[heavy]:
+        there = replace(one, at=details_at(one.mode.objective, T[None], one.mode.z[None]))
+        others.append(_misfit_at(there, pose, T))
     return max([best, *(other for other in others if other.dof == best.dof)], key=lambda misfit: misfit.p_value)
-
-
-def _moved_to(one: GoodnessOfFit, T: Transforms) -> GoodnessOfFit:
-    """The same mode with the measurements at another of its poses."""
-    return replace(one, at=details_at(one.mode.objective, T[None], one.mode.z[None]))
 
 
 def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Misfit:
@@ -76,13 +74,13 @@ def _misfit_at(one: GoodnessOfFit, pose: PosePrior | None, T: Transforms) -> Mis
     known, known_rows = (of[0] for of in prior_rows(pose, part, T[None]))
     errors = z[: one.mode.objective.problem.points.shared_jacobian.shape[2]]
     named = pose is not None and pose.T_world_part is not None  # a prior names one of the spins, too
-    more = len(known) + len(one.free) - (len(spins(part)) if named else 0)
+    more = len(known) + len(one.free) - (len(symmetry_motions(part)) if named else 0)
     rest = float(np.sum(errors**2) + np.sum(known**2))
-    return one.misfit().beside(rest, more, one.told_beside(known_rows))
+    return one.misfit().with_more(rest, more, one.states_from_priors(known_rows))
 
 
 def _shared_given(mode: Mode) -> SharedGiven | None:
-    """The shared errors given the pose that is the answer; None without any."""
+    """Return the shared errors given the pose of the answer; None without any."""
     D = mode.objective.problem.points.shared_jacobian.shape[2]
     if not D:
         return None
@@ -92,8 +90,8 @@ def _shared_given(mode: Mode) -> SharedGiven | None:
 
 def worst_reading(points: ContactPoints, one: GoodnessOfFit) -> WorstReading | None:
     """Return the point, or sensed normal, that agrees least among those on the part; None if none is far off."""
-    off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.belongs
+    off = np.stack([np.abs(one.at.residuals[0]), one.at.tilts[0]]) * one.inliers
     tilted, i = np.unravel_index(int(np.argmax(off)), off.shape)
-    if off[tilted, i] < one.mode.objective.problem.settings.search.unusual_sds:
+    if off[tilted, i] < one.mode.objective.problem.settings.search.notable_sds:
         return None
     return WorstReading(points.ids[i], float(off[tilted, i]), bool(tilted))

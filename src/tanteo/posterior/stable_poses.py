@@ -1,4 +1,4 @@
-"""The prior of a part that lies on a table in one of its stable poses."""
+"""Prior of a part that lies on a table in one of its stable poses."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
 
 _SAME = 1e-3
-"""Directions of a symmetric part that differ by less are one, as in the symmetry of parts [rad]."""
+"""Numerical: difference of directions below which they are equal by symmetry [rad]; the symmetry of parts has the same
+tolerance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OnTable(PoseFactor):
-    """The part lies on a table; its stable poses have their probabilities, place and yaw are uniform.
+    """Prior of a part on a table: stable poses with their probabilities, uniform place and yaw.
 
     Attributes:
         T_world_table: frame of the table, its plane z = 0, the part above it ``(4, 4)``.
@@ -38,7 +39,7 @@ class OnTable(PoseFactor):
 
     @property
     def is_pose_prior(self) -> bool:
-        """The factor is the prior density of the pose."""
+        """Return whether the factor is a prior density of the pose: yes."""
         return True
 
     def term(self, part: Part, first: int) -> _core.PoseTerm:
@@ -73,7 +74,7 @@ class OnTable(PoseFactor):
 
 
 def _images(part: Part, up: FloatArray) -> FloatArray:
-    """Directions of the part that its symmetry maps one direction to, each once ``(k, 3)``; of a spin only one."""
+    """Return the directions to which symmetry maps a direction of the part, each once ``(k, 3)``."""
     images = up @ part.symmetry.Ts[:, :3, :3]
     if part.symmetry.axis is not None:  # of directions on one circle about the axis the core needs one
         along = images @ part.symmetry.axis[1]

@@ -1,4 +1,4 @@
-"""Poses that a part's own symmetry makes one: folded onto those that are known, and a continuous turn held."""
+"""Symmetric poses: folded onto known ones, with the turn of a continuous symmetry fixed."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
-from tanteo.posterior.answers.part_motions import without_spin
+from tanteo.posterior.answers.part_motions import without_symmetric_rotation
 from tanteo.posterior.prepared import PreparedPart
 
 GAUGE_SD = 0.1
-"""Standard deviation of a turn that symmetry leaves free, about a reference [rad]; the rest of the circle is in
-:func:`log_orbit`. The evidence does not depend on it; of a narrow one samples look normal."""
+"""Numerical: standard deviation of a turn that symmetry leaves free, about a reference [rad]. The evidence does not
+depend on it: :func:`log_orbit` accounts for the rest of the circle. If it is narrow, samples look normal."""
 
 
 def is_held(prepared: PreparedPart, *, named: bool) -> bool:
@@ -20,7 +20,7 @@ def is_held(prepared: PreparedPart, *, named: bool) -> bool:
 
 
 def log_orbit(prepared: PreparedPart, *, named: bool) -> float:
-    """Log of how many poses are one: discrete ones as a number, continuous ones as an angle or a volume of turns."""
+    """Return the log of the number of equal poses; for continuous symmetry the angle or volume of turns."""
     symmetry = prepared.part.symmetry
     if named:
         return 0.0
@@ -31,13 +31,13 @@ def log_orbit(prepared: PreparedPart, *, named: bool) -> float:
 
 
 def folded(prepared: PreparedPart, Ts: Transforms, references: Transforms, *, named: bool) -> Transforms:
-    """Each pose ``(S, 4, 4)`` as the symmetric image that is nearest to one of the references ``(R, 4, 4)``."""
+    """Return each pose ``(S, 4, 4)`` as the symmetric image nearest to one of the references ``(R, 4, 4)``."""
     part, turns = prepared.part, prepared.part.symmetry.Ts
     if not len(Ts) or not len(references) or (len(turns) == 1 and not part.symmetry.continuous):
         return Ts
     images = Ts[:, None] @ turns
     if is_held(prepared, named=named):
-        images = references[0] @ without_spin(part, SE3.inverse(references[0]) @ images)
+        images = references[0] @ without_symmetric_rotation(part, SE3.inverse(references[0]) @ images)
     gaps = SE3.inverse(references)[:, None, None] @ images
     shift = SE3.apply(gaps, prepared.centre) - prepared.centre
     cosine = 0.5 * (np.trace(gaps[..., :3, :3], axis1=-2, axis2=-1) - 1)
@@ -47,7 +47,7 @@ def folded(prepared: PreparedPart, Ts: Transforms, references: Transforms, *, na
 
 
 def log_gauge(prepared: PreparedPart, Ts: Transforms, reference: Transforms) -> FloatArray:
-    """Log density of the held turn at poses ``(S,)``, those of a sphere in all three directions."""
+    """Return the log density of the fixed turn at poses ``(S,)``; for a sphere of all three turns."""
     part = prepared.part
     gaps = SE3.inverse(reference) @ Ts
     if part.symmetry.spherical:
@@ -55,13 +55,13 @@ def log_gauge(prepared: PreparedPart, Ts: Transforms, reference: Transforms) -> 
         return np.asarray(-0.5 * np.sum(w * w, axis=-1) / GAUGE_SD**2 - 3 * np.log(GAUGE_SD) - 1.5 * np.log(2 * np.pi))
     assert part.symmetry.axis is not None
     axis = part.symmetry.axis[1]
-    left = without_spin(part, gaps)
+    left = without_symmetric_rotation(part, gaps)
     spin = SE3.log(SE3.inverse(left) @ gaps)[..., 3:] @ axis
     return np.asarray(-0.5 * (spin / GAUGE_SD) ** 2 - np.log(GAUGE_SD) - 0.5 * np.log(2 * np.pi))
 
 
 def gauge_information(prepared: PreparedPart) -> FloatArray:
-    """What holding the turn adds to the information about the centre ``(6, 6)``."""
+    """Return the information about the centre that fixing the turn adds ``(6, 6)``."""
     out, symmetry = np.zeros((6, 6)), prepared.part.symmetry
     if symmetry.spherical:
         out[3:, 3:] = np.eye(3) / GAUGE_SD**2

@@ -1,4 +1,4 @@
-"""The unknown object: measurements are anywhere in its ball, or on a near variant of a part."""
+"""Evidence of the unknown object: measurements anywhere in its ball, or on a near variant of a part."""
 
 from __future__ import annotations
 
@@ -10,23 +10,26 @@ import numpy as np
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Vectors
 from tanteo.posterior.answers.priors import Priors
-from tanteo.posterior.one_object import log_of_one_object
+from tanteo.posterior.joint_surface_model import log_joint_surfaces
 from tanteo.posterior.problem import Problem
-from tanteo.posterior.settings import DEFAULTS
 from tanteo.posterior.unknown_place import log_place_of_unknown
 
 LARGER = 1.2
 """Largest size of an unknown object over that of the ball of its readings (decision 56)."""
 
 
+_BALL_STEPS = 32
+"""Numerical: steps to the middle of the smallest ball; its radius errs by less than 1 / 32, which ``LARGER`` covers."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Whereabouts:
-    """Where the middle of an object can be of which only readings are known: they are all in its ball.
+class PossibleCentres:
+    """Places where the middle of an unknown object can be if all readings are in its ball.
 
     Attributes:
-        middle: of these places ``(3,)`` [m].
-        volume: of them [m^3].
-        radius: of the ball [m].
+        middle: centre of these places ``(3,)`` [m].
+        volume: volume of these places [m^3].
+        radius: radius of the ball [m].
     """
 
     middle: Vectors
@@ -35,21 +38,21 @@ class Whereabouts:
 
     @property
     def sd(self) -> float:
-        """Of a normal density that is as high as the even one on these places [m]."""
+        """Return the sd of a normal density with the peak of the uniform density on these places [m]."""
         return float(self.volume ** (1 / 3) / np.sqrt(2 * np.pi))
 
 
-def whereabouts(points: Vectors, radius: float) -> Whereabouts:
-    """Places of the middle of a ball that holds all readings but those that are farther from most than it is wide.
+def possible_centres(points: Vectors, radius: float) -> PossibleCentres:
+    """Return the places of the middle of a ball that contains all readings but distant outliers.
 
     Args:
-        points: of the readings ``(n, 3)`` [m].
-        radius: of the ball [m]; a little more than readings need if they need more.
+        points: points of the readings ``(n, 3)`` [m].
+        radius: radius of the ball [m]; enlarged if the readings need more.
     """
     away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
     points = points[away <= max(2 * radius, away.min())]
     middle = points.mean(axis=0)
-    for k in range(1, DEFAULTS.unknown.ball_steps):  # Badoiu and Clarkson 2003
+    for k in range(1, _BALL_STEPS):  # Badoiu and Clarkson 2003
         middle = middle + (points[np.argmax(np.sum((points - middle) ** 2, axis=1))] - middle) / (k + 1)
     off = points - middle
     squared = np.sum(off * off, axis=1)
@@ -58,45 +61,47 @@ def whereabouts(points: Vectors, radius: float) -> Whereabouts:
     radius = max(radius, LARGER * float(np.sqrt(squared[0])))
     along = _directions() @ off.T
     reach = (along + np.sqrt(along**2 + radius**2 - squared)).min(axis=1)  # until a reading leaves the ball
-    return Whereabouts(middle, float(4 / 3 * np.pi * np.mean(reach**3)), radius)
+    return PossibleCentres(middle, float(4 / 3 * np.pi * np.mean(reach**3)), radius)
 
 
 @cache
 def _directions() -> Vectors:
-    """Directions all around, evenly (a spiral) ``(256, 3)``."""
+    """Return uniform directions on a spiral ``(256, 3)``."""
     k = np.arange(256) + 0.5
     z, turn = 1 - k / 128, np.pi * (1 + np.sqrt(5)) * k
     return np.stack([np.cos(turn) * np.sqrt(1 - z * z), np.sin(turn) * np.sqrt(1 - z * z), z], axis=1)
 
 
 def log_anywhere(problem: Problem, centroid: Vectors) -> float:
-    """Log density of all readings if the object is unknown: in a ball, which is where the prior has a part.
+    """Return the log density of all readings if the object is unknown, in a ball that is where the prior puts it.
 
-    Points of one label are of one surface, whatever the object is, and most of its faces run along three perpendicular
-    axes: else every right corner would be proof of whichever part has one.
+    Points of one label are on one surface of any object, and most of its faces run along three perpendicular axes.
+    Otherwise every right angle would be evidence for the parts that have one.
 
     Args:
-        problem: the question.
-        centroid: of the parts, in their frames ``(3,)`` [m].
+        problem: measurements and priors.
+        centroid: mean centroid of the parts, in their frames ``(3,)`` [m].
     """
-    points, priors, labels = problem.points, problem.priors, problem.elsewhere
+    points, priors, labels = problem.points, problem.priors, problem.label_evidence
     if not len(points):
         return problem.log_factors_unknown
-    where = whereabouts(points.points[problem.around.others], priors.radius)
+    where = possible_centres(points.points[problem.furniture.others], priors.radius)
     place = log_place_of_unknown(priors.pose, centroid, where.middle, priors.radius, where.sd)
     known = priors.pose is not None and (priors.pose.box is not None or priors.pose.T_world_part is not None)
     share = np.log(where.volume) - 3 * np.log(2 * (priors.radius if known else where.radius))
-    shapes = labels.log_odds.sum() + log_of_one_object(labels.facets, priors.right_angled, priors.radius)
+    shapes = labels.log_odds.sum() + log_joint_surfaces(
+        labels.facets, priors.right_angled, priors.radius, problem.settings
+    )
     return float(problem.log_not_on_part.sum() + place + share + shapes) + problem.log_factors_unknown
 
 
 def log_unknown(log_anywhere: float, log_variant: FloatArray, priors: Priors) -> float:
-    """Log evidence of the unknown object, its prior included: readings anywhere, or on a near variant of a part.
+    """Return the log-evidence of the unknown object: readings anywhere, or on a near variant of a part.
 
     Args:
-        log_anywhere: log evidence of readings anywhere, the prior of the unknown object included.
-        log_variant: log evidence of near variants, at each mode.
-        priors: what is assumed beforehand.
+        log_anywhere: log-evidence of readings anywhere, the prior of the unknown object included.
+        log_variant: log-evidence of near variants at each mode.
+        priors: priors of the inference.
     """
     variant = float(log_sum(log_variant)) if len(log_variant) else -np.inf
     log_near = np.log(priors.unknown) + np.log(priors.near_variant) + variant

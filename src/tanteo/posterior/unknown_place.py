@@ -1,4 +1,4 @@
-"""Where an object can be that is none of the parts, by what is known of the pose of whatever it is."""
+"""Density of the place of an unknown object under the prior of the pose."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from tanteo.posterior.answers.pose_prior import PosePrior
 def log_place_of_unknown(
     prior: PosePrior | None, centroid: Vectors, middle: Vectors, radius: float, sd: float
 ) -> float:
-    """Log of how much more probable the prior makes an unknown object where it was sensed than it is anywhere.
+    """Return the log ratio of the prior density of an unknown object at its readings to the uniform density.
 
-    Where the object is was said of whatever it is. Of one that is not known its middle is near its readings, its
-    attitude says nothing.
+    The prior of the pose holds for any object. The middle of an unknown object is near its readings; its attitude is
+    unknown.
 
     Args:
-        prior: what is known of the pose.
-        centroid: of the parts, in their frames ``(3,)`` [m].
-        middle: of the readings, in the world ``(3,)`` [m].
-        radius: of the workspace [m].
-        sd: how far its middle may be from theirs, along each axis [m].
+        prior: prior of the pose.
+        centroid: mean centroid of the parts, in their frames ``(3,)`` [m].
+        middle: middle of the readings in the world ``(3,)`` [m].
+        radius: radius of the workspace [m].
+        sd: standard deviation of the object's middle from that of the readings, along each axis [m].
     """
     log = 0.0
     if prior is not None and prior.box is not None:
@@ -40,7 +40,7 @@ def log_place_of_unknown(
 
 
 def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Log probability that a unit normal draw is between two numbers ``(*batch)``; far out, too."""
+    """Return log probabilities of a standard normal variable between two numbers ``(*batch)``, exact in the tails."""
     from scipy.special import log_ndtr  # slow to import, and needed with a box only
 
     upper = low > 0

@@ -1,9 +1,8 @@
-"""The posterior after more measurements: modes are maximized again, samples of the prior join, all are reweighted.
+"""Update of the posterior by further measurements.
 
-A step of sequential Monte Carlo whose moves are maximizations: samples of the modes that were alive, a few samples of
-the prior beside them, lead to the maxima of the posterior of *all* measurements. Nothing that was linearized once is
-kept, so the order of the measurements matters no further than for which maxima are known. Where the answer is in doubt,
-every part is looked for all over its prior again.
+A step of sequential Monte Carlo in which moves are maximizations. Samples of the tracked modes and of the prior are
+maximized under *all* measurements. No linearization is kept, so the order of the measurements matters only through the
+known maxima. If the answer is in doubt, every part is searched again over its whole prior.
 """
 
 from __future__ import annotations
@@ -24,9 +23,10 @@ from tanteo.posterior.proposals import BITS, FactorPoses, PriorSamples
 from tanteo.posterior.proposals.drawn import along_ridge
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.posterior.sampling.peaks import Objective, Peaks
+from tanteo.posterior.settings import FEWEST
 
 _EXPECTED = 1.0
-"""Log density over that of an outlier that a measurement has at least if its part is roughly where it was expected."""
+"""Smallest log density of a measurement over that of an outlier if its part is roughly at the expected pose."""
 
 
 def update_posterior(
@@ -37,15 +37,15 @@ def update_posterior(
     anywhere: float,
     rng: np.random.Generator,
 ) -> Posterior:
-    """The posterior of all measurements, from that of the earlier ones.
+    """Return the posterior of all measurements, from that of the earlier ones.
 
     Args:
-        problem: the question, with all measurements and the prior of the pose of every part.
+        problem: all measurements, and the prior of the pose of every part.
         parts: the parts.
-        log_priors: log of the prior of each ``(P,)``.
-        before: the posterior before; None at first.
-        anywhere: log evidence of an unknown object that is like no part, its prior included.
-        rng: of all draws.
+        log_priors: log of the prior probability of each part ``(P,)``.
+        before: posterior of the earlier measurements; None at first.
+        anywhere: log-evidence of an unknown object that is like no part, its prior included.
+        rng: generator of all draws.
     """
     followed = [p for p in range(len(parts)) if before is None or _modes(before, parts[p])]
     searches = {p: _followed(problem, parts[p], before, rng) for p in followed}
@@ -54,16 +54,13 @@ def update_posterior(
         for p, part in enumerate(parts):
             if p not in searches:
                 searches[p] = start_search(problem, part, rng)
-            _look_widely(searches[p])
+            _search_widely(searches[p])
         after = _weighed(problem, searches, log_priors, anywhere, rng)
     return after
 
 
 def posterior_about(problem: Problem, part: PreparedPart, Ts: Transforms, rng: np.random.Generator) -> Posterior:
-    """The posterior of one part about poses ``(S, 4, 4)``, without any search: where maximizations from them end.
-
-    The unknown object has no probability in it.
-    """
+    """Return the posterior of one part near poses ``(S, 4, 4)``, without a search or an unknown object."""
     search = start_search(problem, part, rng)
     _take(search, search.objective.maximize(Ts, fine=True))
     return weigh(problem, [search], np.zeros(1), -np.inf, rng)
@@ -76,7 +73,7 @@ def _weighed(
 
 
 def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rng: np.random.Generator) -> PartSearch:
-    """The maxima of a part that what was known of it leads to, and some samples of its prior."""
+    """Track a part: maximize from its known modes and from some samples of its prior."""
     search, own = start_search(problem, part, rng), problem.settings.samples
     modes = [] if before is None else _modes(before, part)
     if not modes:
@@ -87,22 +84,22 @@ def _followed(problem: Problem, part: PreparedPart, before: Posterior | None, rn
         return search
     objective, likely = search.objective, sum(mode.probability for mode in modes)
     Ts, zs = _samples(modes, problem, rng)
-    if before is not None and likely > own.followed:
+    if before is not None and likely > own.min_probability:
         Ts, zs = _with_maxima(Ts, zs, before, part)
     _take(search, objective.maximize(Ts, zs, fine=True))
     search.trusted = max(modes, key=lambda mode: mode.probability).normal
-    if likely > own.followed and not search.trusted:
-        _draw(search, own.told)
+    if likely > own.min_probability and not search.trusted:
+        _draw(search, own.shape)
         search.along = along_ridge(objective, _resampled(modes, search.settings.maximized, rng))
     return search
 
 
 def _samples(modes: Sequence[Mode], problem: Problem, rng: np.random.Generator) -> tuple[Transforms, FloatArray]:
-    """The maxima of modes and samples of them by their probability, with the other states to start from."""
+    """Return the maxima of modes and samples of them by their probability, with the other states."""
     total = max(sum(mode.probability for mode in modes), np.finfo(float).tiny)
     own, Ts, zs = problem.settings.samples, [], []
     for mode in modes:
-        count = own.normal_starts if mode.normal else int(np.ceil(own.told * mode.probability / total))
+        count = 1 if mode.normal else int(np.ceil(own.shape * mode.probability / total))
         ends = (np.arange(count) + rng.uniform()) / count
         rows = np.searchsorted(np.cumsum(mode.weights), ends).clip(0, len(mode.weights) - 1)
         Ts += [mode.T_peak[None], mode.Ts[np.unique(rows)]]
@@ -114,7 +111,7 @@ def _samples(modes: Sequence[Mode], problem: Problem, rng: np.random.Generator) 
 def _with_maxima(
     Ts: Transforms, zs: FloatArray, before: Posterior, part: PreparedPart
 ) -> tuple[Transforms, FloatArray]:
-    """With all maxima that were known of a part, the improbable ones among them."""
+    """Return these poses and all known maxima of a part, improbable ones included."""
     for search in before.searches:
         if search.objective.prepared is part:
             own = search.peaks.zs
@@ -124,7 +121,7 @@ def _with_maxima(
 
 
 def _resampled(modes: Sequence[Mode], count: int, rng: np.random.Generator) -> Transforms:
-    """So many samples of some modes together."""
+    """Return samples of some modes together."""
     weights = np.cumsum(np.concatenate([mode.probability * mode.weights for mode in modes]))
     rows = np.searchsorted(weights, weights[-1] * (np.arange(count) + rng.uniform()) / count)
     return np.concatenate([mode.Ts for mode in modes])[rows.clip(0, len(weights) - 1)]
@@ -135,13 +132,13 @@ def _draw(search: PartSearch, count: int) -> None:
     search.peaks = _found(search.peaks)
 
 
-def _look_widely(search: PartSearch) -> None:
-    """Look for a part all over its prior, and by pairs of points where these fix a pose."""
+def _search_widely(search: PartSearch) -> None:
+    """Search a part over its whole prior, and by pairs of points if these fix a pose."""
     own = search.objective.problem.settings.samples
     _draw(search, own.widely)
     search.propose(FactorPoses())
     search.peaks = _found(search.peaks)
-    if len(search.objective.problem.points) >= own.several:
+    if len(search.objective.problem.points) > FEWEST:
         search.restart()
         search.peaks = _found(search.peaks)
 
@@ -160,13 +157,13 @@ def _modes(posterior: Posterior, part: PreparedPart) -> list[Mode]:
 
 
 def _in_doubt(before: Posterior, after: Posterior) -> bool:
-    """Whether what is known may not be all there is.
+    """Return whether the known modes may be incomplete.
 
-    None of it explains the measurements; the last of them are hardly more probable than as outliers; the best calls
-    one more of them an outlier, which another pose may explain; or a part has become nearly certain, and the true one
-    may be among those that were not looked for.
+    None of them explains the measurements; the last measurements are hardly more probable than as outliers; the best
+    mode has a new outlier, which another pose may explain; or a part has become nearly certain, and the right one may
+    be among those that were not searched.
     """
-    if after.unknown > after.problem.settings.samples.doubt or not after.modes:
+    if after.unknown > after.problem.settings.samples.reopen_probability or not after.modes:
         return True
     if _surprising(before, after) or _outliers(after) > _outliers(before):
         return True
@@ -187,13 +184,13 @@ def _outliers(posterior: Posterior) -> int:
 
 
 def on_part(mode: Mode) -> BoolArray:
-    """Which points are on the part at the maximum of a mode, rather than outliers ``(n,)``."""
+    """Return which points are on the part at the maximum of a mode ``(n,)``."""
     objective: Objective = mode.objective
-    return np.asarray(details_at(objective, mode.T_peak[None], mode.z[None]).belongs[0] > 0.5)
+    return np.asarray(details_at(objective, mode.T_peak[None], mode.z[None]).inlier_probability[0] > 0.5)
 
 
 def probabilities(posterior: Posterior) -> dict[int, float]:
-    """Of each part that has a mode, by the id of its :class:`PreparedPart`."""
+    """Return the probability of each part with a mode, by the id of its :class:`PreparedPart`."""
     out: dict[int, float] = {}
     for mode in posterior.modes:
         out[id(mode.prepared)] = out.get(id(mode.prepared), 0.0) + mode.probability

@@ -96,7 +96,7 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
         edge = 1.3 * float(np.max(np.abs(off[found.good]) + 2 * _MM * found.sds[found.good]))
         right.scatter(d[bad], np.clip(off[bad], -edge, edge), s=40, color=_RED, marker="x")
     if not found.good.all():
-        left.scatter([], [], s=40, color=_RED, marker="x", label="set aside; on the right at the border if farther off")
+        left.scatter([], [], s=40, color=_RED, marker="x", label="excluded; on the right at the border if farther off")
     right.axhline(0, color=_INK, lw=0.8)
     left.set(xlabel="range [mm]", ylabel="incidence [deg]", title="where it was measured")
     right.set(xlabel="range [mm]", ylabel="reading minus expected [mm], bars 2 sd", title="what is left")

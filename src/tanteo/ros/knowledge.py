@@ -11,8 +11,7 @@ from tanteo.planning import Action, Done, Probe, Sensing, Session, Stop, from_hy
 from tanteo.posterior import Answer, Priors
 from tanteo.recognition import identify
 from tanteo.sensors import Readings, concatenate
-
-_NOTHING_YET = Done(False, "No reading has come yet, and nobody says where the part is (--pose-prior).")
+from tanteo.words.findings import NoPriorPose
 
 
 class Knowledge(Protocol):
@@ -100,7 +99,7 @@ class Anywhere:
     def ask(self) -> Action | Done:
         """Return the most informative reading to separate the current hypotheses."""
         if self._answer is None or not self._answer.hypotheses:
-            return _NOTHING_YET
+            return Done(False, (NoPriorPose(),))
         start = from_hypotheses(self._answer.hypotheses, self.parts, self.priors)
         return Session(start, self.probe, self.sensing, stop=self.stop, seed=self.seed).ask()
 

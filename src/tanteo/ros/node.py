@@ -19,10 +19,11 @@ from tanteo.planning import Done
 from tanteo.posterior import Answer
 from tanteo.ros.intake import Intake
 from tanteo.ros.knowledge import Knowledge
+from tanteo.ros.messages import next_document, next_pose, state_message
 from tanteo.ros.network import Settings
-from tanteo.ros.said import next_document, next_pose, state_message
 from tanteo.ros.types import filled, type_named
 from tanteo.sensors import Readings
+from tanteo.words.findings import Stated
 
 _LOOK, _TELL, _SAY = 0.5, 0.05, 1.0
 """Intervals of topic discovery, of processing of readings, and of diagnostics [s]."""
@@ -236,7 +237,7 @@ class RosNode:
             try:
                 asked = self.knowledge.ask()
             except TanteoError as error:
-                asked = Done(False, str(error))
+                asked = Done(False, (Stated(str(error)),))
         frame = self.intake.world or self.intake.options.world or ""
         document = next_document(asked, frame)
         response.success = document["status"] == "ask"

@@ -87,7 +87,8 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
 
 def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple[Status, tuple[Finding, ...]]:
     """Return status and findings. Edges of real parts differ from those of models: a poor fit widens the covariance."""
-    status, findings = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    status, finding = verdict(tuple(hypotheses), posterior.unknown, 0.0)
+    findings: tuple[Finding, ...] = (finding,)
     best = hypotheses[0] if hypotheses else None
     if status == "unknown" and posterior.left_out > 0.5 * posterior.unknown:
         return "ambiguous", (SimilarOutlines("" if best is None else best.part, posterior.count),)

@@ -15,7 +15,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
-from tanteo.posterior import OTHERWISE, SeenOutline
+from tanteo.posterior import MISLEADING, SeenOutline
 from tanteo.vision.camera import Camera, on_plane, opencv, project
 from tanteo.vision.edges import EdgePoints, find_edges
 from tanteo.vision.image_edges import standing
@@ -106,7 +106,7 @@ def narrowed(outline: SeenOutline | None, parts: Sequence[Any]) -> Narrowed:
     left = len(log) - count
     out = float(rest[count]) if left else 0.0
     rests = tuple(outline.likely(parts, int(row)) for row in order[:count])
-    return Narrowed(order[:count], alike, rests, left, shares[:count], out, OTHERWISE * left / len(log))
+    return Narrowed(order[:count], alike, rests, left, shares[:count], out, MISLEADING * left / len(log))
 
 
 def check_size(image: FloatArray, camera: Camera) -> None:

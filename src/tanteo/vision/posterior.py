@@ -214,7 +214,7 @@ def infer(
         np.random.default_rng(_SEED), log_left_out=log_left_out(evidence, unknown + known),
     )  # fmt: skip
     modes, log_evidence = _weighed(image, found, lying, prior)
-    log_left = float(np.log(found.left_out)) + found.log_evidence if found.left_out else -np.inf
+    log_left = float(np.log(found.unsearched)) + found.log_evidence if found.unsearched else -np.inf
     left = float(np.exp(log_left - log_evidence))
     none = float(np.exp(np.log(found.unknown) + found.log_evidence - log_evidence)) if found.unknown else 0.0
     # that none of the poses holds is a strange part's doing, or of the proposals that missed the true one

@@ -10,4 +10,6 @@ from .sentences import headline_of as headline_of
 from .sentences import message_of as message_of
 from .sentences import sentence as sentence
 from .sentences import size_advice as size_advice
+from .sentences.calibrations import parameter_words as parameter_words
+from .sentences.hand import acquisition_message as acquisition_message
 from .sentences.images import touch_words as touch_words

@@ -22,8 +22,10 @@ def off(kind, T, L, rng, label):
     return Feature(kind, T @ SE3.exp(-kind.B.T @ L @ rng.normal(size=kind.size)), L @ L, label)
 
 
-def test_a_face_and_two_holes_in_it_locate_a_flange():
-    rng, values, N = np.random.default_rng(1), [], 120
+@pytest.mark.parametrize("N", [40, pytest.param(120, marks=pytest.mark.slow)])
+def test_a_face_and_two_holes_in_it_locate_a_flange(N):
+    """Forty poses show a variance that is off by a third, with one false alarm in a thousand."""
+    rng, values = np.random.default_rng(1), []
     L = np.diag([5e-6, 3e-4, 2e-4])
     turn = np.linspace(0, 2 * np.pi, 4, endpoint=False)
     away = np.c_[np.cos(turn), np.sin(turn), 0 * turn]

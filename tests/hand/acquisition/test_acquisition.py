@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from felt_scenes import PARTS, gripper, make_task, nees
+from felt_scenes import PARTS, facing, gripper, make_task, nees
 from tanteo.errors import InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.hand import (
@@ -30,7 +30,6 @@ from tanteo.hand.acquisition.record import exact_poses
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import scan
 from tanteo.hand.acquisition.seen import clearance, cloud_of, over
-from tanteo.hand.acquisition.ways import facing
 from tanteo.io import read_readings, write_readings
 
 SENSE = {"plane": sense_plane, "edge": sense_edge, "vertex": sense_vertex}

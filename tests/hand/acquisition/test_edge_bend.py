@@ -47,7 +47,7 @@ def test_a_slight_bend_is_not_felt_and_the_answer_says_why():
     _, got = felt(10, seed=0)
     assert got.status == "nothing"
     assert "bends away by about" in got.message
-    assert "of the face beyond it: nothing flat was seen" in got.message
+    assert "The face beyond it is not acquired. No flat face was seen" in got.message
     assert got.others[0].label == "edge face"
 
 
@@ -60,7 +60,7 @@ def test_planes_that_meet_elsewhere_are_of_another_edge():
     bend = Crease(0, over(0.01, 0.02), 0.02, math.radians(45))
     status, message, edge = acquire_crease(session, face, np.array([0.0, 1.0, 0.0]), [bend], "edge")
     assert (status, edge) == ("unclear", None), message
-    assert "mm beside where the surface bends" in message
+    assert "mm beside the bend of the surface" in message.message
 
 
 @pytest.mark.slow

@@ -41,7 +41,7 @@ def test_what_stands_beyond_edge_is_looked_at_and_not_run_into():
     assert known_way(session, T, OUTWARDS, 0.05) < 0.02
     crossing = cross_at(session, face, PLACE, ALONG, OUTWARDS, Search(0.03, 0.04, 0.01))
     assert crossing.motion.status == "limit", crossing.motion.message
-    assert "known to be free" in crossing.motion.message
+    assert "known free space ends" in crossing.motion.message
     assert "look" in [m.name for m in session.motions]
     least = clearances(Scene.of([BLOCK, POST]), gripper().body, np.array(session.robot.truth)).min()
     assert least > 0.5 * STANDOFF

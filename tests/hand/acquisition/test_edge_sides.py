@@ -10,6 +10,7 @@ from tanteo.features import EDGE, PLANE, Feature
 from tanteo.geometry import SE3, SO3
 from tanteo.hand import FREE, HIT, LOST, HandReading, Motion
 from tanteo.hand.acquisition.edge_events import against
+from tanteo.words.findings import AtPose, FaceEndsElsewhere
 
 STANDOFF, OUT = 0.02, np.array([0.0, 1.0, 0.0])
 SPOT = STANDOFF * np.tan(np.radians(5))
@@ -29,7 +30,7 @@ def crossing(x, border, name="cross edge", below=None):
             ranges[first], states[first] = STANDOFF + (0.0 if on else below), HIT
         foot = np.array([x, y, STANDOFF]) - R @ hand.origins[first]
         log.append(HandReading(0.01 * k, SE3.from_parts(R, foot), ranges, states))
-    return Motion(name, "reached", "", tuple(log))
+    return Motion(name, "reached", AtPose(), tuple(log))
 
 
 def said(*motions, places=PLACES):
@@ -38,34 +39,34 @@ def said(*motions, places=PLACES):
 
 
 def test_nothing_is_against_an_edge_where_the_face_ends():
-    assert said(crossing(-0.03, 0.0), crossing(0.01, 0.0), crossing(0.03, 0.0)) == ""
-    assert said(crossing(0.01, 0.0, below=0.01)) == ""
+    assert said(crossing(-0.03, 0.0), crossing(0.01, 0.0), crossing(0.03, 0.0)) is None
+    assert said(crossing(0.01, 0.0, below=0.01)) is None
 
 
 @pytest.mark.parametrize("below", [None, 0.01])
 def test_a_face_that_ends_before_or_goes_on_beyond_is_against_it(below):
     far = 1.2 * SPOT + 1.8e-3
-    assert "ends before that line" in said(crossing(0.01, 0.0), crossing(-0.01, -far, below=below))
-    assert "continues beyond that line" in said(crossing(0.01, 0.0), crossing(-0.01, far, below=below))
+    assert said(crossing(0.01, 0.0), crossing(-0.01, -far, below=below)) == FaceEndsElsewhere(beyond=False)
+    assert said(crossing(0.01, 0.0), crossing(-0.01, far, below=below)) == FaceEndsElsewhere(beyond=True)
 
 
 def test_what_a_spot_may_meet_is_not_against_it():
     for border in (-1.1 * SPOT, 1.1 * SPOT):
-        assert said(crossing(0.01, border)) == ""
+        assert said(crossing(0.01, border)) is None
 
 
 def test_far_or_past_places_may_be_of_another_edge():
     """A groove in the face, the face going on beyond a gap, the next edge past a corner."""
     groove = crossing(0.01, 0.0)
     cut = [s if not -0.012 < s.T_world_hand[1, 3] < -0.009 else missed(s) for s in groove.log]
-    assert said(Motion("cross edge", "reached", "", tuple(cut))) == ""
-    assert said(crossing(0.035, 0.008)) == ""
-    assert said(crossing(0.01, 0.008), places=PLACES[:1]) == ""
+    assert said(Motion("cross edge", "reached", AtPose(), tuple(cut))) is None
+    assert said(crossing(0.035, 0.008)) is None
+    assert said(crossing(0.01, 0.008), places=PLACES[:1]) is None
 
 
 def test_only_crossings_count():
     """They are slow: elsewhere a range may be of a pose that is past."""
-    assert said(crossing(0.01, 0.0), crossing(0.01, 0.008, name="follow")) == ""
+    assert said(crossing(0.01, 0.0), crossing(0.01, 0.008, name="follow")) is None
 
 
 def missed(s):
@@ -77,6 +78,8 @@ def test_the_pose_of_the_hand_may_be_any():
     T = SE3.from_parts(SO3.exp(np.array([0.4, -0.3, 1.0])), np.array([0.3, -0.2, 0.5]))
     motion = crossing(-0.01, 0.008)
     log = tuple(HandReading(s.time, T @ s.T_world_hand, s.ranges, s.states) for s in motion.log)
-    session = SimpleNamespace(hand=gripper(), standoff=STANDOFF, motions=[Motion("cross edge", "reached", "", log)])
+    session = SimpleNamespace(
+        hand=gripper(), standoff=STANDOFF, motions=[Motion("cross edge", "reached", AtPose(), log)]
+    )
     face, edge = (Feature(f.kind, T, f.P, f.label) for f in (FACE, EDGE_))
-    assert "continues" in against(session, face, edge, SE3.apply(T, PLACES), T[:3, :3] @ OUT)
+    assert against(session, face, edge, SE3.apply(T, PLACES), T[:3, :3] @ OUT) == FaceEndsElsewhere(beyond=True)

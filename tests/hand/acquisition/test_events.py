@@ -7,6 +7,7 @@ from felt_scenes import gripper
 from tanteo.geometry import SE3
 from tanteo.hand import EdgeEvent
 from tanteo.hand.acquisition.edge_events import agreeing, distance_from, doubt, line_through, on_line, place_of
+from tanteo.words.findings import EdgeMetRarely, EdgesMixed, PlaceBeside
 
 ALONG, OUTWARDS = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 SD = 4e-4
@@ -66,8 +67,8 @@ def test_one_straight_edge_is_not_doubted():
 def test_a_place_of_another_edge_is_found(k):
     xs = np.array([-0.032, -0.02, -0.008, 0.008, 0.02, 0.032])
     ys = np.where(np.arange(6) == k, 0.004, 0.0)
-    assert "off the line of the others" in said(edge(xs, ys))
-    assert said(edge(xs, 0 * ys)) == ""
+    assert isinstance(said(edge(xs, ys)), PlaceBeside)
+    assert said(edge(xs, 0 * ys)) is None
 
 
 @pytest.mark.parametrize("k", range(5))
@@ -75,10 +76,10 @@ def test_one_place_of_another_edge_is_left_out(k):
     xs = np.array([-0.02, -0.01, 0.0, 0.01, 0.02])
     off = edge(xs, np.where(np.arange(5) == k, 0.0035, 0.0))
     kept, why = agreeing(gripper(), off, ALONG, OUTWARDS)
-    assert why == ""
+    assert why is None
     assert kept == off[: 2 * k] + off[2 * k + 2 :]
     clean = edge(xs, 0 * xs)
-    assert agreeing(gripper(), clean, ALONG, OUTWARDS) == (clean, "")
+    assert agreeing(gripper(), clean, ALONG, OUTWARDS) == (clean, None)
 
 
 def test_more_is_not_left_out():
@@ -95,21 +96,21 @@ def test_more_is_not_left_out():
 def test_most_of_what_was_met_has_to_be_of_the_one_edge():
     """Of fourteen events of several edges five are on one line by chance sooner or later."""
     events = edge([-0.02, 0.0, 0.02], [0, 0, 0])
-    assert agreeing(gripper(), events, ALONG, OUTWARDS, 12) == (events, "")
-    assert "of 13 crossings of edges only 6" in agreeing(gripper(), events, ALONG, OUTWARDS, 13)[1]
+    assert agreeing(gripper(), events, ALONG, OUTWARDS, 12) == (events, None)
+    assert agreeing(gripper(), events, ALONG, OUTWARDS, 13)[1] == EdgesMixed(13, 6)
     doubtful = edge([0, 0.003], [0, 0])
-    assert "too few positions" in agreeing(gripper(), doubtful, ALONG, OUTWARDS, 13)[1]
+    assert agreeing(gripper(), doubtful, ALONG, OUTWARDS, 13)[1] == EdgeMetRarely(len(doubtful), alone=False)
 
 
 def test_three_places_control_each_other():
     """There and back meet the same corner: the number of events does not help, the middle place does."""
     xs = np.array([-0.01, 0.0, 0.01])
-    assert said(edge(xs, [0, 0, 0])) == ""
-    assert "off the line" in said(edge(xs, [0, 0, 0.0027]))
-    assert "at too few positions" in said(edge(xs[:2], [0, 0]) * 4)
-    assert "at too few positions" in said([])
-    assert "at too few positions" in said(edge([0, 0.003, 0.006, 0.009], [0] * 4))
-    assert "do not verify one position" in said(edge([-0.006, 0.0, 0.07], [0, 0, 0]))
+    assert said(edge(xs, [0, 0, 0])) is None
+    assert isinstance(said(edge(xs, [0, 0, 0.0027])), PlaceBeside)
+    assert said(edge(xs[:2], [0, 0]) * 4) == EdgeMetRarely(16, alone=False)
+    assert said([]) == EdgeMetRarely(0, alone=False)
+    assert said(edge([0, 0.003, 0.006, 0.009], [0] * 4)) == EdgeMetRarely(8, alone=False)
+    assert said(edge([-0.006, 0.0, 0.07], [0, 0, 0])) == EdgeMetRarely(6, alone=True)
 
 
 def test_sensors_may_differ_by_their_mounting():

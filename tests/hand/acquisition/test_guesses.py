@@ -10,6 +10,7 @@ from tanteo.hand import EdgeGuess, FaceGuess, VertexGuess
 from tanteo.hand.acquisition.patch import find_patches
 from tanteo.hand.acquisition.plane import as_guessed
 from tanteo.hand.acquisition.seen import Cloud
+from tanteo.words.findings import OtherFace, ReadingsTaken
 
 UP = np.array([0.0, 0.0, 1.0])
 X, Y = np.eye(3)[:2]
@@ -53,7 +54,7 @@ def test_what_is_known_well_not_taken_for_larger_face_beside_it():
 def test_a_face_far_off_a_sharp_idea_is_another_one(height, tilt, taken):
     """A millimetre and 0.02 rad are known; the guess of a person takes all three."""
     face = Feature(PLANE, SE3.exp(np.array([0, 0, height, tilt, 0, 0])), 1e-8 * np.eye(3))
-    status, message, feature = as_guessed(FaceGuess(np.zeros(3), UP, 1e-3, 0.02), ("acquired", "", face))
+    status, message, feature = as_guessed(FaceGuess(np.zeros(3), UP, 1e-3, 0.02), ("acquired", ReadingsTaken(1), face))
     assert (status, feature is face) == (("acquired", True) if taken else ("unclear", False))
-    assert taken or "off where it should be" in message
-    assert as_guessed(FaceGuess(np.zeros(3), UP), ("acquired", "", face))[2] is face
+    assert taken or isinstance(message, OtherFace)
+    assert as_guessed(FaceGuess(np.zeros(3), UP), ("acquired", ReadingsTaken(1), face))[2] is face

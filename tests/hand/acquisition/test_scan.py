@@ -22,6 +22,7 @@ from tanteo.hand import (
 )
 from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.acquisition.scan import WIDTHS, scan
+from tanteo.words.findings import Followed, NoRoom, NotOneFeature
 
 STANDOFF = 0.027
 RULES = Rules(clearance=0.6 * STANDOFF)
@@ -43,7 +44,7 @@ def test_two_lines_along_a_bend_are_no_plane(degrees):
         session = SensingRun(robot, STANDOFF, RULES, None)
         status, message, feature = scan(session, "plane", WIDTHS[0])
         assert (status, feature, session.readings) == ("unclear", None, [])
-        assert "is not one plane" in message
+        assert isinstance(message, NotOneFeature)
 
 
 def test_beside_a_bend_the_plane_is_that_of_its_own_side():
@@ -64,9 +65,9 @@ def test_in_a_trench_the_scan_is_narrower():
     rules = Rules(clearance=0.012, workspace=Workspace.above(-0.02))
     got = sense_plane(robot, FaceGuess([0, 0, 0], [0, 0, 1]), standoff=0.016, rules=rules)
     assert got.acquired, got.message
-    said = {m.message for m in got.motions if m.name == "follow"}
-    assert "7.5 mm along the surface" in said
-    assert "15 mm along the surface" not in said
+    paths = {m.finding.distance for m in got.motions if isinstance(m.finding, Followed)}
+    assert 0.0075 in paths
+    assert 0.015 not in paths
     assert clearances(scene, gripper().body, np.array(robot.truth)).min() > 0.008
 
 
@@ -78,7 +79,7 @@ def test_the_hand_turns_square_where_it_knows_that_it_has_room():
     session = SensingRun(robot, STANDOFF, RULES, None)
     status, message, _ = scan(session, "plane", WIDTHS[0])
     assert (status, session.motions) == ("limit", [])
-    assert "known clearance is too small" in message
+    assert isinstance(message, NoRoom)
     assert retreat(robot, 0.05, RULES).reached
     session.does(spiral_scan(robot, 0.3, RULES, spacing=0.05))
     assert session.does(go_to(robot, T, RULES)).reached

@@ -189,3 +189,39 @@ def test_an_unknown_format_lists_all(tmp_path):
 def test_the_table_of_formats_says_what_each_is():
     assert all(row.name == name and row.words for name, row in FORMATS.builtin.items())
     assert issubclass(UnitError, InputError)
+
+
+ENDS = {"fusion": "END", "dmis": "ENDFIL", "fanuc": "/END", "kuka": "ENDDAT", "abb": "ENDMODULE", "ur": "end"}
+
+
+@pytest.mark.parametrize("case", ENDS)
+def test_a_log_that_breaks_off_is_noted_or_refused(tmp_path, case):
+    _, content, options = CASES[case]
+    whole = content if ENDS[case] in content.split() else f"{content}{ENDS[case]}\n"
+    notes = read_readings(save(tmp_path, whole), **options).notes
+    assert not any("cut off" in note for note in notes)
+    cut = whole[: whole.rindex(ENDS[case])]
+    notes = read_readings(save(tmp_path, cut), **options).notes
+    assert any(note.startswith(f"{ENDS[case]} is missing at the end") for note in notes)
+    if case != "fanuc":  # a position that is cut has no closing bracket, and is no position
+        last = cut.rstrip()
+        while not last[-1].isdigit():
+            last = last[:-1]
+        with pytest.raises(ReadingsError, match=r"breaks off in|expected"):
+            read_readings(save(tmp_path, last), **options)
+
+
+def test_an_excerpt_without_a_start_needs_no_end(tmp_path):
+    poses = "\n".join(line for line in CASES["ur"][1].splitlines() if "p[" in line)
+    assert not any("cut off" in note for note in read_readings(save(tmp_path, poses), radius=0.0).notes)
+
+
+def test_an_interrupted_height_map_keeps_its_grid(tmp_path):
+    grid = "0 20 3\n0 10 2\n-5 5 100\n"
+    points = [(x, y, -1.5) for y in (0, 10) for x in (0, 10, 20)]
+    for count in (6, 4):
+        readings = read_readings(save(tmp_path, grid + rows(points[:count])), units="mm", radius=1.0)
+        assert len(readings) == count
+        assert any(f"{6 - count} points of the grid of 3 x 2 missing" in note for note in readings.notes) == (count < 6)
+    with pytest.raises(ReadingsError, match="3 x 2 points, got 7"):
+        read_readings(save(tmp_path, grid + rows([*points, (30, 10, -1)])), units="mm", radius=1.0)

@@ -11,7 +11,7 @@ from bare_scenes import SENSORS, no_paths, scene, touches_of
 from sensing_scenes import without_modes
 from tanteo.factors import FreeRays
 from tanteo.geometry import SE3
-from tanteo.planning import Possible, around, begin, update
+from tanteo.planning import PossiblePoses, around, begin, update
 from unknown_scenes import CLEARANCE, SDS
 
 RIGHT = 1
@@ -38,7 +38,7 @@ def test_the_true_part_is_kept_clear_of_for_a_mirror_belief(targets, start):
         state = update(begin(wrong), few, no_paths())
         assert state.of_parts()[RIGHT] < 1e-3
         there = SE3.apply(T, targets[RIGHT].samples)
-        covered.append(Possible.of(state).distances(there).max())
+        covered.append(PossiblePoses.of(state).distances(there).max())
     # nowhere is the true surface farther from what is kept clear of than the clearance
     assert max(covered) < CLEARANCE
 
@@ -47,7 +47,7 @@ def test_what_is_allowed_agrees_with_all_readings_but_one(targets, start):
     rng = np.random.default_rng(2)
     T = drawn(start, RIGHT, rng)
     touches = scene(targets[RIGHT], T, SENSORS[1], 6, rng)[0]
-    possible = Possible.of(without_modes(start, touches, no_paths()))
+    possible = PossiblePoses.of(without_modes(start, touches, no_paths()))
     assert RIGHT in possible.part
     assert len(possible.part) > 20
     for P, k in zip(possible.Ts, possible.part, strict=True):
@@ -64,6 +64,6 @@ def test_two_free_space_rays_rule_a_pose_out_one_does_not(targets):
     for count, left in ((0, True), (1, True), (2, False)):
         paths = FreeRays(origins[:count], down[:count], np.full(count, 0.3), np.zeros(count))
         state = without_modes(place, points, paths)
-        assert bool(len(Possible.of(state).Ts)) is left
+        assert bool(len(PossiblePoses.of(state).Ts)) is left
     shallow = FreeRays(origins, down, np.full(2, 0.2), np.zeros(2))  # the ways end above it
-    assert len(Possible.of(without_modes(place, points, shallow)).Ts)
+    assert len(PossiblePoses.of(without_modes(place, points, shallow)).Ts)

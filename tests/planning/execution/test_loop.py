@@ -10,6 +10,7 @@ import pytest
 from sensing_scenes import LASER
 from tanteo.hand import Workspace
 from tanteo.planning import Done, sense_part
+from tanteo.words.findings import NoClearPath, NoPlaceReached
 from unknown_scenes import off, unknown_scene, unknown_session
 
 
@@ -57,7 +58,7 @@ def test_without_room_it_ends_and_says_so(targets):
     done = run(unknown, session)
     assert isinstance(done.end, Done)
     assert not done.end.reached
-    assert "no way" in done.end.why or "reaches no place" in done.end.why
+    assert isinstance(done.end.findings[0], NoClearPath | NoPlaceReached)
     assert session.count == 0
     assert unknown.clear > 0
 

@@ -10,7 +10,7 @@ import pytest
 from felt_scenes import gripper
 from tanteo.geometry import SE3
 from tanteo.hand import FREE, HIT, LOST, HandReading, Scene, box
-from tanteo.planning import Furniture, Possible, at_pose, begin
+from tanteo.planning import Furniture, PossiblePoses, at_pose, begin
 from tanteo.planning.execution.resting import as_readings, beyond_furniture, of_parts
 from tanteo.sensors import error_model, measure
 
@@ -86,7 +86,7 @@ def test_side_beams_are_told_where_part_may_be_and_nowhere_else(targets):
     place = tip[:3, 3] + 0.06 * tip[:3, 2] - [box[0, 0], box[:, 1].mean(), box[:, 2].mean()]
     for away, told in ((0.0, True), (0.2, False)):
         T = SE3.from_parts(np.eye(3), place + np.array([away, 0.0, 0.0]))
-        possible = Possible(tuple(targets[:1]), np.zeros(1, dtype=np.int64), T[None])
+        possible = PossiblePoses(tuple(targets[:1]), np.zeros(1, dtype=np.int64), T[None])
         kept = of_parts(HAND, readings, possible)
         assert ("side_right" in kept.sensors) is told
         assert {"front_left", "front_right"} <= set(kept.sensors)

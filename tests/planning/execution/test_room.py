@@ -10,7 +10,7 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Rules, Workspace
 from tanteo.parts import signed_distance
-from tanteo.planning import Possible, Room, approach_poses, around, begin, hand_probe, propose, reachable
+from tanteo.planning import FreeSpace, PossiblePoses, approach_poses, around, begin, hand_probe, propose, reachable
 from tanteo.planning.execution.approach import back, route, way
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
@@ -44,7 +44,7 @@ def test_a_stance_has_a_frontal_sensor_on_the_beam():
 
 
 def test_distances_are_those_of_the_meshes_or_a_bit_less(targets):
-    possible = Possible.of(believed(targets))
+    possible = PossiblePoses.of(believed(targets))
     points = np.random.default_rng(2).uniform(-0.15, 0.15, (300, 3))
     exact = np.min(
         [
@@ -62,7 +62,7 @@ def test_distances_are_those_of_the_meshes_or_a_bit_less(targets):
 
 
 def test_before_the_first_reading_every_part_is_possible(targets):
-    possible = Possible.of(believed(targets))
+    possible = PossiblePoses.of(believed(targets))
     assert set(possible.part.tolist()) == {0, 1, 2}
     spread = possible.Ts[possible.part == 0][:, :3, 3]
     assert np.std(spread, axis=0).min() > 1e-3
@@ -75,8 +75,8 @@ def test_what_is_reachable_keeps_the_whole_hand_clear(targets):
     candidates = propose(state, probe, 120, anywhere=False)
     able = reachable(hand, RULES, probe.retreat)(state, candidates)
     assert 0 < able.sum() < len(candidates)
-    possible = Possible.of(state)
-    room = Room(hand.body, RULES.workspace, possible, RULES.clearance)
+    possible = PossiblePoses.of(state)
+    room = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
     for k in np.flatnonzero(able)[:5]:
         Ts = approach_poses(hand, candidates.origins[k][None], candidates.directions[k][None])[0]
         fit = Ts[room.allows(Ts) & room.allows(back(Ts, probe.retreat))]
@@ -90,8 +90,8 @@ def test_a_way_leads_over_obstacles_or_is_none(targets):
     probe = hand_probe(hand, RULES, 0.04)
     down = np.diag([1.0, -1.0, -1.0])
     a, b = (SE3.from_parts(down, [x, 0.0, 0.14]) for x in (-0.2, 0.2))
-    possible = Possible.of(believed(targets, 1e-4))
-    room = Room(hand.body, RULES.workspace, possible, RULES.clearance)
+    possible = PossiblePoses.of(believed(targets, 1e-4))
+    room = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
     assert not room.along(way(hand, a, b))
     stops = route(hand, room, a, b, probe.retreat)
     assert stops is not None
@@ -101,14 +101,14 @@ def test_a_way_leads_over_obstacles_or_is_none(targets):
     gaps = [exact_gap(hand.body, possible, T) for leg in legs for T in leg[::3]]
     assert min(gaps) > RULES.clearance - 1e-3
     wall = ForbiddenBox("wall", [-0.02, -1, 0], [0.02, 1, 2])
-    walled = Room(hand.body, Workspace.above(0.0, [wall]), possible, RULES.clearance)
+    walled = FreeSpace(hand.body, Workspace.above(0.0, [wall]), possible, RULES.clearance)
     assert route(hand, walled, a, b, probe.retreat) is None
 
 
 def test_from_a_narrow_place_there_is_way_out_but_not_further_in(targets):
     hand = gripper()
-    possible = Possible.of(believed(targets[:1], 1e-5))
-    room = Room(hand.body, RULES.workspace, possible, RULES.clearance)
+    possible = PossiblePoses.of(believed(targets[:1], 1e-5))
+    room = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
     down = np.diag([1.0, -1.0, -1.0])
     heights = np.arange(0.14, 0.30, 0.002)
     stands = [SE3.from_parts(down, [0.0, 0.0, z]) for z in heights]
@@ -137,4 +137,4 @@ def test_the_probe_is_a_frontal_sensor(targets):
 def test_a_part_that_may_be_anywhere_is_asked_where_it_is(targets):
     """A grid of all places that it may have would not fit into memory."""
     with pytest.raises(InputError, match="expected the parts within some metres"):
-        _ = Possible.of(believed(targets[:1], 2.0)).occupied
+        _ = PossiblePoses.of(believed(targets[:1], 2.0)).occupied

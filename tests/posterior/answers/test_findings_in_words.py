@@ -18,6 +18,15 @@ CONCRETE = [
 ]
 
 
+CHOICES = {
+    "mistake": ("mirrored", "radians"),
+    "shape": ("line", "circle"),
+    "cause": ("few", "spread", "open", "alone"),
+    "text": ("Stop.",),
+}
+"""Values of fields that have a fixed set of them; the causes of a rim, a click and a feature differ by type."""
+
+
 def value(name, hint, count):
     """Return a plausible value of a field, with as many names or numbers as there are readings."""
     if hint is bool:
@@ -26,8 +35,20 @@ def value(name, hint, count):
         return count
     if hint is float:
         return 1.25e-3
+    if name in CHOICES:
+        return CHOICES[name][count % len(CHOICES[name])]
     if hint is str:
-        return "Check it." if name == "advice" else f"{name} a"
+        return f"{name} a"
+    if name == "goal":
+        return findings.PlanGoal("wedge", "face 3" if count else "", 5e-4)
+    if name in ("cause", "result", "motion", "before"):
+        return findings.NoRanges()
+    if name == "undetermined":
+        return tuple(findings.Undetermined(f"eye {k}", ("x", "offset")) for k in range(count))
+    if name == "parameters":
+        return ("x", "offset", "scale")[: 1 + count]
+    if name in ("ranges", "echoes", "depths"):
+        return (0.1, 0.2) if count else (float("inf"), 1.0)
     if "sets" in name:
         return tuple((f"{k}", f"{k}b") for k in range(count))
     if name in ("others", "on"):
@@ -44,23 +65,30 @@ def value(name, hint, count):
         return findings.WorstReading("7", 4.2) if count else None
     if name == "units":
         return findings.UnitsQuestion(0.2, 2, 210.0, ("mm",)) if count else None
+    if hint == tuple[str, str]:
+        return ("wedge", "block")
     assert "tuple[str, ...]" in str(hint), (name, hint)
     return tuple(f"{name} {k}" for k in range(count))
 
 
 def made(kind, count):
     hints = typing.get_type_hints(kind)
-    return kind(**{one.name: value(one.name, hints[one.name], count) for one in dataclasses.fields(kind)})
+    values = {one.name: value(one.name, hints[one.name], count) for one in dataclasses.fields(kind)}
+    if typing.get_origin(hints.get("cause")) is typing.Literal:
+        values["cause"] = typing.get_args(hints["cause"])[count % 3]
+    if hints.get("cause") is Finding:
+        values["cause"] = findings.NoRanges()
+    return kind(**values)
 
 
 @pytest.mark.parametrize("count", [0, 1, 12])
 @pytest.mark.parametrize("kind", CONCRETE, ids=lambda kind: kind.__name__)
 def test_every_kind_has_words(kind, count):
     words = sentence(made(kind, count))
-    if kind is findings.WholeMismatch and not count:  # nothing contradicts, and the answer has none
+    if kind in (findings.WholeMismatch, findings.RepeatedNames) and not count:  # no answer has an empty one
         assert words == ""
         return
-    assert words[-1] in ".?)"
+    assert words[-1] in ".?)" or kind is findings.PlacesSensed
     assert not re.search(r"\bnan\b|  |\(\)|, and [,.]|\b1 readings\b|: [.,]|: and", words), words
 
 

@@ -12,7 +12,14 @@ from tanteo.fitting import covariance_with_free
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.posterior import PosePrior, Table, in_box, log_density_within, prior_residuals, prior_rows
-from tanteo.posterior.answers.part_motions import corner_sd, excuse, part_scale, spins, where_to_sense, without_spins
+from tanteo.posterior.answers.part_motions import (
+    corner_sd,
+    part_scale,
+    split_by_symmetry,
+    symmetry_motions,
+    where_to_sense,
+    without_symmetry,
+)
 
 RADIUS = 0.2
 
@@ -84,11 +91,11 @@ def test_what_is_known_of_a_pose_is_a_density(parts, kind):
 
 def test_the_spin_of_a_round_part_is_no_error(wheel):
     known = np.diag(np.r_[np.full(3, 1e-4), np.full(3, 2e-3)]) ** 2
-    information = without_spins(wheel, np.linalg.inv(known))
+    information = without_symmetry(wheel, np.linalg.inv(known))
     scale = part_scale(wheel)
-    spin = spins(wheel)[0]
+    spin = symmetry_motions(wheel)[0]
     assert np.abs(information @ scale @ spin).max() < 1e-6 * np.abs(information).max()
-    left, rest = excuse(wheel, spin[None], covariance_with_free(information, spin[None], scale))
+    left, rest = split_by_symmetry(wheel, spin[None], covariance_with_free(information, spin[None], scale))
     assert left.shape == (0, 6)
     # what is left is what the information says across the spin
     rest_of = np.linalg.svd(spin[None])[2][1:]
@@ -98,7 +105,7 @@ def test_the_spin_of_a_round_part_is_no_error(wheel):
     assert abs(spin @ np.linalg.solve(scale, np.linalg.solve(scale, rest).T) @ spin) < 1e-3
     free = np.eye(6)[:1]
     covariance = covariance_with_free(information, np.concatenate([spin[None], free]), scale)
-    np.testing.assert_array_equal(excuse(wheel, free, covariance)[0], free)
+    np.testing.assert_array_equal(split_by_symmetry(wheel, free, covariance)[0], free)
 
 
 def test_the_worst_corner_is_that_of_draws(parts):

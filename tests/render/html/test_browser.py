@@ -77,8 +77,14 @@ def open_page(browser, files):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(
+    ("size", "scheme"),
+    [
+        ("desk", "light"),
+        ("phone", "dark"),
+        *(pytest.param(*pair, marks=pytest.mark.slow) for pair in (("desk", "dark"), ("phone", "light"))),
+    ],
+)
 def test_every_page_can_be_read(open_page, screenshots, name, size, scheme):
     """Nothing overlaps, is cut off, pale, small or without a name, folded or open; a phone's page is short."""
     watched = open_page(name, size, scheme)

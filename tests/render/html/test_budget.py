@@ -137,6 +137,6 @@ def test_what_was_known_beforehand_has_its_share(wedge):
     prior = PosePrior(TRUTH, np.diag([1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4]) ** 2)
     h = locate(readings, wedge, priors=Priors(pose=prior)).hypotheses[0]
     budget, _, _ = budget_of(wedge, readings, h, prior=prior)
-    share = {s.name: s.share for s in budget.sources}["what was known beforehand"]
+    share = {s.name: s.share for s in budget.sources}["prior"]
     assert 0.3 < share < 1
     assert budget.total == pytest.approx(h.corner_sd, rel=0.2)

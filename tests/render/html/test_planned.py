@@ -16,6 +16,7 @@ from tanteo.posterior import prepare
 from tanteo.render import Run, distinction_page, plan_page
 from tanteo.render.html.charts import SHARES, Curve, curve_chart, lengths_scale
 from tanteo.words import percent
+from tanteo.words.findings import NoPlaceReached
 
 RUN = Run("tanteo plan --part wedge.stl")
 
@@ -55,7 +56,7 @@ def test_its_words_table_and_curves_say_the_same(planned, wedge):
     assert "tolerance, 0.2 mm" in page
     assert "wanted, 95.0 %" in page
     last = planned.readings[-1]
-    assert "All corners within the tolerance then, wherever the part lies" in page
+    assert "All corners within the tolerance then, over all placements" in page
     assert f"<dd>{percent(last.within)}</dd>" in page
     assert f"as in {percent(planned.all_meet)} of the placements" in page
     assert f"<td>{percent(last.within_if_met)}</td>" in page
@@ -69,10 +70,10 @@ def test_a_reading_that_is_made_twice_has_one_arrow(planned, wedge):
 
 
 def test_a_plan_that_cannot_be_made_is_a_page_too(planned, wedge):
-    none = replace(planned, readings=(), reached=False, message="The probe reaches no place of wedge.")
+    none = replace(planned, readings=(), reached=False, findings=(NoPlaceReached(("wedge",)),))
     page = plan_page(none, wedge, TOUCH, 2e-4, 0.95, RUN)
     assert "No plan for wedge keeps the tolerance." in page
-    assert "What each reading brings" not in page
+    assert "Result of each reading" not in page
     assert scene_of(page)["parts"][0]["name"] == "wedge"
 
 
@@ -95,7 +96,9 @@ def test_the_reading_for_twins_meets_each_where_it_says(wedge, near_wedge):
     assert len(scene_of(page)["readings"]["names"]) == 1
     assert len(base64.b64decode(scene_of(page)["free"])) == 2 * 3 * 4
     nowhere = replace(found, origin=np.full(3, np.nan), ranges=np.full(2, np.nan), information=0.0)
-    assert "No reading tells wedge from near_wedge." in distinction_page(nowhere, [wedge, near_wedge], TOUCH, RUN)
+    assert "No reading discriminates wedge and near_wedge." in distinction_page(
+        nowhere, [wedge, near_wedge], TOUCH, RUN
+    )
 
 
 def test_a_scale_has_room_for_all_and_lines_that_can_be_read():

@@ -22,14 +22,14 @@ def session(targets):
 
 def test_before_the_first_reading(session):
     now = Snapshot.of(session)
-    assert panel.headline(now) == "Nothing was sensed yet: 2 parts may be here, bracket_left is drawn."
+    assert panel.headline(now) == "No reading yet: 2 parts may be here, bracket_left is drawn."
     bars = panel.bars(now)
     shares = [float(s) for s in re.findall(r"([\d.]+) %</span>", bars)]
     assert sum(shares) == pytest.approx(100, abs=0.2)
     assert [n for n in ("bracket_left", "bracket_right", "unknown object") if n in bars] == [
         "bracket_left", "bracket_right", "unknown object",
     ]  # fmt: skip
-    assert "Nothing yet" in panel.steps([])
+    assert "No step yet" in panel.steps([])
 
 
 def test_swatches_have_the_colours_of_what_is_drawn(session):
@@ -61,7 +61,7 @@ def test_everything_that_is_drawn_has_a_sign_of_its_colour():
     for layer, (kind, hue) in panel.MARKS.items():
         assert colors.css(hue) in panel.sign(layer)
         assert kind in panel.sign(layer)
-    assert "truly" not in panel.legend(scene=False)
+    assert "Real part" not in panel.legend(scene=False)
     words = panel.legend(scene=True)
     assert "50 mm" in words
     assert all(colors.css(hue) in words and said in words for _, hue, said in panel.ALWAYS)
@@ -73,10 +73,10 @@ def test_two_runs_are_compared_in_a_table():
     cells = re.findall(r"<t[hd][^>]*>([^<]*)<", table)
     assert cells == [
         "", "you", "planner", "places", "9", "4", "answer", "wedge", "&lt;clamp&gt;", "probability", "41.2 %", "99.6 %",
-        "corner sd", "2.5 mm", "0.3 mm", "off the truth", "unknown", "0.1 mm",
+        "corner sd", "2.5 mm", "0.3 mm", "distance from the real part", "unknown", "0.1 mm",
     ]  # fmt: skip
     assert "you 2, policy 7" in panel.compared(mine, planned, (7, 2), truth=True)
-    assert "off the truth" not in panel.compared(mine, planned, (0, 9), truth=False)
+    assert "distance from the real part" not in panel.compared(mine, planned, (0, 9), truth=False)
 
 
 def test_nothing_explains_the_readings(session):

@@ -12,6 +12,7 @@ import pytest
 from tanteo.geometry import SE3
 from tanteo.render import Advance, AnswerNow, Choose, Click, Contest, Go, Pause, Player, Quit, Restart
 from tanteo.render.live import drawing
+from tanteo.words.findings import ChosenByUser
 from viewer_scenes import TRUE, Person, maker
 
 
@@ -50,7 +51,7 @@ def test_it_goes_to_its_end_and_says_what_it_is(went):
     person, (session,) = went
     assert session.stop.reached(session.state)
     assert "bracket_left, located to " in person.words["status"]
-    far = float(re.search(r"farther from it than ([\d.]+) mm", person.words["status"])[1])
+    far = float(re.search(r"surface is within ([\d.]+) mm", person.words["status"])[1])
     assert 0.1 < far < 4e3 * session.steps[-1].corner_sd
     assert f"Places sensed: {len(session.steps)}" in person.words["status"]
     assert person.words["told"].count("<li>") == min(len(session.steps), 8)
@@ -80,7 +81,7 @@ def test_steps_and_pauses_change_nothing(targets, went):
 def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     person, (session, alone) = play(maker(targets), from_above(0.06, 0.02), Go(), Quit())
     first, *others = (step.action for step in session.steps)
-    assert [a.why == "it was chosen by hand" for a in (first, *others)] == [True, *[False] * len(others)]
+    assert [isinstance(a.reason, ChosenByUser) for a in (first, *others)] == [True, *[False] * len(others)]
     # where it was pointed at: the click's ray was vertical, and so is what it met
     np.testing.assert_allclose(first.origin[:2], SE3.apply(TRUE, [0.06, 0.02, 0.0])[:2], atol=5e-3)
     assert first.direction[2] < -0.95
@@ -90,13 +91,13 @@ def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     assert len(alone.steps) == len(went[1][0].steps)
     cells = re.findall(r"<t[hd][^>]*>([^<]*)<", person.words["status"])
     assert cells[:6] == ["", f"you 1, policy {own}", "planner", "places", f"{1 + own}", f"{len(alone.steps)}"]
-    assert "1. you, " in person.words["told"]
+    assert "1. You, " in person.words["told"]
 
 
 def test_a_click_beside_everything_is_said_and_senses_nothing(targets):
     away = Click(np.array([2.0, 2.0, 1.0]), np.array([0.0, 0.0, -1.0]))
     person, (session,) = play(maker(targets, max_measurements=2), away, Quit())
-    assert "There is nothing where you clicked" in person.words["status"]
+    assert "Nothing is there" in person.words["status"]
     assert session.count == 0
 
 
@@ -140,9 +141,9 @@ def test_in_a_contest_the_places_are_the_persons(targets, went):
     wants = [Contest(), look(Advance()), *here, look(AnswerNow()), Quit()]
     person, (_, mine, planned) = play(maker(targets, tolerance=1e-5), *wants)
     assert arrows == [0, 0, 0, 0]
-    assert [step.action.why for step in mine.steps] == ["it was chosen by hand"] * 2
+    assert [step.action.reason for step in mine.steps] == [ChosenByUser()] * 2
     assert any("the places are yours: click" in said for said in person.said)
-    assert any("The planner after 1: " in said and "sure, largest corner sd" in said for said in person.said)
+    assert any("The planner has sensed 1 place: " in said and "sure, largest corner sd" in said for said in person.said)
     _, (alone,) = play(maker(targets, tolerance=1e-5), Go(), Quit())
     np.testing.assert_array_equal(planned.readings.points, alone.readings.points)
     cells = re.findall(r"<t[hd][^>]*>([^<]*)<", person.words["status"])
@@ -176,5 +177,5 @@ def test_what_goes_wrong_with_the_planner_is_not_hidden(targets):
 
 def test_after_the_end_everything_but_a_restart_is_refused(targets):
     person, sessions = play(maker(targets, max_measurements=1), Go(), Advance(), Restart(), Quit())
-    assert any("It is over: press Restart" in said for said in person.said)
+    assert any("The session has ended. Press Restart" in said for said in person.said)
     assert [s.count for s in sessions] == [1, 0]

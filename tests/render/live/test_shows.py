@@ -18,6 +18,7 @@ from tanteo.render import Snapshot, probe_show
 from tanteo.render.live.commands import picked
 from tanteo.render.live.shows import NOISE, simulated
 from tanteo.sensors import Readings, measure
+from tanteo.words.findings import ChosenByUser, ClickFailed
 from viewer_scenes import TRUE, maker
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -25,7 +26,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 def down(x, y, number=1):
     """A reading straight down from 200 mm."""
-    return Action(number, np.array([x, y, 0.2]), DOWN, 0.3, 0.1, "part", "face 1", np.nan, "")
+    return Action(number, np.array([x, y, 0.2]), DOWN, 0.3, 0.1, "part", "face 1", np.nan, ChosenByUser())
 
 
 @pytest.fixture(scope="module")
@@ -114,16 +115,16 @@ def test_a_click_beside_the_part_looks_where_the_person_looks(session):
     assert isinstance(action, Action)
     np.testing.assert_array_equal(action.direction, DOWN)
     assert action.face == "a place beside it"
-    assert "nothing where you clicked" in click(alone, middle + np.array([1.0, 0.0, 0.0]), DOWN)
+    assert click(alone, middle + np.array([1.0, 0.0, 0.0]), DOWN) == ClickFailed("nothing")
 
 
 def test_what_the_hand_cannot_do_is_said(session):
     alone = replaced(session, session.start.targets[0])
     foot = SE3.apply(alone.start.Ts[0], [0.08, 0.04, 0.012])
     never = replace(alone, able=lambda state, candidates: np.zeros(len(candidates), dtype=bool))
-    assert "cannot come" in click(never, foot, DOWN)
+    assert click(never, foot, DOWN) == ClickFailed("reach")
     low = replace(alone.probe, workspace=type(alone.probe.workspace).above(0.5))
-    assert "no room" in click(replace(alone, probe=low), foot, DOWN)
+    assert click(replace(alone, probe=low), foot, DOWN) == ClickFailed("space")
 
 
 def test_the_truth_is_measured_both_ways(session, targets):

@@ -1,1 +1,1 @@
-"""The story of ``tanteo demo``: an image leaves two parts, a beam discriminates them, a few more place it."""
+"""Provide ``tanteo demo``: an image leaves two parts possible, a beam discriminates them, others locate the part."""

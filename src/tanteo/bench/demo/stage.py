@@ -81,11 +81,11 @@ class Stage:
         return Solid.at(self.truth, part.vertices, part.triangles, self.T_world_part)
 
     def session(self, policy: str, seed: int, stop: Stop = STOP) -> Session:
-        """A session that has not begun."""
+        """Return a new session."""
         return Session(self.start, _LASER, Sensing(sd=_NOISE), policy_named(policy), stop, seed)
 
     def reader(self, seed: int) -> Callable[[Action], Readings]:
-        """The laser, by rays on the part that is truly there; the seed is that of its noise."""
+        """Return the simulated laser: rays on the true part, with noise from the seed."""
         rng, target = np.random.default_rng((1991, seed)), self.targets[self.truth]
 
         def read(action: Action) -> Readings:
@@ -96,21 +96,21 @@ class Stage:
 
 
 def range_on(target: PreparedPart, T_world_part: Transforms, action: Action) -> float:
-    """What a beam reads of a part at a pose, without noise [m]; infinite where it passes."""
+    """Return the range of a beam to a part at a pose without noise [m]; infinite without a hit."""
     to_part = SE3.inverse(T_world_part)
     start, along = SE3.apply(to_part, action.origin), to_part[:3, :3] @ action.direction
     return float(target.surface.cast(start[None], along[None]).distances[0])
 
 
 def set_stage() -> Stage:
-    """Read parts and image; without OpenCV a feeder says roughly where the parts are."""
+    """Read parts and image; without OpenCV a feeder gives a prior pose."""
     with resources.as_file(resources.files("tanteo.bench.demo")) as folder:
         parts = read_parts([folder / "parts"], unit="mm").parts
         truth, T = _truth(folder)
         targets = {part.name: prepare(part) for part in parts}
         if not find_spec("cv2"):
             return Stage(targets, truth, T, _placed(targets, truth, T), None)
-        start, seen = _look(folder, parts, targets)
+        start, seen = _image_start(folder, parts, targets)
     return Stage(targets, truth, T, start, seen)
 
 
@@ -123,13 +123,13 @@ def _truth(folder: Path) -> tuple[str, Transforms]:
 
 
 def _placed(targets: dict[str, PreparedPart], truth: str, T: Transforms) -> Start:
-    """A feeder puts parts down to some millimetres and degrees."""
+    """Return the prior of a feeder, which is accurate to some millimetres and degrees."""
     place = T @ SE3.from_parts(np.eye(3), targets[truth].part.centroid)
     return around(list(targets.values()), place, np.diag(np.repeat([5e-3, 0.1], 3) ** 2))
 
 
-def _look(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart]) -> tuple[Start, Seen]:
-    """What the camera leaves open, and pictures of it."""
+def _image_start(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart]) -> tuple[Start, Seen]:
+    """Return the prior that the camera gives, with pictures."""
     from tanteo.vision import draw_sight, fit_camera, prepare_vision, see_table
 
     camera = read_camera(folder / "camera.yaml")
@@ -150,11 +150,11 @@ def _look(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart])
 
 
 _LIKELY, _ENLARGED, _DIFFERS, _TINT = 1e-3, 2, 6.0, (230, 110, 0)
-"""Least probability that is said; times that pictures are enlarged; grey levels that differ, and their colour."""
+"""Least reported probability; enlargement of pictures; difference of grey levels, and its colour."""
 
 
 def _window(seen: Sighting, shape: tuple[int, ...]) -> tuple[slice, slice]:
-    """Rows and columns of the image about what was found in it."""
+    """Return the rows and columns of the image about the found object."""
     if seen.region is None:
         return slice(0, shape[0]), slice(0, shape[1])
     low, high = seen.region.contour.min(axis=0), seen.region.contour.max(axis=0)
@@ -171,7 +171,7 @@ def _enlarged(span: slice) -> slice:
 def _likenesses(
     image: FloatArray, camera: Camera, parts: Sequence[tuple[Part, Transforms]], window: tuple[slice, slice]
 ) -> np.ndarray:
-    """The image, and beside it what the camera would see of each part; in the last, where that differs is tinted."""
+    """Return the image beside renderings of each part; differences are tinted in the last one."""
     from tanteo.vision import Look, render, thing
     from tanteo.vision import Stage as Table
 
@@ -179,8 +179,8 @@ def _likenesses(
     K = camera.K.copy()
     K[:2, 2] -= columns.start, rows.start
     near = replace(camera, K=K, size=(columns.stop - columns.start, rows.stop - rows.start))
-    look = Look(noise=0.0)
-    shown = [render(Table(near, [thing(part, T)], look), np.random.default_rng(0))[0] for part, T in parts]
+    appearance = Look(noise=0.0)
+    shown = [render(Table(near, [thing(part, T)], appearance), np.random.default_rng(0))[0] for part, T in parts]
     pictures = [np.repeat(np.asarray(p)[..., None], 3, axis=2) for p in (image[rows, columns], *shown)]
     if len(shown) > 1:
         pictures[-1][np.abs(shown[0] - shown[1]) > _DIFFERS] = _TINT

@@ -1,4 +1,4 @@
-"""The story in words: what the camera leaves open, what a beam settles, and how many readings that takes."""
+"""Run the demo as text: what an image leaves open, which readings decide, and how many are needed."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ NEEDED = "readings_needed.csv"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """What came out.
+    """Result of the demo.
 
     Attributes:
-        session: that found it.
-        truth: name of the part that lay there.
-        off: how far the worst corner is off [m].
-        needed: readings in many tries, planned and at random, in words; None without the camera's start.
-        seen: what the camera saw; None without one.
+        session: session of the demo.
+        truth: name of the true part.
+        off: largest error of a corner [m].
+        needed: numbers of readings in many tries as text, planned and at random; None without an image.
+        seen: result of the image; None without a camera.
     """
 
     session: Session
@@ -40,62 +40,62 @@ class Observation:
     seen: Seen | None = None
 
 
-def tell(say: Callable[[str], None], seed: int = 0) -> Observation:
-    """Run the story and say it line by line.
+def run_demo(emit: Callable[[str], None], seed: int = 0) -> Observation:
+    """Run the demo and emit its text line by line.
 
     Args:
-        say: takes one line.
-        seed: of the readings' noise.
+        emit: function that takes one line.
+        seed: seed of the readings' noise.
     """
     assert STOP.tolerance is not None
     assert STOP.probability is not None
     stage = set_stage()
     within = f"within {1e3 * STOP.tolerance:.1f} mm at {100 * STOP.confidence:.0f} %"
-    say(f"Goal: the part with {100 * STOP.probability:.0f} %, and every corner of it {within}.")
-    say(f"One of {len(stage.targets)} parts lies on a table. Which one, and where?")
-    say("")
-    _say_seen(stage.seen, say)
-    say("")
-    say("A laser (0.3 mm, from above) is sent where it tells most:")
+    emit(f"Goal: the part with {100 * STOP.probability:.0f} %, and every corner of it {within}.")
+    emit(f"One of {len(stage.targets)} parts lies on a table. Which one, and where?")
+    emit("")
+    _emit_image(stage.seen, emit)
+    emit("")
+    emit("A laser (0.3 mm, from above) measures where it is most informative:")
     session = stage.session("information", seed)
-    _sense(session, stage.reader(seed), say)
+    _sense(session, stage.reader(seed), emit)
     answer = session.answer()
-    say("")
-    say(answer.message)
+    emit("")
+    emit(answer.message)
     corners = box_corners(stage.targets[stage.truth].part)
     moved = SE3.inverse(stage.T_world_part) @ answer.hypotheses[0].T_world_part
     off = float(np.linalg.norm(SE3.apply(moved, corners) - corners, axis=1).max())
-    say(f"It was {stage.truth}, and the corner farthest off is {1e3 * off:.2f} mm from the truth.")
+    emit(f"It was {stage.truth}, and the corner farthest off is {1e3 * off:.2f} mm from the truth.")
     planned, random = needed()
     tries = f" In {planned.tries} tries the plan needed {planned}, random places {random}." if stage.seen else ""
-    say(f"Readings: {session.count}.{tries}")
+    emit(f"Readings: {session.count}.{tries}")
     return Observation(session, stage.truth, off, (str(planned), str(random)) if stage.seen else None, stage.seen)
 
 
-def _say_seen(seen: Seen | None, say: Callable[[str], None]) -> None:
-    """What the camera leaves open, and which image that is."""
+def _emit_image(seen: Seen | None, emit: Callable[[str], None]) -> None:
+    """Emit the hypotheses of the image."""
     if seen is None:
-        say("No camera (the extra 'vision' is not installed): a feeder puts parts here, to 5 mm and 6 degrees.")
+        emit("No camera (the extra 'vision' is not installed): a feeder puts parts here, to 5 mm and 6 degrees.")
         return
     file = Path(os.path.relpath(seen.image)) if seen.image.is_relative_to(Path.cwd()) else seen.image
     words = ", ".join(f"{h.part} ({100 * h.probability:.0f} %)" for h in seen.likely)
-    say(f"A camera above it took {file.as_posix()}.")
-    say(f"It may be: {words}; largest corner sd {1e3 * seen.likely[0].corner_sd:.1f} mm.")
+    emit(f"A camera above it took {file.as_posix()}.")
+    emit(f"It may be: {words}; largest corner sd {1e3 * seen.likely[0].corner_sd:.1f} mm.")
 
 
 @dataclass(frozen=True, slots=True)
 class Needed:
-    """Readings that the story needed in many tries, with one way to choose them.
+    """Numbers of readings that the demo needed in many tries, with one policy.
 
     Attributes:
-        counts: of each try, sorted; those that did not end have the most that was allowed.
+        counts: number of readings of each try, sorted; the maximum for tries that did not end.
     """
 
     counts: tuple[int, ...]
 
     @property
     def tries(self) -> int:
-        """How many."""
+        """Number of tries."""
         return len(self.counts)
 
     def __str__(self) -> str:
@@ -105,7 +105,7 @@ class Needed:
 
 
 def needed() -> tuple[Needed, Needed]:
-    """What ``benchmarks/demo.py`` counted: of planned readings, and of random places."""
+    """Return the counts of ``benchmarks/demo.py`` for planned readings and for random places."""
     text = resources.files("tanteo.bench.demo").joinpath(NEEDED).read_text(encoding="utf-8")
     rows = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
     planned, random = (Needed(tuple(sorted(int(row[k]) for row in rows))) for k in ("planned", "random"))
@@ -113,7 +113,7 @@ def needed() -> tuple[Needed, Needed]:
 
 
 def try_it(policy: str, seeds: Sequence[int]) -> list[int]:
-    """Readings that the story needs with a policy, by the seed of their noise."""
+    """Return the number of readings that the demo needs with a policy, for each seed."""
     stage = set_stage()
     return [_count(stage, policy, seed) for seed in seeds]
 
@@ -124,23 +124,23 @@ def _count(stage: Stage, policy: str, seed: int) -> int:
     return session.count
 
 
-def _sense(session: Session, read: Callable[[Action], Readings], say: Callable[[str], None] | None) -> None:
-    """Ask and tell, and say of each question what was asked, why, and what it told."""
+def _sense(session: Session, read: Callable[[Action], Readings], emit: Callable[[str], None] | None) -> None:
+    """Run a session, and emit each question with its reason and result."""
     while isinstance(action := session.ask(), Action):
         question = f"  {session.count + 1:2d}  {action.face} of {action.part}: {_why(session, action)}"
         readings = read(action)
         step = session.tell(readings)
-        if say is not None:
-            say(question)
-            say(f"      {_read(readings)}: {_told(session, step)}")
+        if emit is not None:
+            emit(question)
+            emit(f"      {_read(readings)}: {_result(session, step)}")
 
 
 _DIFFER = 1e-3
-"""Ranges of two parts that are seen to differ [m]: three times the noise and more."""
+"""Smallest difference of two expected ranges that is reported [m]: three times the noise."""
 
 
 def _why(session: Session, action: Action) -> str:
-    """What the beam would read of the two likeliest parts if that differs, and else what it is expected to tell."""
+    """Return the expected ranges of the two likeliest parts if they differ, otherwise the expected information."""
     state = session.state
     shares = state.of_parts()
     two = [int(p) for p in np.argsort(-shares, kind="stable")[:2] if shares[p] > 0]
@@ -150,7 +150,7 @@ def _why(session: Session, action: Action) -> str:
     if len(two) == 2 and abs(finite[0] - finite[1]) > _DIFFER:
         words = (f"of {state.target(k).part.name} {_range(r)}" for k, r in zip(modes, ranges, strict=True))
         return f"it would read {', '.join(words)}"
-    return f"it is expected to narrow the place most, by {action.gain:.2f} nats"
+    return f"it is expected to reduce the pose uncertainty most, by {action.gain:.2f} nats"
 
 
 def _range(distance: float) -> str:
@@ -161,7 +161,7 @@ def _read(readings: Readings) -> str:
     return "nothing" if readings.is_free.any() else f"{1e3 * float(readings.ranges[0]):.1f} mm"
 
 
-def _told(session: Session, step: Step) -> str:
+def _result(session: Session, step: Step) -> str:
     best = int(np.argmax(step.probabilities))
     name = session.start.targets[best].part.name
     return f"{name} {100 * step.probabilities[best]:.1f} %, largest corner sd {1e3 * step.corner_sd:.2f} mm"

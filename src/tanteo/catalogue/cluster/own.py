@@ -19,6 +19,9 @@ LEFT = 20.0
 _SILENT = 50
 """Lowest logging level that Dask may print: ``logging.CRITICAL``."""
 
+_HTTP = "127.0.0.1:0"
+"""Address of the scheduler's HTTP server, which Dask starts also without a dashboard, otherwise at all addresses."""
+
 
 @contextmanager
 def own_processes(count: int) -> Iterator[Client]:
@@ -39,7 +42,7 @@ def own_processes(count: int) -> Iterator[Client]:
                 threads_per_worker=1,
                 dashboard_address=None,
                 silence_logs=_SILENT,
-                scheduler_kwargs={"idle_timeout": f"{BEGIN:g}s"},
+                scheduler_kwargs={"idle_timeout": f"{BEGIN:g}s", "dashboard_address": _HTTP},
             )
             client = stack.enter_context(Client(stack.enter_context(own)))
             client.register_plugin(EndWithClient(LEFT))

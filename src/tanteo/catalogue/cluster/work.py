@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 CONNECT = 10.0
 """Time limit for the first answer of a scheduler [s]."""
 
-NOBODY = 30.0
+LONGEST_WAIT = 30.0
 """Time without any worker after which the work is given up [s]; Dask restarts a dead worker within about 3 s."""
 
 _POLL = 1.0
@@ -55,7 +55,7 @@ def run_tasks(
     scheduler: str,
     work: Callable[[Task], Result],
     tasks: Mapping[int, Task],
-    settle: Callable[[int, Result | str], None],
+    on_result: Callable[[int, Result | str], None],
     *,
     modules: str | None = None,
 ) -> None:
@@ -66,8 +66,8 @@ def run_tasks(
         work: function of an importable module that computes the result of one task.
         tasks: tasks by number. A task must contain everything that its result depends on (such as random seeds), so
             that every worker computes the same.
-        settle: callback, run in the calling thread, with the number of a task and its result. If the workers could not
-            do the task (four died of it), the result is a sentence that gives the reason.
+        on_result: function called in the calling thread with the number of a task and its result. If the workers failed
+            (four died of the task), the result is a sentence with the reason.
         modules: folder that is added to the workers' import path, for a ``work`` outside of tanteo.
 
     Raises:
@@ -82,14 +82,14 @@ def run_tasks(
         [(0, 3), (1, 5)]
     """
     with _client(scheduler) as client:
-        _Spread(client, scheduler, (_version(), modules, work.__module__, work.__qualname__), settle).run(tasks)
+        _Spread(client, scheduler, (_version(), modules, work.__module__, work.__qualname__), on_result).run(tasks)
 
 
 class _Spread:
     """State of a running distribution: the tasks at the scheduler and those that have finished."""
 
-    def __init__(self, client: Client, scheduler: str, work: tuple[Any, ...], settle: Callable[..., None]) -> None:
-        self._client, self._scheduler, self._work, self._settle = client, scheduler, work, settle
+    def __init__(self, client: Client, scheduler: str, work: tuple[Any, ...], on_result: Callable[..., None]) -> None:
+        self._client, self._scheduler, self._work, self._on_result = client, scheduler, work, on_result
         self._done: queue.SimpleQueue[Future] = queue.SimpleQueue()
         self._out: dict[str, tuple[int, Future]] = {}
 
@@ -99,7 +99,7 @@ class _Spread:
         while self._out:
             future = self._next()
             number, _ = self._out.pop(future.key)
-            self._settle(number, self._result(future))
+            self._on_result(number, self._result(future))
             future.release()
             self._hand_out(waiting)
 
@@ -113,16 +113,16 @@ class _Spread:
             future.add_done_callback(self._done.put)
 
     def _next(self) -> Future:
-        """Wait for the next finished task; raise if there has been no worker for :data:`NOBODY` seconds."""
+        """Wait for the next finished task; raise if there has been no worker for :data:`LONGEST_WAIT` seconds."""
         alone = 0.0
         while True:
             try:
                 return self._done.get(timeout=_POLL)
             except queue.Empty:
                 alone = 0.0 if self._workers() else alone + _POLL
-            if alone > NOBODY:
+            if alone > LONGEST_WAIT:
                 raise InputError(
-                    f"scheduler: expected a worker at {self._scheduler}, got none for {NOBODY:.0f} s. "
+                    f"scheduler: expected a worker at {self._scheduler}, got none for {LONGEST_WAIT:.0f} s. "
                     f"{_again(self._scheduler)}"
                 )
 
@@ -183,7 +183,7 @@ def _client(scheduler: str) -> Iterator[Client]:
         try:
             client = Client(scheduler, timeout=CONNECT)
         except (OSError, TimeoutError, ValueError) as error:
-            raise _nobody(scheduler, error) from None
+            raise _no_scheduler(scheduler, error) from None
         with client:
             yield client
         return
@@ -203,7 +203,7 @@ def _version() -> str:
     return str(importlib.import_module("tanteo").__version__)
 
 
-def _nobody(scheduler: str, error: Exception) -> InputError:
+def _no_scheduler(scheduler: str, error: Exception) -> InputError:
     why = str(error).splitlines()[0] if str(error) else "no answer"
     return InputError(
         f"scheduler: expected a scheduler at {scheduler}, got: {why}. 'dask scheduler' starts one and prints its "

@@ -24,7 +24,7 @@ def coplanarity(
     """Return ``(p_z, n_z)``: height of the edge's origin over the plane [m], and normal component of its direction.
 
     Zero if the edge lies on the plane; ``value' S^-1 value`` is chi-square with 2 degrees of freedom
-    (:func:`tanteo.features.chi2_statistic`), whatever the origin and the spin of the edge's frame.
+    (:func:`tanteo.features.chi2_statistic`), for any origin and rotation of the edge's frame about the edge.
 
     Args:
         T_plane: frames ``T_world_plane`` ``(*batch, 4, 4)`` [m].

@@ -133,6 +133,6 @@ def _whitening(S: Covariances) -> FloatArray:
     except np.linalg.LinAlgError:
         raise CovarianceError(
             "S: expected a positive definite covariance of the residuals, got a singular one. "
-            "Leave out residuals that follow from the others."
+            "Remove residuals that follow from the others."
         ) from None
     return np.linalg.solve(L, np.diag(1 / sd))

@@ -1,1 +1,1 @@
-"""Pairings of sensed with model features -> the part's pose, its covariance, and what stays unobserved."""
+"""Pose of a part from pairings of sensed with model features: estimate, covariance, free motions."""

@@ -1,4 +1,4 @@
-"""Two estimates of one feature become one (``math.md`` section 6)."""
+"""Fusion of two estimates of one feature (``math.md`` section 6)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 
 
 class Fused(NamedTuple):
-    """One estimate of two.
+    """Fused estimate of a feature.
 
     Attributes:
         T: frames ``(*batch, 4, 4)``.
-        P: covariances, over the kind's rows, and the size if there is one.
-        chi2: merge statistic, chi-square of as many degrees of freedom as ``P`` has rows if both are the same feature.
-        size: radius [m] or half angle [rad] ``(*batch,)``; None where none was given.
+        P: covariances over the kind's rows, and the size if there is one.
+        chi2: test statistic of the fusion, chi-square with as many degrees of freedom as ``P`` has rows if both are the
+            same feature.
+        size: radius [m] or half angle [rad] ``(*batch,)``; None without sizes.
     """
 
     T: Transforms
@@ -37,7 +38,7 @@ def fuse_features(
     P2: Covariances,
     sizes: tuple[FloatArray, FloatArray] | None = None,
 ) -> Fused:
-    """One linearized update of estimate 1 by estimate 2 of the same feature, then re-centring.
+    """Update estimate 1 by estimate 2 of the same feature in one linearized step, then re-centre it.
 
     Args:
         kind: vertex, edge, plane, circle, cylinder, cone or sphere. Edges must point the same way.
@@ -45,7 +46,7 @@ def fuse_features(
         P1: covariances over the kind's rows, independent of ``P2``; with the size as the last row, if there are sizes,
             as :attr:`Feature.full_covariance` has it.
         T2: frames of the other estimate.
-        P2: its covariances.
+        P2: covariances of the other estimate.
         sizes: radii [m] or half angles [rad] of both ``(*batch,)``.
 
     Raises:
@@ -83,7 +84,7 @@ def fuse_features(
 
 
 def _with_one(G: FloatArray, derivative: float) -> FloatArray:
-    """The derivatives with a row and a column more, of the size."""
+    """Return derivatives with one further row and column for the size."""
     out = np.zeros((*G.shape[:-2], G.shape[-2] + 1, G.shape[-1] + 1))
     out[..., :-1, :-1], out[..., -1, -1] = G, derivative
     return out

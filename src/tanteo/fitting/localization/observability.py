@@ -1,4 +1,4 @@
-"""Which motions of the part the pairings leave free, as vectors and in words."""
+"""Motions of the part that pairings leave free, as vectors and in words."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from tanteo.geometry.typing import FloatArray, Tangents, Transforms
 from tanteo.words import Motion
 
 _RANK_TOLERANCE = 1e-9
-"""Eigenvalues of the scaled information below this fraction of the largest count as zero."""
+"""Largest eigenvalue of the scaled information that counts as zero, as a fraction of the largest one."""
 
 _SLIDING = 0.02
-"""An unobserved direction that turns less than this a length it slides is called sliding [rad]."""
+"""Turn of a free direction for each part size of sliding below which it is called sliding [rad]."""
 
 _AXIS_TOLERANCE = np.cos(np.radians(2.0))
-"""A direction within this angle of a coordinate axis is called by the axis' name."""
+"""Cosine of the angle to a coordinate axis within which a direction has the name of the axis."""
 
 
 def at_exact_pairings(blocks: Sequence[Block], T_world_part: Transforms) -> list[Block]:
-    """The blocks with every sensed frame moved onto its model feature.
+    """Return the blocks with every sensed frame moved onto its model feature.
 
-    Noise tilts sensed features and lets a free direction look faintly observed; what the pairings can observe is a
-    property of the geometry without the noise.
+    Noise tilts sensed features, so that a free direction seems weakly observed. Observability is a property of the
+    geometry without noise.
     """
     out = []
     for block in blocks:
@@ -47,13 +47,13 @@ def _onto(block: Block, T: Transforms) -> tuple[FloatArray, FloatArray]:
 def unobserved_directions(
     blocks: Sequence[Block], T_world_part: Transforms, n_shared: int, scale: FloatArray
 ) -> Tangents:
-    """Orthonormal basis ``(k, 6)`` of the part-frame motions that no pairing resists, for one pose ``(4, 4)``.
+    """Return an orthonormal basis of motions that no pairing constrains at one pose ``(k, 6)``.
 
     Args:
         blocks: pairings.
-        T_world_part: where to look, ``(4, 4)``.
+        T_world_part: pose ``(4, 4)``.
         n_shared: number of whitened shared errors in the blocks.
-        scale: of motions ``(6, 6)``, as :func:`motion_scale` gives it.
+        scale: scale of motions ``(6, 6)``, see :func:`motion_scale`.
 
     Returns:
         Tangents over that scale: ``[v / length, w]`` of a frame at the part's middle; pure translations first.
@@ -68,13 +68,13 @@ def unobserved_directions(
 def weak_motions(
     information: FloatArray, scale: FloatArray, sd: float = 0.3, fixed: Tangents | None = None
 ) -> Tangents:
-    """Orthonormal basis ``(k, 6)`` of the motions known worse than ``sd`` of their scale.
+    """Return an orthonormal basis of motions whose standard deviation exceeds ``sd`` of their scale ``(k, 6)``.
 
-    Beyond that a linearized covariance means nothing: the direction is called free.
+    A linearized covariance is not valid for these, so they are called free.
 
     Args:
-        information: of the pose ``(6, 6)``.
-        scale: of motions ``(6, 6)``, as :func:`motion_scale` gives it.
+        information: information on the pose ``(6, 6)``.
+        scale: scale of motions ``(6, 6)``, see :func:`motion_scale`.
         sd: limit of the standard deviation, relative to the part's size or in radians.
         fixed: motions ``(m, 6)`` that are free by symmetry; they come first, and the others are orthogonal to them.
     """
@@ -87,7 +87,7 @@ def weak_motions(
 
 
 def _translations_first(N: FloatArray) -> FloatArray:
-    """Basis of the same space that begins with its pure translations and ends with screws orthogonal to them."""
+    """Return a basis of the same space: pure translations first, then screws orthogonal to them."""
     U, s, _ = np.linalg.svd(N[:, 3:], full_matrices=True)
     rank = int(np.sum(s > 1e-6))
     translations = _sparse_rows(U[:, rank:].T @ N)
@@ -97,7 +97,7 @@ def _translations_first(N: FloatArray) -> FloatArray:
 
 
 def _sparse_rows(N: FloatArray) -> FloatArray:
-    """All three translations as the coordinate axes; otherwise as they come."""
+    """Return the coordinate axes for all three translations; other bases unchanged."""
     return np.eye(6)[:3] if len(N) == 3 else N
 
 
@@ -105,9 +105,9 @@ def describe_motion(u: Tangents, T_world_part: Transforms, scale: FloatArray) ->
     """Return an unobserved direction as a motion: a translation or a rotation, along a named axis where it has one.
 
     Args:
-        u: tangent over the scale, as :func:`unobserved_directions` gives it.
+        u: tangent over the scale, see :func:`unobserved_directions`.
         T_world_part: the pose.
-        scale: of motions ``(6, 6)``, as :func:`motion_scale` gives it.
+        scale: scale of motions ``(6, 6)``, see :func:`motion_scale`.
     """
     length, middle, w = scale[0, 0], SO3.vee(scale[:3, 3:]), u[3:]
     v = u[:3] * length

@@ -1,4 +1,4 @@
-"""Sensed features paired with model features, and the same as arrays for the solver."""
+"""Pairings of sensed with model features, and their arrays for the solver."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelFeature:
-    """A feature of the part as designed.
+    """Feature of the part as designed.
 
     Attributes:
         kind: vertex, edge, plane or a curved kind.
         T_part_feature: its frame in the part ``(4, 4)``; edge frames point along either direction of the edge.
         P: tolerance of the made part over the kind's rows ``(size, size)`` [m, rad]; zero if not given.
-        radius: of a cylinder, sphere or circle [m].
-        name: for reports.
-        convex: of a round feature, True for a boss, False for a bore; None where it is not known.
+        radius: radius of a cylinder, sphere or circle [m].
+        name: name in reports.
+        convex: True for a boss, False for a bore, None if unknown.
     """
 
     kind: FeatureKind
@@ -36,14 +36,14 @@ class ModelFeature:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairing:
-    """A sensed feature and the model feature that it is, or lies on."""
+    """A sensed feature and the model feature with which it coincides, or on which it lies."""
 
     sensed: Feature
     model: ModelFeature
 
     @property
     def relation(self) -> Relation:
-        """The row of the table of relations."""
+        """Return the relation of the pairing."""
         return relation_between(self.sensed.kind, self.model.kind)
 
     @property
@@ -53,7 +53,7 @@ class Pairing:
 
 
 def build_blocks(pairings: Sequence[Pairing]) -> tuple[list[Block], FloatArray, tuple[SharedError, ...], list[int]]:
-    """Pairings as solver blocks.
+    """Return pairings as blocks for the solver.
 
     Returns:
         The blocks (one per relation), the factor ``L`` with shared error ``c = L z``, the shared errors, and the
@@ -87,13 +87,13 @@ def _tolerance(model: ModelFeature) -> Covariances:
 
 
 def model_length(pairings: Sequence[Pairing]) -> float:
-    """Span of the model features [m], or 0.1 where they say nothing: what makes metres and radians comparable."""
+    """Return the extent of the model features [m], or 0.1 if they have none, as the scale of rotations."""
     points = np.array([pairing.model.T_part_feature[:3, 3] for pairing in pairings])
     span = float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 0.0
     return span if span > 0 else 0.1
 
 
 def model_middle(pairings: Sequence[Pairing]) -> Vectors:
-    """Middle of the model features in the part ``(3,)`` [m]: the part's own origin may lie far from them."""
+    """Return the middle of the model features in the part ``(3,)`` [m]; the part's origin may be far away."""
     points = np.array([pairing.model.T_part_feature[:3, 3] for pairing in pairings])
     return np.asarray(points.mean(axis=0)) if len(points) else np.zeros(3)

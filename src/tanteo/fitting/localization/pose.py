@@ -1,4 +1,4 @@
-"""The pose of a part from paired features: estimate, covariance, and what stays unknown."""
+"""Pose of a part from paired features: estimate, covariance, and free motions."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ _AGREE = PairingsAgree()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
-    """Where the part is, how sure that is, and what is not known.
+    """Estimated pose with covariance and free motions.
 
     Attributes:
         T_world_part: pose ``(4, 4)``.
-        covariance: ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad], shared errors included.
-            Free directions carry the variance of a uniform draw over ``length`` and over a full turn.
-        covariance_relative: the same with the shared errors known: where they are the robot's base alone, how well
-            the same robot finds the part again.
-        free: motions ``(k, 6)`` that no pairing resists, part frame, pure translations first [m, rad].
-        unobserved: the same in words.
+        covariance: covariance ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad], shared errors
+            included. Free directions have the variance of a uniform density over ``length`` and over a full turn.
+        covariance_relative: covariance given the shared errors. If these are the robot's base alone, it is the
+            repeatability with the same robot.
+        free: motions ``(k, 6)`` that no pairing constrains, part frame, pure translations first [m, rad].
+        unobserved: the free motions in words.
         chi2: joint squared Mahalanobis distance of the pairings, and of the prior if there is one.
-        dof: its degrees of freedom: equations of the pairings, six more with a prior, less the six of the pose but for
-            those that stay free.
+        dof: degrees of freedom of ``chi2``: equations of the pairings, six more with a prior, less the six of the pose
+            without the free ones.
         p_value: probability of a larger ``chi2`` if all is as stated; 1 without redundancy.
-        distances: squared Mahalanobis distance of each pairing at the estimate, under its own noise; infinite where
-            sides do not agree (a plane from behind, a bore with a boss).
+        distances: squared Mahalanobis distance of each pairing at the estimate, under its own noise; infinite if sides
+            contradict (a plane from behind, a bore with a boss).
         alternatives: other poses ``(k, 4, 4)`` that fit about as well (undirected edges, few points).
         shared: estimated shared errors by name, with their standard deviations.
-        shared_given: the same errors, one after the other, given the pose.
+        shared_given: the shared errors given the pose.
         status: ``located`` or ``insufficient``.
         finding: whether the pairings fix the pose and agree.
     """
@@ -76,7 +76,7 @@ class PoseEstimate:
 
     @property
     def message(self) -> str:
-        """The finding in words."""
+        """Return the finding in words."""
         return self.finding.message
 
 
@@ -88,16 +88,16 @@ def estimate_pose(
     length: float | None = None,
     middle: Vectors | None = None,
 ) -> PoseEstimate:
-    """Maximum-likelihood pose from pairings, full and partial, with shared errors as state (``math.md`` section 6).
+    """Estimate the pose from pairings by maximum likelihood, with shared errors as states (``math.md`` section 6).
 
     Args:
-        pairings: sensed features and what they are; at least one unless there is a prior.
+        pairings: sensed features with their model features; at least one without a prior.
         prior: mean pose ``T_world_part`` ``(4, 4)`` and covariance ``(6, 6)``, order x y z rx ry rz, part frame, right
-            perturbation [m, rad], positive in every direction: what vision says, for example.
-        start: pose ``T_world_part`` ``(4, 4)`` at which to begin; found in closed form from directions and points if
-            not given.
-        length: size of the part [m], to weigh metres against radians; from the model features if not given.
-        middle: of the part, in its frame ``(3,)`` [m], for the same; from the model features if not given.
+            perturbation [m, rad], positive definite; for example from an image.
+        start: initial pose ``T_world_part`` ``(4, 4)``; by default in closed form from directions and points.
+        length: size of the part [m], the scale of rotations; by default from the model features.
+        middle: middle of the part in its frame ``(3,)`` [m], the centre of rotations; by default from the model
+            features.
 
     Returns:
         The pose. Free directions stay where the start put them and are named; nothing is invented about them.
@@ -128,7 +128,7 @@ def estimate_pose(
 
 
 def _checked(T_world_part: Transforms, covariance: Covariances) -> tuple[Transforms, Covariances]:
-    """A prior, if it can be one."""
+    """Return a valid prior."""
     T = check_transforms("prior, T_world_part", T_world_part)
     C = check_covariances("prior, covariance", covariance, 6)
     if T.shape != (4, 4) or C.shape != (6, 6):
@@ -145,7 +145,7 @@ def _best(
     prior: tuple[Transforms, FloatArray] | None,
     scale: FloatArray,
 ) -> tuple[Solution, Tangents]:
-    """Iterate every start, holding the motions that nothing resists."""
+    """Iterate from every start, with the free motions held."""
     solution = gauss_newton(
         blocks, starts, n_shared, prior=prior, iterations=15, hold=hold_motions(np.eye(6), scale, 1e-6)
     )

@@ -1,4 +1,4 @@
-"""What it means that a sensed feature is a model feature, or lies on it: residuals and their derivatives.
+"""Relations between a sensed and a model feature: residuals and their derivatives.
 
 For the relative frame ``T_model_feature = (R = [n o a], p)`` every relation has a residual ``f`` that is zero when
 the pairing is exact and a derivative ``D`` with ``f(T exp(e)) ~ f + D e`` (``math.md`` section 5). ``f`` depends on
@@ -25,11 +25,11 @@ class Relation:
     """One row of the table of ``math.md`` section 5.
 
     Attributes:
-        name: for example ``plane_plane`` or ``vertex_on_edge``.
+        name: name, for example ``plane_plane`` or ``vertex_on_edge``.
         sensed: kind of the sensed feature.
         model: kind of the model feature.
         size: number of equations.
-        linearize: ``(T_model_feature, radius) -> (f, D)``.
+        linearize: function ``(T_model_feature, radius) -> (f, D)``.
     """
 
     name: str
@@ -44,21 +44,21 @@ def _columns(T: Transforms) -> tuple[FloatArray, FloatArray, FloatArray, FloatAr
 
 
 def _point_rows(T: Transforms, axes: list[int]) -> Linear:
-    """Coordinates of the sensed origin along model axes: ``[R | 0]``."""
+    """Return the coordinates of the sensed origin along model axes: ``[R | 0]``."""
     D = np.zeros((*T.shape[:-2], len(axes), 6))
     D[..., :3] = T[..., axes, :3]
     return T[..., axes, 3], D
 
 
 def _x_axis_rows(T: Transforms) -> Linear:
-    """``(n_y, n_z)``: the sensed x axis leaves the model's: ``[0 | 0, -a_k, o_k]``."""
+    """Return ``(n_y, n_z)``, the deviation of the sensed x axis from the model's: ``[0 | 0, -a_k, o_k]``."""
     D = np.zeros((*T.shape[:-2], 2, 6))
     D[..., 4], D[..., 5] = -T[..., 1:3, 2], T[..., 1:3, 1]
     return T[..., 1:3, 0], D
 
 
 def _z_axis_rows(T: Transforms) -> Linear:
-    """``(a_x, a_y)``: the sensed normal leaves the model's: ``[0 | -o_k, n_k, 0]``."""
+    """Return ``(a_x, a_y)``, the deviation of the sensed normal from the model's: ``[0 | -o_k, n_k, 0]``."""
     D = np.zeros((*T.shape[:-2], 2, 6))
     D[..., 3], D[..., 4] = -T[..., :2, 1], T[..., :2, 0]
     return T[..., :2, 2], D
@@ -109,7 +109,7 @@ def _line_through_point(T: Transforms, radius: FloatArray) -> Linear:
 
 
 def _at_radius(T: Transforms, axes: list[int], radius: FloatArray) -> Linear:
-    """Distance of the sensed origin from the model's axis or centre, less the radius."""
+    """Return the distance of the sensed origin from the model's axis or centre, less the radius."""
     q = T[..., axes, 3]
     rho = np.linalg.norm(q, axis=-1)
     safe = np.where(rho > 0, rho, 1.0)  # on the axis itself the direction is undefined: derivative zero
@@ -131,12 +131,12 @@ def _point_on_circle(T: Transforms, radius: FloatArray) -> Linear:
 
 
 def _on_axis(T: Transforms, radius: FloatArray) -> Linear:
-    """A sensed circle around a model axis, or a sensed axis along that of a model cylinder."""
+    """Return the relation of a sensed circle or axis with the axis of a model cylinder."""
     return _stack(_point_rows(T, [0, 1]), _z_axis_rows(T))
 
 
 def _axis_through(T: Transforms, radius: FloatArray) -> Linear:
-    """A sensed axis through the model's centre, along the model's axis."""
+    """Return the relation of a sensed axis with the model's centre and axis."""
     n, o, a, p = _columns(T)
     D = np.zeros((*T.shape[:-2], 2, 6))
     D[..., 0, 0] = D[..., 1, 1] = 1.0
@@ -150,7 +150,7 @@ def _circle_in_plane(T: Transforms, radius: FloatArray) -> Linear:
 
 
 def _same(kind: FeatureKind) -> Relation | None:
-    """That a feature of a kind is one of the same kind; None where neither a direction nor a point says all of it."""
+    """Return the relation of two features of one kind; None if neither a direction nor a point describes it."""
     slides = [i for i in kind.rows if i < 3]
     turns = {None: [], 0: [_x_axis_rows], 2: [_z_axis_rows]}.get(kind.axis)
     if turns is None or kind.size != len(slides) + 2 * len(turns):
@@ -182,7 +182,7 @@ RELATIONS: dict[str, Relation] = {r.name: r for r in (*map(_same, KINDS.values()
 
 
 def relation_between(sensed: FeatureKind, model: FeatureKind) -> Relation:
-    """The relation of a sensed kind with a model kind.
+    """Return the relation of a sensed kind with a model kind.
 
     Raises:
         InputError: if a feature of the first kind says nothing about one of the second.

@@ -1,4 +1,4 @@
-"""Metres and radians made comparable: motions measured by the size of a part, about its middle."""
+"""Scales that make shifts [m] and rotations [rad] of a part comparable."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from tanteo.geometry.typing import FloatArray, Vectors
 
 
 def motions_about(middle: Vectors, count: int = 6) -> FloatArray:
-    """Motions of a frame at ``middle`` ``(3,)`` of a part as motions of the part's own frame ``(count, count)``.
+    """Return motions of a frame at ``middle`` ``(3,)`` as motions of the part's own frame ``(count, count)``.
 
-    The origin of a CAD file may lie far from its part, and a turn about it moves the part far. Coordinates behind the
+    The origin of a CAD file may be far from its part, and a rotation about it moves the part far. Coordinates after the
     first six stay as they are.
     """
     out = np.eye(count)
@@ -20,13 +20,13 @@ def motions_about(middle: Vectors, count: int = 6) -> FloatArray:
 
 
 def motion_scale(length: float, middle: Vectors) -> FloatArray:
-    """Motions that shift a part by its size or turn it by a radian about its middle, as columns ``(6, 6)``.
+    """Return unit motions as columns ``(6, 6)``: shifts by the part's size, rotations by 1 rad about its middle.
 
-    ``xi = scale @ u``: a tangent ``xi = [v, w]`` of the part's own frame, whose origin may lie anywhere, and the same
-    motion ``u = [v / length, w]`` of a frame at the middle. Every axis of ``u`` moves the part about as far.
+    In ``xi = scale @ u``, ``xi = [v, w]`` is a tangent of the part's own frame, and ``u = [v / length, w]`` the same
+    motion of a frame at the middle. Every axis of ``u`` moves the part about equally far.
 
     Args:
         length: size of the part [m].
-        middle: of the part, in its frame ``(3,)`` [m].
+        middle: middle of the part in its frame ``(3,)`` [m].
     """
     return motions_about(middle) * np.r_[np.full(3, length), np.ones(3)]

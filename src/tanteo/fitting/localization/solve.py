@@ -1,7 +1,7 @@
-"""Iterated weighted least squares on SE(3) for a whole batch of hypotheses at once (``math.md`` section 6).
+"""Iterated weighted least squares on SE(3) for a batch of hypotheses (``math.md`` section 6).
 
-The state is the pose error ``xi`` (right, in the part frame) and the shared errors ``z``, whitened so that their
-prior is the unit normal. Every block holds pairings of one relation; blocks of different relations are summed.
+The state is the pose error ``xi`` (right, in the part frame) and the shared errors ``z``, whitened to a standard normal
+prior. Every block has pairings of one relation; blocks of different relations are summed.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transform
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """``n`` pairings of one relation, for every hypothesis of a batch; leading axes broadcast.
+    """Pairings of one relation, ``n`` for every hypothesis of a batch; leading axes broadcast.
 
     Attributes:
-        relation: what the pairings state.
+        relation: relation of the pairings.
         Ts_world_feature: sensed frames ``(*batch, n, 4, 4)``.
-        Ps: their independent covariances ``(*batch, n, k, k)``.
+        Ps: independent covariances of the sensed features ``(*batch, n, k, k)``.
         Ts_part_model: model frames in the part ``(*batch, n, 4, 4)``.
         P_models: tolerance of the made part over the model kind's rows ``(*batch, n, km, km)``.
         shared_jacobian: whitened shared errors, ``p += gain z``, ``(*batch, n, k, D)``.
@@ -53,13 +53,13 @@ class Linearized:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Fixed point of the iteration, one per hypothesis.
+    """Fixed point of the iteration, one for each hypothesis.
 
     Attributes:
         T_world_part: poses ``(*batch, 4, 4)``.
         z: whitened shared errors ``(*batch, D)``.
-        information: ``(*batch, 6 + D, 6 + D)`` over ``(xi, z)``, priors included.
-        gradient: ``-d(chi2 / 2)`` there ``(*batch, 6 + D)``: zero at the fixed point.
+        information: information over ``(xi, z)``, priors included ``(*batch, 6 + D, 6 + D)``.
+        gradient: gradient ``-d(chi2 / 2)`` ``(*batch, 6 + D)``, zero at the fixed point.
         chi2: joint squared Mahalanobis distance, priors included ``(*batch)``.
         equations: number of scalar equations ``(*batch)``.
         log_det: sum of ``log |S|`` over the pairings ``(*batch)``.
@@ -79,9 +79,9 @@ class Solution:
 def linearize(
     block: Block, T_world_part: Transforms, z: FloatArray, Ts_model_part: Transforms | None = None
 ) -> Linearized:
-    """Residuals of a block and their derivatives by pose and shared errors.
+    """Return residuals of a block and their derivatives by pose and shared errors.
 
-    ``Ts_model_part`` are the inverse model frames, for callers that come back with many poses.
+    ``Ts_model_part`` are the inverse model frames, for callers with many poses.
     """
     T_part_feature = SE3.inverse(T_world_part)[..., None, :, :] @ block.Ts_world_feature
     T_model_feature = (SE3.inverse(block.Ts_part_model) if Ts_model_part is None else Ts_model_part) @ T_part_feature
@@ -113,7 +113,7 @@ def assemble(
     inverses: Sequence[Transforms] | None = None,
     determinants: bool = True,
 ) -> Solution:
-    """Normal equations of all blocks and priors at one state (no step is taken).
+    """Return the normal equations of all blocks and priors at one state, without a step.
 
     ``inverses`` are the blocks' inverse model frames; without ``determinants``, ``log_det`` is left zero.
     """
@@ -162,11 +162,11 @@ def gauss_newton(
     iterations: int = 50,
     tolerance: float = 1e-20,
 ) -> Solution:
-    """Iterate from ``T_start`` ``(*batch, 4, 4)`` until every step is below ``tolerance`` squared standard deviations.
+    """Iterate from ``T_start`` ``(*batch, 4, 4)`` until steps are below ``tolerance`` squared standard deviations.
 
-    ``S`` is re-evaluated at every pose and held during the step. The last linearisation is at the returned pose.
-    ``hold`` ``(6, 6)`` is information that damps the steps (not the answer): it keeps the pose from drifting along
-    motions that nothing resists.
+    ``S`` is re-evaluated at every pose and constant during the step. The last linearization is at the returned pose.
+    ``hold`` ``(6, 6)`` is information that damps the steps but not the answer: it keeps the pose from drifting along
+    free motions.
     """
     inverses = [SE3.inverse(block.Ts_part_model) for block in blocks]
     damping = np.zeros((6 + n_shared, 6 + n_shared))
@@ -187,7 +187,7 @@ def gauss_newton(
 
 
 def pose_information(information: FloatArray) -> FloatArray:
-    """Information on the pose alone, shared errors marginalised: Schur complement ``(*batch, 6, 6)``."""
+    """Return the information on the pose, shared errors marginalized by the Schur complement ``(*batch, 6, 6)``."""
     if information.shape[-1] == 6:
         return information
     cross = information[..., :6, 6:]
@@ -195,7 +195,7 @@ def pose_information(information: FloatArray) -> FloatArray:
 
 
 def take(solution: Solution, ok: BoolArray) -> Solution:
-    """Some hypotheses of a batch."""
+    """Return some hypotheses of a batch."""
     return Solution(
         solution.T_world_part[ok],
         solution.z[ok],

@@ -1,4 +1,4 @@
-"""Pose proposals from pairings, in closed form: rotation from directions, then translation from offsets."""
+"""Initial poses from pairings in closed form: rotation from directions, then translation from offsets."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _MAX_FLIPPED = 6
 
 
 def first_pose(blocks: Sequence[Block]) -> Transforms:
-    """A pose ``(*batch, 4, 4)`` near the answer, for pairings whose directions (and points) fix the rotation.
+    """Return an initial pose ``(*batch, 4, 4)`` for pairings whose directions and points fix the rotation.
 
-    Directions are normals and axes, signs taken as the frames give them; two or more vertices add the directions from
-    their mean. Where nothing fixes a direction of rotation or translation, one choice among many is returned.
+    Directions are normals and axes with the signs of the frames; two or more vertices add the directions from their
+    mean. Along free directions the pose is one of many possible ones.
     """
     sensed, model, weights = _directions(blocks)
     R = SO3.align(model, sensed, weights)
@@ -59,7 +59,7 @@ def _of_points(relation: Relation) -> bool:
 
 
 def _from_mean(block: Block) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Directions from the mean of the active points to each, weighted by squared length."""
+    """Return directions from the mean of the active points to each, weighted by squared length."""
     w = block.active.astype(np.float64)
     total = np.maximum(w.sum(axis=-1), 1.0)[..., None]
     spokes = []
@@ -71,9 +71,9 @@ def _from_mean(block: Block) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
-    """Translation ``(*batch, 3)`` for a given rotation, by least squares of all offset equations.
+    """Return the translation ``(*batch, 3)`` for a given rotation, by least squares of all offset equations.
 
-    Along what they leave free, sensed and model frames lie on each other in the mean: the part is where it was felt.
+    Along free directions the means of sensed and model frames coincide, so the part is near the readings.
     """
     batch = R.shape[:-2]
     A, b, total, count = np.zeros((*batch, 3, 3)), np.zeros((*batch, 3)), np.zeros((*batch, 3)), np.zeros(batch)
@@ -93,7 +93,7 @@ def place(blocks: Sequence[Block], R: FloatArray) -> FloatArray:
 
 
 def first_poses(blocks: Sequence[Block]) -> Transforms:
-    """Pose proposals ``(k, 4, 4)``: both directions of undirected lines; many rotations where directions fix none."""
+    """Return initial poses ``(k, 4, 4)``: both directions of undirected lines; many rotations if none is fixed."""
     edges = [
         (b, i)
         for b, block in enumerate(blocks)
@@ -115,7 +115,7 @@ def first_poses(blocks: Sequence[Block]) -> Transforms:
 
 
 def _fixed_directions(blocks: Sequence[Block]) -> int:
-    """Rank of the paired directions: two fix a rotation."""
+    """Return the rank of the paired directions; two fix a rotation."""
     rows = [np.zeros((0, 3))]
     for block in blocks:
         relation = block.relation
@@ -131,7 +131,7 @@ def _fixed_directions(blocks: Sequence[Block]) -> int:
 
 
 def _rotations() -> FloatArray:
-    """The 24 turns of a cube, each also turned by 60 degrees about its diagonal: 48 even starts."""
+    """Return the 24 rotations of a cube, each also turned by 60 degrees about its diagonal: 48 uniform starts."""
     turns = [SO3.exp(np.array(w) * np.pi / 2) for w in product((-1, 0, 1, 2), repeat=3)]
     unique = {tuple(np.round(R @ Q, 3).ravel()): R @ Q for R in turns for Q in turns[:8]}
     cube = np.array([R for R in unique.values() if np.all(np.isclose(np.abs(R).max(axis=0), 1.0))])

@@ -1,4 +1,4 @@
-"""What is made of a solution: covariance, distances of the pairings, alternatives, shared errors."""
+"""Covariance, distances of pairings, alternatives and shared errors of a solution."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _CLOSE_CHI2 = 9.21
 
 
 def covariance_with_free(information: FloatArray, N: Tangents, scale: FloatArray) -> Covariances:
-    """Inverse of ``information`` off the unobserved directions ``N``; along them a uniform density over size or turn.
+    """Return the inverse information, with a uniform density over size or turn along the free directions ``N``.
 
-    ``N`` are tangents over the ``scale`` of motions ``(6, 6)``, as :func:`motion_scale` gives it.
+    ``N`` are tangents over the ``scale`` of motions ``(6, 6)``, see :func:`motion_scale`.
     """
     A = scale.T @ information @ scale
     Q = np.linalg.qr(np.concatenate([N, np.eye(6)]).T)[0][:, len(N) : 6]
@@ -33,13 +33,13 @@ def covariance_with_free(information: FloatArray, N: Tangents, scale: FloatArray
 
 
 def hold_motions(N: Tangents, scale: FloatArray, strength: float) -> FloatArray:
-    """Information that keeps a step off the motions ``N``, tangents over the ``scale``."""
+    """Return information that keeps steps off the motions ``N``, tangents over the ``scale``."""
     rows = N @ np.linalg.inv(scale)
     return strength * rows.T @ rows
 
 
 def wrong_side(block: Block, T_world_part: Transforms) -> BoolArray:
-    """Pairs of planes ``(*batch, n)`` whose outward normals point opposite ways: their residuals do not tell."""
+    """Return which plane pairings have opposite outward normals ``(*batch, n)``, which residuals do not show."""
     if block.relation.name != "plane_plane":
         return np.zeros((*T_world_part.shape[:-2], block.active.shape[-1]), dtype=np.bool_)
     model = np.einsum("...ij,...nj->...ni", T_world_part[..., :3, :3], block.Ts_part_model[..., :3, 2])
@@ -47,7 +47,7 @@ def wrong_side(block: Block, T_world_part: Transforms) -> BoolArray:
 
 
 def pairing_distances(blocks: list[Block], order: list[int], T: Transforms, z: FloatArray) -> FloatArray:
-    """Squared Mahalanobis distance of each pairing's residual under its own noise; infinite from the wrong side."""
+    """Return squared Mahalanobis distances of pairings under their own noise; infinite from the wrong side."""
     out, flat = np.zeros(len(order)), list[float]()
     for block in blocks:
         at = linearize(block, T, z)
@@ -58,7 +58,7 @@ def pairing_distances(blocks: list[Block], order: list[int], T: Transforms, z: F
 
 
 def alternatives(solution: Solution, best: int, covariance: Covariances) -> Transforms:
-    """Other fixed points with about the same chi-square, each once."""
+    """Return other fixed points with about the same chi-square, each once."""
     kept = [solution.T_world_part[best]]
     weight = np.linalg.inv(covariance)
     for i in np.argsort(solution.chi2):
@@ -78,7 +78,7 @@ def shared_estimates(
     errors: tuple[SharedError, ...],
     scale: FloatArray,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Posterior mean and sd of each shared error; unobserved directions ``N`` are held fixed."""
+    """Return posterior mean and sd of each shared error, with the free directions ``N`` held."""
     if not errors:
         return {}
     held = np.array(information)

@@ -19,6 +19,17 @@ from tanteo.hand.acquisition.run import Acquired, Attempt, SensingRun, finish
 from tanteo.hand.motion.steering import Rules
 from tanteo.hand.robot import Robot
 from tanteo.sensors import RobotPreset
+from tanteo.words import p_equals
+from tanteo.words.findings import (
+    AfterMotion,
+    BoreTooNarrow,
+    Finding,
+    NotOneFeature,
+    OtherRim,
+    RimNotSeen,
+    RimSensed,
+    StepFailed,
+)
 
 ANGLES = tuple(k * 160.0 for k in range(9)) + tuple(k * 160.0 + 20.0 for k in range(9))
 """Directions of the crossings, in order [deg]: ninths of a turn. With sevenths a hexagon could pass for a displaced
@@ -64,28 +75,26 @@ def sense_circle(
         InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
-    status, message, feature, _ = acquire_circle(run, guess, label)
-    return finish("circle", run, status, message, feature)
+    status, finding, feature, _ = acquire_circle(run, guess, label)
+    return finish("circle", run, status, finding, feature)
 
 
 def acquire_circle(run: SensingRun, guess: RoundGuess, label: str) -> tuple[*Attempt, Feature | None]:
     """Acquire the rim within a running acquisition; return also its face."""
-    status, message, face = acquire_plane(run, guess.face(), face_label(label))
+    status, finding, face = acquire_plane(run, guess.face(), face_label(label))
     if face is None:
-        return status, f"the face of the rim: {message}", None, None
+        return status, StepFailed("face of the rim", finding), None, None
     run.others.append(face)
     disc = _shown(run, face, guess)
-    what = "boss" if guess.convex else "bore"
     if disc.gain < LEAST_GAIN:
-        least = "" if guess.convex else f"; at this stand-off none narrower than {1e3 * narrowest(run):.2g} mm is seen"
-        return "nothing", f"the beams show no {what} in the face near where it should be{least}", None, face
+        least = float("nan") if guess.convex else narrowest(run)
+        return "nothing", RimNotSeen(guess.convex, least), None, face
     if not guess.convex and 2 * disc.radius < narrowest(run):
-        why = f"the bore is narrower than the {1e3 * narrowest(run):.2g} mm that a beam needs at this stand-off"
-        return "unclear", f"{why}. Lower the stand-off", None, face
+        return "unclear", BoreTooNarrow(narrowest(run)), None, face
     places, last = _crossed(run, face, disc, guess)
-    places, why = controlled(places, face, disc)
-    if why:
-        return "unclear", f"{why}{last}", None, face
+    places, doubt = controlled(places, face, disc)
+    if doubt is not None:
+        return "unclear", doubt if last is None else AfterMotion(doubt, last), None, face
     return *_fitted(run, places, face, guess, label), face
 
 
@@ -107,19 +116,20 @@ def _shown(run: SensingRun, face: Feature, guess: RoundGuess) -> Disc:
     return disc
 
 
-def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> tuple[list[Place], str]:
+def _crossed(run: SensingRun, face: Feature, disc: Disc, guess: RoundGuess) -> tuple[list[Place], Finding | None]:
     """Cross the rim until there are enough positions; return them and the reason of the last failure."""
     first = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair
-    places, slack, why = list[Place](), _FIRST, ""
+    places, slack = list[Place](), _FIRST
+    why: Finding | None = None
     for angle in ANGLES:
-        if len(places) >= ENOUGH and not controlled(places, face, disc)[1]:
+        if len(places) >= ENOUGH and controlled(places, face, disc)[1] is None:
             break
         out = turned(face, first, np.radians(angle))
         found, motion = cross_rim(run, face, disc, out, convex=guess.convex, slack=slack)
         if motion.status == "timeout":
-            return places, f": {motion.message}"
+            return places, motion.finding
         places += found
-        why = why if motion.reached else f": {motion.message}"
+        why = why if motion.reached else motion.finding
         better = disc_through(places, face, disc) if len(places) >= 3 else None
         if better is not None:
             disc, slack = better, _AGAIN if len(places) >= LEAST_PLACES else _FIRST
@@ -133,28 +143,24 @@ def _fitted(run: SensingRun, places: list[Place], face: Feature, guess: RoundGue
     try:
         feature, report = circle_in_face(readings, face, label, run.hand.rig, run.errors)
     except DegenerateError as error:
-        return "unclear", f"what was crossed is not one circle: {error}", None
+        return "unclear", NotOneFeature("circle", str(error)), None
     if report.p_value < SUSPECT:
-        why = f"the crossings scatter beyond their noise (p {report.p_value:.1g})"
-        return "unclear", f"what was crossed is not one circle: {why}", None
+        why = f"the crossings scatter beyond their noise ({p_equals(report.p_value)})"
+        return "unclear", NotOneFeature("circle", why), None
     assert feature.size is not None
     if off := _another(feature, guess):
         return "unclear", off, None
     run.readings.append(readings)
     feature = replace(feature, size=replace(feature.size, convex=guess.convex))
-    return "acquired", f"{len(events)} crossings at {len(places)} places of the rim", feature
+    return "acquired", RimSensed(len(events), len(places)), feature
 
 
-def _another(rim: Feature, guess: RoundGuess) -> str:
-    """Return a message if the rim deviates too much from the guess, else an empty string."""
+def _another(rim: Feature, guess: RoundGuess) -> OtherRim | None:
+    """Return that the rim deviates too much from the guess, or None."""
     gap = rim.T_world_feature[:3, 3] - guess.point
     away = float(np.linalg.norm(gap - (gap @ guess.axis) * guess.axis))
     radius, own = float(rim.radius or 0.0), float(np.linalg.eigvalsh(feature_covariance(rim)[:3, :3])[-1])
     near = away <= _OTHER * np.hypot(guess.sd, np.sqrt(own))
     if near and abs(np.log(radius / guess.radius)) <= _OTHER * guess.radius_share:
-        return ""
-    found = f"the rim that was sensed has a radius of {1e3 * radius:.3g} mm and is {1e3 * away:.2g} mm off"
-    expected = (
-        f"{1e3 * guess.radius:.3g} mm to {100 * guess.radius_share:.2g} %, and its place to {1e3 * guess.sd:.2g} mm"
-    )
-    return f"{found} where it should be; the radius is expected to be {expected}"
+        return None
+    return OtherRim(radius, away, guess.radius, guess.radius_share, guess.sd)

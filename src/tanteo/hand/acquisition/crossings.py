@@ -19,6 +19,7 @@ from tanteo.hand.motion.crossing import Crossing, cross_edge
 from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Body
+from tanteo.words.findings import NoRoom, NotAllSeen, SpaceEnds
 
 _STEP = 0.002
 """Distance between two poses of a path that are checked for collisions [m]."""
@@ -82,7 +83,7 @@ def stand(run: SensingRun, face: Feature, place: Vectors, along: FloatArray) -> 
     cloud, T = raised(run, face), run.robot.sensed.T_world_hand
     down = pose_over(run, face, place, along)
     if not fits(run, cloud, down[None]):
-        return Motion("stand", "limit", "the clearance at the edge is too small for the hand", ())
+        return Motion("stand", "limit", NoRoom("at the edge"), ())
     way = path(T, down, run.hand.front, 12)
     if not (fits(run, cloud, way) and nearly_known(run, way)):
         way = path(moved(down, HOVER * face.T_world_feature[:3, 2]), down, run.hand.front, 12)
@@ -90,7 +91,7 @@ def stand(run: SensingRun, face: Feature, place: Vectors, along: FloatArray) -> 
         if not there.reached:
             return there
         if not nearly_known(run, way):
-            return Motion("stand", "limit", "the space of the hand at the edge is not completely known", ())
+            return Motion("stand", "limit", NotAllSeen("at the edge"), ())
     return run.does(go_to(run.robot, down, run.rules))
 
 
@@ -104,7 +105,7 @@ def scan_above(run: SensingRun, face: Feature, needed: Transforms, *, crossing: 
     places = above[fitting(run, cloud, above)]
     there = next((T for T in places if fits(run, cloud, path(now, T, run.hand.front, 12))), None)
     if there is None:
-        return Motion("look", "limit", "the clearance over the edge is too small for the hand", ())
+        return Motion("look", "limit", NoRoom("over the edge"), ())
     last = run.does(go_to(run.robot, there, run.rules))
     for tilt, spacing in SCANS[1 : 1 + _SCANS]:
         if not last.reached or (all(_crossable(run, needed)) if crossing else nearly_known(run, needed)):
@@ -172,6 +173,5 @@ def _cross(run: SensingRun, outwards: Vectors, farthest: float, search: Search) 
     )
     run.does(crossing.motion)
     if crossing.motion.status == "nothing" and farthest < search.reach:
-        why = f"only {1e3 * max(farthest, 0.0):.3g} mm are known to be free, and the surface does not end there"
-        return replace(crossing, motion=replace(crossing.motion, status="limit", message=why))
+        return replace(crossing, motion=replace(crossing.motion, status="limit", finding=SpaceEnds(farthest)))
     return crossing

@@ -16,6 +16,7 @@ from tanteo.hand.acquisition.wall import WallReading, depths, read_wall
 from tanteo.hand.motion.steering import Rules
 from tanteo.hand.robot import Robot
 from tanteo.sensors import RobotPreset
+from tanteo.words.findings import AfterMotion, Finding, NotOneFeature, NoTwoRings, StepFailed, WallMetRarely, WallSensed
 
 ANGLES = 0, 120, 240, 60, 180, 300
 """Directions of the readings of the wall in each ring [deg]."""
@@ -55,12 +56,12 @@ def sense_cylinder(
         InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
-    status, message, circle, _ = acquire_circle(run, guess, f"{label} rim")
+    status, finding, circle, _ = acquire_circle(run, guess, f"{label} rim")
     if circle is None:
-        return finish("cylinder", run, status, f"the rim: {message}", None)
+        return finish("cylinder", run, status, StepFailed("rim", finding), None)
     run.others.append(circle)
-    status, message, feature = acquire_wall(run, circle, label)
-    return finish("cylinder", run, status, message, feature)
+    status, finding, feature = acquire_wall(run, circle, label)
+    return finish("cylinder", run, status, finding, feature)
 
 
 def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
@@ -72,34 +73,36 @@ def acquire_wall(run: SensingRun, circle: Feature, label: str) -> Attempt:
     first, deepest = depths(run, circle)
     second = min(first + min(max(FARTHER[0], circle.radius or 0.0), FARTHER[1]), deepest)
     if second - first < LEAST_GAP:
-        return "unclear", "the bore is too narrow for beams that come over its rim to reach two rings", None
+        return "unclear", NoTwoRings(), None
     found, why = _ring(run, circle, first)
     if len(found) < LEAST_RING:
-        return "unclear", f"{_coverage(found, first)}{why}", None
+        return "unclear", _coverage(found, first, why), None
     while second - first >= LEAST_GAP:
         other, why = _ring(run, circle, second)
         if len(other) >= LEAST_RING:
             return _fitted(run, (found, other), (first, second), label)
         missed, second = second, first + 0.5 * (second - first)
-    return "unclear", f"{_coverage(other, missed)}{why}", None
+    return "unclear", _coverage(other, missed, why), None
 
 
-def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallReading], str]:
+def _ring(run: SensingRun, circle: Feature, depth: float) -> tuple[list[WallReading], Finding | None]:
     """Read the wall in one ring; return the readings and the reason of the last failure."""
-    out, found, why = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair, list[WallReading](), ""
+    out, found = run.robot.sensed.T_world_hand[:3, :3] @ run.hand.pair, list[WallReading]()
+    why: Finding | None = None
     for number, angle in enumerate(ANGLES):
         if number == LEAST_RING and not found:
             break
         sensor = run.hand.frontal[number % 2]
         reading, motion = read_wall(run, circle, turned(circle, out, np.radians(angle)), depth, sensor)
         found += [] if reading is None else [reading]
-        why = why if motion.reached else f": {motion.message}"
+        why = why if motion.reached else motion.finding
     return found, why
 
 
-def _coverage(ring: Sequence[WallReading], depth: float) -> str:
-    positions = "one position" if len(ring) == 1 else f"{len(ring)} positions"
-    return f"the wall was measured at {positions} of {len(ANGLES)}, {1e3 * depth:.2g} mm below the rim"
+def _coverage(ring: Sequence[WallReading], depth: float, last: Finding | None) -> Finding:
+    """Return that the wall was measured at too few positions, with the last motion that failed."""
+    rarely = WallMetRarely(len(ring), len(ANGLES), depth)
+    return rarely if last is None else AfterMotion(rarely, last)
 
 
 def _fitted(run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[float, ...], label: str) -> Attempt:
@@ -107,7 +110,6 @@ def _fitted(run: SensingRun, found: tuple[list[WallReading], ...], rings: tuple[
     readings = labelled_readings(run.hand, [r for ring in found for r in ring], label, "cylinder")
     feature, doubt = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is None or doubt:
-        return "unclear", f"what was read is not one cylinder: {doubt}", None
+        return "unclear", NotOneFeature("cylinder", doubt), None
     run.readings.append(readings)
-    deep = " and ".join(f"{1e3 * depth:.2g}" for depth in rings)
-    return "acquired", f"{len(readings)} places of the wall, {deep} mm below the rim", feature
+    return "acquired", WallSensed(len(readings), (rings[0], rings[1])), feature

@@ -28,6 +28,19 @@ from tanteo.hand.motion.track import Crease, crease_angle
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Robot
 from tanteo.sensors import RobotPreset
+from tanteo.words.findings import (
+    AfterMotion,
+    BendsAway,
+    CreaseOff,
+    CreaseSensed,
+    EdgeAlongFace,
+    EdgeAtOnePlace,
+    EdgeOffFace,
+    Finding,
+    NotOneFeature,
+    ReadingsTaken,
+    StepFailed,
+)
 
 _OTHER_FACE = 0.02
 """Distance beyond the bend at which the search for the other face starts [m]."""
@@ -58,22 +71,26 @@ def acquire_crease(
     above = _between(run, face, place, _turned(outwards, normal, 0.5 * angle)[1], np.cross(normal, outwards))
     if not above.reached:
         return failed(above)
-    status, message, other = acquire_plane(
+    status, finding, other = acquire_plane(
         run, FaceGuess(place + _OTHER_FACE * ahead, beyond), f"{label} other face", beside=face
     )
     if other is None:
-        return status, f"the surface bends away {crease_angle(creases)}, and of the face beyond it: {message}", None
+        return (
+            status,
+            StepFailed("face beyond it", finding, BendsAway(crease_angle(creases))),
+            None,
+        )
     run.others.append(other)
     try:
         edge = edge_from_planes(face, other, place, label)
     except DegenerateError as error:
-        return "unclear", f"the surface bends away {crease_angle(creases)}, but {error}", None
+        return "unclear", NotOneFeature("crease", str(error)), None
     away = place - edge.T_world_feature[:3, 3]
     direction = edge.T_world_feature[:3, 0]
     off = float(np.linalg.norm(away - (away @ direction) * direction))
     if off > _BESIDE:
-        return "unclear", f"the planes of both faces meet {1e3 * off:.2g} mm beside where the surface bends", None
-    return "acquired", "the surface bends: the edge is where the planes of both faces meet", edge
+        return "unclear", CreaseOff(off), None
+    return "acquired", CreaseSensed(), edge
 
 
 def _turned(outwards: FloatArray, normal: FloatArray, angle: float) -> tuple[FloatArray, FloatArray]:
@@ -141,12 +158,12 @@ def sense_edge(
         InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
-    status, message, face = acquire_plane(run, guess.face(INSET), f"{label} face")
+    status, finding, face = acquire_plane(run, guess.face(INSET), f"{label} face")
     if face is None:
-        return finish("edge", run, status, f"the face of the edge: {message}", None)
+        return finish("edge", run, status, StepFailed("face of the edge", finding), None)
     run.others.append(face)
-    status, message, feature = acquire_edge(run, face, guess, label)
-    return finish("edge", run, status, message, feature)
+    status, finding, feature = acquire_edge(run, face, guess, label)
+    return finish("edge", run, status, finding, feature)
 
 
 def acquire_edge(run: SensingRun, face: Feature, guess: EdgeGuess, label: str) -> Attempt:
@@ -161,13 +178,13 @@ def acquire_edge(run: SensingRun, face: Feature, guess: EdgeGuess, label: str) -
     normal = face.T_world_feature[:3, 2]
     along = guess.direction - (guess.direction @ normal) * normal
     if np.linalg.norm(along) < 0.2:
-        return "unclear", "the edge should run across the face that was found, not along it", None
+        return "unclear", EdgeAlongFace(), None
     found = find_edge(run, face, along / np.linalg.norm(along), guess.point)
     if isinstance(found, Motion):
         return failed(found)
     if not found.events:
         return acquire_crease(run, face, found.outwards, found.creases, label)
-    attempt: Attempt = ("unclear", "the sensors crossed the edge at one position only", None)
+    attempt: Attempt = ("unclear", EdgeAtOnePlace(), None)
     # if the two sensors crossed two different edges, each sensor searches for its own one beside the position
     for sensors in (run.hand.frontal, *((i,) for i in run.hand.frontal)):
         mine = [e for e in found.events if e.sensor in sensors]
@@ -194,45 +211,42 @@ def _cross_again(
     needed = np.stack([pose_over(run, face, place, along) for place in places[:ENOUGH]])
     if not nearly_known(run, needed):
         scan_above(run, face, needed)
-    why, total = "", len(events)
+    last: Finding | None = None
+    total = len(events)
     for number, place in enumerate(places):
         known = number >= ENOUGH and count_places(run.hand, kept, along) >= PLACES
-        if known and not agreeing(run.hand, kept, along, outwards, total)[1]:
+        if known and agreeing(run.hand, kept, along, outwards, total)[1] is None:
             break
         crossing = cross_at(run, face, place, along, outwards, search)
         kept += on_line(run.hand, crossing.events, line)
         total += len(crossing.events)
-        why = "" if crossing.motion.reached else f": {crossing.motion.message}"
+        last = None if crossing.motion.reached else crossing.motion.finding
     kept, doubts = agreeing(run.hand, kept, along, outwards, total)
-    if doubts:
-        return "unclear", f"{doubts}{why}", None
+    if doubts is not None:
+        return "unclear", doubts if last is None else AfterMotion(doubts, last), None
     readings = labelled_readings(run.hand, kept, label, "edge")
     feature, why = fitted_feature(readings, label, run.hand.rig, run.errors)
     if feature is not None and (off := _off_face(face, feature)):
         return "unclear", off, None
     if feature is None or why:
-        return "unclear", f"what was crossed is not one edge: {why}", None
+        return "unclear", NotOneFeature("edge", why), None
     spots = np.array([place_of(run.hand, e) for e in kept])
     if other := against(run, face, feature, spots, outwards):
         return "unclear", other, None
     run.readings.append(readings)
-    return "acquired", f"{len(kept)} crossings", feature
+    return "acquired", ReadingsTaken(len(kept)), feature
 
 
-def _off_face(face: Feature, edge: Feature) -> str:
-    """Return a message if an edge does not lie in its face, else an empty string.
+def _off_face(face: Feature, edge: Feature) -> EdgeOffFace | None:
+    """Return that an edge is not in its face, or None.
 
-    Over a narrow bevel the ranges grow too little to leave the face, so the sensors cross the far end of the bevel.
+    Over a narrow bevel the ranges grow too little to be off the face, so that the sensors cross its far end.
     """
     found = relate_all([face, edge]).column("edge_plane_coplanarity")
     off = found.value[0]
     if float(off @ np.linalg.solve(found.covariance[0], off)) < _IN_FACE:
-        return ""
-    side = "below" if off[0] < 0 else "above"
-    return (
-        f"what was crossed is {1e3 * abs(off[0]):.2g} mm {side} the face: the border seems to be bevelled or rounded. "
-        "Acquire both faces beside it; their planes meet in the edge"
-    )
+        return None
+    return EdgeOffFace(float(off[0]))
 
 
 def _squared(face: Feature, line: Line, outwards: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

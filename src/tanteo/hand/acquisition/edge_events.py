@@ -19,6 +19,7 @@ from tanteo.hand.motion.crossing import EdgeEvent
 from tanteo.hand.motion.track import Crease
 from tanteo.hand.robot import Hand
 from tanteo.sensors import error_model
+from tanteo.words.findings import EdgeMetRarely, EdgesMixed, FaceEndsElsewhere, Finding, PlaceBeside
 
 Line = tuple[FloatArray, FloatArray]
 """Point and unit direction of a line, each ``(3,)``."""
@@ -96,7 +97,7 @@ def on_line(hand: Hand, events: Sequence[EdgeEvent], line: Line) -> list[EdgeEve
 
 def agreeing(
     hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray, total: int = 0
-) -> tuple[list[EdgeEvent], str]:
+) -> tuple[list[EdgeEvent], Finding | None]:
     """Return the events without one position on another edge, if there are five positions and the rest is consistent.
 
     Beside the end of an edge, a crossing hits the next edge. If enough positions verify each other, the one whose
@@ -115,12 +116,16 @@ def agreeing(
     """
     why, worst = doubt(hand, events, along, outwards)
     rest = [e for e, out in zip(events, worst, strict=True) if not out]
-    if not worst.any() or count_places(hand, rest, along) < _MANY - 1 or doubt(hand, rest, along, outwards)[0]:
+    if (
+        not worst.any()
+        or count_places(hand, rest, along) < _MANY - 1
+        or doubt(hand, rest, along, outwards)[0] is not None
+    ):
         rest = list(events)
     else:
-        why = ""
-    if not why and 2 * len(rest) < total:
-        why = f"of {total} crossings of edges only {len(rest)} are on this one"
+        why = None
+    if why is None and 2 * len(rest) < total:
+        why = EdgesMixed(total, len(rest))
     return rest, why
 
 
@@ -143,7 +148,9 @@ def _places(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray) -> IntAr
     return group
 
 
-def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray) -> tuple[str, BoolArray]:
+def doubt(
+    hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: FloatArray
+) -> tuple[Finding | None, BoolArray]:
     """Return why events do not lie on one straight edge, and the mask of the events at the worst position.
 
     Events at one position, in both directions, hit the same corner or step, so only the other positions can verify it.
@@ -161,7 +168,7 @@ def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: 
     spots, group = np.array([place_of(hand, e) for e in events]).reshape(-1, 3), _places(hand, events, along)
     counts, none = np.bincount(group), np.zeros(len(events), dtype=bool)
     if len(events) == 0 or len(counts) < 3:
-        return f"the edge was crossed {len(events)} times, at too few positions", none
+        return EdgeMetRarely(len(events), alone=False), none
     x, y, variance = (
         np.bincount(group, weights=v) / counts for v in (spots @ along, spots @ outwards, _variances(hand, events))
     )
@@ -169,12 +176,12 @@ def doubt(hand: Hand, events: Sequence[EdgeEvent], along: FloatArray, outwards: 
     H = A @ np.linalg.solve(A.T @ A, A.T)
     leverages = np.diag(H)
     if leverages.max() > _CONTROLLED:
-        return f"the edge was crossed {len(events)} times, and the others do not verify one position", none
+        return EdgeMetRarely(len(events), alone=True), none
     residuals = np.abs(y / np.sqrt(variance) - H @ (y / np.sqrt(variance))) / np.sqrt(1 - leverages)
     worst = int(np.argmax(residuals))
     if residuals[worst] <= _GATE:
-        return "", none
-    return f"one position is {residuals[worst]:.1f} standard deviations off the line of the others", group == worst
+        return None, none
+    return PlaceBeside(float(residuals[worst]), "line"), group == worst
 
 
 def _variances(hand: Hand, events: Sequence[EdgeEvent]) -> FloatArray:
@@ -204,7 +211,9 @@ _OFTEN = 3
 """Number of contradicting beams that reject an edge; one may contradict it by chance."""
 
 
-def against(run: SensingRun, face: Feature, edge: Feature, crossed: Vectors, outwards: FloatArray) -> str:
+def against(
+    run: SensingRun, face: Feature, edge: Feature, crossed: Vectors, outwards: FloatArray
+) -> FaceEndsElsewhere | None:
     """Return why the beams of the crossings contradict an edge of a face; empty if they do not.
 
     Args:
@@ -226,10 +235,10 @@ def against(run: SensingRun, face: Feature, edge: Feature, crossed: Vectors, out
     clear = between & (np.abs(y) > _SPOT * spot + _PLACE)
     ends = clear & missed & (y < 0) & (-y < _BEFORE * spot + _LEAST)
     goes_on = clear & on_face & (y > 0) & (y < _BEYOND * spot + _LEAST)
-    for wrong, words in ((ends, "ends before that line"), (goes_on, "continues beyond that line")):
+    for wrong, beyond in ((ends, False), (goes_on, True)):
         if np.count_nonzero(wrong) >= _OFTEN:
-            return f"what was crossed is not one edge: between the crossings the face {words}"
-    return ""
+            return FaceEndsElsewhere(beyond)
+    return None
 
 
 def _on_face(cloud: Cloud, face: Feature) -> tuple[Vectors, FloatArray]:

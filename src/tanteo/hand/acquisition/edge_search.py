@@ -13,6 +13,7 @@ from tanteo.hand.acquisition.run import SensingRun
 from tanteo.hand.motion.crossing import EdgeEvent
 from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.track import Crease
+from tanteo.words.findings import NotUnderSensors
 
 _REACH = 0.05
 """Distance of the search beyond the expected edge [m]."""
@@ -67,7 +68,7 @@ def find_edge(run: SensingRun, face: Feature, along: FloatArray, wanted: FloatAr
     front = front_of(run)
     needed = max(float((wanted - front) @ outwards), 0.0)
     reach = needed + _REACH
-    last = Motion("search", "lost", "the surface is under neither frontal sensor", ())
+    last = Motion("search", "lost", NotUnderSensors(both=False), ())
     search = Search(needed + _ENOUGH, reach, 2 * run.hand.baseline)
     for place in _places(run, face, (front, along, outwards), search):
         crossing = cross_at(run, face, place, along, outwards, search)

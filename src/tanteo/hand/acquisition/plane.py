@@ -19,6 +19,7 @@ from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Robot
 from tanteo.sensors import RobotPreset, error_model
+from tanteo.words.findings import FaceNotRepeated, FacesTooNarrow, Finding, NoFlatFace, NoRoom, NotAllSeen, OtherFace
 
 HOVER = 0.06
 """Height above the stand-off before the descent [m]."""
@@ -37,10 +38,10 @@ SCANS = ((0.25, 0.09), *(((0.22, 0.05),) * 9))
 _ELSEWHERE = 0.008
 """Smallest distance of a new position from those that failed [m]."""
 
-_NARROW = "no face is wide enough for both sensors"
-_NO_CLEARANCE = "the clearance over the face is too small for the hand"
-_UNSEEN = "the space for the descent of the hand is not completely known"
-_UNSURE: Attempt = ("unclear", "two scans did not find the face at the same position", None)
+_NARROW = FacesTooNarrow()
+_NO_CLEARANCE = NoRoom("over the face")
+_UNSEEN = NotAllSeen("over the face")
+_UNSURE: Attempt = ("unclear", FaceNotRepeated(), None)
 
 
 _ASTRAY = np.radians(12.0)
@@ -104,8 +105,8 @@ def sense_plane(
         InputError: The stand-off is too small for the clearance of the rules.
     """
     run = SensingRun(robot, standoff, rules, errors)
-    status, message, feature = acquire_plane(run, guess, label)
-    return finish("plane", run, status, message, feature)
+    status, finding, feature = acquire_plane(run, guess, label)
+    return finish("plane", run, status, finding, feature)
 
 
 def acquire_plane(run: SensingRun, guess: FaceGuess, label: str, *, beside: Feature | None = None) -> Attempt:
@@ -121,7 +122,7 @@ def acquire_plane(run: SensingRun, guess: FaceGuess, label: str, *, beside: Feat
         label: label of the face.
         beside: sensed face that must not be acquired again; None for none.
     """
-    attempt: Attempt = ("nothing", "nothing flat was seen where the face should be", None)
+    attempt: Attempt = ("nothing", NoFlatFace(), None)
     near = come_near(run, guess)
     if near is not None and not near.reached:
         return failed(near)
@@ -179,12 +180,7 @@ def as_guessed(guess: FaceGuess, attempt: Attempt) -> Attempt:
     sd = float(np.linalg.norm([guess.sd, own[0], turn_sd * np.linalg.norm(gap - (gap @ T[:3, 2]) * T[:3, 2])]))
     if off <= _OTHER * sd and turned <= _OTHER * turn_sd:
         return attempt
-    where = f"{1e3 * off:.2g} mm and {np.degrees(turned):.2g} deg off where it should be"
-    return (
-        "unclear",
-        f"the face that was sensed is {where}, to {1e3 * sd:.2g} mm and {np.degrees(turn_sd):.2g} deg",
-        None,
-    )
+    return "unclear", OtherFace(off, turned, sd, turn_sd), None
 
 
 def _over_one(
@@ -230,7 +226,8 @@ def hover(
     """
     hand, cloud = run.hand, run.seen()
     raised, other = over(cloud, patch.point, patch.normal), beside(cloud, patch.point, patch.normal)
-    now, why = run.robot.sensed.T_world_hand, _NARROW
+    now = run.robot.sensed.T_world_hand
+    why: Finding = _NARROW
     reach = float(error_model(hand.rig).max_range[list(hand.frontal)].min())
     height = HOVER if closely else max(HOVER, min(_HIGHER, _IN_REACH * reach - run.standoff))
     places = [(place, along) for width, place, along in stands(patch, hand.baseline, wanted) if width >= _WIDE]

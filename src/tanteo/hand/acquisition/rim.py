@@ -23,6 +23,7 @@ from tanteo.hand.motion.crossing import EdgeEvent
 from tanteo.hand.motion.steering import Motion
 from tanteo.hand.robot import Hand
 from tanteo.sensors import error_model
+from tanteo.words.findings import Finding, NotCrossed, PlaceBeside, RimMetRarely
 
 _BEYOND = 2.5e-3
 """Distance of a crossing beyond twice the spot [m]; narrower structures cannot be detected."""
@@ -97,7 +98,7 @@ def cross_rim(
     inset, beyond = run.standoff * 0.3 + 0.006 + slack, narrowest(run)
     foot = disc.centre + disc.radius * out - inset * way
     search = Search(inset + slack, inset + 2 * slack + beyond, beyond)
-    last = Motion("cross rim", "nothing", "nothing was crossed", ())
+    last = Motion("cross rim", "nothing", NotCrossed(), ())
     # the other sensor rather over the bore or inside the boss, where there is less around; else outside
     for side in (-1.0, 1.0)[: 1 if convex else 2]:
         middle = foot + 0.5 * side * run.hand.baseline * out
@@ -167,7 +168,7 @@ def _rows(points: FloatArray, x: FloatArray, r: float) -> tuple[FloatArray, Floa
     return np.column_stack([away / distance[:, None], np.ones(len(points))]), distance - r
 
 
-def controlled(places: Sequence[Place], face: Feature, disc: Disc) -> tuple[list[Place], str]:
+def controlled(places: Sequence[Place], face: Feature, disc: Disc) -> tuple[list[Place], Finding | None]:
     """Places without one that is on something else, if the others control each other; and what speaks against them.
 
     As of an edge: the place with the largest residual beyond the gate is known to be the wrong one if enough others are
@@ -177,35 +178,34 @@ def controlled(places: Sequence[Place], face: Feature, disc: Disc) -> tuple[list
     why, worst = _doubt(kept, face, disc)
     if worst is not None and len(kept) > LEAST_PLACES:
         rest = kept[:worst] + kept[worst + 1 :]
-        if not _doubt(rest, face, disc)[0]:
-            return rest, ""
+        if _doubt(rest, face, disc)[0] is None:
+            return rest, None
     return kept, why
 
 
-def _doubt(places: list[Place], face: Feature, disc: Disc) -> tuple[str, int | None]:
+def _doubt(places: list[Place], face: Feature, disc: Disc) -> tuple[Finding | None, int | None]:
     """Return why positions do not determine one circle, and the index of a position that does not fit."""
-    crossed = f"the rim was crossed at {len(places)} positions"
     if len(places) < LEAST_PLACES:
-        return f"{crossed}, and fewer than {LEAST_PLACES} do not verify each other", None
+        return RimMetRarely(len(places), "few", math.nan), None
     circle = disc_through(places, face, disc)
     if circle is None:
-        return f"{crossed}, which cover too little of it to determine a circle", None
+        return RimMetRarely(len(places), "spread", math.nan), None
     axes, weights = face.T_world_feature[:3, :2], 1 / np.sqrt([p.variance for p in places])
     points = (np.array([p.point for p in places]) - circle.centre) @ axes
     turns = np.sort(np.arctan2(points[:, 1], points[:, 0]))
     open_for = float(np.diff(turns, append=turns[0] + 2 * math.pi).max())
     if open_for > _MOST_OPEN:
-        return f"{crossed}, and none on {math.degrees(open_for):.0f} degrees of it: it may be open there", None
+        return RimMetRarely(len(places), "open", open_for), None
     A, residual = _rows(points, np.zeros(2), circle.radius)
     Q = np.linalg.qr(A * weights[:, None])[0]
     leverages = np.sum(Q**2, axis=1)
     if leverages.max() > _CONTROLLED:
-        return f"{crossed}, and the others do not verify one of them", None
+        return RimMetRarely(len(places), "alone", math.nan), None
     standard = np.abs(residual * weights) / np.sqrt(1 - leverages)
     worst = int(np.argmax(standard))
     if standard[worst] <= _GATE:
-        return "", None
-    return f"one position is {standard[worst]:.1f} standard deviations off the circle of the others", worst
+        return None, None
+    return PlaceBeside(float(standard[worst]), "circle"), worst
 
 
 def turned(face: Feature, first: FloatArray, angle: float) -> FloatArray:

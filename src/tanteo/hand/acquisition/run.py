@@ -13,14 +13,15 @@ from tanteo.hand.motion.following import retreat
 from tanteo.hand.motion.steering import Motion, Rules
 from tanteo.hand.robot import Hand, Robot
 from tanteo.sensors import Readings, RobotPreset, concatenate
+from tanteo.words.findings import AtPose, Finding
 
 Outcome: TypeAlias = Literal["acquired", "lost", "nothing", "limit", "timeout", "unclear"]
 """``acquired``: the feature is sensed. ``unclear``: what was read does not determine it, or contradicts itself. The
 others are the endings of the motion that could not do its part (:data:`tanteo.hand.Ending`)."""
 
 
-Attempt: TypeAlias = tuple[Outcome, str, Feature | None]
-"""Status, message, and the feature; None unless the status is ``acquired``."""
+Attempt: TypeAlias = tuple[Outcome, Finding, Feature | None]
+"""Status of an attempt, its reason, and the feature, which is there exactly if it was acquired."""
 
 
 def failed(motion: Motion) -> Attempt:
@@ -30,7 +31,7 @@ def failed(motion: Motion) -> Attempt:
         motion: motion that did not reach its goal.
     """
     assert motion.status != "reached"
-    return motion.status, motion.message, None
+    return motion.status, motion.finding, None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +41,7 @@ class Acquired:
     Attributes:
         kind: kind of the feature: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
         status: status at the end.
-        message: status as a sentence.
+        finding: reason for the status.
         feature: acquired feature; None unless the status is ``acquired``.
         others: further sensed features, such as the face of an edge or the edges of a corner.
         readings: record of all labels; None if there are no readings of features.
@@ -49,11 +50,16 @@ class Acquired:
 
     kind: str
     status: Outcome
-    message: str
+    finding: Finding
     feature: Feature | None
     others: tuple[Feature, ...]
     readings: Readings | None
     motions: tuple[Motion, ...]
+
+    @property
+    def message(self) -> str:
+        """Return the reason for the status as text."""
+        return self.finding.message
 
     @property
     def acquired(self) -> bool:
@@ -119,7 +125,7 @@ class SensingRun:
 
     def seen(self) -> Cloud:
         """Return the points that all motions and the current reading have measured."""
-        now = Motion("now", "reached", "", (self.robot.sensed,))
+        now = Motion("now", "reached", AtPose(), (self.robot.sensed,))
         return cloud_of(self.hand, [*self.motions, now])
 
     def known(self) -> Known:
@@ -142,16 +148,16 @@ def back_off(run: SensingRun, distance: float) -> Motion:
     return run.does(retreat(run.robot, distance, run.rules))
 
 
-def finish(kind: str, run: SensingRun, status: Outcome, message: str, feature: Feature | None) -> Acquired:
+def finish(kind: str, run: SensingRun, status: Outcome, finding: Finding, feature: Feature | None) -> Acquired:
     """Return the result of a run.
 
     Args:
         kind: kind of the feature.
         run: acquisition.
         status: status at the end.
-        message: status as a sentence.
+        finding: finding that explains the status.
         feature: acquired feature; None if there is none.
     """
     others = tuple(f for f in run.others if feature is None or f.label != feature.label)
     record = concatenate(run.readings) if run.readings else None
-    return Acquired(kind, status, message, feature, others, record, tuple(run.motions))
+    return Acquired(kind, status, finding, feature, others, record, tuple(run.motions))

@@ -23,6 +23,7 @@ from tanteo.hand.motion.steering import Motion
 from tanteo.hand.motion.travelling import go_to, path
 from tanteo.hand.robot import Hand, HandReading
 from tanteo.sensors import Readings
+from tanteo.words.findings import NoRoom, NotOneFeature, ReadingsTaken, ScanTooShort, SurfaceLost
 
 INSTANTS = 20
 """Number of instants of the scan across the pair, and of that along it; each has two readings."""
@@ -43,14 +44,13 @@ _SQUARE = np.radians(1.5)
 """Tilt to the scanned plane above which the hand is aligned and scans again [rad]."""
 
 _FLAT = np.radians(6.0)
-"""Rotation of the hand during a scan above which it has left the face; over a ridge its fingers would come near to it
-[rad]."""
+"""A scan along which the hand has to turn by more than this has left the face: over a ridge its fingers would come near
+to it [rad]."""
 
 _SURE = np.radians(3.0)
-"""Standard deviation of the tilt above which a plane is not acquired [rad]."""
+"""A plane whose tilt is known no better than this is not acquired [rad]."""
 
-_NO_TURN = Motion("turn", "limit", "the known clearance is too small to align the hand with the face", ())
-_NOT_ONE = "what was scanned is not one plane"
+_NO_TURN = Motion("turn", "limit", NoRoom("to turn it square to the face"), ())
 
 
 def scan(run: SensingRun, label: str, width: float) -> Attempt:
@@ -80,9 +80,9 @@ def scan(run: SensingRun, label: str, width: float) -> Attempt:
     if readings is None or attempt[2] is None:
         return attempt
     if doubt:
-        return "unclear", f"{_NOT_ONE}: {doubt}", None
+        return "unclear", NotOneFeature("plane", doubt), None
     if float(np.sqrt(np.diag(attempt[2].P)[1:].max())) > _SURE:
-        return "unclear", "the scan is too short for the tilt of the face", None
+        return "unclear", ScanTooShort(), None
     run.readings.append(readings)
     return attempt
 
@@ -107,11 +107,11 @@ def _scan_once(run: SensingRun, width: float, label: str) -> tuple[Readings | No
         log += [line[k] for k in np.unique(np.linspace(0, len(line) - 1, INSTANTS).round().astype(int))] if line else []
     readings = plane_readings(hand, log, label)
     if readings is None or len(readings) < 4:
-        return None, ("lost", "the surface was not under the frontal sensors for long enough", None), ""
+        return None, ("lost", SurfaceLost(), None), ""
     feature, why = fitted_feature(readings, label, hand.rig, run.errors)
     if feature is None:
-        return None, ("unclear", f"{_NOT_ONE}: {why}", None), ""
-    return readings, ("acquired", f"{len(readings)} readings", feature), why
+        return None, ("unclear", NotOneFeature("plane", why), None), ""
+    return readings, ("acquired", ReadingsTaken(len(readings)), feature), why
 
 
 def _align(run: SensingRun) -> Motion:

@@ -14,6 +14,7 @@ from tanteo.hand.acquisition.run import Acquired, SensingRun, finish
 from tanteo.hand.motion.steering import Rules
 from tanteo.hand.robot import Robot
 from tanteo.sensors import RobotPreset
+from tanteo.words.findings import EdgesMeet, EdgesPass, NotOneFeature, StepFailed
 
 ALONG = 0.035
 """Each edge is sensed this far from the corner [m]."""
@@ -48,24 +49,23 @@ def sense_vertex(
     run = SensingRun(robot, standoff, rules, errors)
     arriving, leaving = guess.edges(ALONG)
     middle = 0.5 * (arriving.face(INSET).point + leaving.face(INSET).point)
-    status, message, face = acquire_plane(run, FaceGuess(middle, guess.normal), f"{label} face")
+    status, finding, face = acquire_plane(run, FaceGuess(middle, guess.normal), f"{label} face")
     if face is None:
-        return finish("vertex", run, status, f"the face of the corner: {message}", None)
+        return finish("vertex", run, status, StepFailed("face of the corner", finding), None)
     run.others.append(face)
     edges = []
     for number, edge_idea in enumerate((arriving, leaving), start=1):
-        status, message, edge = acquire_edge(run, face, edge_idea, f"{label} edge {number}")
+        status, finding, edge = acquire_edge(run, face, edge_idea, f"{label} edge {number}")
         if edge is None:
-            return finish("vertex", run, status, f"edge {number} of the corner: {message}", None)
+            return finish("vertex", run, status, StepFailed(f"edge {number} of the corner", finding), None)
         edges.append(edge)
     run.others.extend(edges)
     try:
         vertex, _ = intersect_edges(edges, label)
     except DegenerateError as error:
-        return finish("vertex", run, "unclear", str(error), None)
+        return finish("vertex", run, "unclear", NotOneFeature("corner", str(error)), None)
     gap = relate_all(edges).column("edge_gap")
     off, sd = float(gap.value[0, 0]), float(np.sqrt(gap.covariance[0, 0, 0]))
     if abs(off) > _GATE * sd:
-        why = f"its edges pass each other at {1e3 * abs(off):.2g} mm, {abs(off) / sd:.1f} standard deviations"
-        return finish("vertex", run, "unclear", why, None)
-    return finish("vertex", run, "acquired", "two edges meet", vertex)
+        return finish("vertex", run, "unclear", EdgesPass(abs(off), abs(off) / sd), None)
+    return finish("vertex", run, "acquired", EdgesMeet(), vertex)

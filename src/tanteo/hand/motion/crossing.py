@@ -20,6 +20,7 @@ from tanteo.hand.motion.track import Crease, Surface, Track, crease_angle, creas
 from tanteo.hand.robot import HIT, NEAR, HandReading, Robot
 from tanteo.hand.twists import translation_twist
 from tanteo.sensors import error_model
+from tanteo.words.findings import BendsAway, EdgeCrossed, EdgeNotRepeated, NoEdge, NotUnderSensors
 
 STRIDE = 0.01
 """Step of the hand between two readings during a crossing, as a fraction of the stand-off."""
@@ -113,7 +114,7 @@ def cross_edge(
     run = Steering("cross edge", robot, rules)
     surface = _surface(run, standoff)
     if np.isnan(surface.ranges).all():
-        return Crossing(run.end("lost", "the surface is under neither frontal sensor"), ())
+        return Crossing(run.end("lost", NotUnderSensors(both=False)), ())
     speed = min(rules.speed, STRIDE * standoff / robot.period)
     out, ended = _leave(run, heading * speed, surface, reach, spread)
     back = _come_back(run, -heading * speed, out[0]) if ended != "timeout" else []
@@ -125,15 +126,15 @@ def cross_edge(
         if isinstance(hits[0], EdgeEvent) and isinstance(hits[1], EdgeEvent):
             events += [hits[0], replace(hits[1], outwards=False)]
     if events:
-        motion = run.end("reached", f"{len(events)} events of {len(events) // 2} sensors")
+        motion = run.end("reached", EdgeCrossed(len(events), len(events) // 2))
     elif creases:
-        motion = run.end("nothing", f"the surface does not end, it bends away {crease_angle(creases)}")
+        motion = run.end("nothing", BendsAway(crease_angle(creases)))
     elif ended == "nothing":
-        motion = run.end("nothing", f"the surface does not end within {1e3 * reach:.3g} mm")
+        motion = run.end("nothing", NoEdge(reach))
     elif ended:
         motion = run.end(ended)
     else:
-        motion = run.end("lost", "the surface ended, but there and back not at one place")
+        motion = run.end("lost", EdgeNotRepeated())
     return Crossing(motion, tuple(events), tuple(creases))
 
 

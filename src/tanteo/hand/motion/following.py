@@ -17,6 +17,17 @@ from tanteo.geometry.typing import FloatArray, Tangents, Transforms, Vectors
 from tanteo.hand.motion.steering import Motion, Rules, Steering, blind, frontal
 from tanteo.hand.robot import HIT, Hand, HandReading, Robot
 from tanteo.hand.twists import advance, rotation_twist, translation_twist
+from tanteo.words.findings import (
+    AtStandoff,
+    Followed,
+    MovedBack,
+    NoRanges,
+    NoSurfaceAhead,
+    NotUnderSensors,
+    SurfaceBent,
+    SurfaceEnded,
+    TwoSurfaces,
+)
 
 _NEAR_ENOUGH = 0.05
 """Deviation from the stand-off, as a fraction of it, at which an approach has arrived."""
@@ -44,13 +55,13 @@ def approach(robot: Robot, standoff: float, rules: Rules, *, reach: float) -> Mo
         ranges = np.where(np.isfinite(ranges), ranges, run.free_range[list(run.hand.frontal)])
         error = float(ranges.min()) - standoff
         if blind(run):
-            return run.end("lost", "the surface ahead gives no ranges: the beams hit it too obliquely")
+            return run.end("lost", NoRanges())
         still = still + 1 if abs(error) < _NEAR_ENOUGH * standoff else 0
         if still > _STILL + run.loop.delay:
-            return run.end("reached", f"{1e3 * standoff:.3g} mm before the surface")
+            return run.end("reached", AtStandoff(standoff, square=False))
         gone = float((run.sensed.T_world_hand[:3, 3] - start[:3, 3]) @ start[:3, 2])
         if gone > reach:
-            return run.end("nothing", f"no surface within {1e3 * reach:.3g} mm ahead")
+            return run.end("nothing", NoSurfaceAhead(reach))
         speed = float(np.clip(run.loop.gain * error, -rules.speed, rules.speed)) if np.isfinite(error) else rules.speed
         if ending := run.step(translation_twist(np.array([0.0, 0.0, speed]))):
             return run.end(ending)
@@ -74,7 +85,7 @@ def retreat(robot: Robot, distance: float, rules: Rules) -> Motion:
     while True:
         left = distance - float((start[:3, 3] - run.sensed.T_world_hand[:3, 3]) @ start[:3, 2])
         if left < 5e-4:
-            return run.end("reached", f"{1e3 * distance:.3g} mm back")
+            return run.end("reached", MovedBack(distance))
         speed = min(run.loop.gain * left + 1e-3, rules.speed)
         if ending := run.step(translation_twist(np.array([0.0, 0.0, -speed]))):
             return run.end(ending)
@@ -118,16 +129,13 @@ def align(robot: Robot, standoff: float, rules: Rules, *, max_tilt: float = math
     while True:
         height, tilt, both = seen_surface(run)
         if not both:
-            why = "gives no ranges" if blind(run) else "is not under both frontal sensors"
-            return run.end("lost", f"the surface {why}")
+            return run.end("lost", NoRanges() if blind(run) else NotUnderSensors(both=True))
         if abs(tilt) > max_tilt:
-            return run.end(
-                "lost", f"the two sensors are not over one surface: it seems {math.degrees(tilt):.0f} deg askew"
-            )
+            return run.end("lost", TwoSurfaces(tilt))
         recent.append((height - standoff, tilt))
         mean = np.abs(np.mean(recent[-window:], axis=0))
         if len(recent) >= window and mean[0] < _AT_REST * standoff and mean[1] < _LEVEL:
-            return run.end("reached", f"square to the surface, {1e3 * standoff:.3g} mm from it")
+            return run.end("reached", AtStandoff(standoff, square=True))
         if ending := run.step(hold(run, standoff, height, tilt)):
             return run.end(ending)
 
@@ -175,16 +183,16 @@ def follow(
     speed = min(rules.speed, SLOWEST_ANSWER * standoff * run.loop.gain)
     gone, astray, last = 0.0, 0, frontal(run)[0]
     if not np.isfinite(last).all():
-        return run.end("lost", "the surface is not under both frontal sensors")
+        return run.end("lost", NotUnderSensors(both=True))
     while gone < distance:
         height, tilt, both = seen_surface(run)
         ranges = frontal(run)[0]
         jumped = not both or bool((np.abs(ranges - last) > JUMP * standoff).any())
         astray, last = (astray + 1, last) if jumped else (0, ranges)
         if astray >= _ASTRAY:
-            return run.end("lost", f"the surface ended after {1e3 * gone:.3g} mm")
+            return run.end("lost", SurfaceEnded(gone))
         if math.acos(min(float(ahead @ run.sensed.T_world_hand[:3, 2]), 1.0)) > max_tilt:
-            return run.end("lost", f"the surface bent away after {1e3 * gone:.3g} mm")
+            return run.end("lost", SurfaceBent(gone))
         correction = hold(run, standoff, height, tilt) if not jumped else np.zeros(6)
         before = run.sensed.T_world_hand
         slower = max(_CREEP, 1.0 - abs(tilt) / _BENT)
@@ -192,7 +200,7 @@ def follow(
             return run.end(ending)
         moved = SE3.apply(run.sensed.T_world_hand, run.hand.front) - SE3.apply(before, run.hand.front)
         gone += max(float(before[:3, :3] @ heading @ moved), 0.0)
-    return run.end("reached", f"{1e3 * distance:.3g} mm along the surface")
+    return run.end("reached", Followed(distance))
 
 
 def seen_surface(run: Steering) -> tuple[float, float, bool]:

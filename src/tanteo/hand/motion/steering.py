@@ -17,6 +17,7 @@ from tanteo.hand.motion.control import Loop
 from tanteo.hand.robot import HIT, LOST, NEAR, HandReading, Robot
 from tanteo.hand.twists import point_velocities, pose_difference
 from tanteo.hand.workspace import Workspace
+from tanteo.words.findings import AtLimit, Finding, NearSurface, TimedOut
 
 Ending: TypeAlias = Literal["reached", "lost", "nothing", "limit", "timeout"]
 """Status of an ended motion. ``reached``: the goal is reached. ``lost``: the surface ended under a sensor or gave no
@@ -31,14 +32,19 @@ class Motion:
     Attributes:
         name: name of the motion.
         status: ending of the motion.
-        message: reason for the ending, one sentence.
+        finding: reason for the ending.
         log: readings of every period, in order.
     """
 
     name: str
     status: Ending
-    message: str
+    finding: Finding
     log: tuple[HandReading, ...]
+
+    @property
+    def message(self) -> str:
+        """Return the reason for the ending as text."""
+        return self.finding.message
 
     @property
     def reached(self) -> bool:
@@ -98,14 +104,15 @@ class Steering:
     Attributes:
         loop: gain for distances and angles, chosen from the robot's latency.
         fraction: part of the last command's velocity that was sent, 0 to 1.
-        refused: reason why commands were slowed down recently; empty if none were.
+        refused: reason why commands were slowed down recently; None if none were.
         free_range: remembered free range along each beam ``(k,)`` [m]; infinite without a recent range.
     """
 
     def __init__(self, name: str, robot: Robot, rules: Rules) -> None:
         self.robot, self.rules, self.hand = robot, rules, robot.hand
         self.loop = Loop.of(robot.latency, robot.period)
-        self.fraction, self.refused = 1.0, ""
+        self.refused: Finding | None = None
+        self.fraction = 1.0
         self.free_range, self._until = np.full(len(self.hand.origins), np.inf), np.zeros(len(self.hand.origins))
         self._name, self._log = name, [robot.sensed]
         self._stuck, self._deadline = 0.0, robot.sensed.time + rules.timeout
@@ -136,16 +143,19 @@ class Steering:
             return "limit"
         return "timeout" if self.sensed.time >= self._deadline else None
 
-    def end(self, status: Ending, message: str = "") -> Motion:
-        """Stop, wait until the last command has taken effect, and close the log."""
+    def end(self, status: Ending, finding: Finding | None = None) -> Motion:
+        """Stop, wait until the last command has taken effect, and close the log.
+
+        Args:
+            status: ending of the motion.
+            finding: reason for it; None for what blocked the motion, or for the time limit.
+        """
         for _ in range(self.loop.delay + 1):
             self._log.append(self.robot.step(np.zeros(6)))
-        if not message:
-            message = {
-                "limit": f"it could not go on: {self.refused}",
-                "timeout": f"it took longer than {self.rules.timeout:g} s",
-            }.get(status, status)
-        return Motion(self._name, status, message, tuple(self._log))
+        if finding is None:
+            finding = self.refused if status == "limit" else TimedOut(self.rules.timeout)
+            assert finding is not None
+        return Motion(self._name, status, finding, tuple(self._log))
 
     def _remember(self) -> None:
         """Update :attr:`free_range` with the most recent reading."""
@@ -159,18 +169,19 @@ class Steering:
         self._until[hit] = sensed.time + _REMEMBERED
         self.free_range[sensed.time >= self._until] = np.inf
 
-    def _slowed(self, twist: Tangents) -> tuple[float, str]:
+    def _slowed(self, twist: Tangents) -> tuple[float, Finding | None]:
         """Return the fraction of a command's velocity that keeps the clearance, and the reason for the limit."""
-        share, why = 1.0, ""
+        share: float = 1.0
+        why: Finding | None = None
         closing = np.einsum("ij,ij->i", point_velocities(self.hand.origins, twist), self.hand.axes)
         free = self.loop.gain * (self.free_range - self.hand.overhangs - self.rules.clearance)
         for i in np.flatnonzero((closing > 0) & (closing > free)):
             allowed = max(float(free[i] / closing[i]), 0.0)
             if allowed < share:
-                share, why = allowed, f"'{self.hand.rig.sensors[i].name}' measures a near surface"
+                share, why = allowed, NearSurface(self.hand.rig.sensors[i].name)
         return self._within(twist, share, why)
 
-    def _within(self, twist: Tangents, share: float, why: str) -> tuple[float, str]:
+    def _within(self, twist: Tangents, share: float, why: Finding | None) -> tuple[float, Finding | None]:
         """Reduce the fraction of :meth:`_slowed` further where the body nears a bound or forbidden box."""
         if not self._limits:
             return share, why
@@ -180,7 +191,7 @@ class Steering:
         closing = -np.einsum("kmi,ki->km", away, point_velocities(body.centres, twist) @ T[:3, :3].T)
         ratio = np.where(closing > free, free / np.where(closing > free, closing, 1.0), 1.0).min(axis=0)
         worst = int(np.argmin(ratio))
-        return (float(ratio[worst]), f"the hand is at {self._limits[worst]}") if ratio[worst] < share else (share, why)
+        return (float(ratio[worst]), AtLimit(self._limits[worst])) if ratio[worst] < share else (share, why)
 
 
 def frontal(steering: Steering) -> tuple[FloatArray, FloatArray]:

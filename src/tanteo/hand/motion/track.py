@@ -146,10 +146,10 @@ def crease_of(sensor: int, number: int, track: Track, surface: Surface, beyond: 
     return Crease(sensor, track.pose_at(float(track.ways[last] - higher / slope)), distance, math.atan(slope))
 
 
-def crease_angle(creases: Sequence[Crease]) -> str:
-    """Return the angle of a bend as text for messages."""
+def crease_angle(creases: Sequence[Crease]) -> float:
+    """Return the angle of a bend [rad]; infinite if it is too steep for the sensors."""
     angle = float(np.median([c.angle for c in creases]))
-    return f"by about {math.degrees(angle):.0f} deg" if angle < STEEP else "too steeply for the sensors to answer"
+    return angle if angle < STEEP else math.inf
 
 
 def _line(x: FloatArray, y: FloatArray) -> tuple[float, float]:

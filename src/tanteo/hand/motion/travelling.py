@@ -15,6 +15,7 @@ from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.hand.motion.steering import Motion, Rules, Steering
 from tanteo.hand.robot import Hand, Robot
 from tanteo.hand.twists import advance, pose_difference, rotation_twist, translation_twist
+from tanteo.words.findings import AtPose, AtRest, LookedAround, NothingInRange
 
 _CLOSE, _TURNED = 5e-4, 2e-3
 """Distance [m] and angle [rad] within which a pose counts as reached."""
@@ -35,7 +36,7 @@ def go_to(robot: Robot, T_world_hand: Transforms, rules: Rules) -> Motion:
     while True:
         twist, missing, angle = towards(run, T_world_hand)
         if missing < _CLOSE and angle < _TURNED:
-            return run.end("reached", "at the pose")
+            return run.end("reached", AtPose())
         if ending := run.step(twist):
             return run.end(ending)
 
@@ -55,7 +56,7 @@ def dwell(robot: Robot, instants: int, rules: Rules) -> Motion:
     for _ in range(instants):
         if run.step(np.zeros(6)) == "timeout":
             return run.end("timeout")
-    return run.end("reached", f"{instants} readings at rest")
+    return run.end("reached", AtRest(instants))
 
 
 def path(T_from: Transforms, T_to: Transforms, front: FloatArray, n: int) -> Transforms:
@@ -133,7 +134,7 @@ def spiral_scan(robot: Robot, widest: float, rules: Rules, *, spacing: float = 0
             break
         if ending := run.step(twist):
             return run.end(ending)
-    return run.end("reached", "scanned") if seen else run.end("nothing", "nothing was within range")
+    return run.end("reached", LookedAround()) if seen else run.end("nothing", NothingInRange())
 
 
 def spiral_poses(

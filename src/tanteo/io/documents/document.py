@@ -31,6 +31,11 @@ T = TypeVar("T")
 _DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){50}""")
 """Pattern of dotted names with fifty parts, for which ``tomllib`` needs minutes."""
 
+_TEXT_OR_COMMENT = re.compile(
+    r'''(?s:"""(?:\\.|[^\\])*?"""|\'\'\'.*?\'\'\')|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|#[^\n]*'''
+)
+"""Pattern of the texts and comments of TOML, in which dots separate no names."""
+
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 
 
@@ -48,11 +53,13 @@ def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> 
     """
     try:
         text = read_whole(path, f"a {what}").decode() if text is None else text
-        if _DEEP.search(text):
+        if _DEEP.search(_TEXT_OR_COMMENT.sub(lambda match: '""' if match[0][0] != "#" else "", text)):
             raise InputError(f"{path}: expected a {what}, got a name in fifty others. Correct the file.")
         return table(kind, tomllib.loads(text), Place(str(path), text=text))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected TOML, got: {error}. Correct the file.") from None
+    except InputError:
+        raise
+    except ValueError as error:  # tomllib passes on what int() says of thousands of digits
+        raise InputError(f"{path}: expected TOML, got: {str(error)[:300].rstrip('.')}. Correct the file.") from None
     except RecursionError:
         raise InputError(f"{path}: expected a {what}, got tables in tables without end. Correct the file.") from None
 

@@ -16,6 +16,8 @@ from tanteo.io.documents.schema import Place, Table, as_plain
 from tanteo.planning import Action, Observation, Probe, Sensing, Stop
 from tanteo.posterior import Priors
 from tanteo.sensors import Column, Readings, Rig, RobotPreset, SensorPreset, robot_preset, sensor_preset
+from tanteo.words import Finding, message_of
+from tanteo.words.findings import REASONS, Stated
 
 HERE = Place("record")
 
@@ -39,10 +41,60 @@ class PosePriors:
     priors: Priors
 
 
+class ActionTable(Table, frozen=True, kw_only=True, eq=False):
+    """Table of an action; ``why`` has its reason in words, ``reason`` the kind and the values of the reason."""
+
+    number: int
+    origin: FloatArray
+    direction: FloatArray
+    max_range: float
+    expected: float
+    part: str
+    face: str
+    gain: float
+    why: str
+    radius: float = 0.0
+    acquires: str = ""
+    reason: object = None
+
+    @classmethod
+    def of(cls, action: Action | None) -> ActionTable | None:
+        """Return the table of an action; None for None.
+
+        Args:
+            action: action to store.
+        """
+        if action is None:
+            return None
+        names = [name for name in cls.__struct_fields__ if name not in ("at", "why", "reason")]
+        reason = action.reason
+        known = type(reason) in REASONS.values()
+        stored = {"kind": reason.kind, "values": as_plain(reason)} if known else None
+        values = {name: getattr(action, name) for name in names}
+        return cls(at=HERE, why=action.reason.message, reason=stored, **values)
+
+    def action(self) -> Action:
+        """Return the action.
+
+        Raises:
+            InputError: the action is invalid, or its reason has other values than its kind.
+        """
+        values = {name: item for name, item in self.values().items() if name not in ("why", "reason")}
+        return made(Action, {**values, "reason": self._reason()}, str(self.at))
+
+    def _reason(self) -> Finding:
+        raw = self.reason
+        if raw is None:
+            return Stated(self.why)
+        if not isinstance(raw, dict) or raw.get("kind") not in REASONS:
+            raise self.at.refused("reason", f"'kind' to be one of {', '.join(REASONS)}")
+        return table(REASONS[raw["kind"]], raw.get("values"), self.at.inside("reason"))
+
+
 class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
     """Table of one observation; of the readings it stores only the columns that are not empty."""
 
-    asked: Action | None
+    asked: ActionTable | None
     readings: object
     note: str
 
@@ -55,11 +107,13 @@ class ObservationTable(Table, frozen=True, kw_only=True, eq=False):
         """
         columns = {} if one.readings is None else as_plain(one.readings)
         filled = {name: column for name, column in columns.items() if name == "ids" or _has_content(column)}
-        return cls(at=HERE, asked=one.action, readings=filled or None, note=one.note)
+        note = message_of(one.findings)
+        return cls(at=HERE, asked=ActionTable.of(one.action), readings=filled or None, note=note)
 
     def observation(self) -> Observation:
         """Return the observation; missing columns of the readings get their defaults."""
-        return Observation(self.asked, self._readings(), self.note)
+        asked = None if self.asked is None else self.asked.action()
+        return Observation(asked, self._readings(), (Stated(self.note),) if self.note else ())
 
     def _readings(self) -> Readings | None:
         raw = self.readings
@@ -139,8 +193,8 @@ class SessionRecord(Table, frozen=True, kw_only=True, eq=False):
     stop: Stop
     seed: Annotated[int, Meta(ge=0)]
     observations: tuple[ObservationTable, ...]
-    asked: Action | None
-    refused: tuple[Action, ...]
+    asked: ActionTable | None
+    refused: tuple[ActionTable, ...]
     questions: int
     answer: Annotated[dict[str, Any], Meta(description="a table")]
     significance: float = SIGNIFICANCE

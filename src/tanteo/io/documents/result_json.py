@@ -137,7 +137,7 @@ def executed_json(
         warnings: other messages to the user, see :func:`recognition_json`.
     """
     sensing = {
-        "reached": done.end.reached, "why": done.end.why, "readings": readings, "seconds": done.seconds,
+        "reached": done.end.reached, "why": done.end.message, "readings": readings, "seconds": done.seconds,
         "travel_m": done.travel, "least_clearance_m": clearance, "visits": [_visit(visit) for visit in done.visits],
     }  # fmt: skip
     return document_json(recognition_document(answer) | {"sensing": sensing}, warnings)

@@ -86,7 +86,19 @@ class RosMessages:
             topic: topic of the message.
             received: time of reception [s].
             message: object with the fields of the message type.
+
+        Raises:
+            ReadingsError: the message lacks a field of its type, or a field holds no number.
         """
+        try:
+            self._take(topic, received, message)
+        except (AttributeError, TypeError, ValueError, OverflowError) as error:
+            raise ReadingsError(
+                f"{topic}: expected messages of {self.kinds[topic]} with the fields that ROS defines, got: {error}. "
+                "Record the topic with its standard definition, or choose another with --topic."
+            ) from None
+
+    def _take(self, topic: str, received: float, message: Any) -> None:
         kind = self.kinds[topic]
         if kind in TF:
             for one in message.transforms:

@@ -190,14 +190,22 @@ class Posed(Table, frozen=True, kw_only=True, eq=False):
         return SE3.from_parts(R, np.zeros(3) if self.position is None else self.position)
 
 
-def show(value: Any) -> str:
-    """Return a value for a message, cut to 60 characters.
+def show(value: Any, most: int = 60) -> str:
+    """Return a value for a message, cut to a number of characters.
 
     Args:
         value: value as read.
+        most: largest number of characters.
     """
-    text = value if isinstance(value, str) else repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    text = value if isinstance(value, str) else _bounded_repr(value)
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def _bounded_repr(value: Any) -> str:
+    try:
+        return repr(value)
+    except ValueError:  # a whole number with more digits than Python converts
+        return f"a number of about {int(math.log10(2) * value.bit_length())} digits"
 
 
 @cache

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tanteo.io.documents.result_json import strict
+from tanteo.words import parameter_words
 
 if TYPE_CHECKING:
     from tanteo.sensors import BeamFit, Calibration, Rig, RigSensor
@@ -59,7 +60,7 @@ def _beam(beam: BeamFit) -> dict[str, Any]:
             "const_m": float(const), "per_range": float(prop), "across_rad": float(across),
             "covariance_of_squares": beam.place_cov,
         },
-        "undetermined": beam.undetermined,
+        "undetermined": [parameter_words(one) for one in beam.undetermined],
     }  # fmt: skip
 
 

@@ -89,7 +89,7 @@ def record_text(path: Path) -> str:
 
     Raises:
         MissingExtraError: rosbags or mcap is not installed.
-        InputError: the file has no record.
+        InputError: the file has no record, or a damaged one.
     """
     texts = [data for _, data in _stored(path, RECORD)]
     if not texts:
@@ -97,7 +97,14 @@ def record_text(path: Path) -> str:
             f"{path}: expected an MCAP file with the record of a session ({RECORD}), got none. Give one that "
             "--record wrote; tanteo identify reads the readings of others."
         )
-    return str(_typestore().deserialize_cdr(texts[-1], TEXT).data)
+    store = _typestore()
+    try:
+        return str(store.deserialize_cdr(texts[-1], TEXT).data)
+    except Exception as error:  # noqa: BLE001  damaged bytes can raise anything
+        got = f"damaged text: {str(error).rstrip('.')}"
+        raise InputError(
+            f"{path}: expected the record of a session in {RECORD}, got {got}. Restore the file."
+        ) from None
 
 
 def _stored(path: Path, topic: str) -> Iterator[tuple[int, bytes]]:

@@ -15,7 +15,14 @@ from tanteo.errors import InputError
 from tanteo.geometry.typing import BoolArray
 from tanteo.io.documents.document import made, table
 from tanteo.io.documents.part_files import part_file, parts_of
-from tanteo.io.documents.record_tables import HERE, ObservationTable, PosePriors, SensingTable, SessionRecord
+from tanteo.io.documents.record_tables import (
+    HERE,
+    ActionTable,
+    ObservationTable,
+    PosePriors,
+    SensingTable,
+    SessionRecord,
+)
 from tanteo.io.documents.result_json import recognition_document
 from tanteo.io.documents.schema import Place, as_plain, show
 from tanteo.io.documents.session_mcap import SUFFIX, is_mcap, record_text, write_mcap
@@ -78,8 +85,8 @@ def session_document(session: Session) -> dict[str, Any]:
         stop=session.stop,
         seed=int(session.seed),
         observations=tuple(map(ObservationTable.of, session.observations)),
-        asked=session.asked,
-        refused=tuple(session.refused),
+        asked=ActionTable.of(session.asked),
+        refused=tuple(filter(None, map(ActionTable.of, session.refused))),
         questions=int(session.questions),
         answer=recognition_document(session.answer()),
         significance=session.significance,
@@ -212,8 +219,10 @@ def resumed(
                 progress(k, len(record.observations))
             yield one.observation()
 
+    asked = None if record.asked is None else record.asked.action()
+    refused = [one.action() for one in record.refused]
     try:
-        session.resume(observations(), record.asked, record.refused, record.questions)
+        session.resume(observations(), asked, refused, record.questions)
     except InputError as error:
         raise InputError(f"{record.source}, observations[{len(session.steps)}]: {error}") from None
     return session

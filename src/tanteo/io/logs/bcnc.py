@@ -9,40 +9,69 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.io.logs.contents import Contents, is_whole
-from tanteo.io.logs.log import Log
+from tanteo.io.logs.log import Log, counted
 
 _GRID = 3
+_SAME = 1e-3
+"""Largest relative difference of a corner written twice; bCNC writes it with fewer digits in the grid lines."""
 
 
 def _kept(contents: Contents) -> list[tuple[int, list[str]]]:
     return [(k, line.split()) for k, line in enumerate(contents.lines, start=1) if line]
 
 
+def _grid(rows: list[list[str]]) -> tuple[int, int] | None:
+    """Return the numbers of points along x and y that the first lines state; None if they state none."""
+    head = rows[:_GRID]
+    if len(head) < _GRID or any(len(row) != 3 for row in head):
+        return None
+    if not all(is_whole(row[2]) and int(row[2]) > 1 for row in head[:2]):
+        return None
+    return int(head[0][2]), int(head[1][2])
+
+
 def recognise(contents: Contents) -> bool:
-    """Return whether the file has three grid lines and as many points as the grid.
+    """Return whether the file starts with the three grid lines, and continues with the start of the grid.
+
+    The first point must be the corner of the grid that the lines state, as bCNC writes it. The number of points is not
+    compared here, because an interrupted run has fewer.
 
     Args:
         contents: file to test.
     """
-    head = [line.split() for line in contents.head.splitlines()[:10] if line.strip()][:_GRID]
-    if len(head) < _GRID or any(len(row) != 3 for row in head):
+    if _grid([line.split() for line in contents.head.splitlines()[:10] if line.strip()]) is None:
         return False
-    if not all(is_whole(row[2]) and int(row[2]) > 1 for row in head[:2]):
+    rows = [row for _, row in _kept(contents)]
+    count = _grid(rows)
+    if count is not None and len(rows) == _GRID + count[0] * count[1]:
+        return True
+    try:
+        first = [float(word) for word in rows[_GRID][:2]]
+        return all(abs(first[k] - float(rows[k][0])) <= _SAME * (1 + abs(first[k])) for k in range(2))
+    except (ValueError, IndexError):
         return False
-    return len(_kept(contents)) == _GRID + int(head[0][2]) * int(head[1][2])
 
 
 def read(contents: Contents) -> Log:
-    """Return the points of the grid, each probed downwards.
+    """Return the points of the grid, each probed downwards; a note counts missing ones.
 
     Args:
         contents: file to read.
 
     Raises:
-        ReadingsError: the file is malformed.
+        ReadingsError: the file is malformed, or has more points than its grid.
     """
-    rows = _kept(contents)[_GRID:]
+    kept = _kept(contents)
+    count = _grid([row for _, row in kept])
+    if count is None:
+        contents.fail("three lines of the grid (from, to, count)", "others", "Is it a bCNC probe file?", 1)
+    rows = kept[_GRID:]
     points = contents.numbers([row for _, row in rows], [k for k, _ in rows], "a point")
     if points.shape[1] != 3:
         contents.fail("x y z of each point", f"{points.shape[1]} numbers", "Is it a bCNC probe file?", rows[0][0])
-    return Log(points=points, directions=np.broadcast_to([0.0, 0.0, -1.0], points.shape))
+    missing = count[0] * count[1] - len(points)
+    if missing < 0:
+        contents.fail(f"{count[0]} x {count[1]} points", str(len(points)), "Correct the lines of the grid.", 1)
+    note = f"{counted(missing, 'point')} of the grid of {count[0]} x {count[1]} missing: the run or the copy broke off."
+    notes = (note,) if missing else ()
+    return Log(points=points, directions=np.broadcast_to([0.0, 0.0, -1.0], points.shape), notes=notes)

@@ -17,7 +17,11 @@ import re
 import numpy as np
 
 from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.ends import EndMark
 from tanteo.io.logs.log import Log, counted, unique
+
+ENDS = (EndMark(r"^[ \t]*DMISM[ND][ \t]*/", r"^[ \t]*ENDFIL\b", "ENDFIL"),)
+"""Statements that end a file."""
 
 _UNITS = {"MM": "mm", "CM": "cm", "M": "m", "INCH": "in", "FEET": "ft"}
 _ROUND = {"CIRCLE": "circle", "CYLNDR": "cylinder", "SPHERE": "sphere"}

@@ -9,7 +9,11 @@ import re
 from bisect import bisect_left
 
 from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.ends import EndMark
 from tanteo.io.logs.log import Log, counted, unique
+
+ENDS = (EndMark(r"^/PROG\b", r"^/END\b", "/END"),)
+"""Statements that end a file."""
 
 _MARK = re.compile(r"^/PROG\b|^/POS\b|^[ \t]*P\[\d+[^\]\n]*\]\s*\{|\bPOSREG\b", re.MULTILINE)
 _BLOCK = re.compile(r"P\[\s*(\d+)\s*(?::\s*\"([^\"\n]{0,80})\")?\s*\]\s*\{([^{}]{0,4000})\}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tanteo.errors import InputError, PluginError, TanteoError, did_you_mean
 from tanteo.io.logs import (
     bcnc,
@@ -20,6 +22,7 @@ from tanteo.io.logs import (
     urscript,
 )
 from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.ends import note_on_end
 from tanteo.io.logs.log import Log, LogFormat
 from tanteo.plugins import Registry, guarded, warn
 
@@ -36,13 +39,13 @@ FORMATS: Registry[LogFormat] = Registry(
             LogFormat("pcd", "a PCD point cloud", cloud.recognise, cloud.read),
             LogFormat("qif", "a QIF document", qif.recognise, qif.read),
             LogFormat("grbl", "a GRBL console log", console.recognise, console.read),
-            LogFormat("fusion", "a probe results file (G800, G801)", results.recognise, results.read),
-            LogFormat("dmis", "DMIS output", dmis.recognise, dmis.read),
+            LogFormat("fusion", "a probe results file (G800, G801)", results.recognise, results.read, results.ENDS),
+            LogFormat("dmis", "DMIS output", dmis.recognise, dmis.read, dmis.ENDS),
             LogFormat("tof", "frames of a multi-zone ranging sensor", tof.recognise, tof.read),
-            LogFormat("fanuc", "a FANUC program (.LS)", fanuc.recognise, fanuc.read),
-            LogFormat("kuka", "a KUKA data list or program (.dat, .src)", krl.recognise, krl.read),
-            LogFormat("abb", "ABB robtargets (RAPID)", rapid.recognise, rapid.read),
-            LogFormat("ur", "poses of URScript", urscript.recognise, urscript.read),
+            LogFormat("fanuc", "a FANUC program (.LS)", fanuc.recognise, fanuc.read, fanuc.ENDS),
+            LogFormat("kuka", "a KUKA data list or program (.dat, .src)", krl.recognise, krl.read, krl.ENDS),
+            LogFormat("abb", "ABB robtargets (RAPID)", rapid.recognise, rapid.read, rapid.ENDS),
+            LogFormat("ur", "poses of URScript", urscript.recognise, urscript.read, urscript.ENDS),
             LogFormat("bcnc", "a bCNC probe file", bcnc.recognise, bcnc.read),
             LogFormat("linuxcnc", "a LinuxCNC probe log (PROBEOPEN)", cncprobe.recognise, cncprobe.read),
             LogFormat("xyzijk", "points with vectors (X Y Z I J K)", points.recognise_vectors, points.read_vectors),
@@ -96,15 +99,16 @@ def read_log(form: LogFormat, contents: Contents) -> Log:
         contents: file to read.
 
     Raises:
-        ReadingsError: the contents are malformed.
+        ReadingsError: the contents are malformed, or end within a number.
         PluginError: a plug-in fails, or does not return a :class:`Log`.
     """
     origin = FORMATS.origin(form.name)
     with guarded(origin, f"{contents.name} to be read"):
         log = form.read(contents)
+        cut = note_on_end(contents, form.ends)
     if origin and not isinstance(log, Log):
         raise PluginError(f"{origin}: expected a Log of {contents.name}, got {type(log).__name__}. Repair it.")
-    return log
+    return replace(log, notes=(*log.notes, cut)) if cut else log
 
 
 def format_named(name: str) -> LogFormat | None:

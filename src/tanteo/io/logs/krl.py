@@ -8,7 +8,14 @@ from __future__ import annotations
 import re
 
 from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.ends import EndMark
 from tanteo.io.logs.log import Log, counted, unique
+
+ENDS = (
+    EndMark(r"^[ \t]*DEFDAT\b", r"^[ \t]*ENDDAT\b", "ENDDAT"),
+    EndMark(r"^[ \t]*(?:GLOBAL[ \t]+)?DEF[ \t]", r"^[ \t]*END[ \t]*(?:;.*)?$", "END"),
+)
+"""Statements that end a file."""
 
 _MARK = re.compile(r"^[ \t]*(?:DEFDAT|DEF|&ACCESS)\b|\bDECL\s+(?:GLOBAL\s+)?(?:E6POS|POS|FRAME|E6AXIS)\b|\{\s*X\s+-?\d",
                    re.MULTILINE | re.IGNORECASE)  # fmt: skip

@@ -12,6 +12,7 @@ from tanteo.geometry.typing import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.ends import EndMark
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,12 +78,14 @@ class LogFormat:
         words: description for messages, such as ``a LinuxCNC probe log``.
         recognise: function that returns whether contents are in this format; it should use only their start.
         read: function that parses the contents; it raises ReadingsError if they are malformed.
+        ends: statements that end a file of the format; empty for formats without one.
     """
 
     name: str
     words: str
     recognise: Callable[[Contents], bool]
     read: Callable[[Contents], Log]
+    ends: tuple[EndMark, ...] = ()
 
 
 def unique(names: list[str]) -> tuple[str, ...]:

@@ -8,7 +8,11 @@ from __future__ import annotations
 import re
 
 from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.ends import EndMark
 from tanteo.io.logs.log import Log, unique
+
+ENDS = (EndMark(r"^[ \t]*MODULE[ \t]", r"^[ \t]*ENDMODULE\b", "ENDMODULE"),)
+"""Statements that end a file."""
 
 _MARK = re.compile(
     r"\brobtarget\b|\bMODULE\s+\w+|\[\s*\[[^\[\]\n]{3,100}\]\s*,\s*\[[^\[\]\n]{3,120}\]\s*,\s*\[", re.IGNORECASE

@@ -12,10 +12,14 @@ import re
 import numpy as np
 
 from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.ends import EndMark
 from tanteo.io.logs.log import Log, counted, unique
 
 _LINE = re.compile(r"^[ \t]*G80[01](?!\d)", re.MULTILINE)
 _WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+))")
+ENDS = (EndMark(r"^[ \t]*START\b", r"^[ \t]*END\b", "END"),)
+"""Statements that end a file."""
+
 _FRAME = ("G330", "G331")
 
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 import re
 
 from tanteo.io.logs.contents import Contents
+from tanteo.io.logs.ends import EndMark
 from tanteo.io.logs.log import Log, unique
+
+ENDS = (EndMark(r"^[ \t]*def[ \t]+\w+[ \t]*\(", r"^[ \t]*end[ \t]*(?:#.*)?$", "end"),)
+"""Statements that end a file."""
 
 _POSE = re.compile(r"(?:\b(\w+)\s*[:=]\s*)?\bp\[([^\[\]\n]{5,300})\]")
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -377,8 +378,11 @@ def _whole(value: Any) -> int:
     return value if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else 0
 
 
-_ALIAS, _MOST_ALIASES = re.compile(r"(?:^|[\s\[,:])\*\w", re.MULTILINE), 20
-"""Pattern of YAML references, and their largest number: nested references expand exponentially."""
+_MOST_ALIASES = 20
+"""Largest number of YAML references (``*name``): nested references expand exponentially."""
+
+_MOST_LEVELS = 50
+"""Largest depth of nested YAML; calibration files have five levels, and Python's stack ends at about a thousand."""
 
 
 def parse_document(text: str, path: Path) -> Mapping[str, Any]:
@@ -402,17 +406,9 @@ def parse_document(text: str, path: Path) -> Mapping[str, Any]:
         except msgspec.DecodeError as error:
             raise InputError(f"{path}: expected JSON, got: {error}. Correct the file.") from None
     else:
-        yaml = _yaml()
-        if len(_ALIAS.findall(text)) > _MOST_ALIASES:
-            raise InputError(
-                f"{path}: expected YAML, got more than {_MOST_ALIASES} references (*name). Write them out."
-            )
         # OpenCV writes a directive that is not valid YAML
         lines = [line for line in text.splitlines() if not line.startswith(("%YAML", "---"))]
-        try:
-            document = yaml.load("\n".join(lines), Loader=_loader(yaml))
-        except yaml.YAMLError as error:
-            raise InputError(f"{path}: expected YAML, got: {' '.join(str(error).split())}. Correct the file.") from None
+        document = _load_yaml("\n".join(lines), path)
     if not isinstance(document, Mapping):
         raise InputError(f"{path}: expected keys and values, got other text. Give a calibration file of OpenCV or ROS.")
     return document
@@ -428,11 +424,57 @@ def _yaml() -> ModuleType:
     return yaml
 
 
+def _load_yaml(text: str, path: Path) -> Any:
+    """Return the document of a YAML text.
+
+    Raises:
+        InputError: the text is not YAML, has many references, a key twice, or a value that is not what its form or
+            tag says.
+        MissingExtraError: PyYAML is not installed.
+    """
+    yaml = _yaml()
+    try:
+        _check_events(yaml, text, path)
+        return yaml.load(text, Loader=_loader(yaml))
+    except yaml.YAMLError as error:
+        got = show(" ".join(str(error).split()), 300)
+        raise InputError(f"{path}: expected YAML, got: {got}. Correct the file.") from None
+    except (InputError, RecursionError):
+        raise
+    except Exception as error:  # noqa: BLE001  PyYAML's constructors raise whatever int(), float() or date() raise
+        got = show(str(error) or type(error).__name__, 300).rstrip(".")
+        raise InputError(f"{path}: expected YAML with plain numbers and texts, got: {got}. Correct the file.") from None
+
+
+def _check_events(yaml: Any, text: str, path: Path) -> None:
+    """Refuse many references and deep nesting, before anything is constructed."""
+    references = 0
+    depth = 0
+    for event in yaml.parse(text, Loader=yaml.SafeLoader):
+        references += isinstance(event, yaml.AliasEvent)
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if references > _MOST_ALIASES:
+            raise InputError(
+                f"{path}: expected YAML, got more than {_MOST_ALIASES} references (*name). Write them out."
+            )
+        if depth > _MOST_LEVELS:
+            raise InputError(
+                f"{path}: expected keys and values, got more than {_MOST_LEVELS} levels of them. Correct the file."
+            )
+
+
 def _loader(yaml: Any) -> Any:
-    """Return PyYAML's safe loader, extended to read OpenCV's matrices as mappings."""
+    """Return PyYAML's safe loader, extended to read OpenCV's matrices as mappings and to refuse a key written twice."""
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
-        pass
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            keys = [child.value for child, _ in getattr(node, "value", ()) if isinstance(child, yaml.ScalarNode)]
+            if twice := next((key for key, count in Counter(keys).items() if count > 1), None):
+                mark = node.start_mark
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key '{show(twice)}' twice in the table that starts here", mark
+                )
+            return super().construct_mapping(node, deep)
 
     Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", lambda loader, node: loader.construct_mapping(node, True))
     return Loader

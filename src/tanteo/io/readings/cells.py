@@ -14,6 +14,7 @@ import numpy as np
 
 from tanteo.errors import ReadingsError, UnitError
 from tanteo.geometry.typing import BoolArray, FloatArray
+from tanteo.io.documents.schema import show
 from tanteo.io.logs.table_text import Lines, TableText
 from tanteo.io.poses.poses import FULL_TURN, MANY_TURNS, in_radians
 from tanteo.io.readings.assembling import LARGEST
@@ -76,7 +77,7 @@ class Sheet:
         Raises:
             ReadingsError: always.
         """
-        got = f"'{value}'" if value else "an empty cell"
+        got = f"'{show(value)}'" if value else "an empty cell"
         raise ReadingsError(
             f"{self.place(row)}, column '{self.by_base[name].written}': expected {expected}, got {got}. "
             "Correct the file."

@@ -9,7 +9,7 @@ from tanteo.errors import InputError, ReadingsError, UnitError, did_you_mean
 from tanteo.io.documents.schema import show
 from tanteo.io.readings.brands import BRANDS
 from tanteo.io.readings.hand_columns import ANGLES as HAND_ANGLES
-from tanteo.io.readings.hand_columns import NOTATIONS, PLACE, as_hand, notation_of
+from tanteo.io.readings.hand_columns import NOTATIONS, PLACE, Notation, as_hand, notation_of
 from tanteo.io.readings.hand_columns import PLAIN as HAND_PLAIN
 from tanteo.io.readings.headers import advice, canonical, is_unrelated, with_id, with_unit
 from tanteo.io.readings.units import ANGLE_UNITS, LENGTH_UNITS
@@ -103,7 +103,8 @@ def read_header(
         raise ReadingsError(f"{place}: expected commas between columns, got '{written[0]}'. Write it comma-separated.")
     names = as_hand(with_id([canonical(name) for name in written]))
     names = [with_unit(name, unit) for name, unit in zip(names, below, strict=True)] if below else names
-    own = {name: _brand_unit(name, brand, names) for name in names}
+    notation = notation_of(names)
+    own = {name: _brand_unit(name, brand, notation) for name in names}
     columns = tuple(
         _read_name(name, shown, f"{place}, column {k + 1}", own[name] or units)
         for k, (name, shown) in enumerate(zip(names, written, strict=True))
@@ -121,9 +122,8 @@ def read_header(
     return columns
 
 
-def _brand_unit(name: str, brand: str | None, names: Sequence[str]) -> str | None:
+def _brand_unit(name: str, brand: str | None, notation: Notation) -> str | None:
     """Return the unit of a ``hand_`` column without one: that of the stated brand, or degrees in brand notations."""
-    notation = notation_of(names)
     if name in notation.names and name in ANGLES:
         if brand in notation.brands:
             return "rad" if BRANDS[str(brand)].radian == 1 else "deg"

@@ -37,14 +37,17 @@ def read_marks(path: str | Path) -> tuple[FloatArray, Vectors]:
         lines = read_whole(path, "a file of marks").decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: expected a file of marks, got: {error}. Save it as UTF-8.") from None
-    rows = [(k, row) for k, row in enumerate(csv.reader(lines), start=1) if row and not row[0].startswith("#")]
+    try:
+        rows = [(k, row) for k, row in enumerate(csv.reader(lines), start=1) if row and not row[0].startswith("#")]
+    except csv.Error as error:
+        raise InputError(f"{path}: expected comma-separated cells, got: {error}. {_FORM}") from None
     if not rows:
         raise InputError(f"{path}: expected a header and marks, got an empty file. {_FORM}")
     scales = [_scale(name.strip(), path) for name in rows[0][1]]
     at = {name: k for k, (name, _) in enumerate(scales)}
     missing = [name for name in ("u", "v", "x", "y") if name not in at]
     if missing or len(at) != len(scales):
-        raise InputError(f"{path}: expected columns u, v, x, y once each, got {rows[0][1]}. {_FORM}")
+        raise InputError(f"{path}: expected columns u, v, x, y once each, got {show(', '.join(rows[0][1]))}. {_FORM}")
     values = np.array([_numbers(row, k, scales, path) for k, row in rows[1:]]).reshape(-1, len(scales))
     z = values[:, at["z"]] if "z" in at else np.zeros(len(values))
     return values[:, [at["u"], at["v"]]], np.stack([values[:, at["x"]], values[:, at["y"]], z], axis=1)
@@ -69,6 +72,6 @@ def _numbers(row: list[str], line: int, scales: list[tuple[str, float]], path: P
         except ValueError:
             value = float("nan")
         if not np.isfinite(value):
-            raise InputError(f"{path}, line {line}, {name}: expected a number, got '{cell}'. Correct the cell.")
+            raise InputError(f"{path}, line {line}, {name}: expected a number, got '{show(cell)}'. Correct the cell.")
         out.append(value * scale)
     return out

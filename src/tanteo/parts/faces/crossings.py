@@ -48,8 +48,8 @@ def crossings(vertices: FloatArray, triangles: IntArray) -> int:
         inside = at < lengths[rows] - slack
         rows = rows[inside]
         at = at[inside]
-        met = hits.triangles[inside]
-        crossed = _crosses(surface, ends[rows], met, slack)
+        struck = hits.triangles[inside]
+        crossed = _crosses(surface, ends[rows], struck, slack)
         found[rows[crossed]] = True
         rows = rows[~crossed]
         at = at[~crossed]
@@ -57,11 +57,13 @@ def crossings(vertices: FloatArray, triangles: IntArray) -> int:
     return int(found.sum())
 
 
-def _crosses(surface: Surface, ends: IntArray, met: IntArray, slack: float) -> BoolArray:
+def _crosses(surface: Surface, ends: IntArray, struck: IntArray, slack: float) -> BoolArray:
     """Return whether edges run from clearly before to clearly behind triangles that share no vertex with them."""
-    corners = surface.triangles[met]
+    corners = surface.triangles[struck]
     apart = (corners[:, :, None] != ends[:, None, :]).all(axis=(1, 2))
     offsets = np.einsum(
-        "nki,ni->nk", surface.vertices[ends] - surface.vertices[corners[:, 0]][:, None], surface.normals[met]
+        "nki,ni->nk",
+        surface.vertices[ends] - surface.vertices[corners[:, 0]][:, None],
+        surface.normals[struck],
     )
     return np.asarray(apart & (offsets.min(axis=1) < -slack) & (offsets.max(axis=1) > slack))

@@ -40,9 +40,9 @@ def cut(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray
         Vertices, some of them duplicated; triangles, which may be reversed; and the original triangle of each.
     """
     points, faces, parents = _parted(vertices, triangles, _pairs(vertices, triangles))
-    alike = consistently_wound(faces)
-    if (alike != faces).any():
-        points, faces, again = _parted(points, alike, _pairs(points, alike))
+    consistent = consistently_wound(faces)
+    if (consistent != faces).any():
+        points, faces, again = _parted(points, consistent, _pairs(points, consistent))
         parents = parents[again]
     return points, faces, parents
 
@@ -73,15 +73,15 @@ def _pairs(vertices: FloatArray, triangles: IntArray) -> IntArray:
     found = [pairs[forward[pairs[:, 0]] != forward[pairs[:, 1]]]]
     for start, count in zip(starts[counts > 2], counts[counts > 2], strict=True):
         mine = order[start : start + count]
-        some = _around(vertices, triangles, mine, forward[mine])
+        some = _edge_pairs(vertices, triangles, mine, forward[mine])
         found.append(np.array(some, dtype=np.int64).reshape(-1, 2))
     paired = np.concatenate(found)
     alone = np.setdiff1d(np.arange(len(edges)), paired)
     return np.concatenate([paired, np.stack([alone, alone], axis=1)])
 
 
-def _around(vertices: FloatArray, triangles: IntArray, mine: IntArray, forward: BoolArray) -> list[tuple[int, int]]:
-    """Return pairs of the triangles around one edge."""
+def _edge_pairs(vertices: FloatArray, triangles: IntArray, mine: IntArray, forward: BoolArray) -> list[tuple[int, int]]:
+    """Return pairs of the triangles at one edge."""
     angles = _angles(vertices, triangles, mine)
     ranks = np.argsort(angles, kind="stable")
     if 2 * int(forward.sum()) == len(mine):

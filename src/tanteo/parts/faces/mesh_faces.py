@@ -94,9 +94,9 @@ def _runs(facets: MeshFacets) -> IntArray:
     np.maximum.at(largest, a, facets.areas[b])
     np.maximum.at(largest, b, facets.areas[a])
     gentle = np.bincount(a, lengths, count) + np.bincount(b, lengths, count)
-    around = sum(np.bincount(facets.links[:, k], facets.lengths, count) for k in range(2))
+    perimeters = sum(np.bincount(facets.links[:, k], facets.lengths, count) for k in range(2))
     # A single triangle that is smoothly joined along most of its border belongs to a free form, however large.
-    patch = (facets.counts == 1) & (gentle > 0.67 * around)
+    patch = (facets.counts == 1) & (gentle > 0.67 * perimeters)
     broad = (facets.areas > BROAD * largest) & ~patch
     inner = ~broad[a] & ~broad[b]
     labels = components(count, a[inner], b[inner])

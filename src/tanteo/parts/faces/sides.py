@@ -48,20 +48,20 @@ def without_loose(points: FloatArray, faces: IntArray) -> tuple[IntArray, list[s
     tiny = open_ & (shares < LOOSE)
     hidden = np.zeros(len(open_), dtype=np.bool_)
     closed = faces[~open_[labels]]
-    asked = np.flatnonzero((open_ & ~tiny)[labels])
-    if len(closed) and len(asked):
-        asked = asked[:: 1 + len(asked) // _PROBES]
-        inside = np.abs(_winding(points, closed, points[faces[asked]].mean(axis=1))) > 0.5
-        counts = [np.bincount(labels[asked], weights, len(open_)) for weights in (areas[asked] * inside, areas[asked])]
+    rows = np.flatnonzero((open_ & ~tiny)[labels])
+    if len(closed) and len(rows):
+        rows = rows[:: 1 + len(rows) // _PROBES]
+        inside = np.abs(_winding(points, closed, points[faces[rows]].mean(axis=1))) > 0.5
+        counts = [np.bincount(labels[rows], weights, len(open_)) for weights in (areas[rows] * inside, areas[rows])]
         hidden = (counts[1] > 0.0) & (counts[0] > 0.99 * counts[1])
-    said = []
+    steps = []
     for dropped, where in ((tiny, "that hang loose"), (hidden, "inside the material")):
         if dropped.any():
             count = int(dropped[labels].sum())
             share = 100.0 * float(shares[dropped].sum())
-            said.append(f"Dropped {count} triangles {where}, {share:.2g} % of the area.")
+            steps.append(f"Dropped {count} triangles {where}, {share:.2g} % of the area.")
     kept = ~(tiny | hidden)[labels]
-    return (faces[kept], said) if kept.any() else (faces, [])  # keep a mesh of loose triangles only
+    return (faces[kept], steps) if kept.any() else (faces, [])  # keep a mesh of loose triangles only
 
 
 def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
@@ -81,8 +81,8 @@ def outward(points: FloatArray, faces: IntArray, *, as_wound: bool) -> IntArray:
     # just outside each body the winding number counts the bodies that surround it
     largest = np.lexsort((-areas, labels))[np.searchsorted(np.sort(labels), np.arange(len(inverted)))]
     away = np.where(inverted[:, None], -1.0, 1.0) * normals[largest] * 1e-3 * np.sqrt(areas[largest])[:, None]
-    around = np.rint(_winding(points, turned, points[faces[largest]].mean(axis=1) + away)).astype(np.int64)
-    inward = (around % 2 == 1) & (inverted | (not as_wound))
+    windings = np.rint(_winding(points, turned, points[faces[largest]].mean(axis=1) + away)).astype(np.int64)
+    inward = (windings % 2 == 1) & (inverted | (not as_wound))
     return np.where(inward[labels][:, None], turned[:, ::-1], turned)
 
 
@@ -124,8 +124,8 @@ def united(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray, l
     mesh = one.to_mesh64()
     corners = np.asarray(mesh.tri_verts, dtype=np.int64)
     share = 100.0 * (1.0 - after / before)
-    said = f"United {len(shells)} bodies that overlap or touch: {share:.2g} % of their surface was inside."
-    return np.array(mesh.vert_properties[:, :3], dtype=np.float64), corners, [said]
+    steps = f"United {len(shells)} bodies that overlap or touch: {share:.2g} % of their surface was inside."
+    return np.array(mesh.vert_properties[:, :3], dtype=np.float64), corners, [steps]
 
 
 def _as_mesh(points: FloatArray, shell: IntArray) -> object:
@@ -169,14 +169,14 @@ def with_sides(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArra
     unknown = (open_ & (front >= OUTSIDE) & (front <= WITHIN))[labels]
     rims = int(mesh_edges(faces).rims.sum())
     share = 100.0 * float(areas[open_[labels]].sum() / areas.sum())
-    said = [f"The surface is open: it ends at {rims} edges ({share:.3g} % of the area is of pieces that do not close)."]
+    steps = [f"The surface is open: it ends at {rims} edges ({share:.3g} % of the area is in open pieces)."]
     if not unknown.any():
-        return points, faces, np.flatnonzero(unknown), [*said, "Its outside was found by winding numbers."]
+        return points, faces, np.flatnonzero(unknown), [*steps, "Its outside was found by winding numbers."]
     share = 100.0 * float(areas[unknown].sum() / areas.sum())
-    said.append(f"Which side of {share:.3g} % of it is outside is not known: that part counts on both sides.")
+    steps.append(f"Which side of {share:.3g} % of it is outside is not known: that part counts on both sides.")
     used, corners = np.unique(faces[unknown], return_inverse=True)
     back = corners.reshape(-1, 3)[:, ::-1] + len(points)
-    return np.concatenate([points, points[used]]), np.concatenate([faces, back]), np.flatnonzero(unknown), said
+    return np.concatenate([points, points[used]]), np.concatenate([faces, back]), np.flatnonzero(unknown), steps
 
 
 def _in_front(points: FloatArray, faces: IntArray, labels: IntArray) -> FloatArray:
@@ -204,5 +204,5 @@ def _winding(points: FloatArray, faces: IntArray, places: FloatArray) -> FloatAr
     """Return generalized winding numbers of points ``(n,)``."""
     import igl  # slow to import, and seldom needed
 
-    asked = igl.winding_number if len(faces) * len(places) < 2_000_000 else igl.fast_winding_number
-    return np.asarray(asked(points, np.ascontiguousarray(faces), np.ascontiguousarray(places)), dtype=np.float64)
+    winding = igl.winding_number if len(faces) * len(places) < 2_000_000 else igl.fast_winding_number
+    return np.asarray(winding(points, np.ascontiguousarray(faces), np.ascontiguousarray(places)), dtype=np.float64)

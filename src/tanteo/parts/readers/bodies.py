@@ -45,7 +45,7 @@ def bodies_of(shape: Any, label: str) -> tuple[list[Any], list[Any], list[str]]:
         label: name of the file.
 
     Returns:
-        Bodies; the faces that enclose nothing, if there is no body; and sentences about what was sewn or left out.
+        Bodies; the faces that enclose nothing, if there is no body; and sentences about what was sewn or excluded.
 
     Raises:
         PartError: the shape has no face.
@@ -56,17 +56,17 @@ def bodies_of(shape: Any, label: str) -> tuple[list[Any], list[Any], list[str]]:
     loose += explore(shape, TopAbs_FACE, TopAbs_SHELL)
     sewn, rest = _sewn(loose, diagonal_of([shape])) if len(loose) > 1 else ([], loose)
     bodies = [*explore(shape, TopAbs_SOLID), *closed, *sewn]
-    said = []
+    steps = []
     if closed:
-        said.append("Made a solid of a closed shell." if len(closed) == 1 else f"Made solids of {len(closed)} shells.")
+        steps.append("Made a solid of a closed shell." if len(closed) == 1 else f"Made solids of {len(closed)} shells.")
     if sewn:
         into = "a closed body" if len(sewn) == 1 else f"{len(sewn)} closed bodies"
-        said.append(f"Sewed {len(loose) - len(rest)} faces to {into}.")
+        steps.append(f"Sewed {len(loose) - len(rest)} faces to {into}.")
     if bodies and rest:
-        said.append(f"Left out {_counted(rest)}, which enclose nothing beside the solids.")
+        steps.append(f"Excluded {_counted(rest)}, which enclose nothing beside the solids.")
     if not bodies and not rest:
         raise PartError(f"{label}: expected a solid, got curves or points only. Export the part as a solid.")
-    return bodies, [] if bodies else rest, said
+    return bodies, [] if bodies else rest, steps
 
 
 def _sewn(faces: list[Any], diagonal: float) -> tuple[list[Any], list[Any]]:
@@ -87,7 +87,7 @@ def _sewing(faces: Iterable[Any], tolerance: float) -> Any:
 
 
 def _counted(faces: list[Any]) -> str:
-    """Return number and area of faces in words."""
+    """Return number and area of faces as text."""
     area = 0.0
     for face in faces:
         measured = GProp_GProps()

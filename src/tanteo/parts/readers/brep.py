@@ -85,7 +85,7 @@ def face_mesh(face: Any) -> tuple[FloatArray, IntArray]:
 def surface_of(face: Any, diagonal: float) -> tuple[SurfaceKind, dict[str, Any]]:
     """Return the kind of a face's surface, and its axis, radius and angle in metres and radians.
 
-    Surfaces that are flat to a millionth of the part's diagonal are planes, whatever their type in the file.
+    Surfaces that are flat to a millionth of the part's diagonal are planes, for any type in the file.
 
     Args:
         face: face of the CAD kernel.

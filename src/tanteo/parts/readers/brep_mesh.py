@@ -68,8 +68,8 @@ def meshed(solid: Any, diagonal: float, label: str) -> tuple[BrepMesh, list[str]
         mesh = _closed(faces, diagonal)
         if mesh is not None:
             return mesh, ["Sewed and healed the faces of a solid: they did not join."]
-    mesh, said = surface_mesh(solid, diagonal, label)
-    return mesh, ["The faces of a solid do not join.", *said]
+    mesh, steps = surface_mesh(solid, diagonal, label)
+    return mesh, ["The faces of a solid do not join.", *steps]
 
 
 def surface_mesh(shape: Any, diagonal: float, label: str) -> tuple[BrepMesh, list[str]]:
@@ -90,10 +90,10 @@ def surface_mesh(shape: Any, diagonal: float, label: str) -> tuple[BrepMesh, lis
     if not faces:
         raise PartError(f"{label}: expected faces, got none that the CAD kernel can mesh. Export the part again.")
     whole = min((_welded(faces, weld * diagonal) for weld in WELDS), key=lambda one: open_edges(one.triangles))
-    mesh, said = _with_sides(_cut(whole))
+    mesh, steps = _with_sides(_cut(whole))
     if lost:
-        said.insert(0, f"{lost} of {lost + len(faces)} faces could not be meshed: the surface has a gap there.")
-    return mesh, said
+        steps.insert(0, f"{lost} of {lost + len(faces)} faces could not be meshed: the surface has a gap there.")
+    return mesh, steps
 
 
 def _meshings(shape: Any, diagonal: float) -> Iterator[list[BrepFace]]:
@@ -148,12 +148,12 @@ def _cut(mesh: BrepMesh) -> BrepMesh:
 
 
 def _with_sides(mesh: BrepMesh) -> tuple[BrepMesh, list[str]]:
-    points, triangles, doubled, said = with_sides(mesh.vertices, mesh.triangles)
+    points, triangles, doubled, steps = with_sides(mesh.vertices, mesh.triangles)
     kinds = [*mesh.kinds]
     if len(doubled):  # a boss from one side is a bore from the other
         kinds += [(kind, {**f, "convex": not f["convex"]} if "convex" in f else f) for kind, f in mesh.kinds]
     owners = np.concatenate([mesh.owners, mesh.owners[doubled] + len(mesh.kinds)])
-    return BrepMesh(points, triangles, owners, kinds, _carried(mesh, points, triangles)), said
+    return BrepMesh(points, triangles, owners, kinds, _carried(mesh, points, triangles)), steps
 
 
 def _carried(mesh: BrepMesh, points: FloatArray, triangles: IntArray) -> IntArray:

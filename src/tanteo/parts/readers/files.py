@@ -77,12 +77,12 @@ def check_size(diagonal: float, unit: str, label: str, *, stated: bool) -> None:
         return
     plausible = [name for name, metres in METRES.items() if 5e-3 <= diagonal / METRES[unit] * metres <= 5.0]
     size = "too large" if diagonal > LARGEST_DIAGONAL else "too small"
-    hint = f"Did you mean {' or '.join(f'unit={name!r}' for name in plausible)}?" if plausible else "Check it."
+    advice = f"Did you mean {' or '.join(f'unit={name!r}' for name in plausible)}?" if plausible else "Check it."
     if stated and plausible:
-        hint = f"The unit is the file's own. If it is wrong, pass {' or '.join(f'unit={n!r}' for n in plausible)}."
+        advice = f"The unit is the file's own. If it is wrong, pass {' or '.join(f'unit={n!r}' for n in plausible)}."
     raise PartError(
         f"{label}: expected a part of {SMALLEST_DIAGONAL * 1e3:g} mm to {LARGEST_DIAGONAL:g} m, got a diagonal of "
-        f"{diagonal:.4g} m in unit {unit!r}, which is {size}. {hint}"
+        f"{diagonal:.4g} m in unit {unit!r}, which is {size}. {advice}"
     )
 
 
@@ -134,7 +134,7 @@ def _read_stl(path: Path, label: str) -> tuple[FloatArray, IntArray]:
     with path.open("rb") as stream:
         head = stream.read(84)
     if len(head) == 84 and head[80:] == b"\0\0\0\0":
-        raise PartError(f"{label}: expected triangles, got an STL file that says it has none. Export it again.")
+        raise PartError(f"{label}: expected triangles, got an STL file with a count of zero. Export it again.")
     found = _read_with_trimesh(path, label)
     if len(found[1]):
         return found
@@ -186,7 +186,7 @@ def third_party_reader(path: Path, label: str) -> Iterator[None]:
     """Convert every exception of a library that reads a file to an error message about the file.
 
     The exceptions that trimesh or a CAD kernel can raise are not documented, so this context catches all of them
-    (``docs/decisions/0067``).
+    (decision 67).
 
     Args:
         path: path of the file.

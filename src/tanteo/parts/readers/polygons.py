@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -81,8 +80,8 @@ def read_obj(path: Path, label: str) -> tuple[FloatArray, IntArray]:
                 f"{label}: expected an OBJ file, got '{line.strip()[:40]}' in line {number}. Export it again."
             ) from None
     if not rings:
-        held = "surfaces or curves of splines" if other & {"curv", "surf", "curv2"} else "vertices alone"
-        got = held if rows else "no vertices"
+        content = "surfaces or curves of splines" if other & {"curv", "surf", "curv2"} else "vertices alone"
+        got = content if rows else "no vertices"
         raise PartError(f"{label}: expected faces (lines that begin with f), got {got}. Export it as a mesh.")
     try:
         vertices = np.array(rows, dtype=np.float64).reshape(-1, 3)
@@ -105,22 +104,40 @@ def _triangles(vertices: FloatArray, rings: list[IntArray], label: str) -> IntAr
         raise PartError(f"{label}: expected corners among the vertices 0 to {last}, got others. Export it again.")
     if all(len(ring) == 3 for ring in rings):
         return np.array(rings, dtype=np.int64).reshape(-1, 3)
-    found: list[tuple[int, ...]] = []
-    for ring in rings:
-        found += [tuple(ring.tolist())] if len(ring) == 3 else _of_polygon(vertices, ring) if len(ring) > 3 else []
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
+    sizes = np.array([len(ring) for ring in rings])
+    found: list[IntArray] = [np.zeros((0, 3), dtype=np.int64)] * len(rings)
+    for size in np.unique(sizes[sizes > 2]):
+        which = np.flatnonzero(sizes == size)
+        for k, triangles in zip(which, _of_polygons(vertices, np.stack([rings[k] for k in which])), strict=True):
+            found[k] = triangles
+    return np.concatenate(found)
 
 
-def _of_polygon(vertices: FloatArray, ring: IntArray) -> list[tuple[int, ...]]:
-    """Return a fan from the first corner that sees all others, otherwise a general triangulation."""
-    points = vertices[ring]
-    normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
-    for shift in range(len(ring)):
-        turned = np.roll(ring, -shift).tolist()
-        at = np.roll(points, -shift, axis=0)
-        areas = np.cross(at[1:-1] - at[0], at[2:] - at[0]) @ normal
-        if (areas >= -1e-9 * np.abs(areas).max()).all():
-            return [(turned[0], b, c) for b, c in pairwise(turned[1:])]
+def _of_polygons(vertices: FloatArray, rings: IntArray) -> list[IntArray]:
+    """Return the triangles of each of some polygons with the same number of corners ``(m, n)``.
+
+    Each is a fan from one of its first two corners if that corner sees all others, otherwise a general triangulation.
+    In a convex polygon every corner sees all others, in a quadrangle one of the first two does.
+    """
+    points = vertices[rings]
+    normals = np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)
+    triangles = np.zeros((len(rings), rings.shape[1] - 2, 3), dtype=np.int64)
+    left = np.ones(len(rings), dtype=bool)
+    for shift in range(2):
+        turned = np.roll(rings, -shift, axis=1)
+        at = np.roll(points, -shift, axis=1)
+        crosses = np.cross(at[:, 1:-1] - at[:, :1], at[:, 2:] - at[:, :1])
+        areas = np.einsum("mti,mi->mt", crosses, normals)
+        fan = left & (areas >= -1e-9 * np.abs(areas).max(axis=1, keepdims=True)).all(axis=1)
+        triangles[fan, :, 0] = turned[fan, :1]
+        triangles[fan, :, 1] = turned[fan, 1:-1]
+        triangles[fan, :, 2] = turned[fan, 2:]
+        left &= ~fan
+    return [_triangulated(points[k], rings[k], normals[k]) if left[k] else triangles[k] for k in range(len(rings))]
+
+
+def _triangulated(points: FloatArray, ring: IntArray, normal: FloatArray) -> IntArray:
+    """Return the triangles ``(t, 3)`` of any simple polygon in a plane; fewer than n - 2 if corners coincide."""
     import manifold3d  # slow to import, and seldom needed
 
     away = normal / np.linalg.norm(normal)
@@ -128,4 +145,4 @@ def _of_polygon(vertices: FloatArray, ring: IntArray) -> list[tuple[int, ...]]:
     x /= np.linalg.norm(x)
     flat = (points - points[0]) @ np.stack([x, np.cross(away, x)], axis=1)
     corners = np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat)]), dtype=np.int64)
-    return [tuple(row) for row in ring[corners].tolist()]
+    return np.asarray(ring[corners])

@@ -25,7 +25,7 @@ class CadMesh:
         triangles: vertex indices ``(T, 3)``, counter-clockwise seen from outside.
         unit: length unit: ``mm``, ``m``, ``in``, ``um``, ``cm`` or ``ft``; None if the file states none.
         faces: face number of each triangle ``(T,)``; None to find the faces.
-        notes: sentences about what the reader left out.
+        notes: sentences about what the reader excluded.
     """
 
     vertices: npt.ArrayLike
@@ -42,7 +42,7 @@ class CadFaces:
     Attributes:
         draft: mesh with its faces in metres.
         unit: short name of the file's length unit.
-        notes: sentences about what the reader repaired or left out.
+        notes: sentences about what the reader repaired or excluded.
     """
 
     draft: Draft

@@ -96,7 +96,7 @@ def as_part(name: str, part: Any) -> Any:
     """
     found = as_parts(name, part)
     if len(found) != 1:
-        raise InputError(f"{name}: expected one part, got {len(found)}. tanteo.identify asks which of several it is.")
+        raise InputError(f"{name}: expected one part, got {len(found)}. Use tanteo.identify for several.")
     return found[0]
 
 
@@ -156,6 +156,9 @@ def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tupl
 
     Returns:
         The mesh in metres with its faces, the unit, sentences about repairs, and whether the file states the unit.
+
+    Raises:
+        UnitError: the file states no unit, and none is given.
     """
     from tanteo.parts.readers.from_mesh import checked_mesh, draft_of_mesh  # not needed where a part is remembered
     from tanteo.parts.readers.topology import scaled
@@ -165,20 +168,20 @@ def _draft(suffix: str, reader: CadReader, file: Path, unit: str | None) -> tupl
     if isinstance(found, CadFaces):
         used = unit or found.unit
         draft = found.draft if used == found.unit else scaled(found.draft, METRES[used] / METRES[found.unit])
-        return draft, used, [*_asked(used, found.unit), *found.notes], unit is None
+        return draft, used, [*_unit_note(used, found.unit), *found.notes], unit is None
     mesh = checked_mesh(found, label)
     own = mesh.unit or unit
     if own is None:
         raise UnitError(f"unit: expected the length unit of {label}, got none. Pass unit='mm' (or um, cm, m, in, ft).")
     used = unit or own
     stated = unit is None
-    notes = (*_asked(used, own), *mesh.notes)
+    notes = (*_unit_note(used, own), *mesh.notes)
     draft, repairs = draft_of_mesh(replace(mesh, unit=used, notes=notes), label, stated=stated)
     return draft, used, repairs, stated
 
 
-def _asked(used: str, own: str) -> tuple[str, ...]:
-    return () if used == own else (f"Read in {used} as asked: the file itself says {own}.",)
+def _unit_note(used: str, own: str) -> tuple[str, ...]:
+    return () if used == own else (f"Read in {used} as requested: the file itself states {own}.",)
 
 
 def _check_content(file: Path, label: str) -> None:

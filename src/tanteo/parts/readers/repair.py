@@ -101,17 +101,17 @@ def _manifold(points: FloatArray, faces: IntArray, diagonal: float, repairs: lis
 def _wound(points: FloatArray, faces: IntArray, repairs: list[str], diagonal: float) -> tuple[FloatArray, IntArray]:
     """Orient the surface outward, unite its bodies, and note unknown sides and self-intersections."""
     if open_edges(faces):
-        points, faces, _, said = with_sides(points, faces)
+        points, faces, _, steps = with_sides(points, faces)
     else:
         consistent = "Made the winding of the triangles consistent." not in repairs
         total = volume_and_centroid(points, faces)[0]
         faces = outward(points, faces[:, ::-1] if consistent and total < 0.0 else faces, as_wound=consistent)
         if consistent and total < 0.0:
             repairs.append("Turned the surface inside out: its normals pointed into the material.")
-        points, faces, said = united(points, faces)
-    repairs += said
+        points, faces, steps = united(points, faces)
+    repairs += steps
     if count := crossings(points, faces):
-        repairs.append(f"The surface crosses itself at {count} edges or more: it is taken as it is.")
+        repairs.append(f"The surface crosses itself at {count} edges or more: it is not repaired.")
     return points, np.ascontiguousarray(faces)
 
 

@@ -58,19 +58,19 @@ def _draft(shape: Any, label: str) -> tuple[Draft, list[str]]:
     diagonal = diagonal_of([*bodies, *sheets])
     meshes: list[BrepMesh] = []
     for body in bodies:
-        mesh, said = meshed(body, diagonal, label)
+        mesh, steps = meshed(body, diagonal, label)
         meshes.append(mesh)
-        repairs += [sentence for sentence in said if sentence not in repairs]
+        repairs += [sentence for sentence in steps if sentence not in repairs]
     if sheets:
-        mesh, said = surface_mesh(compound(sheets), diagonal, label)
+        mesh, steps = surface_mesh(compound(sheets), diagonal, label)
         meshes.append(mesh)
         repairs += [
             "Its only face encloses nothing." if len(sheets) == 1 else f"Its {len(sheets)} faces enclose nothing.",
-            *said,
+            *steps,
         ]
     if given:
-        meshes, said = _beside(meshes, given, label)
-        repairs += said
+        meshes, steps = _beside(meshes, given, label)
+        repairs += steps
     whole = joined(meshes)
     closed = not mesh_edges(whole.triangles).rims.any()
     if closed and volume_and_centroid(whole.vertices, whole.triangles)[0] < 1e-9 * diagonal**3:
@@ -94,19 +94,19 @@ def _exact(shape: Any) -> Any:
 
 def _beside(meshes: list[BrepMesh], given: list[Any], label: str) -> tuple[list[BrepMesh], list[str]]:
     """Add tessellated faces to those with surfaces, unless they repeat the same body."""
-    draft, said = _of_triangles(given, label)
+    draft, steps = _of_triangles(given, label)
     exact = joined(meshes)
     volumes = [volume_and_centroid(exact.vertices * _MM, exact.triangles)[0]]
     volumes.append(volume_and_centroid(draft.vertices, draft.triangles)[0])
     boxes = [np.stack([v.min(axis=0), v.max(axis=0)]) for v in (exact.vertices * _MM, draft.vertices)]
     size = float(np.linalg.norm(boxes[0][1] - boxes[0][0]))
     if np.abs(boxes[0] - boxes[1]).max() < 0.01 * size and abs(volumes[0] - volumes[1]) < 0.02 * size**3:
-        return meshes, [f"Left out {len(given)} faces of triangles: they are the body over again."]
+        return meshes, [f"Excluded {len(given)} faces of triangles: they repeat the body."]
     edges = mesh_edges(draft.triangles)
     curved = np.array([kind != "plane" for kind, _ in draft.kinds])[draft.triangle_face]
     chords = edges.ends[curved[edges.left] | curved[edges.right]]
     more = BrepMesh(draft.vertices / _MM, draft.triangles, draft.triangle_face, list(draft.kinds), chords)
-    return [*meshes, more], said
+    return [*meshes, more], steps
 
 
 def _of_triangles(faces: list[Any], label: str) -> tuple[Draft, list[str]]:
@@ -131,7 +131,7 @@ def _check_flat(draft: Draft, diagonal: float, label: str) -> None:
     worst = float(np.where(planar, high - low, 0.0).max())
     if worst > FLATNESS * diagonal:
         raise PartError(
-            f"{label}: expected flat faces where the file says plane, got one whose border leaves it by "
+            f"{label}: expected flat faces where the file states a plane, got one whose border leaves it by "
             f"{worst * 1e3:.3g} mm. Export the part again."
         )
 
@@ -145,6 +145,6 @@ def _check_curved(draft: Draft, diagonal: float, label: str) -> None:
         worst = float(np.abs(surface_offsets(kind, fields, draft.vertices[mine])).max())
         if worst > ROUNDNESS * diagonal:
             raise PartError(
-                f"{label}: expected a {kind} where the file says so, got a face that leaves it by "
+                f"{label}: expected a {kind} where the file states one, got a face that leaves it by "
                 f"{worst * 1e3:.3g} mm. Export the part again."
             )

@@ -105,7 +105,7 @@ def read_3mf(path: Path, label: str) -> tuple[FloatArray, IntArray, str, list[st
         label: name of the file for messages.
 
     Returns:
-        Vertices, triangles, short name of the unit, and sentences about what was left out.
+        Vertices, triangles, short name of the unit, and sentences about what was excluded.
 
     Raises:
         PartError: the file is damaged, violates the specification, or needs an unsupported extension.
@@ -138,7 +138,7 @@ class _Package:
             named = ", ".join(sorted(set(left)))
             items = kept
             count = len(left)
-            notes.append(f"Left out {count} {'object' if count == 1 else 'objects'} of the type {named}.")
+            notes.append(f"Excluded {count} {'object' if count == 1 else 'objects'} of the type {named}.")
         pieces = [piece for p, i, T in items for piece in self._meshes(p or root, i, T, ())]
         if not pieces:
             return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), model.unit, notes

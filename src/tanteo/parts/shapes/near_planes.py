@@ -23,7 +23,7 @@ _LARGE = 0.005
 _BAND = 4
 """Distance of a cell centre from the surface, in cells, above which the search tree is used."""
 
-_ALIKE = 1e-7
+_COPLANAR = 1e-7
 """Largest difference of coplanar triangles, in radians and in diagonals of the mesh."""
 
 
@@ -123,7 +123,7 @@ def _planes(surface: Surface) -> tuple[IntArray, FloatArray, IntArray]:
     """Return the plane of each triangle ``(T,)``, normal and offset of planes ``(P, 4)``, and a triangle of each."""
     offsets = np.sum(surface.normals * surface.vertices[surface.triangles[:, 0]], axis=1)
     diagonal = float(np.linalg.norm(np.ptp(surface.vertices, axis=0)))
-    key = np.rint(np.column_stack([surface.normals, offsets / diagonal]) / _ALIKE)
+    key = np.rint(np.column_stack([surface.normals, offsets / diagonal]) / _COPLANAR)
     _, first, plane = np.unique(key, axis=0, return_index=True, return_inverse=True)
     return plane.reshape(-1).astype(np.int64), np.column_stack([surface.normals, offsets])[first], first
 

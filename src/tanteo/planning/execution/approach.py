@@ -8,7 +8,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, Transforms, Vectors
 from tanteo.hand import Hand, path, pose_difference
 from tanteo.planning.candidates import Candidates
-from tanteo.planning.execution.possible import Room
+from tanteo.planning.execution.possible import FreeSpace
 from tanteo.planning.state import SensingState
 
 _TURNS = 8
@@ -41,19 +41,19 @@ def back(Ts_world_hand: Transforms, distance: float) -> Transforms:
     return out
 
 
-def feasible(hand: Hand, room: Room, candidates: Candidates, retreat: float) -> BoolArray:
+def feasible(hand: Hand, space: FreeSpace, candidates: Candidates, retreat: float) -> BoolArray:
     """Return which candidate beams the hand can take and reach by a straight approach, as flags ``(C,)``.
 
     Args:
         hand: sensors and body of the hand.
-        room: free space.
+        space: free space.
         candidates: beams to check.
         retreat: length of the straight final approach [m].
     """
     Ts = approach_poses(hand, candidates.origins, candidates.directions)
     ways = np.stack([Ts, back(Ts, retreat)], axis=2)
-    ok: BoolArray = np.all(room.within(ways), axis=2)
-    ok[ok] = (room.gaps(ways[ok]) >= room.clearance).all(axis=1)
+    ok: BoolArray = np.all(space.within(ways), axis=2)
+    ok[ok] = (space.gaps(ways[ok]) >= space.clearance).all(axis=1)
     return np.asarray(ok.any(axis=1))
 
 
@@ -83,7 +83,7 @@ _LIFTS = (0.0, 0.1)
 """Heights above all possible obstacles at which the hand crosses them [m]."""
 
 
-def way(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
+def approach_path(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
     """Return poses ``(n, 4, 4)`` on the path of :func:`tanteo.hand.go_to`, dense enough to check for collisions."""
     a, b = (SE3.apply(T, hand.front) for T in (T_from, T_to))
     turn = pose_difference(T_from, T_to)[1]
@@ -91,7 +91,9 @@ def way(hand: Hand, T_from: Transforms, T_to: Transforms) -> Transforms:
     return path(T_from, T_to, hand.front, n)
 
 
-def route(hand: Hand, room: Room, T_from: Transforms, T_to: Transforms, retreat: float) -> list[Transforms] | None:
+def route(
+    hand: Hand, space: FreeSpace, T_from: Transforms, T_to: Transforms, retreat: float
+) -> list[Transforms] | None:
     """Return waypoints to ``T_to`` (included) whose whole path is free, or None if none was found.
 
     The direct path and paths over the obstacles are tried, shortest first. The hand retreats before it rotates, and
@@ -99,7 +101,7 @@ def route(hand: Hand, room: Room, T_from: Transforms, T_to: Transforms, retreat:
 
     Args:
         hand: sensors and body of the hand.
-        room: free space.
+        space: free space.
         T_from: current pose of the hand ``(4, 4)``.
         T_to: target pose of the hand ``(4, 4)``.
         retreat: length of the straight retreat and of the final approach [m].
@@ -107,20 +109,20 @@ def route(hand: Hand, room: Room, T_from: Transforms, T_to: Transforms, retreat:
     before, behind = back(T_to, retreat), back(T_from, retreat)
     ways = [[before, T_to], [behind, before, T_to]]
     for lift in _LIFTS:
-        over = [_lifted(room, T, lift) for T in (T_from, behind, before)]
+        over = [_lifted(space, T, lift) for T in (T_from, behind, before)]
         ways += [[over[0], over[2], before, T_to], [behind, over[1], over[2], before, T_to]]
     for stops in sorted(ways, key=lambda stops: _length(hand, [T_from, *stops])):
         legs = zip([T_from, *stops], stops, strict=False)
-        if all(room.along(way(hand, a, b)) for a, b in legs):
+        if all(space.along(approach_path(hand, a, b)) for a, b in legs):
             return stops
     return None
 
 
-def _lifted(room: Room, T: Transforms, more: float) -> Transforms:
+def _lifted(space: FreeSpace, T: Transforms, more: float) -> Transforms:
     """Return a pose raised until the whole body is above all possible obstacles by the clearance and ``more`` [m]."""
-    lowest = float((room.body.placed(T)[:, 2] - room.body.radii).min())
+    lowest = float((space.body.placed(T)[:, 2] - space.body.radii).min())
     out = np.array(T)
-    out[2, 3] += max(room.possible.top() + room.clearance + more - lowest, 0.0)
+    out[2, 3] += max(space.possible.top() + space.clearance + more - lowest, 0.0)
     return out
 
 

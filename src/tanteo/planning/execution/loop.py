@@ -12,7 +12,7 @@ from tanteo.geometry.typing import BoolArray, Transforms
 from tanteo.hand import SENSE, Hand, Motion, Robot, Rules, go_to
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import approach_poses, feasible, ranked, route
-from tanteo.planning.execution.possible import Possible, Room
+from tanteo.planning.execution.possible import FreeSpace, PossiblePoses
 from tanteo.planning.execution.resting import Furniture, as_readings, beyond_furniture, of_parts, rest
 from tanteo.planning.execution.start import REPEATS
 from tanteo.planning.execution.whole import guess_of, readings_of, standoff_of
@@ -21,6 +21,8 @@ from tanteo.planning.session.conversation import Session
 from tanteo.planning.session.values import Done, Step
 from tanteo.planning.state import SensingState
 from tanteo.sensors import RobotPreset
+from tanteo.words import Finding, message_of
+from tanteo.words.findings import BeamsFree, FurnitureMet, NoClearPath, NoEcho, NothingToAcquire
 
 _TRIED = 4
 """Number of approach poses per beam for which a path is planned."""
@@ -41,7 +43,7 @@ class Visit:
         motions: motions of the hand, in order.
         step: update of the belief by the readings; None without readings.
         leader: name of the most probable part after the update; empty without one.
-        note: remark for the operator; empty without one.
+        findings: remarks for the user, such as why a motion failed.
         seconds: time since the start of the run [s].
         travel: path length of the hand's front since the start of the run [m].
     """
@@ -50,9 +52,14 @@ class Visit:
     motions: tuple[Motion, ...]
     step: Step | None
     leader: str
-    note: str
+    findings: tuple[Finding, ...]
     seconds: float
     travel: float
+
+    @property
+    def note(self) -> str:
+        """The remarks in words; empty without any."""
+        return message_of(self.findings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,8 +95,8 @@ def reachable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingStat
     """
 
     def able(state: SensingState, candidates: Candidates) -> BoolArray:
-        room = Room(hand.body, rules.workspace, Possible.of(state), rules.clearance)
-        return feasible(hand, room, candidates, retreat)
+        space = FreeSpace(hand.body, rules.workspace, PossiblePoses.of(state), rules.clearance)
+        return feasible(hand, space, candidates, retreat)
 
     return able
 
@@ -122,16 +129,16 @@ def sense_part(
     run, began = _Run(session, robot, rules, furniture, errors), robot.sensed.time
     visits, in_vain, gone = list[Visit](), 0, 0.0
     while isinstance(action := session.ask(), Action):
-        motions, step, note = run.answer(action)
+        motions, step, findings = run.answer(action)
         for motion in motions:
             fronts = SE3.apply(np.array([sensed.T_world_hand for sensed in motion.log]), robot.hand.front)
             gone += float(np.linalg.norm(np.diff(fronts, axis=0), axis=1).sum())
         leader = session.state.target(0).part.name if len(session.state.weights) else ""
-        visits.append(Visit(action, motions, step, leader, note, robot.sensed.time - began, gone))
+        visits.append(Visit(action, motions, step, leader, findings, robot.sensed.time - began, gone))
         watch(visits[-1])
         in_vain = in_vain + 1 if visits[-1].step is None else 0
         if in_vain >= _REFUSED:
-            action = Done(False, "The hand finds no way to the places that are worth it: give it more room.")
+            action = Done(False, (NoClearPath("hand", last=True),))
             break
     return Executed(action, tuple(visits))
 
@@ -144,46 +151,48 @@ class _Run:
     furniture: Furniture | None
     errors: RobotPreset | None
 
-    def answer(self, action: Action) -> tuple[tuple[Motion, ...], Step | None, str]:
-        """Move, read and update the session; return the motions, the update and a remark for the operator."""
+    def answer(self, action: Action) -> tuple[tuple[Motion, ...], Step | None, tuple[Finding, ...]]:
+        """Move, read and update the session; return the motions, the update and remarks for the user."""
         stops = self._way(action)
         if stops is None:
             self.session.refuse(action)
-            return (), None, "no way for the hand"
+            return (), None, (NoClearPath("hand"),)
         motions = self._go(stops)
         if action.acquires:
             return self._acquire(action, motions)
-        note = "" if motions[-1].reached else f"{motions[-1].status}: {motions[-1].message}"
-        step, said = self._read(action)
-        if note or step is None or said or not step.ids:  # an action without new information would be proposed again
+        failed = () if motions[-1].reached else (motions[-1].finding,)
+        step, remarks = self._read(action)
+        if failed or step is None or remarks or not step.ids:  # without new information it would be proposed again
             self.session.refuse(action)
-        return motions, step, "; ".join(text for text in (note, said) if text)
+        return motions, step, (*failed, *remarks)
 
-    def _acquire(self, action: Action, motions: tuple[Motion, ...]) -> tuple[tuple[Motion, ...], Step | None, str]:
+    def _acquire(
+        self, action: Action, motions: tuple[Motion, ...]
+    ) -> tuple[tuple[Motion, ...], Step | None, tuple[Finding, ...]]:
         """Acquire a whole feature and report its readings; report nothing if the acquisition fails."""
         guess = guess_of(self.session.state, action)
         if guess is None or not motions[-1].reached:
             self.session.refuse(action)
-            return motions, None, "nothing there to acquire any more" if motions[-1].reached else motions[-1].message
+            return motions, None, (NothingToAcquire() if motions[-1].reached else motions[-1].finding,)
         got = SENSE[action.acquires](
             self.robot, guess, standoff=standoff_of(self.rules), rules=self.rules, label=action.name, errors=self.errors
         )
         motions += got.motions
         if not got.acquired:
             self.session.refuse(action)
-            return motions, None, f"{got.status}: {got.message}"
-        return motions, self.session.tell(readings_of(got), action), got.message
+            return motions, None, (got.finding,)
+        return motions, self.session.tell(readings_of(got), action), (got.finding,)
 
     def _way(self, action: Action) -> list[Transforms] | None:
         hand, session, here = self.robot.hand, self.session, self.robot.sensed.T_world_hand
-        room = Room(hand.body, self.rules.workspace, Possible.of(session.state), self.rules.clearance)
+        space = FreeSpace(hand.body, self.rules.workspace, PossiblePoses.of(session.state), self.rules.clearance)
         probe = session.probe
         Ts = approach_poses(hand, action.origin[None], action.direction[None])[0]
-        Ts = Ts[room.allows(Ts)]
+        Ts = Ts[space.allows(Ts)]
         if not len(Ts):
             return None
         ways = (
-            route(hand, room, here, T, probe.retreat)
+            route(hand, space, here, T, probe.retreat)
             for T in ranked(hand, session.state, Ts, here, probe.max_range)[:_TRIED]
         )
         return next((stops for stops in ways if stops is not None), None)
@@ -197,18 +206,18 @@ class _Run:
                 break
         return tuple(motions)
 
-    def _read(self, action: Action) -> tuple[Step | None, str]:
-        """Read at rest and update the session; return the update and a remark on unusual readings."""
+    def _read(self, action: Action) -> tuple[Step | None, tuple[Finding, ...]]:
+        """Read at rest and update the session; return the update and remarks on unusual readings."""
         hand = self.robot.hand
         readings = as_readings(hand, rest(self.robot, REPEATS), str(action.number))
-        readings = None if readings is None else of_parts(hand, readings, Possible.of(self.session.state))
+        readings = None if readings is None else of_parts(hand, readings, PossiblePoses.of(self.session.state))
         if readings is None:
-            return None, "no echo"
-        note = ""
+            return None, (NoEcho(),)
+        remarks: tuple[Finding, ...] = ()
         if self.furniture is not None:
             of_it = self.furniture.met(readings, hand.rig, self.errors, self.session.state)
             readings = beyond_furniture(readings, of_it, hand.rig)
-            note = f"{int(of_it.sum())} met furniture" if of_it.any() else ""
+            remarks = (FurnitureMet(int(of_it.sum())),) if of_it.any() else ()
         if readings.is_free.all():
-            note = "; ".join(text for text in (note, "nothing met") if text)
-        return self.session.tell(readings, action), note
+            remarks = (*remarks, BeamsFree())
+        return self.session.tell(readings, action), remarks

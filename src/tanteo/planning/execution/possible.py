@@ -158,7 +158,7 @@ _DRAWS, _ALLOWED = 24, 120
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Possible:
+class PossiblePoses:
     """Set of poses at which parts may be.
 
     Attributes:
@@ -178,7 +178,7 @@ class Possible:
 
     @classmethod
     @lru_cache(maxsize=1)  # candidates and ways ask in turn
-    def of(cls, state: SensingState) -> Possible:
+    def of(cls, state: SensingState) -> PossiblePoses:
         """Collect the live modes, samples of the belief, and prior poses that no reading contradicts.
 
         The belief alone is not safe: if it were wrong, the hand would find out by a collision.
@@ -211,7 +211,7 @@ class Possible:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Room:
+class FreeSpace:
     """Free space for the whole hand between workspace bounds and possible parts.
 
     Attributes:
@@ -224,7 +224,7 @@ class Room:
 
     body: Body
     workspace: Workspace
-    possible: Possible
+    possible: PossiblePoses
     clearance: float
     slack: float = 2e-3
 

@@ -11,7 +11,7 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.hand import FREE, HIT, Hand, HandReading, Robot
 from tanteo.parts import Surface
-from tanteo.planning.execution.possible import OFF, Possible
+from tanteo.planning.execution.possible import OFF, PossiblePoses
 from tanteo.planning.predictions import predict
 from tanteo.planning.samples import draw
 from tanteo.planning.state import SensingState
@@ -171,7 +171,7 @@ def as_readings(hand: Hand, log: Sequence[HandReading], name: str) -> Readings |
     return _readings(rows, name) if rows else None
 
 
-def of_parts(hand: Hand, readings: Readings, possible: Possible) -> Readings | None:
+def of_parts(hand: Hand, readings: Readings, possible: PossiblePoses) -> Readings | None:
     """Return readings of the frontal sensors, and of others whose beams pass a possible part; None if there are none.
 
     The other sensors were not aimed at anything. Elsewhere they hit other objects, and free-space rays carry no

@@ -13,7 +13,7 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.hand import RADIUS_SHARE, Acquired, Hand, Predicted, RoundGuess, Rules, least_radius, predicted
 from tanteo.planning.candidates import Candidates
 from tanteo.planning.execution.approach import feasible
-from tanteo.planning.execution.possible import Possible, Room
+from tanteo.planning.execution.possible import FreeSpace, PossiblePoses
 from tanteo.planning.session.action import Action
 from tanteo.planning.state import SensingState
 from tanteo.planning.whole import WHOLE, WholeFeature
@@ -42,7 +42,7 @@ def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingSta
     """
 
     def whole(state: SensingState) -> tuple[WholeFeature, ...]:
-        room = Room(hand.body, rules.workspace, Possible.of(state), rules.clearance)
+        space = FreeSpace(hand.body, rules.workspace, PossiblePoses.of(state), rules.clearance)
         modes = np.flatnonzero(state.weights >= _LEAST)[:_MODES]
         offers = [
             _offer(state, int(k), kind, p, rules) for k in modes for kind in WHOLE for p in _found(state, k, kind)
@@ -53,7 +53,7 @@ def acquirable(hand: Hand, rules: Rules, retreat: float) -> Callable[[SensingSta
             return ()
         origins, none = np.array([one.origin for one in wide]), np.zeros(len(wide), dtype=np.int64)
         down = -np.array([one.T_world_feature[:3, 2] for one in wide])
-        ok = feasible(hand, room, Candidates(origins, down, none, none, np.full(len(wide), _ABOVE)), retreat)
+        ok = feasible(hand, space, Candidates(origins, down, none, none, np.full(len(wide), _ABOVE)), retreat)
         return tuple(one for one, can in zip(wide, ok, strict=True) if can)
 
     return whole

@@ -1,6 +1,6 @@
-"""Sensing as a conversation: ``ask()`` gives the next reading to make, ``tell(readings)`` what came of it.
+"""Sequential sensing: ``ask()`` returns the next reading to make, ``tell(readings)`` adds its result.
 
-The only thing here with memory. It touches no file and moves no hand::
+A session is the only object of this package with a state. It opens no file and moves no hand::
 
     session = Session(around(targets, T_world_place, covariance), probe_of(sensor_preset("keyence_il300")), sensing=...)
     while isinstance(action := session.ask(), Action):

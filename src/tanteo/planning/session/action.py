@@ -1,4 +1,4 @@
-"""A question of a session: one reading, where from and which way."""
+"""Action of a session: one reading to make, with its start and its direction."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import LARGEST
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.sensors import Readings
+from tanteo.words import Finding
 
 _BEYOND = 3.0
-"""A finite distance of more than so many times the range is no reading of this sensor, but one of another unit."""
+"""Multiple of the range beyond which a finite distance is taken for a value in another unit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,18 +22,18 @@ class Action:
     """The next reading to make.
 
     Attributes:
-        number: of the question, from 1.
-        origin: from where to look or move, world ``(3,)`` [m].
-        direction: in which, unit, world ``(3,)``.
-        max_range: how far [m].
-        expected: mean range from ``origin`` if the likeliest hypothesis is true [m].
-        part: at which part it is aimed.
-        face: at which of its faces.
-        gain: what it is expected to tell [nats]; NaN where the policy does not ask.
-        why: in words.
-        radius: of the ball that touches [m]: the range is that of its centre; 0 for a point or beam.
-        acquires: kind of the feature that a hand is to acquire whole, ``circle`` or ``cylinder``, whose name is then in
-            ``face``; empty for one reading.
+        number: number of the action, from 1.
+        origin: start of the beam or the motion, world frame ``(3,)`` [m].
+        direction: its unit direction, world frame ``(3,)``.
+        max_range: largest range [m].
+        expected: mean range from ``origin`` if the most probable hypothesis is true [m].
+        part: name of the part at which it is aimed.
+        face: name of the face of that part.
+        gain: expected information [nats]; NaN if the policy does not compute it.
+        reason: why the policy chose it.
+        radius: radius of the ball that touches [m]; the range is that of its centre. It is 0 for a point or a beam.
+        acquires: kind of the feature that a hand has to acquire completely, ``circle`` or ``cylinder``. Its name is in
+            ``face`` then. Empty for one reading.
 
     Example:
         >>> import numpy as np
@@ -51,71 +52,71 @@ class Action:
     part: str
     face: str
     gain: float
-    why: str
+    reason: Finding
     radius: float = 0.0
     acquires: str = ""
 
     def __post_init__(self) -> None:
         if self.number < 1:
-            raise InputError(f"question, number: expected 1 or more, got {self.number}. Correct it.")
+            raise InputError(f"action, number: expected 1 or more, got {self.number}. Correct it.")
         shapes = np.shape(self.origin) == np.shape(self.direction) == (3,)
         if not (shapes and np.isfinite(self.origin).all() and abs(np.linalg.norm(self.direction) - 1) < 1e-6):
             raise InputError(
-                f"question {self.number}: expected a place and a unit direction, got {self.origin} and "
+                f"action {self.number}: expected a place and a unit direction, got {self.origin} and "
                 f"{self.direction}. Correct it."
             )
 
         if not (0 < self.max_range <= LARGEST):
             got = f"got {self.max_range:g} m. Correct it."
-            raise InputError(f"question {self.number}, max_range: expected a positive length, {got}")
+            raise InputError(f"action {self.number}, max_range: expected a positive length, {got}")
 
     @property
     def T_world_probe(self) -> Transforms:
-        """A pose of the probe ``(4, 4)`` that looks along its z; its turn about z is free."""
+        """A pose of the probe ``(4, 4)`` with z along the beam; the rotation about z is arbitrary."""
         return SE3.from_parts(SO3.frame_from_axis(self.direction, 2), self.origin)
 
     @property
     def name(self) -> str:
-        """Of the reading that answers it."""
+        """Name of the reading that results from the action."""
         return f"a{self.number}"
 
     @property
     def words(self) -> str:
-        """One line for a person."""
+        """The action in one line of text."""
         x, y, z = 1e3 * self.origin
         dx, dy, dz = self.direction
         if self.acquires:
-            what = f"{self.face} of {self.part}, whole, as a {self.acquires}"
-            return f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm in the world: {what}; {self.why}"
+            what = f"acquire {self.face} of {self.part} as a {self.acquires}"
+            return f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm in the world: {what}. {self.reason.message}"
         return (
-            f"from ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
-            f"{self.part} is expected after {1e3 * self.expected:.1f} mm; {self.why}"
+            f"From ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}) in the world: {self.face} of "
+            f"{self.part} is expected after {1e3 * self.expected:.1f} mm. {self.reason.message}"
         )
 
     def read(
         self, distance: float, sd: float | None = None, name: str | None = None, T_world_hand: Transforms | None = None
     ) -> Readings:
-        """The reading of a beam or touch that met something after ``distance`` [m]; infinite: it met nothing.
+        """Return the reading of a beam or a touch.
 
         Args:
-            distance: from ``origin`` along ``direction``, as measured, to where the centre of a ball stops; beyond
-                ``max_range`` it met nothing, too.
-            sd: of it [m], where the session's sensor does not say it.
-            name: of the reading; that of the question by default.
-            T_world_hand: pose of the hand ``(4, 4)`` at the reading; errors that turn with it, as that of its tip
-                (``tip_sd``), need it.
+            distance: measured distance from ``origin`` along ``direction`` to the centre of the stopped ball [m].
+                Infinity, or more than ``max_range``, means that nothing was met.
+            sd: standard deviation of the distance [m]; None for that of the session's sensor.
+            name: name of the reading; None for that of the action.
+            T_world_hand: pose of the hand ``(4, 4)`` at the reading, for errors in the frame of the hand such as
+                ``tip_sd``.
 
         Raises:
-            InputError: not a length, or several times ``max_range``, which may be one of another unit; or a feature is
-                to be acquired whole.
+            InputError: the distance is not a length, or it is several times ``max_range``, as in another unit; or the
+                action acquires a complete feature.
         """
         if self.acquires:
             raise InputError(
-                f"question {self.number}: expected the readings of {self.face}, acquired whole, got one distance. Tell "
-                "the session what acquisition.sense_circle or sense_cylinder read."
+                f"action {self.number}: expected the readings of all of {self.face}, got one distance. Give the "
+                "session the readings of sense_circle or sense_cylinder."
             )
         if np.isnan(distance) or distance <= 0:
-            raise InputError(f"distance: expected a positive length or infinity, got {distance}. Leave it out.")
+            raise InputError(f"distance: expected a positive length or infinity, got {distance}. Omit it.")
         if self.max_range * _BEYOND < distance < np.inf:
             raise InputError(
                 f"distance: expected metres, no more than {self.max_range:g}, or infinity where nothing was met, got "

@@ -1,4 +1,4 @@
-"""What candidates would have in common with the readings so far: their shared errors, and how the hand will be held."""
+"""Predict the shared errors of candidates and the attitude of the hand from the readings so far."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from tanteo.planning.probe import Probe
 from tanteo.planning.session.values import Sensing
 from tanteo.planning.shared import SharedAhead
 from tanteo.planning.state import SensingState
-from tanteo.posterior import goodness_of_fit, what_limits
+from tanteo.posterior import dominant_shared_error, goodness_of_fit
 from tanteo.sensors import Column, PointMeasurements, Readings
+from tanteo.words.findings import SharedErrorLimits
 
 _TURNED, _STILL = 0.3, 0.1
-"""Where directions differ by so much [rad] and hands by such a share of it, the hand is not turned to the approach."""
+"""Least angle between approaches [rad], and largest fraction of it by which hands of constant attitude rotate."""
 
 _ALONG = 1e-9
-"""Sine of the angle below which two directions are one, or opposite."""
+"""Sine of the angle below which two directions count as equal or opposite."""
 
 
 def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> SharedOf | None:
-    """The shared errors of candidates as the readings so far have them; None where these share nothing.
+    """Return a function for the shared errors of candidates, or None if the readings share none.
 
-    Each candidate is taken as a reading by the sensor and the hand of the reading whose approach is nearest to its own.
+    Each candidate is treated as a reading with the sensor and the hand of the reading with the nearest approach.
 
     Args:
-        sensing: how readings are made into measurements.
-        probe: what senses.
-        readings: all so far.
-        state: what is known by them.
+        sensing: noise model.
+        probe: sensor model.
+        readings: all readings so far.
+        state: posterior of them.
     """
     if readings is None or not state.modes:
         return None
@@ -54,28 +55,27 @@ def shared_of(sensing: Sensing, probe: Probe, readings: Readings | None, state: 
     return ahead
 
 
-def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> str:
-    """A sentence on the shared error that limits the answer; empty if none does."""
+def limits(sensing: Sensing, probe: Probe, readings: Readings | None, state: SensingState) -> SharedErrorLimits | None:
+    """Return the shared error that limits the answer, or None."""
     if readings is None or not state.modes:
-        return ""
+        return None
     measured = measured_by(sensing, probe, readings)
-    found = what_limits(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
-    return "" if found is None else found.message
+    return dominant_shared_error(goodness_of_fit(state.modes[0]), measured.shared) if measured.shared else None
 
 
 def measured_by(sensing: Sensing, probe: Probe, readings: Readings) -> PointMeasurements:
-    """Measurements as a session makes them: a beam is as wide as that of the probe."""
+    """Return the measurements of a session, with the beam width of its probe."""
     return sensing.measured(readings, np.nan if probe.contact else probe.beam_half_angle)
 
 
 def _columns(measured: PointMeasurements) -> dict[str, IntArray]:
-    """Which columns of the belief's shared errors are those of each name."""
+    """Return the columns of the posterior's shared errors by name."""
     ends = np.cumsum([0, *(len(error.covariance) for error in measured.shared)])
     return {e.name: np.arange(a, b) for e, a, b in zip(measured.shared, ends[:-1], ends[1:], strict=True)}
 
 
 def _as_readings(c: Candidates, readings: Readings, measured: PointMeasurements, probe: Probe) -> Readings:
-    """The candidates as readings of the hand that made those that met something."""
+    """Return the candidates as readings with the hand of the most similar reading that met something."""
     ways = np.where(np.isnan(measured.directions), -measured.normals, measured.directions)
     ways = np.where(np.isnan(ways), 0.0, ways)
     near = np.argmax(c.directions @ ways.T, axis=1)
@@ -93,7 +93,7 @@ def _as_readings(c: Candidates, readings: Readings, measured: PointMeasurements,
 
 
 def _is_still(ways: Vectors, Rs: Rotations) -> bool:
-    """Whether the hand was held alike for all approaches, however these differ."""
+    """Return whether the hand had the same attitude although the approaches differ."""
     if len(ways) < 2:
         return False
     apart = np.arccos(np.clip(ways @ ways.T, -1, 1).min())
@@ -102,7 +102,7 @@ def _is_still(ways: Vectors, Rs: Rotations) -> bool:
 
 
 def _brought(hands: Column, points: Vectors, ways: Vectors, c: Candidates, *, still: bool) -> Column:
-    """Hands moved to the candidates' aims with what they met, turned with the approach unless they are held alike."""
+    """Return hand poses at the candidates' aims, rotated with the approach unless the attitude is constant."""
     held, Ts = hands.given, hands.values
     turn = (np.tile(np.eye(3), (len(c), 1, 1)) if still else _turns(ways, c.directions))[held]
     arms = Ts[:, :3, 3] - points[held]
@@ -111,7 +111,7 @@ def _brought(hands: Column, points: Vectors, ways: Vectors, c: Candidates, *, st
 
 
 def _turns(source: Vectors, target: Vectors) -> Rotations:
-    """The least turns that bring unit vectors to others ``(n, 3, 3)``."""
+    """Return the smallest rotations that map unit vectors to others ``(n, 3, 3)``."""
     axis, cosine = np.cross(source, target), np.sum(source * target, axis=1)
     sine = np.linalg.norm(axis, axis=1)
     plain = SO3.exp(axis / np.maximum(sine, _ALONG)[:, None] * np.arctan2(sine, cosine)[:, None])
@@ -121,5 +121,5 @@ def _turns(source: Vectors, target: Vectors) -> Rotations:
 
 
 def _unit(ways: Vectors) -> Vectors:
-    """The same, and some direction where there is none."""
+    """Return the directions with missing ones, which are zero, replaced by z."""
     return np.where(ways.any(axis=1, keepdims=True), ways, [0.0, 0.0, 1.0])

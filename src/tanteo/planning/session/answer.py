@@ -1,4 +1,4 @@
-"""What is known at some point of a session, as the answer that :func:`tanteo.identify` gives."""
+"""Convert the state of a session to an answer as of :func:`tanteo.identify`."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ from tanteo.posterior import (
 )
 from tanteo.words.findings import (  # fmt: skip
     EmptySpace,
+    Finding,
     MovedMeanwhile,
     NoPartLeft,
     NothingMet,
@@ -44,14 +45,18 @@ from tanteo.words.findings import (  # fmt: skip
 )
 
 _FEW, _BY_CHANCE = 2, 0.05
-"""So many readings aside, or more, and at least as improbably together by chance, are worth a sentence."""
+"""Least number of misfits that may indicate a motion, and largest probability that chance groups them in time."""
 
 
 def moved(ids: Sequence[str], aside: BoolArray) -> MovedMeanwhile | None:
-    """Return that something may have moved; None if the readings that do not fit came at any time.
+    """Return that something may have moved, or None if chance explains the times of the misfits.
 
-    If they are outliers by chance, all of them are among the first, or among the last, so many with the share of the
-    ways to choose them there.
+    Under chance, the probability that all misfits are within the first or the last ``k`` readings is the fraction of
+    all subsets that lie there.
+
+    Args:
+        ids: names of the readings, in order of time.
+        aside: flags of the readings that do not fit.
     """
     rows, n = np.flatnonzero(aside), len(aside)
     if len(rows) < _FEW:
@@ -69,10 +74,17 @@ _HALF = 0.5
 
 
 def answered(state: SensingState, stop: Stop, seed: int, top: int, significance: float) -> Answer:
-    """Status, message and hypotheses; poses that differ by less than the tolerance that was asked for are one.
+    """Return the answer; poses that differ by less than the tolerance of the goal count as one.
 
-    What is as sure as was asked for is an answer, also where that is less than :func:`tanteo.identify` would give one
-    at; the message says how sure it is then, and what else it may be.
+    The goal may demand less confidence than :func:`tanteo.identify`. The findings then contain the probability and the
+    alternatives.
+
+    Args:
+        state: state of the session.
+        stop: goal of the session.
+        seed: seed of the session.
+        top: largest number of hypotheses to report.
+        significance: significance level of the tests.
     """
     if top < 1:
         raise InputError(f"top: expected 1 or more, got {top}. Use 5.")
@@ -92,38 +104,44 @@ def answered(state: SensingState, stop: Stop, seed: int, top: int, significance:
     enough = bool(stop.reached(state))
     least = _least(stop, float(state.of_parts().max(initial=0.0)) if enough else 1.0)
     prior_p = p_of_start(state)
-    status, findings = verdict(
+    status, finding = verdict(
         hypotheses, state.unknown, significance,
         worst=_worst(touches, found[0], prior_p), shares=shares, prior_p=prior_p, least=least, known=enough,
     )  # fmt: skip
     placed = stop.tolerance is not None and (enough or stop.chance(state) >= CONFIDENCE)
     if status == "ambiguous" and (placed or enough):
         status = "recognized" if placed else "ambiguous"
-        findings = (_in_some_pose(hypotheses[0], state, stop, shares),)
+        finding = _in_some_pose(hypotheses[0], state, stop, shares)
     more = (
         face_elsewhere(touches, found[0], state.unknown, start.priors),
         WiderPrior() if status == "unknown" and prior_p < significance else None,
         moved_meanwhile(state),
     )
-    findings = (*findings, *(one for one in more if one is not None))
+    findings = (finding, *(one for one in more if one is not None))
     return Answer(status, findings, hypotheses, state.unknown, seed=seed, significance=significance)
 
 
-def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> str:
-    """Why the answer is not accepted, in words, where that is known; empty if nothing contradicts it.
+def contradiction(state: SensingState, stop: Stop, significance: float, *, reached: bool) -> tuple[Finding, ...]:
+    """Return the findings of an answer that is not accepted; none if nothing contradicts it.
 
-    Before the goal is reached, a part that is known but not where it was said to be does: more readings of it do not
-    make the prior pose right. Then, whatever the joint test says.
+    Before the goal is reached, only a known part that contradicts its prior pose counts, because more readings do not
+    correct the prior. Once it is reached, the joint test counts, too.
+
+    Args:
+        state: state of the session.
+        stop: goal of the session.
+        significance: significance level of the tests.
+        reached: whether the goal is reached.
     """
     known = reached or (state.of_parts().max(initial=0.0) > CONFIDENCE and p_of_start(state) < SUSPECT)
     answer = answered(state, stop, 0, 1, significance) if known else None
-    return answer.message if answer is not None and answer.status == "unknown" else ""
+    return answer.findings if answer is not None and answer.status == "unknown" else ()
 
 
 def p_of_start(state: SensingState) -> float:
-    """P-value of the prior pose beside the readings, of several that of the nearest.
+    """Return the p-value of the prior pose given the readings; of several prior poses, that of the nearest.
 
-    It is 1 where no pose is likely, or only factors suggest it.
+    It is 1 if no pose is probable, or if only factors suggest the pose.
     """
     start = state.start
     if not state.modes or state.modes[0].probability < _HALF:
@@ -138,20 +156,20 @@ def p_of_start(state: SensingState) -> float:
 
 
 def _worst(points: ContactPoints, best: GoodnessOfFit, prior_p: float) -> WorstReading | None:
-    """The reading that contradicts the likeliest hypothesis most, unless the prior pose contradicts it more."""
-    contradicted = best.misfit().beside(0.0, len(best.free)).p_value < prior_p
+    """Return the reading that contradicts the best hypothesis most, or None if the prior pose contradicts it more."""
+    contradicted = best.misfit().with_more(0.0, len(best.free)).p_value < prior_p
     return worst_reading(points, best) if contradicted else None
 
 
 def moved_meanwhile(state: SensingState) -> MovedMeanwhile | None:
-    """Return that the readings which the likeliest hypothesis leaves aside are together in time; None if not."""
+    """Return that the misfits of the most probable hypothesis are grouped in time, or None."""
     if state.touches is None or not state.modes:
         return None
     return moved(state.touches.ids, ~state.on_part())
 
 
 def _least(stop: Stop, part: float) -> float:
-    """Probability from which one pose is the answer, where its part has this one: as sure as was asked for, of both."""
+    """Return the least probability of a pose that counts as the answer, given the probability of its part."""
     asked = CONFIDENCE if stop.probability is None else stop.probability
     return part * min(CONFIDENCE, max(asked, _HALF))
 
@@ -159,7 +177,7 @@ def _least(stop: Stop, part: float) -> float:
 def _in_some_pose(
     best: Hypothesis, state: SensingState, stop: Stop, shares: list[tuple[str, float]]
 ) -> PoseWithin | SeveralPoses:
-    """Return the part that it is, in any of its poses, and whether these differ by less than the tolerance."""
+    """Return the part with several poses, and whether these differ by less than the tolerance."""
     sure, others = doubt(best, state.unknown, shares, any_pose=True)
     if stop.tolerance is None:
         return SeveralPoses(best.part, sure, others)
@@ -168,7 +186,7 @@ def _in_some_pose(
 
 
 def step_of(state: SensingState, stop: Stop, observation: Observation) -> Step:
-    """What is known after something was told."""
+    """Return the posterior after an observation as a step."""
     if not len(state.weights):
         nowhere = np.full((4, 4), np.nan), -1, np.full((6, 6), np.nan), 0.0
         T, part, C, inside = nowhere
@@ -178,4 +196,4 @@ def step_of(state: SensingState, stop: Stop, observation: Observation) -> Step:
         inside = stop.chance(state)
     ids = () if observation.readings is None else observation.readings.ids
     known = state.of_parts(), state.unknown, T, part, C, largest_corner_sd(state), float(inside)
-    return Step(ids, observation.action, *known, observation.note)
+    return Step(ids, observation.action, *known, observation.findings)

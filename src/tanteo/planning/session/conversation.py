@@ -1,9 +1,9 @@
-"""The only thing with memory: what was asked, what was told, and the belief that came of it."""
+"""State of a session: actions, observations and the posterior that results."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,32 +21,35 @@ from tanteo.planning.session.ahead import limits, shared_of
 from tanteo.planning.session.answer import answered, step_of
 from tanteo.planning.session.questions import action_of, answers, is_same, new_readings, unlike, whole_action
 from tanteo.planning.session.values import Done, Observation, Sensing, Step
-from tanteo.planning.session.worth import OUT_OF_REACH, enough, once_more, worth_acquiring, worth_making
+from tanteo.planning.session.worth import enough, once_more, worth_acquiring, worth_making
 from tanteo.planning.start import Start
 from tanteo.planning.state import SensingState, begin, update
 from tanteo.planning.stopping import Stop
 from tanteo.planning.whole import Offers
 from tanteo.posterior import Answer, PosePrior
 from tanteo.sensors import Readings, check_readings_kind, concatenate, find_stuck
-from tanteo.words.findings import NoPartLeft, Stuck
+from tanteo.words.findings import NoPartLeft, NoPlaceReached, Stuck
 
 _CANDIDATES = 500
-"""Readings among which one is chosen."""
+"""Number of candidate readings for each choice."""
 
 
 @dataclass(slots=True, eq=False)
 class Session:
-    """Belief, readings and questions of one part being sensed.
+    """Posterior, readings and actions of one part that is sensed step by step.
+
+    :meth:`ask` and :meth:`tell` are the interface of sequential optimizers.
 
     Attributes:
-        start: what is assumed beforehand.
-        probe: what senses, and where it may come from.
-        sensing: how readings are made into measurements.
-        policy: which reading is chosen.
-        stop: when to end.
-        seed: of everything that draws: the same seed and readings give the same questions and answers.
-        able: which candidates can be made ``(C,)``, where the probe does not say it all: a hand has a body.
-        whole: features that can be acquired whole, where something can do that: a hand over the rim of a bore.
+        start: prior poses of the parts.
+        probe: sensor model with the limits of its approach.
+        sensing: noise model of the readings.
+        policy: policy that chooses the next reading.
+        stop: goal of the session.
+        seed: seed of all random numbers; the same seed and readings give the same actions and answers.
+        able: function that returns flags ``(C,)`` of feasible candidates, for limits beyond those of the probe, such as
+            the body of a hand; None for none.
+        whole: function that returns features which a hand can acquire completely; None without a hand.
         significance: significance level of the tests of an answer.
 
     Example:
@@ -79,7 +82,7 @@ class Session:
     def __post_init__(self) -> None:
         check_kind("start", self.start, Start, "tanteo.planning.around(parts, T, covariance) makes one.")
         check_kind("probe", self.probe, Probe, "tanteo.planning.probe_of(name) makes one.")
-        check_kind("sensing", self.sensing, Sensing, "Say Sensing(sensor=name), or Sensing(sd=0.3e-3).")
+        check_kind("sensing", self.sensing, Sensing, "Use Sensing(sensor=name), or Sensing(sd=0.3e-3).")
         check_count("seed", self.seed, 0)
         check_significance(self.significance)
         if self.stop.feature is not None:
@@ -88,77 +91,76 @@ class Session:
 
     @property
     def state(self) -> SensingState:
-        """What is known now."""
+        """Posterior of all readings so far."""
         return self._state
 
     @property
     def readings(self) -> Readings | None:
-        """All that was told; None before the first."""
+        """All readings so far; None before the first."""
         return self._joined
 
     @property
     def prior(self) -> PosePrior:
-        """The prior pose of the start that the best hypothesis comes from; the likeliest before the first reading."""
+        """Prior pose behind the best hypothesis; before the first reading, the most probable prior pose."""
         row = int(self._state.rows[0]) if self._state.modes else -1
         row = row if row >= 0 else int(np.argmax(self.start.weights))
         return PosePrior(self.start.Ts[row], self.start.covariances[row])
 
     @property
     def tells(self) -> tuple[Readings, ...]:
-        """The same, as it came."""
+        """All readings so far, grouped by observation."""
         return tuple(self._readings)
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """What each of them told."""
+        """Posterior after each observation."""
         return tuple(self._steps)
 
     @property
     def asked(self) -> Action | None:
-        """The question that waits for its answer; None if there is none."""
+        """The pending action; None if there is none."""
         return self._asked
 
     @property
     def refused(self) -> tuple[Action, ...]:
-        """The questions that could not be answered; none like them is asked again."""
+        """Actions that could not be carried out; similar ones are not chosen again."""
         return tuple(self._refused)
 
     @property
     def observations(self) -> tuple[Observation, ...]:
-        """All that has to be kept to :meth:`resume` from here."""
+        """Observations that :meth:`resume` needs to restore this state."""
         readings = iter(self._readings)
-        return tuple(Observation(s.action, next(readings) if s.ids else None, s.note) for s in self._steps)
+        return tuple(Observation(s.action, next(readings) if s.ids else None, s.findings) for s in self._steps)
 
     @property
     def count(self) -> int:
-        """Readings told."""
+        """Number of readings so far."""
         return 0 if self._joined is None else len(self._joined)
 
     @property
     def questions(self) -> int:
-        """The largest number of a question so far; what is drawn for the next one depends on it."""
+        """Largest number of an action so far; it seeds the candidates of the next one."""
         return self._questions
 
     def ask(self) -> Action | Done:
-        """The next reading to make, or why there is none.
+        """Return the next reading to make, or the end of the session.
 
-        A question waits until it is answered, refused or replaced, and is given again until then: whoever was sent may
-        be on the way. Other readings that are told meanwhile may show that enough is known; else they do not change the
-        question. ``put(None)`` drops it, and the next one is chosen by all that is known.
+        A pending action stays until its readings arrive, or until it is refused or replaced. Other readings may reach
+        the goal in the meantime; otherwise they do not change the action. ``put(None)`` discards it, so that the next
+        call chooses by the current posterior.
         """
         if end := enough(self.stop, self._state, self.count, self.significance):
-            stuck = self._stuck()
-            return self._said(end if stuck is None else replace(end, why=f"{end.why} {stuck.message}"))
+            return self._explained(end.adding(self._stuck()))
         if self._asked is not None:
             return self._asked
         if not len(self._state.weights):
-            return Done(False, NoPartLeft().message)
+            return Done(False, (NoPartLeft(),))
         candidates = self._open(propose(self._state, self.probe, _CANDIDATES, self.seed * 1000 + self._questions))
         context = self._context(candidates)
-        chosen = self._chosen(context) if len(candidates) else Done(False, OUT_OF_REACH)
+        chosen = self._chosen(context) if len(candidates) else Done(False, (NoPlaceReached(),))
         better = worth_acquiring(self.stop, context, self._offers(chosen), chosen)
         if better is None and isinstance(chosen, Done):
-            return self._said(chosen) if len(candidates) else chosen
+            return self._explained(chosen) if len(candidates) else chosen
         self._questions += 1
         if better is not None:
             self._asked = whole_action(self._state, *better, self._questions)
@@ -168,12 +170,12 @@ class Session:
         return self._asked
 
     def _chosen(self, context: DecisionContext) -> tuple[DecisionContext, Choice] | Done:
-        """The reading to make, or that none is worth it."""
+        """Return the chosen reading with its context, or the end of the session."""
         repeats = self._open(once_more(self._state, self._steps))
         return worth_making(self.stop, context, self.policy.choose(context), repeats)
 
     def _offers(self, chosen: tuple[DecisionContext, Choice] | Done) -> Offers:
-        """Features that can be acquired whole, none twice; where no policy would take one, none is looked for."""
+        """Return features that can be acquired completely, each only once; none if the policy would not choose one."""
         if self.whole is None or not (isinstance(chosen, Done) or chosen[1].seconds is not None):
             return ()
         before = [*self._refused, *(step.action for step in self._steps if step.action is not None)]
@@ -183,7 +185,7 @@ class Session:
         return [one for one in offers if (one.kind, part[self._state.part[one.mode]], one.name) not in asked]
 
     def _context(self, candidates: Candidates) -> DecisionContext:
-        """What the policy decides on."""
+        """Return the input of the policy."""
         stop, state = self.stop, self._state
         part_only = stop.tolerance is None and stop.probability is not None
         known = stop.knows_part(state)
@@ -191,16 +193,19 @@ class Session:
         shared = shared_of(self.sensing, self.probe, self._joined, state)
         return DecisionContext(*values, part_only=part_only, part_open=not known, feature=stop.feature, shared=shared)
 
-    def _said(self, end: Done) -> Done:
-        """The end with the shared error that is in the way of the goal, where one is."""
+    def _explained(self, end: Done) -> Done:
+        """Return the end with the shared error that prevents the goal, if one does."""
         if end.reached or self.stop.tolerance is None:
             return end
-        return replace(end, why=f"{end.why} {limits(self.sensing, self.probe, self._joined, self._state)}".rstrip())
+        return end.adding(limits(self.sensing, self.probe, self._joined, self._state))
 
     def refuse(self, action: Action) -> None:
-        """The reading cannot be made, or was in vain: readings near it are not asked for again.
+        """Mark an action as impossible or without result; similar actions are not chosen again.
 
-        The question that waits is dropped only if it is this one.
+        The pending action is discarded only if it is the same.
+
+        Args:
+            action: the refused action.
         """
         self._refused.append(action)
         self._questions = max(self._questions, action.number)
@@ -208,36 +213,35 @@ class Session:
             self._asked = None
 
     def put(self, action: Action | None) -> None:
-        """A question that somebody else chose, in place of the one that waits: the next :meth:`ask` gives it.
+        """Replace the pending action by one from outside; the next :meth:`ask` returns it.
 
         Args:
-            action: the question; None only drops the one that waits, so that another is chosen.
+            action: the action; None only discards the pending one.
         """
         self._asked = action
         if action is not None:
             self._questions = max(self._questions, action.number)
 
     def tell(self, readings: Readings, action: Action | None = None) -> Step:
-        """Take readings into the belief: the answer to a question, or any others, at any time.
+        """Add readings to the posterior, requested or not, at any time.
 
-        A name that was told before with the same values is left out; with others, it gets a new name. The question
-        that waits is answered by readings of about its beam or of its name, as :meth:`Action.read` makes them, and by
-        what is said to answer it; it waits on after all others, and where nothing is new.
+        A known name with the same values is not counted again; with other values the reading gets a new name. The
+        pending action is completed by readings with its name or near its beam, or by the argument ``action``. It stays
+        pending after other readings, and if nothing is new.
 
         Args:
-            readings: what came of it.
-            action: the question that they answer, where they do not show it themselves. It may be an earlier one, to
-                which the answer comes late.
+            readings: the new readings.
+            action: action that requested them, if names and beams do not show it; it may be an earlier one.
 
         Raises:
-            InputError: the readings cannot be made into measurements; nothing has changed then.
+            InputError: the readings cannot be converted into measurements; the session stays unchanged then.
         """
         check_readings_kind("readings", readings)
-        fresh, note = new_readings(self._readings, readings)
+        fresh, remarks = new_readings(self._readings, readings)
         asked = self._asked
         if action is None and fresh is not None and asked is not None and answers(fresh, asked):
             action = asked
-        return self._take(Observation(action, fresh, note))
+        return self._take(Observation(action, fresh, remarks))
 
     def resume(
         self,
@@ -246,13 +250,13 @@ class Session:
         refused: Iterable[Action] = (),
         questions: int = 0,
     ) -> None:
-        """Take what another session was told, in its order: belief and next question are then the same as there.
+        """Restore the state of another session with the same start: same posterior, same next action.
 
         Args:
-            observations: of that session, see :attr:`observations`.
-            asked: its question that waited for an answer.
-            refused: its questions that could not be answered, see :attr:`refused`.
-            questions: the largest number of its questions, see :attr:`questions`.
+            observations: observations of that session, see :attr:`observations`.
+            asked: its pending action; None if there was none.
+            refused: its refused actions, see :attr:`refused`.
+            questions: largest number of its actions, see :attr:`questions`.
         """
         for action in refused:
             self.refuse(action)
@@ -267,7 +271,7 @@ class Session:
             joined = fresh if joined is None else concatenate([joined, fresh])
             state = update(state, *self.sensing.touches(joined, self.probe))
         step = step_of(state, self.stop, observation)
-        # only now, all of it: who interrupts the long work above finds the session as it was before
+        # all changes at once: an interrupt during the long work above leaves the session unchanged
         self._state, self._joined = state, joined
         self._readings += [] if fresh is None else [fresh]
         self._steps.append(step)
@@ -278,11 +282,11 @@ class Session:
         return step
 
     def answer(self, top: int = TOP, significance: float | None = None) -> Answer:
-        """The answer as of now, with status and message, as :func:`tanteo.identify` gives it.
+        """Return the current answer, as of :func:`tanteo.identify`.
 
         Args:
-            top: hypotheses to report.
-            significance: significance level of the joint test; that of the session if not given.
+            top: largest number of hypotheses to report.
+            significance: significance level of the joint test; None for that of the session.
         """
         level = self.significance if significance is None else significance
         answer = answered(self._state, self.stop, self.seed, top, level)
@@ -290,11 +294,11 @@ class Session:
         return answer if stuck is None else answer.adding(stuck)
 
     def _stuck(self) -> Stuck | None:
-        """Return a sensor that gave the same range again and again; None if there is none."""
+        """Return a sensor that reported a constant range, or None."""
         return find_stuck(self.readings) if self.readings is not None else None
 
     def _open(self, candidates: Candidates) -> Candidates:
-        """The candidates that can be made and are not like one that was refused."""
+        """Return the candidates that are feasible and not similar to a refused action."""
         candidates = unlike(candidates, self._refused)
         if self.able is None or not len(candidates):
             return candidates

@@ -1,6 +1,6 @@
-"""Questions: from a choice to one, which are like it, which one a reading answers; and names that come once.
+"""Actions of a session: make them from choices, compare them, and match readings to them.
 
-Readings come late, twice, or without being asked for.
+Readings may arrive late, twice, or unrequested.
 """
 
 from __future__ import annotations
@@ -19,37 +19,38 @@ from tanteo.planning.session.action import Action
 from tanteo.planning.state import SensingState
 from tanteo.planning.whole import WholeFeature
 from tanteo.sensors import Column, Readings
+from tanteo.words import Finding
+from tanteo.words.findings import MostInformation, RepeatedNames
 
 _OF_A_QUESTION = re.compile(r"a\d+")
-"""Names of readings that answer questions."""
+"""Pattern of names of readings that result from actions."""
 
 _LIKE = 0.15
-"""A reading is like a question within this angle [rad], and a place of this share of the stand-off."""
+"""Largest angle [rad], and largest distance as a fraction of the stand-off, between similar readings."""
 
 
 def action_of(context: DecisionContext, choice: Choice, number: int) -> Action:
-    """The question of that number that makes the chosen reading."""
+    """Return the action of a number that makes the chosen reading."""
     k, c = choice.index, context.candidates
     part, expected = context.state.target(int(c.mode[k])).part, float(c.ranges[k] - _short(context, k))
     return Action(
         number, c.origins[k], c.directions[k], context.probe.max_range, expected, part.name,
-        part.faces[c.face[k]].name, choice.gain, choice.why, context.probe.radius,
+        part.faces[c.face[k]].name, choice.gain, choice.reason, context.probe.radius,
     )  # fmt: skip
 
 
 def whole_action(state: SensingState, one: WholeFeature, gain: float, number: int) -> Action:
-    """The question of that number that has a feature acquired whole."""
+    """Return the action of a number that acquires a complete feature."""
     down = -one.T_world_feature[:3, 2]
     expected = float((one.T_world_feature[:3, 3] - one.origin) @ down)
-    why = f"it is expected to tell {gain:.2f} nats about part and pose"
     return Action(
-        number, one.origin, down, 2 * expected, expected, state.target(one.mode).part.name, one.name, gain, why,
-        acquires=one.kind,
+        number, one.origin, down, 2 * expected, expected, state.target(one.mode).part.name, one.name, gain,
+        MostInformation(gain), acquires=one.kind,
     )  # fmt: skip
 
 
 def _short(context: DecisionContext, k: int) -> float:
-    """By how much the centre of the probe's ball stops short of the surface that a candidate meets [m]."""
+    """Return the distance from the centre of the stopped ball to the surface, along a candidate's direction [m]."""
     if context.probe.radius == 0:
         return 0.0
     c, mode = context.candidates, int(context.candidates.mode[k])
@@ -60,7 +61,7 @@ def _short(context: DecisionContext, k: int) -> float:
 
 
 def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:
-    """The candidates that are not like a reading that was refused."""
+    """Return the candidates that are not similar to a refused action."""
     for action in (a for a in refused if not a.acquires):
         away = np.linalg.norm(candidates.origins - action.origin, axis=1)
         turned = np.linalg.norm(candidates.directions - action.direction, axis=1)
@@ -69,7 +70,7 @@ def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:
 
 
 def is_same(one: Action | None, other: Action | None) -> bool:
-    """Whether both are one question, also where one of them was written to a record and read again."""
+    """Return whether two actions are the same, also if one was restored from a record."""
     if one is None or other is None:
         return False
     places = (one.origin, one.direction), (other.origin, other.direction)
@@ -77,15 +78,14 @@ def is_same(one: Action | None, other: Action | None) -> bool:
 
 
 def answers(readings: Readings, action: Action) -> bool:
-    """Whether some of the readings answer a question: by the name that :meth:`Action.read` gives, or by their beam.
+    """Return whether some readings result from an action, by their name or their beam.
 
-    A robot is never quite where it was sent, and a touch may not say which way it came: a reading is of the question's
-    beam if it is as near to it as one that would not be asked again after a refusal. One that bears the name of another
-    question is not.
+    A robot reaches its target only approximately, and a touch may lack its direction. A reading therefore matches if it
+    is similar to the action. A reading with the name of another action does not match.
     """
     if action.name in readings.ids:
         return True
-    far = action.expected if 0 < action.expected < np.inf else action.max_range  # who asked may not have said
+    far = action.expected if 0 < action.expected < np.inf else action.max_range  # the expected range may be missing
     near, away = _LIKE * far, readings.points.filled(action.origin) - action.origin
     along = away @ action.direction
     beside = np.linalg.norm(away - along[:, None] * action.direction, axis=1)
@@ -94,11 +94,11 @@ def answers(readings: Readings, action: Action) -> bool:
         readings.is_free, np.linalg.norm(away, axis=1) <= near, (beside <= near) & (along > 0)
     )
     others = np.array([_OF_A_QUESTION.fullmatch(name) is not None for name in readings.ids], dtype=bool)
-    return bool(np.any(there & (turned <= _LIKE) & ~others))  # a reading without direction counts as along the question
+    return bool(np.any(there & (turned <= _LIKE) & ~others))  # a reading without direction counts as along the beam
 
 
-def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, str]:
-    """The readings that are new, named so that no name comes twice; and what was done about names."""
+def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readings | None, tuple[Finding, ...]]:
+    """Return the new readings with unique names, or None without any, and a remark on repeated names."""
     known = {name: (r, k) for r in before for k, name in enumerate(r.ids)}
     taken = {*known, *readings.ids}
     keep, names = list[int](), list[str]()
@@ -115,15 +115,12 @@ def new_readings(before: Sequence[Readings], readings: Readings) -> tuple[Readin
             renamed.append(new)
         keep.append(k)
         names.append(new)
-    notes = [f"{', '.join(again)}: told before"] if again else []
-    notes += (
-        [f"{', '.join(corrected)}: told before with other errors, radius or normal, which hold"] if corrected else []
-    )
-    notes += [f"{', '.join(renamed)}: named anew, as the name was taken"] if renamed else []
+    some = again or corrected or renamed
+    remarks = (RepeatedNames(tuple(again), tuple(corrected), tuple(renamed)),) if some else ()
     if not keep:
-        return None, "; ".join(notes)
+        return None, remarks
     fresh = readings if len(keep) == len(readings) else readings.take(np.array(keep))
-    return fresh if not renamed else replace(fresh, ids=tuple(names)), "; ".join(notes)
+    return fresh if not renamed else replace(fresh, ids=tuple(names)), remarks
 
 
 _WHERE = "points", "directions", "ranges", "Ts_world_hand", "max_ranges", "is_free"
@@ -131,7 +128,7 @@ _HOW_WELL = "sds", "across_sds", "radii", "normals", "normal_sds"
 
 
 def _bearers(known: dict[str, tuple[Readings, int]], name: str) -> list[tuple[Readings, int]]:
-    """Readings that had this name when they were told: the first, and those that were named anew."""
+    """Return the earlier readings that arrived with this name: the first one, and the renamed ones."""
     out = [known[name]] if name in known else []
     n = 2
     while (again := f"{name} ({n})") in known:

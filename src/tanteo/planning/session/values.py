@@ -1,8 +1,8 @@
-"""What passes between a session and who senses beside questions: what came of them, how readings are made of it."""
+"""Values that a session exchanges with its user: noise model, end, steps and observations."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,22 +13,23 @@ from tanteo.geometry.typing import Covariances, FloatArray, Transforms
 from tanteo.planning.probe import Probe
 from tanteo.planning.session.action import Action
 from tanteo.sensors import PointMeasurements, Readings, Rig, RobotPreset, SensorPreset, measure
+from tanteo.words import Finding, message_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensing:
-    """How readings are made into measurements; as in :func:`tanteo.sensors.measure`.
+    """Noise model that converts readings into measurements, see :func:`tanteo.sensors.measure`.
 
     Attributes:
-        sensor: preset, or its name, of readings without a spread of their own.
+        sensor: sensor preset, or its name, for readings without a standard deviation.
         robot: preset of the robot's errors, or its name.
-        sd: one standard deviation along the beam or normal [m], for the same. Across a beam a session takes the width
-            of its probe's, of a touch the same.
+        sd: standard deviation along the beam or normal of such readings [m]. Across a beam, a session uses the width of
+            the probe's beam; across a touch, the same value.
         tip_sd: standard deviations of the tip's offset in the hand's frame ``(3,)`` [m].
-        bias_sd: standard deviation of an error along the approach that all readings share [m]: of the ball's radius,
-            the trigger point.
-        rig: where the range sensors sit on the hand.
-        tolerance: sd of the made part's surface against its CAD [m].
+        rig: mounting of the range sensors on the hand.
+        tolerance: standard deviation of the real surface of the part from its CAD [m].
+        bias_sd: standard deviation of an error along the approach that all readings share [m], such as an error of the
+            ball's radius or of the trigger point.
 
     Example:
         >>> tanteo.Sensing(sd=3e-4).sd  # the readings' own noise, 0.3 mm
@@ -51,11 +52,11 @@ class Sensing:
             check_length("bias_sd", self.bias_sd, LEAST_SD)
 
     def measured(self, readings: Readings, beam_half_angle: float = np.nan) -> PointMeasurements:
-        """Points in the world with their covariance, and the free-space rays.
+        """Return points in the world frame with their covariance, and free-space rays.
 
         Args:
-            readings: what the devices said.
-            beam_half_angle: of readings with a range whose sensor says none [rad]; NaN for touches.
+            readings: readings of the devices.
+            beam_half_angle: half angle of beams whose sensor states none [rad]; NaN for touches.
         """
         return measure(
             readings, sensor=self.sensor, robot=self.robot, sd=self.sd, tip_sd=self.tip_sd,
@@ -63,14 +64,14 @@ class Sensing:
         )  # fmt: skip
 
     def touches(self, readings: Readings, probe: Probe | None = None) -> tuple[ContactPoints, FreeRays]:
-        """Readings as touches and free-space rays in the world.
+        """Return the contact points and the free-space rays of readings.
 
-        A beam is as wide across as the probe's cone; that it met nothing says nothing of a surface that lies beyond the
-        incidence to which the probe answers.
+        A beam is as wide as the cone of the probe. A free-space ray does not exclude surfaces that are more oblique
+        than the largest incidence of the probe.
 
         Args:
-            readings: what the devices said.
-            probe: what senses, where the readings do not say more of their sensors; None for touches.
+            readings: readings of the devices.
+            probe: sensor model, for readings that do not state their sensor; None for touches.
         """
         beam = None if probe is None or probe.contact else probe
         measured = self.measured(readings, np.nan if beam is None else beam.beam_half_angle)
@@ -81,36 +82,46 @@ class Sensing:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """Nothing more to ask.
+    """End of a session: there is no next reading.
 
     Attributes:
-        reached: the goal is reached; else nothing is left that is worth its cost, or that can be made.
-        why: in words.
+        reached: whether the goal is reached; otherwise no reading is possible or worth its cost.
+        findings: reasons for the end, the verdict first.
 
     Example:
-        >>> tanteo.Done(True, "all corners are within 0.5 mm").reached
-        True
+        >>> from tanteo.words import findings
+        >>> tanteo.Done(False, (findings.ReadingLimit(allowed=30, made=30),)).message
+        'The limit of readings is reached: 30 were allowed, and 30 were made.'
     """
 
     reached: bool
-    why: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def message(self) -> str:
+        """The findings in words."""
+        return message_of(self.findings)
+
+    def adding(self, *findings: Finding | None) -> Done:
+        """Return the end with further findings; None is skipped."""
+        return replace(self, findings=(*self.findings, *(one for one in findings if one is not None)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """What some readings told.
+    """Posterior after some readings.
 
     Attributes:
         ids: names of the readings.
-        action: the question that they answer; None where they answer none.
-        probabilities: of every part ``(P,)``.
-        unknown: of the unknown object.
-        T_world_part: likeliest pose ``(4, 4)``.
+        action: action that requested them; None if none did.
+        probabilities: posterior of every part ``(P,)``.
+        unknown: posterior of the unknown object.
+        T_world_part: most probable pose ``(4, 4)``.
         part: index of its part; -1 if no part explains the readings.
-        covariance: of that pose ``(6, 6)``.
-        corner_sd: largest standard deviation of a corner of that part's box, over all poses that it may have [m].
+        covariance: covariance of that pose ``(6, 6)``.
+        corner_sd: largest standard deviation of a corner of that part's box, over all its possible poses [m].
         within: probability that all corners, or the feature, are within the tolerance; NaN without one.
-        note: what a person should know; empty for nothing.
+        findings: remarks on the readings for the user.
     """
 
     ids: tuple[str, ...]
@@ -122,19 +133,24 @@ class Step:
     covariance: Covariances
     corner_sd: float
     within: float
-    note: str = ""
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def note(self) -> str:
+        """The remarks in words; empty without any."""
+        return message_of(self.findings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """What was told at once, as a record keeps it.
+    """Readings that a session received together, as a record stores them.
 
     Attributes:
-        action: the question that it answers; None where it answers none.
-        readings: those of it that were new; None if all of them had been told before.
-        note: what a person should know; empty for nothing.
+        action: action that requested them; None if none did.
+        readings: the new readings; None if the session had all of them already.
+        findings: remarks on the readings for the user.
     """
 
     action: Action | None
     readings: Readings | None
-    note: str = ""
+    findings: tuple[Finding, ...] = ()

@@ -1,4 +1,4 @@
-"""Whether it is enough, whether a chosen reading is worth making, and the reading that does not fit, once more."""
+"""Decide whether the goal is reached, whether a reading is worth its cost, and which misfits to repeat."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ from tanteo.planning.session.values import Done, Step
 from tanteo.planning.state import SensingState
 from tanteo.planning.stopping import Stop
 from tanteo.planning.whole import Offers, WholeFeature, whole_information, whole_seconds
+from tanteo.words.findings import LargestFaceLeast, NotWorthCost, ReadingLimit, RepeatMisfit
 
 
 def once_more(state: SensingState, steps: Sequence[Step]) -> Candidates:
-    """The questions whose readings do not fit the likeliest hypothesis, where these were asked once and it is met."""
+    """Return actions whose readings do not fit the most probable hypothesis, as candidates to repeat once."""
     if state.touches is None or not state.modes:
         return _candidates(state, [])
     asked = [s.action for s in steps if s.action is not None and not s.action.acquires]
@@ -31,9 +32,9 @@ def once_more(state: SensingState, steps: Sequence[Step]) -> Candidates:
 
 
 def information_of_repeat(state: SensingState) -> float:
-    """What one more reading of a beam that did not fit tells about the unknown object [nats].
+    """Return the information of a repeated misfit about the unknown object [nats].
 
-    Of the part it is off once more as often as any reading is an outlier, of another object as often as it is not.
+    If the part is present, the repeat misses again with the outlier rate; if not, with the complement of this rate.
     """
     c, u = state.start.priors.outlier_rate, state.unknown
     off = u * (1 - c) + (1 - u) * c
@@ -45,7 +46,7 @@ def _is_like(one: Action, other: Action) -> bool:
 
 
 def _candidates(state: SensingState, actions: Sequence[Action]) -> Candidates:
-    """The same beams as candidates on the likeliest hypothesis; without those that go past it."""
+    """Return the same beams as candidates on the most probable hypothesis, without those that miss it."""
     origins = np.array([a.origin for a in actions]).reshape(-1, 3)
     directions = np.array([a.direction for a in actions]).reshape(-1, 3)
     if not len(actions):
@@ -57,56 +58,49 @@ def _candidates(state: SensingState, actions: Sequence[Action]) -> Candidates:
     return Candidates(origins, directions, np.zeros(len(actions), dtype=int), faces, met.distances).take(reached)
 
 
-_AGAIN = "a reading of this beam does not fit, and once more it shows whether the sensor erred"
-
 _LEAST_GAIN = 0.1
-"""What a feature that is acquired whole has to tell at least [nats]: it takes a minute and more."""
-
-OUT_OF_REACH = (
-    "The probe reaches no place of the part, wherever that may be: give it more room, a larger stand-off, another "
-    "approach or a better prior pose."
-)
-"""What is said where no candidate can be made."""
+"""Least information of a feature that is acquired completely [nats], because this takes more than a minute."""
 
 
 def enough(stop: Stop, state: SensingState, count: int, significance: float) -> Done | None:
-    """The end: the goal is reached, the readings contradict what they are of, or there are no more; else None."""
-    why = stop.reached(state)
-    if against := contradiction(state, stop, significance, reached=bool(why)):
+    """Return the end of a session: goal reached, answer contradicted, or reading limit reached; otherwise None."""
+    goal = stop.reached(state)
+    if against := contradiction(state, stop, significance, reached=goal is not None):
         return Done(False, against)
-    if why:
-        moved = moved_meanwhile(state)
-        return Done(True, f"Enough: {why}.{'' if moved is None else f' {moved.message}'}")
-    return Done(False, all_made(stop.max_measurements, count)) if count >= stop.max_measurements else None
+    if goal is not None:
+        return Done(True, (goal,)).adding(moved_meanwhile(state))
+    limit = stop.max_measurements
+    return Done(False, (ReadingLimit(limit, count),)) if count >= limit else None
 
 
 def worth_making(
     stop: Stop, context: DecisionContext, choice: Choice, repeats: Candidates
 ) -> tuple[DecisionContext, Choice] | Done:
-    """What is chosen and among what, or another reading that confirms what is known; the end where none is worth it.
+    """Return the chosen reading with its context, a reading that confirms the answer, or the end of the session.
 
-    Where the policy does not say what its choice tells, the best of the candidates counts. Readings that did not fit
-    are repeated where that tells more.
+    If the policy computes no information, that of the best candidate decides. Misfits are repeated if their repeat has
+    more information than the choice.
     """
     state, best = context.state, choice.gain
     if np.isnan(best) and stop.least_gain > 0:
         best = most_information(context)
     told = information_of_repeat(state) if len(repeats) else 0.0
     if told > 0 and told >= stop.least_gain and told >= best:
-        return replace(context, candidates=repeats), Choice(0, told, _AGAIN)
+        return replace(context, candidates=repeats), Choice(0, told, RepeatMisfit())
     if not best < stop.least_gain or stop.settles(state, best, stop.max_measurements - context.count):
         return context, choice
     if stop.confirms(state):
         return context, _to_confirm(context)
-    return Done(False, f"No reading is worth its cost: the best would tell {best:.3f} nats.")
+    return Done(False, (NotWorthCost(best),))
 
 
 def worth_acquiring(
     stop: Stop, context: DecisionContext, offers: Offers, chosen: tuple[DecisionContext, Choice] | Done
 ) -> tuple[WholeFeature, float] | None:
-    """The feature that is worth acquiring whole instead of what was chosen, and what it tells [nats]; None for none.
+    """Return the feature to acquire completely instead of the chosen reading, and its information [nats]; or None.
 
-    It is one if it tells more for its time, where the policy weighs time; else where no reading is worth its cost.
+    A feature replaces the choice if it has more information per time, for policies that weigh time. For other policies
+    it does so if no reading is worth its cost.
     """
     if not offers:
         return None
@@ -121,14 +115,8 @@ def worth_acquiring(
     return (offers[k], float(gains[k])) if worth else None
 
 
-def all_made(max_measurements: int, count: int) -> str:
-    """That there are no more readings to make: those that nobody asked for count too, so it may be more than that."""
-    asked = "1 reading was" if max_measurements == 1 else f"{max_measurements} readings were"
-    made = "1 was" if count == 1 else f"{count} were"
-    return f"{asked} asked for at most, and {made} made."
-
-
 def _to_confirm(context: DecisionContext) -> Choice:
-    """A reading where a part that is only like the likeliest one may differ: on the face that was sensed least."""
+    """Return a reading on the face with the fewest readings, where a near variant of the part may differ."""
     choice = POLICIES["largest-face"].choose(context)
-    return replace(choice, why=f"{choice.why}: a part that is only like this one would differ there")
+    assert isinstance(choice.reason, LargestFaceLeast)
+    return replace(choice, reason=replace(choice.reason, confirms=True))

@@ -1,1 +1,1 @@
-"""What is asked beforehand and what is answered: priors, the pose's among them, hypotheses, status and message."""
+"""Inputs and outputs of the inference: priors, prior of the pose, hypotheses, status and findings."""

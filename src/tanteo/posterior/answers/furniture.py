@@ -1,4 +1,4 @@
-"""What stands around the part and may be sensed instead of it: the table, a vise, a fixture."""
+"""Known surfaces around the part that a sensor may meet instead of it: a table, a vise, a fixture."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from tanteo.parts import Part, Surface
 from tanteo.posterior.answers.pose_prior import Table
 
 _ASPREAD = 4.0
-"""A table reaches so many radii of the workspace to each side."""
+"""Half side of a table over the radius of the workspace."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Furniture:
-    """A known surface in the world: readings that end on it are explained by it, and say where the part is not.
+    """Known surface in the world. Readings that end on it are explained by it and show where the part is not.
 
     Attributes:
-        name: in answers.
-        vertices: of its triangles, in the world ``(V, 3)`` [m].
-        triangles: rows of these ``(T, 3)``.
-        sd: of its surface, along the normal [m].
-        surface: the same, to be asked.
+        name: name in answers.
+        vertices: vertices of its triangles in the world ``(V, 3)`` [m].
+        triangles: rows of the vertices of each triangle ``(T, 3)``.
+        sd: standard deviation of its surface along the normal [m].
+        surface: the same surface, prepared for distance queries.
 
     Raises:
         InputError: an sd that is no length, or no mesh.
@@ -51,7 +51,7 @@ class Furniture:
 
     @classmethod
     def of_part(cls, shape: Part, T_world_shape: Transforms, sd: float, name: str = "") -> Furniture:
-        """What was read from a CAD file, at a pose ``(4, 4)``; named as its file if no name is given.
+        """Return a part from a CAD file at a pose ``(4, 4)`` as furniture, by default named as its file.
 
         Raises:
             InputError: a pose that is no rigid motion.
@@ -63,7 +63,7 @@ class Furniture:
 
     @classmethod
     def of_table(cls, table: Table, middle: Vectors, radius: float) -> Furniture:
-        """A table, as far as it matters about a place ``(3,)`` of a workspace of that radius [m]."""
+        """Return the part of a table that matters for a workspace of a radius [m] about a point ``(3,)``."""
         n = table.normal
         foot = middle - n * float((middle - table.point) @ n)
         u = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
@@ -73,13 +73,13 @@ class Furniture:
         return cls("table", corners, np.array([[0, 1, 2], [0, 2, 3]]), table.sd)
 
     def log_density(self, points: Vectors, covs: Covariances, radii: FloatArray, directions: Vectors) -> FloatArray:
-        """Log density of readings that end on it ``(n,)``: over the way along their direction, or over space.
+        """Return log densities of readings that end on it ``(n,)``, per length along the direction or per volume.
 
         Args:
             points: surface points, or centres of a ball ``(n, 3)`` [m].
-            covs: of each ``(n, 3, 3)`` [m^2].
-            radii: of the ball ``(n,)`` [m].
-            directions: into the material ``(n, 3)``; zero where unknown.
+            covs: covariance of each point ``(n, 3, 3)`` [m^2].
+            radii: radius of the tip's ball ``(n,)`` [m].
+            directions: directions into the material ``(n, 3)``; zero where unknown.
         """
         found = self.surface.closest(points)
         away = points - found.points

@@ -1,4 +1,4 @@
-"""From a pose with its covariance to a hypothesis: what is free, what symmetry excuses, what to sense next."""
+"""Hypotheses from poses with covariance: free motions, symmetry, and advice on what to sense next."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tanteo.fitting import SharedGiven, describe_motion
 from tanteo.geometry.typing import Covariances, Tangents, Transforms
 from tanteo.parts import Part
 from tanteo.posterior.answers.misfit import Misfit
-from tanteo.posterior.answers.part_motions import corner_sd, excuse, part_scale, where_to_sense, world_axis
+from tanteo.posterior.answers.part_motions import corner_sd, part_scale, split_by_symmetry, where_to_sense, world_axis
 from tanteo.posterior.answers.results import Hypothesis
 
 
@@ -27,23 +27,25 @@ def hypothesis_at(
     covariance_relative: Covariances | None = None,
     shared: SharedGiven | None = None,
 ) -> Hypothesis:
-    """One answer, whatever it was found from.
+    """Return the hypothesis of a part at a pose.
 
     Args:
         part: the part.
-        T_world_part: its pose ``(4, 4)``.
-        covariance: of that ``(6, 6)``, part frame, right perturbation [m, rad]; uniform samples along ``free``.
-        free: motions that nothing resists, the part's spins among them, over :func:`part_scale` ``(k, 6)``.
-        probability: posterior.
-        misfit: of all that was sensed, and of what was known of the pose.
-        rms: root mean square distance of what was sensed [m].
-        outliers: ids of the readings that do not belong.
-        pairings: reading id and model feature of those that do.
-        outlier_distances: of the outliers from the surface [m].
-        covariance_relative: with shared errors known; None if nothing is shared.
-        shared: these errors, whitened, given the pose; None likewise.
+        T_world_part: pose of the part ``(4, 4)``.
+        covariance: covariance of the pose ``(6, 6)``, part frame, right perturbation [m, rad]; along ``free`` that of a
+            uniform density.
+        free: motions that no measurement constrains, symmetries of the part included, over :func:`part_scale` ``(k,
+            6)``.
+        probability: posterior probability.
+        misfit: squared residuals of all measurements and of the prior of the pose.
+        rms: root mean square distance of the measurements from the part [m].
+        outliers: ids of the readings that are not on the part.
+        pairings: reading id and model feature of those that are.
+        outlier_distances: distances of the outliers from the surface [m].
+        covariance_relative: the covariance given the shared errors; None if nothing is shared.
+        shared: shared errors given the pose, whitened; None if nothing is shared.
     """
-    left, observed = excuse(part, free, covariance)
+    left, observed = split_by_symmetry(part, free, covariance)
     motions = tuple(describe_motion(xi, T_world_part, part_scale(part)) for xi in left)
     return Hypothesis(
         part=part.name,
@@ -72,8 +74,8 @@ def hypothesis_at(
 
 
 def _advice(part: Part, T_world_part: Transforms, free: Tangents) -> str:
-    """What to sense for the first direction that is free and no symmetry."""
+    """Return what to sense for the first free direction that no symmetry explains."""
     for xi in free:
-        if len(excuse(part, xi[None], np.eye(6))[0]):
+        if len(split_by_symmetry(part, xi[None], np.eye(6))[0]):
             return where_to_sense(part, T_world_part, xi)
     return ""

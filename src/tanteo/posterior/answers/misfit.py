@@ -1,4 +1,4 @@
-"""How badly measurements fit, where their noise is known to a factor only: p-value, and the scale that they tell."""
+"""Goodness of fit where the noise is known up to a factor: p-value and estimated noise scale."""
 
 from __future__ import annotations
 
@@ -10,25 +10,29 @@ import numpy as np
 from tanteo.geometry.special import chi2_survival
 
 _REACH, _STEPS = 4.0, 41
-"""Reach of the sum over the log of the noise scale, in logs of the factor to which it is known, and its terms."""
+"""Numerical: extent of the sum over the log of the noise scale, in logs of the factor to which it is known, and number
+of terms. The density is exp(-16) at the ends."""
 
-_LEAST_TOLD = 0.74
-"""One over the variance of the prior of the noise scale, in those."""
+
+def _prior_information() -> float:
+    """Return one over the variance of the density proportional to exp(-z^4 / 16), the prior of the noise scale."""
+    return math.gamma(0.25) / (4 * math.gamma(0.75))
+
 
 _ENOUGH = 60
-"""Newton steps on a convex function of one number: it converges from anywhere long before."""
+"""Numerical: Newton steps on a convex function of one number, which converges from anywhere long before."""
 
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """Squared distances of measurements from where they should be, in stated standard deviations.
+    """Squared residuals of measurements, in stated standard deviations.
 
     Attributes:
-        noise: of what the noise scale scales.
-        rest: of all else: sensed normals, shared errors, the prior of the pose.
-        dof: degrees of freedom of both; none or fewer where nothing was checked.
-        log_factor: log of the factor to which the noise was known; 0 if exactly.
-        noise_dof: degrees of freedom of the first alone: measurements less the states that they tell.
+        noise: sum of the squares that the noise scale divides.
+        rest: sum of all other squares: sensed normals, shared errors, the prior of the pose.
+        dof: degrees of freedom of both; 0 or less if nothing was checked.
+        log_factor: log of the factor to which the noise is known; 0 if it is exactly as stated.
+        noise_dof: degrees of freedom of ``noise`` alone: measurements less the states that they determine.
     """
 
     noise: float
@@ -39,12 +43,12 @@ class Misfit:
 
     @property
     def chi2(self) -> float:
-        """The joint squared Mahalanobis distance, with the noise as stated."""
+        """Return the joint squared Mahalanobis distance with the noise as stated."""
         return self.noise + self.rest
 
     @property
     def p_value(self) -> float:
-        """How often measurements fit as badly or worse, the noise being within what was known of it (Box 1980)."""
+        """Return the probability of a fit as bad or worse, averaged over the prior of the noise scale (Box 1980)."""
         if self.dof <= 0:
             return 1.0
         if self.log_factor == 0:
@@ -54,22 +58,22 @@ class Misfit:
         p = [chi2_survival(self.noise * math.exp(-2 * self.log_factor * x) + self.rest, self.dof) for x in z]
         return float(weights @ p / weights.sum())
 
-    def beside(self, rest: float, dof: int, told: float = 0.0) -> Misfit:
-        """The same with more that the noise scale does not scale, and that tells so many of the states."""
+    def with_more(self, rest: float, dof: int, told: float = 0.0) -> Misfit:
+        """Return the misfit with further squares that the noise scale does not divide."""
         return replace(self, rest=self.rest + rest, dof=self.dof + dof, noise_dof=self.noise_dof + told)
 
     def noise_scale(self) -> tuple[float, float, float]:
-        """Times the stated noise that the measurements have: the likeliest, and from where to where with 95 %.
+        """Return the estimated noise over the stated one: the mode, and both ends of its 95 % interval.
 
-        The states that the measurements tell take as many degrees of freedom; the prior is flat within the factor, and
-        ends soon beyond it.
+        The states that the measurements determine take as many degrees of freedom. The prior is flat within the factor
+        and falls steeply beyond it.
         """
         if self.log_factor == 0:
             return 1.0, 1.0, 1.0
         dof, unit, z = max(self.noise_dof, 0.0), self.log_factor, 0.0
         for _ in range(_ENOUGH):
             told = self.noise * math.exp(-2 * unit * z)
-            curved = 2 * told * unit**2 + max(0.75 * z * z, _LEAST_TOLD)
+            curved = 2 * told * unit**2 + max(0.75 * z * z, _prior_information())
             z += max(min(((told - dof) * unit - z**3 / 4) / curved, 1.0), -1.0)
         sd = curved**-0.5
         low, likeliest, high = (math.exp(unit * (z + k * sd)) for k in (-1.96, 0.0, 1.96))

@@ -1,4 +1,4 @@
-"""How a part moves with its pose: its corners, its symmetry, what is free of it, in words and as vectors."""
+"""Motions of a part: of its corners, along its symmetries, and those that no measurement constrains."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from tanteo.parts import Part
 from tanteo.words import Motion
 
 _RESISTS = 0.3
-"""A face resists a motion if the motion moves it along its normal by this share of the most it could."""
+"""Smallest normal motion of a face, over the largest of all faces, from which the face constrains a motion."""
 
 _MOSTLY = 0.9
-"""Share of the corners' mean square motion from which a motion is called sliding, or turning."""
+"""Fraction of the corners' mean square motion from which a motion is called sliding, or turning."""
 
 
-def excuse(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
-    """Return the free directions that the part's symmetry does not excuse, and the covariance without the excused.
+def split_by_symmetry(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangents, Covariances]:
+    """Return the free directions that the part's symmetry does not explain, and the covariance without the others.
 
     Args:
         part: the part.
-        free: motions that nothing resists, over :func:`part_scale` ``(k, 6)``.
-        covariance: with the spread of a uniform draw along ``free``.
+        free: motions that no measurement constrains, over :func:`part_scale` ``(k, 6)``.
+        covariance: covariance of the pose; along ``free`` that of a uniform density.
     """
-    excused = spins(part)
+    excused = symmetry_motions(part)
     left, observed = [], np.array(covariance)
     for xi in free:
         if np.linalg.norm(xi - excused.T @ (excused @ xi)) > 1e-2:
@@ -37,12 +37,12 @@ def excuse(part: Part, free: Tangents, covariance: Covariances) -> tuple[Tangent
 
 
 def part_scale(part: Part) -> FloatArray:
-    """Motions that shift a part by its diagonal or turn it by a radian about its centroid, as columns ``(6, 6)``."""
+    """Return unit motions as columns ``(6, 6)``: shifts by the part's diagonal, turns by 1 rad about its centroid."""
     return motion_scale(part.diagonal, part.centroid)
 
 
-def spins(part: Part) -> FloatArray:
-    """Orthonormal basis ``(k, 6)`` of the motions of the part's continuous symmetry, over :func:`part_scale`."""
+def symmetry_motions(part: Part) -> FloatArray:
+    """Return an orthonormal basis of the motions of the continuous symmetry over :func:`part_scale` ``(k, 6)``."""
     if not part.symmetry.continuous:
         return np.zeros((0, 6))
     if part.symmetry.spherical:
@@ -56,7 +56,7 @@ def spins(part: Part) -> FloatArray:
 
 
 def world_axis(part: Part, T_world_part: Transforms) -> FloatArray | None:
-    """The part's axis of revolution in the world: point and direction ``(2, 3)``; None without one."""
+    """Return point and direction of the part's axis of revolution in the world ``(2, 3)``; None without one."""
     if part.symmetry.axis is None:
         return None
     point, axis = part.symmetry.axis
@@ -64,46 +64,46 @@ def world_axis(part: Part, T_world_part: Transforms) -> FloatArray | None:
     return np.stack([R @ point + T_world_part[:3, 3], R @ axis])
 
 
-def off_spins(part: Part) -> FloatArray:
-    """Projector of motions of the pose ``(6, 6)`` [m, rad] on those that are not of the continuous symmetry."""
-    rows, scale = spins(part), part_scale(part)
+def symmetry_projector(part: Part) -> FloatArray:
+    """Return the projector of motions of the pose that removes the continuous symmetry ``(6, 6)`` [m, rad]."""
+    rows, scale = symmetry_motions(part), part_scale(part)
     return np.asarray(scale @ (np.eye(6) - rows.T @ rows) @ np.linalg.inv(scale))
 
 
-def without_spins(part: Part, information: FloatArray) -> FloatArray:
-    """Information ``(*batch, 6, 6)`` with nothing left along the continuous symmetry, where facets feign some."""
+def without_symmetry(part: Part, information: FloatArray) -> FloatArray:
+    """Return information ``(*batch, 6, 6)`` without the continuous symmetry, where facets add a spurious part."""
     if not part.symmetry.continuous:
         return information
-    keep = off_spins(part)
+    keep = symmetry_projector(part)
     return np.asarray(np.swapaxes(keep, -1, -2) @ information @ keep)
 
 
 def observed_covariance(part: Part, covariance: Covariances) -> Covariances:
-    """A pose's covariance ``(6, 6)`` without its spread along the continuous symmetry, which moves nothing."""
+    """Return the covariance of a pose ``(6, 6)`` without its spread along the continuous symmetry."""
     if not part.symmetry.continuous:
         return covariance
-    keep = off_spins(part)
+    keep = symmetry_projector(part)
     return np.asarray(keep @ covariance @ keep.T)
 
 
 def corner_sd(part: Part, covariance: Covariances) -> float:
-    """Largest standard deviation of the position of a corner of the part's box, in any direction [m]."""
+    """Return the largest standard deviation of a corner of the part's box in any direction [m]."""
     J = corner_moves(part)
     return float(np.sqrt(np.linalg.eigvalsh(J @ covariance @ np.swapaxes(J, 1, 2)).max().clip(0.0)))
 
 
 def box_corners(part: Part) -> FloatArray:
-    """Corners of the part's box ``(8, 3)``, in the part frame [m]."""
+    """Return the corners of the part's box in the part frame ``(8, 3)`` [m]."""
     return np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
 
 
 def corner_moves(part: Part) -> FloatArray:
-    """How the corners of the part's box move with its pose ``(8, 3, 6)``, in the part frame."""
+    """Return the derivatives of the corners of the part's box by its pose, in the part frame ``(8, 3, 6)``."""
     return point_moves(box_corners(part))
 
 
 def point_moves(points: FloatArray) -> FloatArray:
-    """How points of the part frame ``(K, 3)`` move with its pose ``(K, 3, 6)``."""
+    """Return the derivatives of points of the part frame ``(K, 3)`` by its pose ``(K, 3, 6)``."""
     J = np.zeros((len(points), 3, 6))
     J[:, :, :3] = np.eye(3)
     x, y, z = points.T
@@ -112,12 +112,12 @@ def point_moves(points: FloatArray) -> FloatArray:
 
 
 def motion_of(part: Part, motion: Tangents, T_world_part: Transforms) -> Motion:
-    """Return a motion without what hardly moves the corners of the part's box; the same for its opposite.
+    """Return a motion without the components that hardly move the corners of the part's box, up to its sign.
 
     Args:
         part: the part.
-        motion: of its pose, right perturbation ``(6,)`` [m, rad].
-        T_world_part: where it is.
+        motion: motion of the pose, right perturbation ``(6,)`` [m, rad].
+        T_world_part: pose of the part ``(4, 4)``.
     """
     moved = corner_moves(part) @ motion
     middle = moved.mean(axis=0)
@@ -134,12 +134,12 @@ def motion_of(part: Part, motion: Tangents, T_world_part: Transforms) -> Motion:
 
 
 def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
-    """The face that resists an unobserved direction best, in words; empty if no planar face does.
+    """Return advice to sense the face that constrains a free direction best; empty if no planar face does.
 
     Args:
         part: the part.
-        T_world_part: where it is, as far as known.
-        free: one motion, over :func:`part_scale`.
+        T_world_part: estimated pose of the part ``(4, 4)``.
+        free: a free motion, over :func:`part_scale` ``(6,)``.
     """
     if not len(part.planes):
         return ""
@@ -160,8 +160,8 @@ def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
     return f"sense {name} of {part.name}, around ({', '.join(f'{1e3 * v:.0f}' for v in at)}) mm in the world"
 
 
-def without_spin(part: Part, gaps: Transforms) -> Transforms:
-    """Relative poses with the rotation that the part's continuous symmetry absorbs taken out."""
+def without_symmetric_rotation(part: Part, gaps: Transforms) -> Transforms:
+    """Return relative poses without the rotation that the part's continuous symmetry absorbs."""
     if part.symmetry.spherical:
         centre = part.centroid
         shift = SE3.apply(gaps, centre) - centre

@@ -1,4 +1,4 @@
-"""What is known of the pose before anything is sensed: a prior pose, a box, a table."""
+"""Prior of the pose: a prior pose with covariance, a box, a table."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from tanteo.parts import Part
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """A plane on which the part stands or lies, in the world.
+    """Plane on which the part stands or lies, in the world.
 
     Attributes:
-        point: on the plane ``(3,)`` [m].
-        normal: away from the table, towards the part ``(3,)``.
-        sd: of its height [m].
+        point: point on the plane ``(3,)`` [m].
+        normal: normal of the plane towards the part ``(3,)``.
+        sd: standard deviation of its height [m].
     """
 
     point: Vectors
@@ -38,21 +38,22 @@ class Table:
 
     @property
     def frame(self) -> Transforms:
-        """Frame of the table in the world, its plane z = 0 ``(4, 4)``."""
+        """Return the frame of the table in the world ``(4, 4)``; its plane is z = 0."""
         x = np.linalg.svd(self.normal[None])[2][1]
         return SE3.from_parts(np.stack([x, np.cross(self.normal, x), self.normal], axis=1), self.point)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePrior:
-    """Any of these, together; nothing given means anywhere in the workspace, in any attitude.
+    """Prior of the pose. Without any entry, place and attitude are uniform in the workspace.
 
     Attributes:
-        T_world_part: a prior pose ``(4, 4)``; or one for each pose that is asked about ``(S, 4, 4)``.
-        covariance: of it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad]; or of each.
+        T_world_part: prior pose ``(4, 4)``, or one prior pose for each of ``S`` queried poses ``(S, 4, 4)``.
+        covariance: its covariance ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad]; or of
+            each.
         box: lowest and highest world coordinates of the part's centroid ``(2, 3)`` [m].
-        table: what the part rests on.
-        root: of the inverse of the covariance, which makes residuals standard ones ``(6, 6)``; or of each.
+        table: table on which the part rests.
+        root: root of the inverse covariance, which whitens residuals ``(6, 6)``; or of each.
 
     Raises:
         InputError: for half a prior pose, one that is no rigid motion, or a box upside down.
@@ -95,13 +96,13 @@ class PosePrior:
 def prior_rows(
     prior: PosePrior | None, part: Part, Ts: Transforms, rows: IntArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """What the prior says at some poses, as standardised residuals ``(S, m)`` and derivatives ``(S, m, 6)``.
+    """Return whitened residuals of the prior at poses ``(S, m)`` and their derivatives ``(S, m, 6)``.
 
     Args:
-        prior: what is known.
+        prior: prior of the pose.
         part: the part.
         Ts: poses ``(S, 4, 4)``.
-        rows: where the prior has one prior pose for each that is asked about, which of them these are ``(S,)``.
+        rows: rows of the prior poses that belong to these poses, where the prior has several ``(S,)``.
     """
     r, J = [np.zeros((len(Ts), 0))], [np.zeros((len(Ts), 0, 6))]
     if prior is not None and prior.T_world_part is not None:
@@ -116,7 +117,7 @@ def prior_rows(
 
 
 def prior_residuals(prior: PosePrior, part: Part, Ts: Transforms) -> FloatArray:
-    """The first of :func:`prior_rows`, where no derivative is needed ``(S, m)``."""
+    """Return the residuals of :func:`prior_rows` without derivatives ``(S, m)``."""
     r = [np.zeros((len(Ts), 0))]
     if prior.T_world_part is not None:
         e, L = _from_rough(prior, Ts, None)
@@ -127,7 +128,7 @@ def prior_residuals(prior: PosePrior, part: Part, Ts: Transforms) -> FloatArray:
 
 
 def _from_rough(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tuple[FloatArray, FloatArray]:
-    """Perturbations from the prior poses ``(S, 6)``, and the roots that make them standard ones."""
+    """Return perturbations from the prior poses ``(S, 6)``, and the roots that whiten them."""
     T0, L = prior.T_world_part, prior.root
     assert T0 is not None
     assert L is not None
@@ -137,7 +138,7 @@ def _from_rough(prior: PosePrior, Ts: Transforms, rows: IntArray | None) -> tupl
 
 
 def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
-    """Height of the part's lowest point over the table ``(S,)`` and its derivative by the pose ``(S, 6)``."""
+    """Return the height of the part's lowest point over the table ``(S,)``, and its derivative ``(S, 6)``."""
     n = table.normal @ Ts[:, :3, :3]  # the table's normal in the part
     heights = n @ part.vertices.T
     v = part.vertices[np.argmin(heights, axis=1)]
@@ -146,13 +147,13 @@ def _standing(table: Table, part: Part, Ts: Transforms) -> tuple[FloatArray, Flo
 
 
 def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
-    """Log of the prior density over that of "anywhere", less the residuals of :func:`prior_rows`; within the box.
+    """Return the log ratio of the prior density to the uniform one, without the residuals of :func:`prior_rows`.
 
-    One number, or ``(S,)`` if the prior has as many prior poses.
+    The value holds within the box. It is one number, or ``(S,)`` if the prior has as many prior poses.
 
     Args:
-        prior: what is known.
-        radius: of the workspace [m]: anywhere is a cube of twice that and every attitude.
+        prior: prior of the pose.
+        radius: radius of the workspace [m]; the uniform density covers a cube of twice that side and all attitudes.
     """
     log = np.zeros(())
     if prior is None:
@@ -168,7 +169,7 @@ def log_density_within(prior: PosePrior | None, radius: float) -> FloatArray:
 
 
 def in_box(prior: PosePrior | None, part: Part, Ts: Transforms) -> BoolArray:
-    """Which poses put the part's centroid into the box ``(S,)``."""
+    """Return which poses put the part's centroid into the box ``(S,)``."""
     if prior is None or prior.box is None:
         return np.ones(len(Ts), dtype=bool)
     centre = SE3.apply(Ts, part.centroid)

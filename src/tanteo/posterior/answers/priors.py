@@ -1,4 +1,4 @@
-"""What is assumed before anything is sensed."""
+"""Priors of an inference: unknown object, outliers, noise, furniture, pose, global properties."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from tanteo.posterior.answers.pose_prior import PosePrior
 from tanteo.posterior.answers.whole_object import WholeObject
 
 STATED = {"typed": 2.0, "preset": 1.5, "unstated": 5.0}
-"""Noise factors of standard deviations, by where they come from: typed by a person, who knows them to a factor of two
-at best; a preset's, which is of the data sheet; nobody's. With the first the 95 % region of a dozen readings holds 90
-to 97 % while the true noise is from half to twice the stated one (``benchmarks/honesty.py``)."""
+"""Noise factors by the origin of the standard deviation. A person who types one knows it to a factor of two at best; a
+preset has it from the data sheet; an unstated one is estimated. With the first, the 95 % region of a dozen readings
+holds 90 to 97 % while the true noise is half to twice the stated one (``benchmarks/honesty.py``)."""
 
 _MOST = 100.0
 
 OFTEN = 0.99
-"""More features than this cannot be said to be outliers: nothing would be left of the part."""
+"""Largest outlier rate: with more outliers nothing would be left of the part."""
 
 
 @dataclass(frozen=True, slots=True)
 class Priors:
-    """What is assumed before anything is sensed.
+    """Priors of an inference.
 
     Attributes:
         unknown: probability that the object is none of the parts.
-        outlier_rate: probability that a sensed feature does not belong to the part; of unlabelled readings the mean of
-            a rate that the readings themselves find out (decision 35).
-        radius: of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
-        right_angled: of the faces of an unknown part, the share that runs along three perpendicular axes.
-        near_variant: of unknown parts, the share that are like one of the catalogue but for some faces; for unlabelled
+        outlier_rate: probability that a sensed feature is not of the part; for unlabelled readings the mean of a rate
+            that is estimated from the readings (decision 35).
+        radius: radius of the ball in which the part lies [m]; 0 for that of the largest part of the catalogue.
+        right_angled: fraction of the faces of an unknown part that run along three perpendicular axes (decision 62).
+        near_variant: fraction of unknown parts that equal a part of the catalogue except for some faces; for unlabelled
             readings.
-        noise_factor: how well the noise is known: any standard deviation of the readings within this factor of the
-            stated one is as likely, one beyond its square hardly is; 1 if it is as stated. None: by where it comes
-            from, see :data:`STATED`.
-        furniture: what stands around and may be sensed instead of the part, beside the table that ``pose`` names.
-        pose: what is known of the pose.
-        whole: what was measured of the whole object: its mass, its size.
+        noise_factor: factor to which the noise is known: standard deviations within this factor of the stated one are
+            equally probable, beyond its square nearly impossible; 1 if the noise is as stated. None: by the origin of
+            the standard deviation, see :data:`STATED`.
+        furniture: known surfaces that a sensor may meet instead of the part, beside the table that ``pose`` names.
+        pose: prior of the pose.
+        whole: measurements of the whole object: mass, size, outline.
 
     Raises:
         InputError: a probability that is not between 0 and 1, both excluded (what is impossible, no reading can
@@ -92,11 +92,11 @@ class Priors:
 
     @property
     def log_noise_factor(self) -> float:
-        """Log of the factor to which the noise is known; 0 where it is as stated."""
+        """Return the log of the factor to which the noise is known; 0 where it is as stated."""
         return float(np.log(STATED["typed"] if self.noise_factor is None else self.noise_factor))
 
 
 def sized(priors: Priors | None, radius: float) -> Priors:
-    """The priors, with the radius of the largest part where they leave it open."""
+    """Return the priors, with the radius of the largest part where they state none."""
     priors = priors or Priors()
     return replace(priors, radius=radius) if priors.radius == 0 else priors

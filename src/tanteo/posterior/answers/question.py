@@ -1,4 +1,4 @@
-"""What a question must be, and how long its answer took."""
+"""Checks of the arguments of an inference, and its elapsed time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tanteo.posterior.answers.results import Answer
 
 
 def check_question(parts: Any, significance: float, top: int, seed: int, priors: Priors | None) -> Sequence[Any]:
-    """The parts as a sequence; arguments that cannot be meant are refused.
+    """Return the parts as a sequence, and refuse invalid arguments.
 
     Raises:
         InputError: no part, ``significance`` outside (0, 1), no ``top``, no seed, no priors.
@@ -32,14 +32,14 @@ def check_question(parts: Any, significance: float, top: int, seed: int, priors:
 
 
 def with_elapsed(answer: Answer, **seconds: float) -> Answer:
-    """The same answer with more stages in its clock (loading, measuring); the total grows by them."""
+    """Return the answer with further stages in ``elapsed`` (loading, measuring), which the total includes."""
     elapsed = {**seconds, **answer.elapsed}
     elapsed["total"] = answer.elapsed.get("total", 0.0) + sum(seconds.values())
     return replace(answer, elapsed=elapsed)
 
 
 class Clock:
-    """Seconds by stage."""
+    """Elapsed seconds by stage."""
 
     def __init__(self) -> None:
         self._start = self._last = time.perf_counter()
@@ -51,5 +51,5 @@ class Clock:
         self._laps[name], self._last = now - self._last, now
 
     def laps(self) -> dict[str, float]:
-        """Seconds of every stage, and their total."""
+        """Return the seconds of every stage, and their total."""
         return {**self._laps, "total": time.perf_counter() - self._start}

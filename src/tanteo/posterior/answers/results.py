@@ -1,4 +1,4 @@
-"""What a recognition answers: frozen values with a status and a sentence."""
+"""Results of a recognition: hypotheses and the answer with status and findings."""
 
 from __future__ import annotations
 
@@ -16,35 +16,36 @@ Status = Literal["recognized", "ambiguous", "unknown", "insufficient"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """One answer that is still possible: a part at a pose, poses that its symmetry maps onto each other merged.
+    """One possible answer: a part at a pose. Poses that are equal by symmetry are one hypothesis.
 
     Attributes:
         part: name of the part.
-        file: where it was read from.
-        probability: posterior, over all parts, poses and the unknown object.
+        file: path from which it was read.
+        probability: posterior probability over all parts, poses and the unknown object.
         T_world_part: pose ``(4, 4)``, maps points of the part [m] to the world.
-        covariance: ``(6, 6)``, order x y z rx ry rz, in the part frame, right perturbation [m, rad]. Directions that
-            nothing observes carry the variance of a uniform draw over the part's size (diagonal of its box) or a turn.
+        covariance: covariance of the pose ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+            Unobserved directions have the variance of a uniform density over the part's size (diagonal of its box) or a
+            full turn.
         corner_sd: largest standard deviation of the position of a corner of the part's box [m].
         unobserved: directions that the readings leave free and no symmetry explains, in words.
         symmetry_order: number of equivalent poses, this one included.
         symmetry_poses: the other equivalent poses ``(symmetry_order - 1, 4, 4)``.
         chi2: joint squared Mahalanobis distance of all pairings, with the noise as stated.
-        dof: its degrees of freedom.
-        p_value: probability of a larger ``chi2`` if the hypothesis is true and the noise within what was known of it;
+        dof: degrees of freedom of ``chi2``.
+        p_value: probability of a larger ``chi2`` if the hypothesis is true, averaged over the prior of the noise scale;
             1 without redundancy.
         rms: root mean square distance of the readings to the features they are paired with [m].
         outliers: ids of the readings that the hypothesis does not explain.
         pairings: reading id and model feature, for every explained reading.
         outlier_distances: signed distance of each outlier from the surface, negative inside the material [m]; NaN
             where that is not known.
-        covariance_relative: the same covariance with the errors that all readings share (robot, tip, sensor bias)
-            taken as known; None if nothing is shared. Where the robot's base is the only one of them, and nothing was
-            said of where the part is in the world, it is how well the same robot finds the part again.
+        covariance_relative: covariance given the errors that all readings share (robot, tip, sensor bias); None if
+            nothing is shared. If the robot's base is the only shared error and there is no prior pose, this is the
+            repeatability with the same robot.
         symmetry_axis: point and unit direction, in the world ``(2, 3)``, about which every rotation is equivalent:
             not an error, and not in ``unobserved``. None for other parts.
         advice: what to sense to observe the first free direction; empty if there is none.
-        noise_scale: times the stated noise that the readings have: the likeliest, and from where to where with 95 %.
+        noise_scale: estimated noise over the stated noise: the mode, and both ends of its 95 % interval.
         free_motions: the motions of ``unobserved`` as values.
         shared: errors that all readings share, whitened and in the order of the measurements, given the pose; None if
             nothing is shared.
@@ -82,16 +83,16 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """The answer to "which part is it, and where".
+    """Answer to the question which part was sensed, and where it is.
 
     Attributes:
         status: ``recognized`` (one answer), ``ambiguous`` (several remain), ``unknown`` (none of the parts) or
             ``insufficient`` (the readings leave a direction free that no symmetry explains).
-        findings: what the answer rests on: the verdict first, then its causes, then questions about the input.
-        hypotheses: best first.
+        findings: findings behind the answer: the verdict first, then its causes, then questions about the input.
+        hypotheses: hypotheses, best first.
         unknown_probability: posterior of the unknown object; sums to one with all hypotheses, reported or not.
-        elapsed: seconds by stage.
-        seed: of the search; the same seed gives the same answer.
+        elapsed: elapsed seconds by stage.
+        seed: seed of the search; the same seed gives the same answer.
         significance: significance level of the tests behind the status: a p-value below it rejects.
 
     Example:
@@ -111,7 +112,7 @@ class Answer:
 
     @property
     def message(self) -> str:
-        """The findings in words, without questions, with what to do next when it is not recognized."""
+        """Return the findings in words, without questions, and what to do next if no part is recognized."""
         return message_of(self.findings)
 
     def adding(self, *findings: Finding) -> Answer:
@@ -120,7 +121,7 @@ class Answer:
 
     @property
     def best(self) -> Hypothesis | None:
-        """The most probable hypothesis; None where no part is one. What it is worth is in :attr:`status`."""
+        """Return the most probable hypothesis; None if no part is one. :attr:`status` states how far to trust it."""
         return self.hypotheses[0] if self.hypotheses else None
 
     def rejects(self, hypothesis: Hypothesis) -> bool:
@@ -129,10 +130,10 @@ class Answer:
 
     @property
     def pose(self) -> Transforms | None:
-        """``T_world_part`` of the best hypothesis ``(4, 4)`` [m]; None without one."""
+        """Return ``T_world_part`` of the best hypothesis ``(4, 4)`` [m]; None without one."""
         return self.best.T_world_part if self.best is not None else None
 
     @property
     def covariance(self) -> Covariances | None:
-        """Covariance of :attr:`pose` ``(6, 6)``, as :attr:`Hypothesis.covariance`; None without one."""
+        """Return the covariance of :attr:`pose` ``(6, 6)``, as :attr:`Hypothesis.covariance`; None without one."""
         return self.best.covariance if self.best is not None else None

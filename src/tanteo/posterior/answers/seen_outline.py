@@ -1,7 +1,7 @@
-"""The outline of an object on a table as a camera saw it, and which parts may have it in any of their stable poses.
+"""Outline of an object on a table in a camera image, compared with all stable poses of parts.
 
-The convex hull of a part is all that its convex outline is made of, so it is compared as the camera would see it, at
-any yaw and place, with its height. A shadow may be part of what was seen (decision 83).
+The convex outline of a part is that of its convex hull. So the hull is compared as the camera would see it, with its
+height, at any yaw and place. The region of the image may include a shadow (decision 83).
 """
 
 from __future__ import annotations
@@ -17,42 +17,41 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3, freeze
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
+from tanteo.posterior.settings import DEFAULTS
 
 AROUND = 32
-"""Directions of the table in which an outline is told, from x towards y."""
+"""Number of directions of the table in which an outline is measured, from x towards y (decision 83)."""
 
 _PIXELS, _LEAST_SD, _MADE = 0.6, 2e-4, 2e-3
-"""Standard deviation of an outline in a direction: so many pixels, a length [m], and a share of its size, together."""
+"""Standard deviation of an outline in a direction: pixels, a length [m] and a fraction of its size (decision 83)."""
 
 _SHADOW = 0.4
-"""Standard deviation of the length of a shadow, in heights of what throws it."""
+"""Standard deviation of the length of a shadow over the height of what throws it (decision 83)."""
 
 _TOGETHER = 2.0
-"""So many directions err as one, and squares count as much less: with this the true part is the most probable."""
+"""Number of adjacent directions that share one error, by which squares are divided (decision 83)."""
 
 _MOST = 150.0
-"""Squares beyond this are alike: the outline is of another part."""
+"""Largest sum of squares: beyond it, the outline is of another part."""
 
 _FITS = 40.0
-"""Squares up to which an outline may be a part's: where none is better, the unknown object is as much better."""
+"""Largest sum of squares of a fit. If no part fits better, the odds of the unknown object rise accordingly."""
 
-_HOPELESS = 12.0
-"""Nats behind the likeliest of all at which a stable pose is not looked for."""
-
-OTHERWISE = 0.05
-"""Share of regions that are not the outline of one part: it is hidden, touches another one, or has the table's grey."""
+MISLEADING = 0.05
+"""Fraction of measurements of a whole object that mislead: the region of an image is not the outline of one part
+(hidden, touching another one, grey as the table), something else was weighed, the box has other axes (decision 83)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenOutline:
-    """A convex outline on a table, in the frame of the table: its plane is z = 0, the camera is above.
+    """Convex outline on a table, in the frame of the table. Its plane is z = 0; the camera is above.
 
     Attributes:
-        reach: how far it goes from its middle in each of 32 directions ``(32,)`` [m].
-        middle: of it ``(2,)`` [m].
-        eye: where the camera is ``(3,)`` [m].
+        reach: distance of the outline from its middle in each of 32 directions ``(32,)`` [m].
+        middle: middle of the outline ``(2,)`` [m].
+        eye: centre of the camera ``(3,)`` [m].
         pixel: length of a pixel there [m].
-        T_world_table: where the table is ``(4, 4)``; the world's own frame without.
+        T_world_table: frame of the table ``(4, 4)``; by default the world frame.
 
     Raises:
         InputError: an array of another shape, a camera that is not above the table, a pixel without length.
@@ -64,7 +63,7 @@ class SeenOutline:
     pixel: float
     T_world_table: Transforms = field(default_factory=lambda: np.eye(4))
     _known: list[Any] = field(default_factory=list, init=False, repr=False)
-    """Parts and what came of them: the same are asked about several times for one answer."""
+    """Parts of the last query and their results; one answer queries the same parts several times."""
 
     def __post_init__(self) -> None:
         for name, size in (("reach", AROUND), ("middle", 2), ("eye", 3)):
@@ -78,11 +77,11 @@ class SeenOutline:
 
     @property
     def sd(self) -> float:
-        """Standard deviation of how far it goes in a direction [m]."""
+        """Return the standard deviation of the outline in a direction [m]."""
         return float(np.sqrt((_PIXELS * self.pixel) ** 2 + _LEAST_SD**2 + (_MADE * self.reach.mean()) ** 2))
 
     def by_rest(self, parts: Sequence[Any]) -> tuple[FloatArray, IntArray]:
-        """Log likelihood of every stable pose of every part at its best place and yaw, times the pose's probability.
+        """Return the log likelihood of every stable pose at its best yaw and place, times the pose's probability.
 
         Returns:
             Up to a constant, of all poses one after the other ``(R,)``; where those of each part start, and end
@@ -96,29 +95,32 @@ class SeenOutline:
             self._known[:] = parts, log, np.cumsum(counts), Ts
         return self._known[1], self._known[2]
 
-    def likely(self, parts: Sequence[Any], row: int) -> IntArray:
-        """Numbers of a part's stable poses that may be seen so: the likeliest, and others near the best of all."""
+    def likely(self, parts: Sequence[Any], row: int, gap: float = DEFAULTS.search.negligible) -> IntArray:
+        """Return rows of the stable poses of a part: the likeliest, and others within a gap of the best of all."""
         log, start = self.by_rest(parts)
         own = log[start[row] : start[row + 1]]
-        return np.flatnonzero((own > log.max() - _HOPELESS) | (own == own.max())) if len(own) else np.zeros(0, np.int64)
+        return np.flatnonzero((own > log.max() - gap) | (own == own.max())) if len(own) else np.zeros(0, np.int64)
 
-    def poses(self, parts: Sequence[Any], row: int) -> Transforms:
-        """Where a part may lie to be seen so, half turned as well, as hulls hardly tell: ``T_world_part (k, 4, 4)``."""
-        which = self.likely(parts, row)
+    def poses(self, parts: Sequence[Any], row: int, gap: float = DEFAULTS.search.negligible) -> Transforms:
+        """Return poses of a part that explain the outline, and their half turns, which hulls hardly discriminate.
+
+        The poses are ``T_world_part (k, 4, 4)``.
+        """
+        which = self.likely(parts, row, gap)
         Ts = self._known[3][self._known[2][row] + which].astype(np.float64)
         about = SE3.from_parts(np.eye(3), np.array([*self.middle, 0.0]))
         half = about @ SE3.from_parts(np.diag([-1.0, -1.0, 1.0]), np.zeros(3)) @ SE3.inverse(about)
         return np.asarray(self.T_world_table @ np.concatenate([Ts, half @ Ts]))
 
     def log_likelihood(self, parts: Sequence[Any]) -> FloatArray:
-        """Of every part, up to a constant ``(n,)``."""
+        """Return the log likelihood of every part, up to a constant ``(n,)``."""
         log, start = self.by_rest(parts)
         out, some = np.full(len(start) - 1, _log(_MOST)), np.diff(start) > 0  # what balances on nothing has no pose
         out[some] = np.logaddexp.reduceat(log, start[:-1][some]) if some.any() else 0.0
         return out
 
     def log_odds(self, parts: Sequence[Any]) -> FloatArray:
-        """Log likelihood of every part over that of an unknown object, whose outline may be any of theirs ``(n,)``."""
+        """Return log odds of every part against an unknown object, which may have the outline of any part ``(n,)``."""
         return odds_among(self.log_likelihood(parts))
 
     def _of_table(self, hull: Any, hull_start: Any, rests: Any, start: Any) -> tuple[FloatArray, Any, Any]:
@@ -132,11 +134,11 @@ class SeenOutline:
 
 
 def odds_among(log: FloatArray) -> FloatArray:
-    """Log odds of parts over an unknown object of their likelihoods; some share of outlines is of no part at all."""
+    """Return log odds of parts against the unknown object from their likelihoods; some outlines are of no part."""
     if not len(log):
         return log
     mean = max(float(log_sum(log)), _log(_FITS)) - np.log(len(log))
-    return np.asarray(np.logaddexp(np.log1p(-OTHERWISE) + log - mean, np.log(OTHERWISE)))
+    return np.asarray(np.logaddexp(np.log1p(-MISLEADING) + log - mean, np.log(MISLEADING)))
 
 
 def _log(costs: Any) -> Any:
@@ -147,7 +149,7 @@ _Table: TypeAlias = tuple[Any, Any, Any, Any]
 
 
 def _tables(parts: Sequence[Any]) -> Iterator[_Table]:
-    """Hulls and stable poses of parts, and where those of each start: of a catalogue as they lie on disk."""
+    """Yield hulls, stable poses and their first rows for tables of parts; those of a catalogue are memory-mapped."""
     from tanteo.catalogue import Catalogue, hull_points, stable_pose_rows
 
     if isinstance(parts, Catalogue):

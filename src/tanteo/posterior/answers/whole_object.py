@@ -1,4 +1,4 @@
-"""What is known of the object as a whole: its mass, the sides of a box about it, the outline that a camera saw.
+"""Global properties of the object: its mass, the sides of its bounding box, its outline in an image.
 
 Each enters as a likelihood: a part that differs is less probable, never impossible.
 """
@@ -12,17 +12,12 @@ import numpy as np
 from tanteo.errors import InputError
 from tanteo.geometry.limits import check_number
 from tanteo.geometry.typing import FloatArray
-from tanteo.posterior.answers.seen_outline import SeenOutline
+from tanteo.posterior.answers.seen_outline import MISLEADING, SeenOutline
+from tanteo.posterior.settings import DEFAULTS
 from tanteo.words.findings import WholeMismatch
 
 _MADE = 0.01
-"""Relative standard deviation of a made part's volume from its CAD: chamfers, threads and coatings are left out."""
-
-_FAR = 4.0
-"""Standard deviations from which on what was measured contradicts a part."""
-
-_OTHERWISE = 0.05
-"""Share of objects whose box is along other axes than that of the CAD file, or of which something was weighed, too."""
+"""Relative standard deviation of a made part's volume from its CAD, which lacks chamfers, threads and coatings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +25,11 @@ class WholeObject:
     """Measurements of the whole object.
 
     Attributes:
-        mass: and its standard deviation [kg]; None if it was not weighed.
-        density: of the material, and its standard deviation [kg/m^3]; needed with a mass.
-        sides: of the smallest box about the object, in any order [m]; None if they were not measured.
-        side_sd: standard deviation of each [m].
-        outline: of the object on a table, as a camera saw it; None if none did.
+        mass: mass and its standard deviation [kg]; None if it was not weighed.
+        density: density of the material and its standard deviation [kg/m^3]; needed with a mass.
+        sides: sides of the smallest box around the object, in any order [m]; None if they were not measured.
+        side_sd: standard deviation of each side [m].
+        outline: outline of the object on a table in a camera image; None without one.
 
     Raises:
         InputError: a number that is not positive, a mass without a density, sides without a standard deviation.
@@ -62,16 +57,16 @@ class WholeObject:
 
     @property
     def volume(self) -> float | None:
-        """What its mass says [m^3]; None without."""
+        """Return the volume that the mass implies [m^3]; None without a mass."""
         return self.mass[0] / self.density[0] if self.mass and self.density else None
 
     def log_odds(self, volumes: FloatArray, boxes: FloatArray) -> FloatArray:
-        """Log likelihood of parts over that of an unknown object, which is as large as any of them may be ``(n,)``.
+        """Return log odds of parts against an unknown object, which is as large as any of them ``(n,)``.
 
-        The outline is compared apart (:meth:`SeenOutline.log_odds`): it takes more of a part than its sizes.
+        The outline is compared separately (:meth:`SeenOutline.log_odds`), because it needs hulls and not only sizes.
 
         Args:
-            volumes: of the parts ``(n,)`` [m^3]; 0 of one that does not close, of which no mass says anything.
+            volumes: volumes of the parts ``(n,)`` [m^3]; 0 for an open mesh, which no mass can contradict.
             boxes: sides of their boxes ``(n, 3)`` [m].
         """
         out, known = np.zeros(len(volumes)), volumes > 0
@@ -84,25 +79,28 @@ class WholeObject:
             out += _or_otherwise(log + 3 * np.log(2 * float(boxes.max())))
         return out
 
-    def mismatch(self, name: str, volume: float, sides: FloatArray) -> WholeMismatch | None:
+    def mismatch(
+        self, name: str, volume: float, sides: FloatArray, gate: float = DEFAULTS.search.gate
+    ) -> WholeMismatch | None:
         """Return how mass or sides contradict a part; None where they do not.
 
         Args:
             name: name of the part.
             volume: volume of the part [m^3]; 0 if it does not close.
             sides: sides of its box ``(3,)`` [m].
+            gate: deviation from which a measurement contradicts the part [standard deviations].
         """
         volumes: tuple[float, ...] = ()
         boxes: tuple[tuple[float, ...], ...] = ()
-        if self.volume is not None and volume > 0 and abs(np.log(self.volume / volume)) > _FAR * self._relative_sd:
+        if self.volume is not None and volume > 0 and abs(np.log(self.volume / volume)) > gate * self._relative_sd:
             volumes = self.volume, float(volume)
-        if self.sides is not None and np.abs(np.sort(sides) - np.sort(self.sides)).max() > _FAR * self.side_sd:
+        if self.sides is not None and np.abs(np.sort(sides) - np.sort(self.sides)).max() > gate * self.side_sd:
             boxes = tuple(tuple(map(float, np.sort(box)[::-1])) for box in (self.sides, sides))
         return WholeMismatch(name, volumes, boxes) if volumes or boxes else None
 
     @property
     def _relative_sd(self) -> float:
-        """Of the volume that the mass says."""
+        """Return the relative standard deviation of the volume that the mass implies."""
         (mass, mass_sd), (density, density_sd) = self.mass or (1.0, 0.0), self.density or (1.0, 0.0)
         return float(np.hypot(np.hypot(mass_sd / mass, density_sd / density), _MADE))
 
@@ -114,8 +112,8 @@ class WholeObject:
 
 
 def _or_otherwise(log: FloatArray) -> FloatArray:
-    """Log odds where a share of what was measured is of something else."""
-    return np.asarray(np.logaddexp(np.log1p(-_OTHERWISE) + log, np.log(_OTHERWISE)))
+    """Return log odds where a fraction of the measurements is of something else."""
+    return np.asarray(np.logaddexp(np.log1p(-MISLEADING) + log, np.log(MISLEADING)))
 
 
 def _positive(name: str, value: float) -> None:

@@ -1,4 +1,4 @@
-"""Where maximizations start: one proposer a file, tables that bound many parts, and the registry of proposers."""
+"""Initial poses of maximizations: proposers, their registry, and tables that bound the evidence of many parts."""
 
 from tanteo.posterior.proposals.built_in import FactorPoses
 from tanteo.posterior.proposals.drawn import PriorSamples

@@ -1,7 +1,7 @@
-"""Built-in proposers: of poses that were found before, planes on faces, centres on axes, and moves of the best maxima.
+"""Built-in proposers of known poses, poses of planes and centres, and half turns and slides of maxima.
 
-Half turns and slides explain many of the same points: a part that is nearly symmetric fills its old place, and a step
-or wall slides onto the next one (decisions 51 and 52). Twins and variants share their frames (decision 52).
+A nearly symmetric part after a half turn, or a part slid to the next step or wall, explains many of the same points
+(decisions 51 and 52). Similar parts share their frames (decision 52).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tanteo.posterior.sampling.peaks import scores_of
 
 @final
 class KnownPoses(Proposer):
-    """Poses of the earlier stages of the race, in the first round."""
+    """Proposer of the poses that earlier stages of the race found, in the first round."""
 
     name = "known"
 
@@ -35,7 +35,7 @@ class KnownPoses(Proposer):
 
 @final
 class FactorPoses(Proposer):
-    """Poses that factors of the pose suggest, once and without blur, for they are near a maximum."""
+    """Proposer of the poses that pose factors suggest, once and without blur, because they are near a maximum."""
 
     name = "factors"
 
@@ -48,7 +48,7 @@ class FactorPoses(Proposer):
 
 @final
 class CentreTriples(Proposer):
-    """Three centres on three axes, once: poses that are within the noise."""
+    """Proposer of poses with three centres on three axes, once, because they are within the noise."""
 
     name = "centres"
 
@@ -62,7 +62,7 @@ class CentreTriples(Proposer):
 
 @final
 class PlanePoses(Proposer):
-    """Labelled planes and sensed normals on faces, once, for these are all poses that they allow."""
+    """Proposer of poses with labelled planes and sensed normals on faces, once, because these are all such poses."""
 
     name = "planes"
 
@@ -80,7 +80,7 @@ class PlanePoses(Proposer):
 
 @final
 class PosesOfOtherParts(Proposer):
-    """The best poses of the leading other parts."""
+    """Proposer of the best poses of the leading other parts."""
 
     name = "other-parts"
 
@@ -91,7 +91,7 @@ class PosesOfOtherParts(Proposer):
 
 @final
 class HalfTurnsAndSlides(Proposer):
-    """Half turns and slides of the best maxima, more of them where the right one is hard to find."""
+    """Proposer of half turns and slides of the best maxima, more of them if the right one is hard to find."""
 
     name = "moves"
 

@@ -1,8 +1,8 @@
-"""Poses from centres: three of them on three axes of holes and bosses, spheres or apexes that are as far apart.
+"""Poses with three sensed centres on three axes of holes and bosses, or on centres of spheres and apexes.
 
-The centre of a hole may be at any height along its axis, so two of them are as far apart as places of two axes can be;
-that of a sphere, or an apex, is an axis without length.
-Of many holes few triples fit that, as few triples of faces fit three planes (``plane_votes.py``).
+The centre of a hole may be at any height along its axis. So the distance of two centres has to be one between places of
+two axes. A sphere centre or an apex is an axis without length. Of many holes few triples fit, as few triples of faces
+fit three planes (``plane_votes.py``).
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.parts import Part
 from tanteo.posterior.prepared import PreparedPart
-from tanteo.posterior.proposals.pose_seeds import spread_out
+from tanteo.posterior.sampling.peaks import spread_out
 from tanteo.posterior.settings import SearchSettings
 
 
 class Axes:
-    """The axes of a part's holes and bosses and the centres of its spheres and cones, as far as two can be apart.
+    """Axes of the holes and bosses of a part, and centres of its spheres and cones.
 
     Attributes:
-        ends: of each ``(N, 2, 3)`` [m].
+        ends: end points of each axis ``(N, 2, 3)`` [m].
         sizes: least and largest radius [m] or half angle [rad] of each ``(N, 2)``.
-        sides: 1 of a hole, -1 of a boss ``(N,)``.
-        kinds: names of the factors that may be there, in the core ``(N,)``.
+        sides: 1 for a hole, -1 for a boss ``(N,)``.
+        kinds: name in the core of the factor that measures each ``(N,)``.
     """
 
     def __init__(self, part: Part, settings: SearchSettings) -> None:
@@ -54,9 +54,10 @@ class Axes:
 
     @cached_property
     def distances(self) -> tuple[FloatArray, FloatArray]:
-        """Least and largest distance between places of two axes ``(N, N)`` [m], their walls' rims at the farthest.
+        """Return the least and largest distance between places of two axes ``(N, N)`` [m].
 
-        A centre may be anywhere along an axis, so parallel ones are as near as their lines.
+        The largest is that between the rims of their walls. A centre may be anywhere along an axis, so the least
+        distance of parallel axes is that of their lines.
         """
         a, along = self.ends[:, 0], self.ends[:, 1] - self.ends[:, 0]
         unit = along / np.maximum(np.linalg.norm(along, axis=1), np.finfo(float).tiny)[:, None]
@@ -71,7 +72,7 @@ class Axes:
         )
 
     def allowed(self, points: ContactPoints) -> BoolArray:
-        """Which axes each centre may be of, by kind, side and size ``(n, N)``."""
+        """Return which axes each centre may be on, by kind, side and size ``(n, N)``."""
         size, sd, side = sensed_sizes(points)[..., None]
         gate = self.settings.gate * sd
         near = (size > self.sizes[:, 0] - gate) & (size < self.sizes[:, 1] + gate)
@@ -88,7 +89,7 @@ def sensed_sizes(points: ContactPoints) -> FloatArray:
 def from_centres(
     points: ContactPoints, core: _core.Problem, prepared: PreparedPart, settings: SearchSettings
 ) -> Transforms:
-    """Poses that put three centres on three axes, moved until all points are near: the best first ``(S, 4, 4)``."""
+    """Return poses with three centres on three axes, refined with all points, best first ``(S, 4, 4)``."""
     rows, none = np.flatnonzero(points.centres), np.zeros((0, 4, 4))
     if len(rows) < 3:
         return none
@@ -99,11 +100,11 @@ def from_centres(
     found = [_placed(centres, axes, triple) for triple in _triples(centres, settings)]
     Ts = np.concatenate([none, *found])
     Ts = Ts[np.argsort(_costs(centres, axes, Ts), kind="stable")[: settings.kept]]
-    return _settled(points, core, prepared, axes, Ts) if len(Ts) else none
+    return _refined(points, core, prepared, axes, Ts) if len(Ts) else none
 
 
 def _triples(centres: ContactPoints, settings: SearchSettings) -> list[IntArray]:
-    """Triples of centres that are far apart and not in a row, the largest triangles first."""
+    """Return triples of centres that are far apart and not in a row, the largest triangles first."""
     spread = spread_out(centres.landmarks, settings.items)
     triples = np.array(list(combinations(spread.tolist(), 3)))
     a, b, c = centres.landmarks[triples].transpose(1, 0, 2)
@@ -118,7 +119,7 @@ def _triples(centres: ContactPoints, settings: SearchSettings) -> list[IntArray]
 
 
 def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
-    """Poses that put three centres on three axes."""
+    """Return poses with three centres on three axes."""
     p, sd, allowed = centres.landmarks[triple], centres.sd[triple], axes.allowed(centres.take(triple))
     (least, most), gate = axes.distances, axes.settings.gate
 
@@ -129,15 +130,15 @@ def _placed(centres: ContactPoints, axes: Axes, triple: IntArray) -> Transforms:
 
     first, second, third = fits(0, 1), fits(0, 2), fits(1, 2)
     a, b = np.nonzero(first)
-    a, b = a[: 20 * axes.settings.placed], b[: 20 * axes.settings.placed]
+    a, b = a[: 20 * axes.settings.max_tuples], b[: 20 * axes.settings.max_tuples]
     pair, c = np.nonzero(second[a] & third[b])
-    picked = np.linspace(0, len(pair) - 1, min(len(pair), axes.settings.placed)).astype(int)
+    picked = np.linspace(0, len(pair) - 1, min(len(pair), axes.settings.max_tuples)).astype(int)
     chosen = axes.ends[np.column_stack([a[pair], b[pair], c])[picked]]
     return _on_axes(p, chosen, axes.settings) if len(chosen) else np.zeros((0, 4, 4))
 
 
 def _on_axes(p: Vectors, ends: FloatArray, settings: SearchSettings) -> Transforms:
-    """Poses ``(K, 4, 4)`` that bring points ``(3, 3)`` near axes ``(K, 3, 2, 3)``: to the nearest places, in turns."""
+    """Return poses ``(K, 4, 4)`` that bring points ``(3, 3)`` near axes ``(K, 3, 2, 3)``, by alternating projection."""
     along = ends[:, :, 1] - ends[:, :, 0]
     squares = np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)
     places, slack, steps = ends.mean(axis=2), settings.wall_slack, settings.steps // 2
@@ -151,7 +152,7 @@ def _on_axes(p: Vectors, ends: FloatArray, settings: SearchSettings) -> Transfor
 
 
 def _aligned(places: Vectors, p: Vectors) -> Transforms:
-    """Rigid motions that bring places ``(K, 3, 3)`` nearest to points ``(3, 3)`` (Kabsch 1976)."""
+    """Return rigid motions that bring places ``(K, 3, 3)`` nearest to points ``(3, 3)`` (Kabsch 1976)."""
     middles, middle = places.mean(axis=1), p.mean(axis=0)
     u, _, v = np.linalg.svd(np.einsum("kni,nj->kij", places - middles[:, None], p - middle))
     u[..., 2] *= np.sign(np.linalg.det(u) * np.linalg.det(v))[:, None]
@@ -160,7 +161,7 @@ def _aligned(places: Vectors, p: Vectors) -> Transforms:
 
 
 def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
-    """How far some of the centres are from the axes, in what they may be off, each as one at most ``(S,)``."""
+    """Return the sum of squared distances of some centres from the axes, each truncated ``(S,)``."""
     some = spread_out(centres.landmarks, axes.settings.few_points)
     a, along = axes.ends[:, 0], axes.ends[:, 1] - axes.ends[:, 0]
     squares, allowed = np.maximum(np.sum(along**2, axis=1), np.finfo(float).tiny), axes.allowed(centres.take(some))
@@ -175,13 +176,13 @@ def _costs(centres: ContactPoints, axes: Axes, Ts: Transforms) -> FloatArray:
     return out
 
 
-def _settled(
+def _refined(
     points: ContactPoints, core: _core.Problem, prepared: PreparedPart, axes: Axes, Ts: Transforms
 ) -> Transforms:
-    """The poses after steps to what all points are near, from as far as a hole is deep to their noise.
+    """Refine poses by all points, with scales from the depth of a hole down to the noise.
 
-    Where centres leave the height open, what is nearest to a point may be a face on the wrong side: so each pose is
-    also tried slid along the holes, up and down.
+    Centres leave the height open, so the nearest surface of a point may be a face on the wrong side. Each pose is also
+    tried after slides along the holes, up and down.
     """
     rows: Indices = np.concatenate(
         [_some(np.flatnonzero(kind), axes.settings.few_points) for kind in (points.centres, ~points.centres)]
@@ -194,10 +195,10 @@ def _settled(
     end = 2 * float(np.median(points.sd))
     count = max(4, int(np.ceil(np.log(max(deep / end, 1.0)) / (2 * axes.settings.scale_step))) + 1)
     scales = np.geomspace(max(deep, end), end, count)
-    settled, _, _ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
-    return np.asarray(settled)
+    refined, _, _ = _core.settle(prepared.shape, core, rows.astype(np.int32), scales, np.ascontiguousarray(Ts))
+    return np.asarray(refined)
 
 
 def _some(rows: IntArray, count: int) -> IntArray:
-    """So many of some rows, evenly."""
+    """Return evenly spaced rows."""
     return rows[np.linspace(0, len(rows) - 1, min(len(rows), count)).astype(int)]

@@ -1,7 +1,7 @@
-"""Sensed centres against the holes and bosses of very many parts: what they lack, then poses of few centres and planes.
+"""Bounds and poses of very many parts from sensed centres: missing holes and bosses, then poses of seeds.
 
-Each centre needs a hole of its radius, each two a pair of axes that are as far apart as they can be. Three centres, or
-fewer with planes or sensed axes, fix a pose, at which all centres and planes are compared with the part.
+Each centre needs a hole of its radius, and each two centres a pair of axes at their distance. Three centres, or fewer
+with planes or sensed axes, fix a pose. At this pose all centres and planes are compared with the part.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ import numpy as np
 from tanteo import _core
 from tanteo.factors import ContactPoints
 from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Transforms
-from tanteo.posterior.around import outlier_log_density
 from tanteo.posterior.candidates import Candidates
+from tanteo.posterior.furniture_points import outlier_log_density
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.centre_triples import sensed_sizes
 from tanteo.posterior.proposals.plane_votes import cost_margin
-from tanteo.posterior.proposals.pose_seeds import Seeds, spread_out
+from tanteo.posterior.proposals.pose_seeds import Seeds
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes
+from tanteo.posterior.sampling.peaks import spread_out
 from tanteo.posterior.settings import DEFAULTS, SearchSettings, Settings
 
 _COLUMNS = ("axes", "planes", "rounds")
@@ -28,16 +29,16 @@ _COLUMNS = ("axes", "planes", "rounds")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensedCentres:
-    """Centres as the core compares them, and with which planes.
+    """Sensed centres and planes as the core compares them.
 
     Attributes:
-        rows: place, axis or zero, sd of the place [m], of the axis [rad], radius [m] or half angle [rad] or 0, its sd,
-            nats without an axis, side, kind of point ``(n, 13)``.
-        planes: as the core compares them, counted after the centres ``(k, 12)``.
-        seeds: of which poses are made, none of which needs what all others need ``(m, 3)``.
-        more: others, without each two.
-        certain: whether these fix poses.
-        settings: numbers of the comparison.
+        rows: place, axis or zero, sd of the place [m], sd of the axis [rad], radius [m] or half angle [rad] or 0, its
+            sd, cost without an axis [nats], side, and kind of each centre ``(n, 13)``.
+        planes: planes as the core compares them, numbered after the centres ``(k, 12)``.
+        seeds: tuples that fix poses; no centre or plane is in all of them ``(m, 3)``.
+        more: further tuples, so that no two centres or planes are in all.
+        certain: whether these tuples fix poses.
+        settings: settings of the inference.
     """
 
     rows: FloatArray
@@ -56,12 +57,12 @@ class SensedCentres:
 
     @property
     def doubtful(self) -> float:
-        """Cost of the best part from which other seeds are tried [nats]: more than that of one outlier."""
+        """Return the cost of the best part from which further seeds are tried [nats]: more than one outlier."""
         return 1.2 * self._dearest
 
     @property
     def hopeless(self) -> float:
-        """Cost of the best part from which none was sensed [nats]: more than that of two outliers."""
+        """Return the cost of the best part from which no seed is right [nats]: more than two outliers."""
         return 2.2 * self._dearest
 
 
@@ -70,7 +71,7 @@ def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes
     own = points.take(np.flatnonzero(points.centres))
     search = problem.settings.search
     own = own.take(spread_out(own.points, search.compared))
-    factor = float(np.exp(search.noise_share * problem.scale_sd))
+    factor = float(np.exp(search.noise_fraction * problem.scale_sd))
     shared = float(np.sqrt(np.sum(points.shared_jacobian**2) / max(len(points), 1)))
     sizes, size_sds, sides = sensed_sizes(own)
     codes = _core.landmark_codes()
@@ -93,7 +94,7 @@ def sensed_centres(problem: Problem, points: ContactPoints, planes: SensedPlanes
 
 
 def _lonely(own: SearchSettings, planes: FloatArray) -> BoolArray:
-    """Which are one sensed normal that no other one is parallel to ``(k,)``: it may be of a curved face."""
+    """Return which planes are one sensed normal without a parallel one ``(k,)``; it may be of a curved face."""
     sines = np.linalg.norm(np.cross(planes[:, None, :3], planes[:, :3]), axis=-1)
     near = sines < own.gate * np.hypot(planes[:, None, 7], planes[:, 7]) + own.tilt_as_made
     return np.asarray((planes[:, 11] > 0) & (near.sum(axis=1) < 2))
@@ -111,7 +112,7 @@ def _without_axis(problem: Problem, own: ContactPoints, factor: float) -> FloatA
     elsewhere = outlier_log_density(own, problem.priors) + np.where(own.oriented, np.log(4 * np.pi), 0.0)
     return np.asarray(
         (peak - elsewhere + np.log1p(-rate) - np.log(rate)).clip(
-            problem.settings.search.cost_least, problem.settings.search.cost_most
+            problem.settings.search.cost_least, problem.settings.search.negligible
         )
     )
 
@@ -135,9 +136,9 @@ def on_axes(
     Args:
         sensed: centres and planes.
         candidates: all parts.
-        rows: of them.
-        costs: nats that each costs at least so far ``(m,)``; they become more.
-        poses: poses so far, by row; they become better.
+        rows: rows of the parts ``(m,)``.
+        costs: smallest cost of each part so far ``(m,)`` [nats]; raised in place.
+        poses: poses of parts so far, by row; extended in place.
     """
     known = costs.copy()
     _by_seeds(sensed, sensed.seeds, candidates, rows, costs, poses)

@@ -1,7 +1,7 @@
-"""Points against coarse distance fields of parts: scores of all parts, then refinement of promising poses.
+"""Coarse evaluation of points on distance fields of parts: scores of all, then refined poses of the best.
 
-A part is tried at turns that are even over all attitudes, and wherever its box holds the points after a turn. Parts of
-a kind have nearly the same box: they share the best few hundred of these, and each takes its own best of them.
+Each part is evaluated at uniform attitudes, wherever its box contains the turned points. Parts of similar boxes share
+the best few hundred of these poses, and each refines its own best of them.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ def evaluate_fields(
     """Return the rough cost of the points on each part [nats] ``(m,)``, and poses of promising parts by row.
 
     Args:
-        problem: the question.
+        problem: measurements and priors.
         points: points that are evaluated.
         candidates: all parts.
-        rows: of those that are compared ``(m,)``.
-        thorough: refine more poses, and return some of every part.
+        rows: rows of the parts that are evaluated ``(m,)``.
+        thorough: whether to refine more poses, and to return some of every part.
     """
     evaluation = _Evaluation(problem, points, thorough=thorough)
     best = evaluation.own.cost_point * len(evaluation.at)
@@ -46,7 +46,7 @@ def evaluate_fields(
 
 
 class _Evaluation:
-    """Some of the points, far from each other, the farthest first."""
+    """Some of the points, far from each other, as the core evaluates them."""
 
     def __init__(self, problem: Problem, points: ContactPoints, *, thorough: bool) -> None:
         own = self.own = problem.settings.search
@@ -61,17 +61,17 @@ class _Evaluation:
         self.radii = np.ascontiguousarray(points.radii[spread])
         self.behind = np.inf if thorough else own.negligible
         more = own.few_points / len(spread)  # few points discriminate poses less well
-        self.stepped = int(min(more, 3.0) * own.coarse_poses) * (own.thorough if thorough else 1)
+        self.stepped = int(min(more, 3.0) * own.few_points) * (own.thorough if thorough else 1)
 
     def at_parts(
         self, table: Mapping[str, Any], rows: Indices, best: float
     ) -> tuple[FloatArray, FloatArray, Transforms]:
-        """Scores of parts ``(R,)``, and the nats and poses that steps lead to ``(R, 4)``, the best first.
+        """Return scores of parts ``(R,)``, and costs and poses after refinement ``(R, 4)``, best first.
 
         Args:
-            table: of a catalogue.
-            rows: of the parts in it, those of a kind one after another.
-            best: score so far; of parts that are far behind there are no poses, and the nats are the most there can be.
+            table: arrays of a catalogue.
+            rows: rows of parts in it; parts of similar boxes follow one another.
+            best: best score so far; parts far behind it get no poses and the largest cost.
         """
         numbers, kinds = np.asarray(table["numbers"]), np.asarray(table["kind"])
         return _core.coarse(

@@ -1,6 +1,7 @@
-"""Initial poses that are drawn: pairs of points on pairs of surface places, and samples of the pose prior.
+"""Random initial poses: pairs of points on pairs of surface places, and samples of the pose prior.
 
-Each pair and each sample is an independent source: how many led to a maximum tells what may be missing (Good 1953).
+Each pair and each sample is an independent source. The number of sources that led to a maximum shows how much may be
+missing (Good 1953).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from tanteo.posterior.settings import POSE_DOF
 
 @final
 class PointPairs(Proposer):
-    """Pairs of points on pairs of surface places; each pair of points is an independent source."""
+    """Proposer of poses with pairs of points on pairs of surface places; each pair is an independent source."""
 
     name = "pairs"
 
@@ -64,10 +65,10 @@ def far_pairs(points: ContactPoints, rows: Indices, count: int) -> Indices:
 
 @final
 class PriorSamples(Proposer):
-    """The best of many samples of the pose prior, each an independent source.
+    """Proposer of the best of many samples of the pose prior, each an independent source.
 
-    A third is settled by all points, the others by subsets: a point near an edge that is taken for one of the face
-    beyond it holds all poses that are settled with it.
+    A third is refined by all points, the others by subsets. A point near an edge that is matched to the wrong face
+    spoils every pose that is refined with it.
     """
 
     name = "prior"
@@ -84,16 +85,16 @@ class PriorSamples(Proposer):
         third = len(Ts) // 3 + 1
         subsets = np.array_split(np.arange(third, len(Ts)), max((len(Ts) - third) // own.subset, 1))
         found = [InitialPoses(Ts[:third], sources[:third], keep=third)]
-        found += [_settled_by_some(objective, Ts[rows], sources[rows], rng) for rows in subsets]
+        found += [_refined_by_some(objective, Ts[rows], sources[rows], rng) for rows in subsets]
         return InitialPoses.joined(found)
 
 
-def _settled_by_some(objective: Objective, Ts: Transforms, sources: IntArray, rng: np.random.Generator) -> InitialPoses:
+def _refined_by_some(objective: Objective, Ts: Transforms, sources: IntArray, rng: np.random.Generator) -> InitialPoses:
     """Settle poses on the surface by a random subset of the points."""
-    n, fraction = len(objective.rows), objective.problem.settings.search.left_out
+    n, fraction = len(objective.rows), objective.problem.settings.search.omitted
     rows = np.sort(rng.choice(objective.rows, n - n // fraction if n >= fraction else n, replace=False))
-    Ts, sources = replace(objective, rows=rows.astype(np.int32)).settle(Ts, sources, max(len(Ts), 1))
-    return InitialPoses.settled_ones(Ts, sources)
+    Ts, sources = replace(objective, rows=rows.astype(np.int32)).refine(Ts, sources, max(len(Ts), 1))
+    return InitialPoses.refined_poses(Ts, sources)
 
 
 def _best_of_prior(objective: Objective, count: int, rng: np.random.Generator) -> Transforms:
@@ -125,24 +126,24 @@ def from_prior(problem: Problem, prepared: PreparedPart, count: int, rng: np.ran
 def along_ridge(objective: Objective, Ts: Transforms) -> Peaks:
     """Return component bases along a ridge: settled poses, each with a small piece of the region of all.
 
-    Few precise measurements leave a thin bent sheet of poses. The curvature at one maximum follows it nowhere else; at
-    many places of it, each for a part of its length, it does.
+    Few precise measurements leave a thin bent sheet of poses. The curvature at one maximum describes it only locally.
+    Components at many places, each for a piece of its length, describe all of it.
 
     Args:
         objective: the part and the problem.
-        Ts: poses that are spread as the ridge is, but for the last measurements ``(S, 4, 4)``.
+        Ts: poses distributed as the ridge was before the last measurements ``(S, 4, 4)``.
     """
     own = objective.problem.settings.search
-    Ts, _ = objective.settle(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
+    Ts, _ = objective.refine(Ts, np.zeros(len(Ts), dtype=np.int64), len(Ts))
     zs, shape = np.zeros((len(Ts), objective.problem.states)), objective.prepared.shape
     logs, _, information = _core.slopes(shape, objective.core, Ts, zs)
-    some = np.flatnonzero(logs > logs.max() - own.faint)
+    some = np.flatnonzero(logs > logs.max() - own.drop_gap)
     if len(some) < 2 * POSE_DOF:
         return Peaks.none(objective.problem.states)
     x = _core.offsets(Ts[some[0]], np.ascontiguousarray(Ts[some]), shape.centre)
     information = np.array(information[some])
     curved = np.linalg.inv(objective.of_pose(information[:1])[0])
-    if np.einsum("ni,ij,nj->n", x, np.linalg.inv(curved), x).max() < own.same_sds**2:
+    if np.einsum("ni,ij,nj->n", x, np.linalg.inv(curved), x).max() < own.notable_sds**2:
         return Peaks.none(objective.problem.states)
     information[:, :6, :6] += np.linalg.inv(np.cov(x.T) + curved) / own.ridge_piece**2
     rest = np.full(len(some), -np.inf), np.zeros(len(some), dtype=np.int64)

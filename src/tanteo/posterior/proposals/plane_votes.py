@@ -1,7 +1,7 @@
-"""Sensed planes against the faces of very many parts: distances and angles of pairs vote, then poses are tried.
+"""Bounds and poses of very many parts from sensed planes: votes of pairs, then poses of triples.
 
-Two planes that are sensed have an angle, and where they are parallel a distance. A part of which no two faces have it
-has to call one of the two an outlier. The sorted columns of a catalogue say at once which parts have it.
+Two sensed planes have an angle, and a distance if they are parallel. If no two faces of a part have these, one of the
+two planes is an outlier on this part. Sorted columns of a catalogue list the parts that have them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tanteo.posterior.settings import SearchSettings, Settings
 
 def cost_margin(settings: Settings) -> float:
     """Return the cost behind the best part at which tables prune a part [nats]."""
-    return settings.search.negligible / settings.race.table_weight
+    return settings.search.negligible / settings.pruning.table_weight
 
 
 def on_planes(
@@ -31,7 +31,7 @@ def on_planes(
 ) -> tuple[FloatArray, dict[int, Transforms]]:
     """Return the cost of the planes on each part ``(m,)`` [nats], and poses of parts that cost little, by row.
 
-    What is so far behind the best costs at least as much, as far as is known.
+    Parts beyond this gap have at least this cost.
     """
     lacking, poses = voted(sensed, candidates, rows), dict[int, Transforms]()
     costs = _by_poses(_Faces(candidates.tables, rows, far, sensed.settings.kept), sensed, lacking, poses)
@@ -43,7 +43,7 @@ def plane_poses(sensed: SensedPlanes, prepared: PreparedPart, settings: Settings
     poses = dict[int, Transforms]()
     if len(sensed.triples) and sensed.triples[2] >= 0:
         faces = _Faces(
-            [(0, prepared.faces)], np.zeros(1, dtype=np.int64), cost_margin(settings), settings.search.placed
+            [(0, prepared.faces)], np.zeros(1, dtype=np.int64), cost_margin(settings), settings.search.max_tuples
         )
         _by_poses(faces, sensed, np.zeros(1), poses)
     return poses.get(0, np.zeros((0, 4, 4)))
@@ -51,13 +51,13 @@ def plane_poses(sensed: SensedPlanes, prepared: PreparedPart, settings: Settings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Faces:
-    """The faces of some parts.
+    """Faces of some parts.
 
     Attributes:
-        tables: row of the first part of each, and its arrays.
-        rows: of the parts ``(m,)``.
-        far: nats behind the best at which poses are given up.
-        keep: poses of each.
+        tables: first row and arrays of each table of parts.
+        rows: rows of the parts ``(m,)``.
+        far: cost gap behind the best part at which poses are dropped [nats].
+        keep: number of poses of each part.
     """
 
     tables: Sequence[tuple[int, Mapping[str, Any]]]
@@ -77,8 +77,8 @@ def _by_poses(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses: d
 def _by_triples(faces: _Faces, sensed: SensedPlanes, lacking: FloatArray, poses: dict[int, Transforms]) -> FloatArray:
     """Return the costs of parts by poses of some triples.
 
-    These are tried up to a limit of nats, as each nat more takes longer. It is raised until a part is found, or no
-    plane would be of a face any more.
+    Poses are tried up to a limit of their cost, because a larger limit takes longer. It is raised until a part is
+    found, or until every plane would be an outlier.
     """
     costs, limit = lacking, float(len(sensed.rows))
     while True:
@@ -126,7 +126,7 @@ def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
     """Return costs by pairs alone ``(n,)``: of the planes that have to be of no face, each counted once."""
     n, k = len(table["numbers"]), len(sensed.rows)
     share = np.asarray(table["numbers"])[:, 16]
-    loose = np.where(share > 0, sensed.settings.loose - np.log(np.maximum(share, 1e-300)), np.inf)
+    loose = np.where(share > 0, sensed.settings.curved_face_cost - np.log(np.maximum(share, 1e-300)), np.inf)
     costs, used = np.zeros(n), np.zeros((n, k), dtype=bool)
     loose = np.where(np.diff(np.asarray(table["rounds_start"])) > 0, 0.0, loose)  # or it is of a cylinder
     most = [np.minimum(row[9], loose) if row[11] > 0 else np.full(n, row[9]) for row in sensed.rows]
@@ -143,7 +143,7 @@ def votes(sensed: SensedPlanes, table: Mapping[str, Any]) -> FloatArray:
 def _having(
     own: SearchSettings, first: FloatArray, second: FloatArray, table: Mapping[str, Any], n: int
 ) -> BoolArray | None:
-    """Which parts have two faces like two planes ``(n,)``; None where most do."""
+    """Return which parts have two faces that match two planes ``(n,)``; None if most parts have."""
     cosine = float(np.clip(first[:3] @ second[:3], -1, 1))
     within = own.gate * float(np.hypot(first[7], second[7])) + own.tilt_as_made
     angle = float(np.arccos(cosine))
@@ -161,11 +161,11 @@ def _having(
     rows = np.concatenate(found)
     has = np.zeros(n, dtype=bool)
     has[rows] = True
-    return None if np.count_nonzero(has) > own.vote_share * n else has
+    return None if 2 * np.count_nonzero(has) > n else has
 
 
 def _height(own: SearchSettings, first: FloatArray, second: FloatArray) -> tuple[float, float]:
-    """How far apart two parallel planes are, and within how much that is known [m]."""
+    """Return the distance of two parallel planes and its tolerance [m]."""
     way = second[3:6] - first[3:6]
     normal = first[:3] + (1.0 if first[:3] @ second[:3] > 0 else -1.0) * second[:3]
     normal /= np.linalg.norm(normal)
@@ -178,7 +178,7 @@ def _height(own: SearchSettings, first: FloatArray, second: FloatArray) -> tuple
 def _distances(
     own: SearchSettings, table: Mapping[str, Any], name: str, first: FloatArray, second: FloatArray, *, signed: bool
 ) -> np.ndarray:
-    """Parts with two parallel faces as far apart as two planes are."""
+    """Return rows of parts with two parallel faces at the distance of two planes."""
     height, within = _height(own, first, second)
     if signed:
         return _between(table, name, height - within, height + within)
@@ -187,7 +187,7 @@ def _distances(
 
 
 def _between(table: Mapping[str, Any], name: str, low: float, high: float) -> np.ndarray:
-    """Rows of the parts of a sorted column between two numbers."""
+    """Return the rows of parts of a sorted column between two numbers."""
     keys = table[f"{name}_key"]
     a, b = np.searchsorted(keys, [low, high])
     return np.asarray(table[f"{name}_row"][a:b])

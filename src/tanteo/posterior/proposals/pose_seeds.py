@@ -1,6 +1,7 @@
-"""Which few sensed centres and planes fix a pose: three centres, two and a plane, one and two planes, two with an axis.
+"""Seeds: few sensed centres and planes that fix a pose.
 
-Each is called a seed. Several are needed, so that one of them is right although any one reading, or any two, are wrong.
+A seed has three centres, two centres and a plane, one centre and two planes, or two with a sensed axis. There are
+several seeds, so that one of them is right although any one reading, or any two, are wrong.
 """
 
 from __future__ import annotations
@@ -9,25 +10,12 @@ from itertools import combinations
 
 import numpy as np
 
-from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Vectors
+from tanteo.geometry.typing import BoolArray, FloatArray, Indices
 from tanteo.posterior.settings import SearchSettings
 
 
-def spread_out(p: Vectors, count: int) -> IntArray:
-    """Rows of points that are far from each other, the farthest from their middle first."""
-    if not len(p):
-        return np.zeros(0, dtype=np.int64)
-    chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
-    nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(p)):
-        nearest[chosen[-1]] = -1.0
-        chosen.append(int(np.argmax(nearest)))
-        nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
-    return np.array(chosen)
-
-
 class Seeds:
-    """Which centres and planes fix a pose, those first that fix it best."""
+    """Sensed centres and planes that fix a pose, the most accurate seeds first."""
 
     def __init__(self, settings: SearchSettings, rows: FloatArray, planes: FloatArray, usable: BoolArray) -> None:
         self.settings = settings
@@ -38,9 +26,9 @@ class Seeds:
         self.reach = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 0.0
 
     def chosen(self) -> tuple[Indices, Indices, bool]:
-        """Seeds of which no item is in all; others of which no two are in all of both; whether they fix a pose.
+        """Return seeds of which no item is in all, further seeds so that no two are, and whether these fix a pose.
 
-        Where none does, two centres and a plane tell parts apart still: what they leave free moves none of them.
+        If none fixes a pose, two centres and a plane still discriminate parts: the free motion moves none of them.
         """
         known = sorted((error, seed) for seed in self._all() if (error := self._error(seed)) is not None)
         seeds = [seed for _, seed in known]
@@ -57,9 +45,9 @@ class Seeds:
         return some + [(k, *two) for k in c for two in combinations(f, 2)] + [(k, m) for k in c for m in f]
 
     def _error(self, seed: tuple[int, ...]) -> float | None:
-        """About how far off the pose may be at the farthest reading [m]; None where a seed does not fix it."""
+        """Return the approximate error of the pose at the farthest reading [m]; None if a seed fixes none."""
         held = [k for k in seed if k < self.count]
-        ways = [(self._plane(k)[:3], self._plane(k)[7]) for k in seed if k >= self.count]
+        ways = [(plane[:3], plane[7]) for plane in (self.planes[k - self.count] for k in seed if k >= self.count)]
         if len(held) == 3:
             return self._of_three(held)
         if len(seed) == 2:  # the axis of a centre instead of a plane
@@ -75,11 +63,8 @@ class Seeds:
             else None
         )
 
-    def _plane(self, k: int) -> FloatArray:
-        return np.asarray(self.planes[k - self.count])
-
     def _of_three(self, held: list[int]) -> float | None:
-        """Heights along the axes are not known, so that they tell a tilt badly."""
+        """Return the error of three centres; their heights along the axes are unknown, so tilts are inaccurate."""
         a, b, c = self.rows[held, :3]
         longest = max(float(np.linalg.norm(x)) for x in (b - a, c - a, c - b))
         height = float(np.linalg.norm(np.cross(b - a, c - a))) / max(longest, 1e-12)
@@ -100,7 +85,7 @@ class Seeds:
 def _covering(
     seeds: list[tuple[int, ...]], known: list[tuple[int, ...]], wrong: int, most: int
 ) -> list[tuple[int, ...]]:
-    """The best seeds, so that with those that are known some is right although so many items are wrong."""
+    """Return the best seeds of which one is right although a number of items is wrong."""
     items = sorted({k for seed in seeds for k in seed})
     spoiled = [set(some) for some in combinations(items, wrong) if all(set(some) & set(seed) for seed in known)]
     chosen = list[tuple[int, ...]]() if known else seeds[:1]

@@ -1,4 +1,4 @@
-"""What proposes initial poses of a part: the protocol, what it receives and what it returns."""
+"""Protocol of proposers of initial poses: their input and their result."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes
 from tanteo.posterior.sampling.peaks import Objective, Peaks
-from tanteo.posterior.settings import DEFAULTS, Effort
+from tanteo.posterior.settings import Effort
 
-BITS = DEFAULTS.search.sources
-"""Number of independent sources that are counted apart: bits of a whole number."""
+BITS = 60
+"""Numerical: number of independent sources that are counted separately, as bits of a 64-bit number. A maximum that four
+of them found counts as surely found, so that more bits change no count that matters."""
 
-EXHAUSTIVE = (1 << DEFAULTS.search.often) - 1
-"""Sources of poses that are all that measurements allow: as many as make a maximum surely found."""
+EXHAUSTIVE = (1 << BITS) - 1
+"""Sources of poses that are all that the measurements allow: every source, so that their maximum is surely found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,20 +32,21 @@ class InitialPoses:
         Ts: poses ``T_world_part`` ``(S, 4, 4)``.
         sources: one bit for each independent source that led to a pose, 0 for a pose that no measurement proposed
             ``(S,)``. A maximum to which few sources led shows that others may be missing (Good 1953).
-        settled: which are within the noise of a maximum: these are maximized without settling and blur ``(S,)``.
-        keep: number of the others that are maximized after settling; all if None.
+        refined: which poses are within the noise of a maximum; these are maximized without refinement and blur
+            ``(S,)``.
+        keep: number of the other poses that are maximized after refinement; None for all.
     """
 
     Ts: Transforms
     sources: IntArray
-    settled: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    refined: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     keep: int | None = None
 
     def __post_init__(self) -> None:
         n = len(self.Ts)
-        if not len(self.settled):
-            object.__setattr__(self, "settled", np.zeros(n, dtype=bool))
-        for name, shape in (("Ts", (n, 4, 4)), ("sources", (n,)), ("settled", (n,))):
+        if not len(self.refined):
+            object.__setattr__(self, "refined", np.zeros(n, dtype=bool))
+        for name, shape in (("Ts", (n, 4, 4)), ("sources", (n,)), ("refined", (n,))):
             if np.shape(getattr(self, name)) != shape:
                 raise InputError(f"{name}: expected an array {shape}, got {np.shape(getattr(self, name))}.")
         if not np.isfinite(self.Ts).all():
@@ -66,36 +68,36 @@ class InitialPoses:
     @classmethod
     def exhaustive(cls, Ts: Transforms) -> InitialPoses:
         """Return settled poses that are all that measurements allow."""
-        return cls.settled_ones(Ts, np.full(len(Ts), EXHAUSTIVE, dtype=np.int64))
+        return cls.refined_poses(Ts, np.full(len(Ts), EXHAUSTIVE, dtype=np.int64))
 
     @classmethod
-    def settled_ones(cls, Ts: Transforms, sources: IntArray) -> InitialPoses:
+    def refined_poses(cls, Ts: Transforms, sources: IntArray) -> InitialPoses:
         """Return poses that are within the noise of a maximum."""
         return cls(Ts, sources, np.ones(len(Ts), dtype=bool))
 
     @classmethod
     def joined(cls, each: Sequence[InitialPoses]) -> InitialPoses:
         """Return the poses of several; as many are kept as of the first."""
-        Ts, sources, settled = ([getattr(one, name) for one in each] for name in ("Ts", "sources", "settled"))
-        return cls(np.concatenate(Ts), np.concatenate(sources), np.concatenate(settled), each[0].keep)
+        Ts, sources, refined = ([getattr(one, name) for one in each] for name in ("Ts", "sources", "refined"))
+        return cls(np.concatenate(Ts), np.concatenate(sources), np.concatenate(refined), each[0].keep)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SearchState:
-    """The search for one part as a proposer reads it.
+    """State of the search for one part, which proposers read.
 
     Attributes:
-        objective: the part and the compiled problem, length scales, points on which poses are settled.
+        objective: the part and the compiled problem, length scales, and points by which poses are refined.
         effort: how much this round proposes.
         round: number of the round, from 0.
         rng: generator of all draws.
         pairs: pairs of points that are far apart ``(K, 2)``.
-        planes: planes that labels and sensed normals show.
-        known: poses that earlier stages of the race found, or an image; None without.
+        planes: planes from labels and sensed normals.
+        known: poses that earlier stages of the race or an image found; None without.
         exhaustive: whether these are all poses that the measurements allow.
         others: best poses of leading other parts ``(S, 4, 4)``.
         best: maxima so far, best first.
-        is_doubtful: whether the best maximum leaves more points out than expected.
+        is_doubtful: function that returns whether the best maximum has more outliers than expected.
     """
 
     objective: Objective
@@ -112,12 +114,12 @@ class SearchState:
 
 
 class Proposer(ABC):
-    """Proposes initial poses of one part.
+    """Proposer of initial poses of one part.
 
-    An object of another distribution is found by the entry point group ``tanteo.proposals``.
+    Another distribution provides one by the entry point group ``tanteo.proposals``.
 
     Attributes:
-        name: name in the registry, and of the entry point.
+        name: name in the registry and of the entry point.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The proposers of a search: built-in ones, and those of other distributions by entry point."""
+"""Registry of proposers: built-in ones, and those of other distributions by entry point."""
 
 from __future__ import annotations
 

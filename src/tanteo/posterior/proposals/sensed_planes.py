@@ -1,4 +1,4 @@
-"""Planes that were sensed, by labels or by normals, as the core compares them with the faces of parts."""
+"""Sensed planes from labels or normals, as the core compares them with the faces of parts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from tanteo.factors import ContactPoints
 from tanteo.geometry.typing import BoolArray, FloatArray, Indices, IntArray, Vectors
-from tanteo.posterior.around import outlier_log_density
+from tanteo.posterior.furniture_points import outlier_log_density
 from tanteo.posterior.labels import groups_of
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.settings import DEFAULTS, SearchSettings
@@ -17,18 +17,18 @@ from tanteo.posterior.settings import DEFAULTS, SearchSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planes:
-    """Planes through the points of a label each, or through one point with its normal: ``normals . x = offsets``.
+    """Planes through the points of a label, or through one point with its normal: ``normals . x = offsets``.
 
     Attributes:
-        normals: of unit length; outward where the sensor's direction is known ``(n, 3)``.
-        offsets: of the points, or of the centres of the tip's ball ``(n,)`` [m].
-        middles: of the points ``(n, 3)`` [m].
-        spans: how far the points reach from there ``(n,)`` [m].
-        radii: of the tip ``(n,)`` [m].
+        normals: unit normals, outward if the sensor's direction is known ``(n, 3)``.
+        offsets: offsets of the points, or of the centres of the tip's ball ``(n,)`` [m].
+        middles: means of the points ``(n, 3)`` [m].
+        spans: largest distance of the points from their mean ``(n,)`` [m].
+        radii: radius of the tip ``(n,)`` [m].
         tilts: standard deviations of the normals ``(n,)`` [rad].
         sided: whether the side of the material is known ``(n,)``.
-        sds: of the height of each at its middle ``(n,)`` [m].
-        rows: of the points of each.
+        sds: standard deviation of the height of each plane at its mean ``(n,)`` [m].
+        rows: rows of the points of each plane.
     """
 
     normals: Vectors
@@ -43,7 +43,7 @@ class Planes:
 
 
 def labelled_planes(points: ContactPoints, settings: SearchSettings) -> Planes:
-    """Planes of the labels that have three points or more and fit one, and of points with a sensed normal."""
+    """Return planes of labels with three points or more that fit one, and of points with a sensed normal."""
     groups, found = groups_of(points), []
     for g in range(groups.max(initial=-1) + 1):
         rows = np.flatnonzero(groups == g)
@@ -76,15 +76,15 @@ def labelled_planes(points: ContactPoints, settings: SearchSettings) -> Planes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensedPlanes:
-    """Planes as the core compares them.
+    """Sensed planes as the core compares them.
 
     Attributes:
-        rows: normal, a point of each, sd of its height [m], tilt [rad], span [m], nats without a face, whether its
-            side is known, and whether it is one point, which may be of a face that is no plane ``(k, 12)``.
-        triples: of them, that fix a pose, or two and -1 ``(3 m,)``.
-        walls: of them, one and two points that may be of the walls of two cylinders across it ``(3 w,)``.
-        certain: whether some triple fixes one although each normal without a parallel is of a curved face.
-        settings: numbers of the comparison.
+        rows: normal, point, sd of its height [m], tilt [rad], span [m], cost without a face [nats], whether its side is
+            known, and whether it is a single point, which may be on a curved face ``(k, 12)``.
+        triples: triples of planes that fix a pose, or pairs and -1 ``(3 m,)``.
+        walls: a plane, and two points that may be on the walls of two cylinders across it ``(3 w,)``.
+        certain: whether some triple fixes a pose even if each normal without a parallel one is of a curved face.
+        settings: settings of the search.
     """
 
     rows: FloatArray
@@ -94,37 +94,34 @@ class SensedPlanes:
     settings: SearchSettings = DEFAULTS.search
 
     @property
-    def _first(self) -> int:
-        """Number of triples that are tried first."""
-        return self.settings.tuples // 2
-
-    @property
     def first(self) -> SensedPlanes:
-        """With the triples that are tried first, and with walls where nothing else may fix the pose."""
+        """Return these planes with the triples that are tried first, and with walls if nothing else fixes the pose."""
         none = np.zeros(0, dtype=np.int32)
-        return replace(self, triples=self.triples[: 3 * self._first], walls=none if self.certain else self.walls)
+        return replace(
+            self, triples=self.triples[: 3 * self.settings.tuples // 2], walls=none if self.certain else self.walls
+        )
 
     @property
     def more(self) -> SensedPlanes:
-        """With what is left to try: other triples, whose second may be of a wall, and points of walls."""
+        """Return these planes with the remaining triples, whose second plane may be a wall, and walls."""
         none = np.zeros(0, dtype=np.int32)
         kept = self.triples.reshape(-1, 3)
-        turned = np.concatenate([kept[self._first :], kept[kept[:, 2] >= 0][:, [0, 2, 1]]])
+        turned = np.concatenate([kept[self.settings.tuples // 2 :], kept[kept[:, 2] >= 0][:, [0, 2, 1]]])
         return replace(self, triples=turned.ravel(), walls=self.walls if self.certain else none)
 
     @property
     def doubtful(self) -> float:
-        """Cost of the best part from which other triples are tried: of noise and one plane without a face."""
+        """Return the cost of the best part from which further triples are tried: noise and one outlier [nats]."""
         return 0.5 * len(self.rows) + float(self.rows[:, 9].max())
 
     @property
     def hopeless(self) -> float:
-        """Cost of the best part from which planes were not sensed [nats]: of noise and two planes without a face."""
+        """Return the cost of the best part from which planes are wrong: noise and two outliers [nats]."""
         return self.doubtful + float(self.rows[:, 9].max())
 
     @property
     def believed(self) -> float:
-        """Cost of the best part up to which planes and walls were sensed [nats]: else other faces are curved."""
+        """Return the cost of the best part up to which planes and walls are right [nats]."""
         return self.doubtful if self.certain or len(self.walls) else 0.0
 
 
@@ -132,7 +129,7 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     """Return the planes that labels and normals show, with their noise as large as it may be."""
     own = problem.settings.search
     planes = labelled_planes(points, own)
-    factor = float(np.exp(own.noise_share * problem.scale_sd))
+    factor = float(np.exp(own.noise_fraction * problem.scale_sd))
     some = np.argsort(planes.tilts, kind="stable")[: own.compared]
     normals = planes.normals[some]
     at = planes.middles[some] - planes.radii[some, None] * normals
@@ -140,7 +137,7 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
     sds = np.hypot(factor * planes.sds[some], shared)
     alone = np.array([len(planes.rows[k]) == 1 for k in some], dtype=bool)
     most = _without_face(problem, points, planes, factor)[some].clip(
-        own.cost_least, np.where(alone, own.cost_point, own.cost_most)
+        own.cost_least, np.where(alone, own.cost_point, own.negligible)
     )
     rows = np.column_stack(
         [
@@ -165,7 +162,7 @@ def sensed_planes(problem: Problem, points: ContactPoints) -> SensedPlanes:
 def _without_face(problem: Problem, points: ContactPoints, planes: Planes, factor: float) -> FloatArray:
     """Return the cost of each plane if it is of no face ``(k,)`` [nats].
 
-    It is rough: an undirected point on the surface has a density per area, which is taken for 1 / m^2.
+    The cost is approximate: for an undirected point on the surface it assumes a density of 1 / m^2.
     """
     rate = problem.priors.outlier_rate
     out = []
@@ -177,7 +174,7 @@ def _without_face(problem: Problem, points: ContactPoints, planes: Planes, facto
 
 
 def _parallel(own: SearchSettings, normals: FloatArray, tilts: FloatArray) -> BoolArray:
-    """Which planes are parallel within what is known of them ``(k, k)``."""
+    """Return which planes are parallel within their uncertainty ``(k, k)``."""
     sines = np.linalg.norm(np.cross(normals[:, None], normals), axis=-1)
     return np.asarray(sines < own.gate * np.hypot(tilts[:, None], tilts) + own.tilt_as_made)
 
@@ -185,7 +182,7 @@ def _parallel(own: SearchSettings, normals: FloatArray, tilts: FloatArray) -> Bo
 def _walls(
     own: SearchSettings, normals: FloatArray, at: FloatArray, tilts: FloatArray, alone: BoolArray, near: BoolArray
 ) -> Indices:
-    """Pairs of points, far from each other, that may be of walls across the plane that most others are parallel to."""
+    """Return pairs of distant points that may be on walls across the plane to which most others are parallel."""
     if len(normals) < 3:
         return np.zeros(0, dtype=np.int32)
     first = int(np.argmax(near.sum(axis=1)))
@@ -200,10 +197,10 @@ def _walls(
 def _triples(
     own: SearchSettings, normals: FloatArray, tilts: FloatArray, lonely: BoolArray, near: BoolArray
 ) -> Indices:
-    """Planes of three lines each that fix a pose, the most telling first; in each the line of most planes first.
+    """Return triples of planes that fix a pose, most accurate first; each starts with the line of most planes.
 
-    What may be of a curved face comes last. Where all normals lie in one plane, the third is -1: poses slide along what
-    two lines leave free.
+    Planes that may be of a curved face come last. If all normals lie in one plane, the third index is -1, and poses
+    slide along the free direction.
     """
     if not len(normals):
         return np.zeros(0, dtype=np.int32)

@@ -1,1 +1,1 @@
-"""Modes of the posterior and importance sampling about them."""
+"""Modes of the posterior, and importance sampling of them."""

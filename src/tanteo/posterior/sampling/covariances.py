@@ -1,4 +1,4 @@
-"""The covariance that is told of a mode: unobserved directions, shared errors, faces that are off as a whole."""
+"""Covariance of a mode: unobserved directions, shared errors, deviations of whole faces."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from tanteo.factors import ContactPoints
 from tanteo.fitting import covariance_with_free, pose_information, weak_motions
 from tanteo.geometry import SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Tangents
-from tanteo.posterior.answers.part_motions import part_scale, spins, without_spins
+from tanteo.posterior.answers.part_motions import part_scale, symmetry_motions, without_symmetry
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 
 
 def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | None]:
-    """Of the pose, uniform along unobserved directions; and the same if the shared errors were known."""
+    """Return the covariance of the pose, uniform along free directions, and the same given the shared errors."""
     mode, part = one.mode, one.mode.prepared.part
     scale = part_scale(part)
-    whole = without_spins(part, pose_information(mode.information))
+    whole = without_symmetry(part, pose_information(mode.information))
     covariance = _with_free(mode.covariance if mode.ess > 1 else None, whole, one.free, scale)
     if not mode.objective.problem.points.shared_jacobian.shape[2]:
         return covariance, None
-    known = without_spins(part, mode.information[:6, :6])
-    if len(one.free) > len(spins(part)):
+    known = without_symmetry(part, mode.information[:6, :6])
+    if len(one.free) > len(symmetry_motions(part)):
         return covariance, _with_free(None, known, one.free, scale)
-    if len(weak_motions(whole, scale, fixed=spins(part))) > len(one.free):
+    if len(weak_motions(whole, scale, fixed=symmetry_motions(part))) > len(one.free):
         return covariance, covariance  # only samples know it, and they do not part the two
     # by how much the samples differ from the curvature is of the pose, whether the shared errors are known or not
     curved = _with_free(None, whole, one.free, scale)
@@ -32,7 +32,7 @@ def mode_covariances(one: GoodnessOfFit) -> tuple[Covariances, Covariances | Non
 
 
 def _times(one: Covariances, other: Covariances) -> float:
-    """By how much the second is larger, on average over the motions; those that are exact to rounding do not count."""
+    """Return the mean variance ratio of the second to the first over all motions that are not exact to rounding."""
     size = np.sqrt(np.diag(one).clip(1e-300))
     inverse = np.linalg.pinv(one / np.outer(size, size), rcond=1e-13, hermitian=True)
     return float(np.trace(inverse @ (other / np.outer(size, size)))) / 6
@@ -54,16 +54,16 @@ def _with_free(
 
 
 def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covariances, Covariances]:
-    """What the covariances lack because a made face deviates as a whole, not anew at every point, twice ``(6, 6)``.
+    """Return the covariance that deviations of whole faces add, with shared errors estimated and given.
 
-    The estimate weighs points as if their deviations were independent; for that estimator, points of one face with one
-    deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1``. First with the shared errors that are
-    estimated beside the pose, then as if these were known.
+    The estimate weights points as if their deviations were independent. For that estimator, points of one face with one
+    deviation of sd ``tolerance`` add ``A^-1 J' W (one draw - many) W J A^-1`` to the covariance ``(6, 6)``. The first
+    is with the shared errors estimated beside the pose, the second with these known.
     """
     if points.tolerance == 0:
         return np.zeros((6, 6)), np.zeros((6, 6))
     mode, at, part = one.mode, one.at, one.mode.prepared.part
-    n, p, w, per_sd = at.normals[0], at.in_part[0], at.belongs[0], at.per_sd[0]
+    n, p, w, per_sd = at.normals[0], at.in_part[0], at.inlier_probability[0], at.per_sd[0]
     shared = np.einsum("ni,nid->nd", n @ mode.T_peak[:3, :3].T, points.shared_jacobian)
     J = np.concatenate([-n, SO3.cross(n, p), shared], axis=1)
     J = np.pad(J, ((0, 0), (0, len(mode.information) - J.shape[1])))
@@ -80,12 +80,12 @@ def common_tolerance(points: ContactPoints, one: GoodnessOfFit) -> tuple[Covaria
 
 
 def _inverse(A: FloatArray) -> FloatArray:
-    """Inverse of an information matrix; directions that it says nothing of have none of it."""
+    """Return the inverse of an information matrix; directions without information get no variance."""
     size = np.sqrt(np.maximum(np.diag(A), 1e-300))
     return np.asarray(np.linalg.pinv(A / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size))
 
 
 def _gained(gain: FloatArray, extra: FloatArray) -> Covariances:
-    """``gain extra gain'``, without what is negative of it."""
+    """Return ``gain extra gain'`` without its negative eigenvalues."""
     values, vectors = np.linalg.eigh(gain @ extra @ gain.T)
     return np.asarray((vectors * values.clip(0.0)) @ vectors.T)

@@ -1,4 +1,4 @@
-"""The density that is sampled: prior times likelihood over the poses of one part."""
+"""Target density of the sampler: prior times likelihood over the poses of one part."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Density:
 
     Attributes:
         objective: the part and the problem.
-        T: the best maximum, beside which a part of revolution does not turn ``(4, 4)``.
-        log_constant: of the prior, what the core leaves out, symmetric poses included.
-        log_untouched: of poses at which no point is of the part.
+        T: the best maximum, relative to which the turn of a part of revolution is fixed ``(4, 4)``.
+        log_constant: log of the constant factors of the prior, symmetric poses included.
+        log_untouched: log density of poses at which no point is on the part.
     """
 
     objective: Objective
@@ -32,7 +32,7 @@ class Density:
 
     @classmethod
     def about(cls, objective: Objective, T: Transforms, log_constant: float) -> Density:
-        """That about a maximum."""
+        """Return the density about a maximum."""
         untouched = -np.inf
         if len(objective.problem.points):
             far = np.eye(4)
@@ -42,7 +42,7 @@ class Density:
         return cls(objective, T, log_constant, untouched)
 
     def at(self, Ts: Transforms, zs: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Log density at poses ``(N,)``, and the other states there ``(N, D)``."""
+        """Return log densities at poses ``(N,)``, and the other states there ``(N, D)``."""
         objective, prepared = self.objective, self.objective.prepared
         log, zs = _core.marginals(prepared.shape, objective.core, Ts, np.ascontiguousarray(zs))
         # without that no point is of the part, which is as dense wherever the part may be
@@ -50,12 +50,5 @@ class Density:
         log += self.log_constant
         if is_held(prepared, named=objective.named):
             log += log_gauge(prepared, Ts, self.T)
-        pose = objective.problem.priors.pose
-        if pose is not None and pose.box is not None:
-            log[~in_box(pose, prepared.part, Ts)] = -np.inf
+        log[~in_box(objective.problem.priors.pose, prepared.part, Ts)] = -np.inf
         return log, zs
-
-    def is_possible(self, T: Transforms) -> bool:
-        """Whether a pose ``(4, 4)`` is in the box, if there is one."""
-        pose = self.objective.problem.priors.pose
-        return pose is None or pose.box is None or bool(in_box(pose, self.objective.prepared.part, T[None])[0])

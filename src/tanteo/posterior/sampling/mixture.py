@@ -1,4 +1,4 @@
-"""All Student-t components that samples of one part were ever drawn from, as one mixture."""
+"""Mixture of all Student-t components from which samples of one part were drawn."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tanteo.posterior.sampling.widths import roots
 
 @dataclass(slots=True, eq=False)
 class Mixture:
-    """Components by the samples drawn of each.
+    """Components and the number of samples drawn from each.
 
     Attributes:
-        images: motions other than none that bring the part onto itself ``(K, 4, 4)``.
-        centre: of the part, about which components turn ``(3,)`` [m].
+        images: motions other than the identity that map the part onto itself ``(K, 4, 4)``.
+        centre: point of the part about which components turn ``(3,)`` [m].
         freedom: degrees of freedom of the Student-t components.
     """
 
@@ -35,16 +35,16 @@ class Mixture:
         self._components.append((k, mean.copy(), covariance.copy(), count))
 
     def counts(self, m: int) -> IntArray:
-        """Samples drawn so far about each of so many maxima ``(m,)``."""
+        """Return the number of samples drawn about each of ``m`` maxima ``(m,)``."""
         counts = np.zeros(m, dtype=np.int64)
         for owner, _, _, count in self._components:
             counts[owner] += count
         return counts
 
     def log_density(self, bases: Transforms, Ts: Transforms) -> tuple[FloatArray, FloatArray]:
-        """At poses ``(N, 4, 4)``, log of the density, and the share that each maximum ``(m, 4, 4)`` has of it.
+        """Return log densities at poses ``(N, 4, 4)``, and the fraction of each maximum ``(m, 4, 4)`` in them.
 
-        Symmetric poses are one: each may have been drawn as any of them.
+        Symmetric poses are equal: a pose may have been drawn as any of its images.
         """
         components = sorted(self._components, key=lambda c: c[0])
         owners = np.array([c[0] for c in components], dtype=np.int32)

@@ -11,8 +11,9 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.limits import NOTABLE
 from tanteo.geometry.special import chi2_quantile
 from tanteo.geometry.typing import Covariances, FloatArray, IntArray, Transforms
+from tanteo.posterior.answers.pose_prior import in_box
 from tanteo.posterior.prepared import PreparedPart
-from tanteo.posterior.sampling.compared import Compared
+from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.peaks import Objective
 from tanteo.posterior.sampling.sampler import Sampler
 from tanteo.posterior.sampling.widths import roots
@@ -22,22 +23,23 @@ from tanteo.posterior.symmetry import folded
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mode:
-    """One region of poses of one part.
+    """Region of poses of one part.
 
     Attributes:
         objective: the part and the problem, compiled.
-        T_world_part: mean pose ``(4, 4)``; of several maxima in one region the best.
-        covariance: about it, of the samples ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation [m, rad].
+        T_world_part: mean pose ``(4, 4)``; the best maximum if the region has several.
+        covariance: covariance of the samples about it ``(6, 6)``, order x y z rx ry rz, part frame, right perturbation
+            [m, rad].
         T_peak: the best maximum ``(4, 4)``.
-        z: shared errors, and the noise scale where it is a state, there ``(D,)``.
-        information: of pose and these at the maximum, part frame ``(6 + D, 6 + D)``.
-        log_mass: log evidence, prior of the part included.
-        probability: posterior.
-        Ts: samples ``(N, 4, 4)``; the maximum alone where the mode was too improbable to be sampled.
-        weights: of them, summing to one ``(N,)``.
-        ess: how many independent samples would tell its covariance as well.
-        normal: whether the region is normal, as the curvature of its maximum has it.
-        maxima: of how many its region is.
+        z: shared errors, and the noise scale if it is a state, at the best maximum ``(D,)``.
+        information: information on pose and other states at the maximum, part frame ``(6 + D, 6 + D)``.
+        log_mass: log-evidence, prior of the part included.
+        probability: posterior probability.
+        Ts: samples ``(N, 4, 4)``; the maximum alone if the mode was too improbable for sampling.
+        weights: weights of the samples, which sum to one ``(N,)``.
+        ess: effective sample size of the covariance.
+        normal: whether the region is normal with the curvature of its maximum.
+        maxima: number of maxima in the region.
     """
 
     objective: Objective
@@ -56,12 +58,12 @@ class Mode:
 
     @property
     def prepared(self) -> PreparedPart:
-        """The part."""
+        """Return the part."""
         return self.objective.prepared
 
 
 def modes_of(sampler: Sampler) -> list[Mode]:
-    """Regions of one part: maxima that share samples, or lie in each other's region, are one."""
+    """Return the modes of one part; maxima that share samples or lie in each other's region are one mode."""
     mass, _ = sampler.masses()
     sampled = np.isfinite(mass)
     if not sampled.any():
@@ -69,7 +71,7 @@ def modes_of(sampler: Sampler) -> list[Mode]:
     W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
     sums = W.sum(axis=0)
     common = W.T @ sampler.shares
-    together = (common > sampler.settings.overlap * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
+    together = (common > sampler.settings.min_fraction * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]
     together |= _in_one_valley(sampler, np.flatnonzero(sampled))
@@ -79,9 +81,9 @@ def modes_of(sampler: Sampler) -> list[Mode]:
 
 
 def _in_one_valley(sampler: Sampler, rows: IntArray) -> np.ndarray:
-    """Which of some maxima are joined by a path of poses nowhere much less dense than the lower of both ``(m, m)``.
+    """Return which maxima a path joins that is nowhere much less dense than the lower of both ``(m, m)``.
 
-    A round face made of facets has a maximum on each: the turn about it is one region, with ripples.
+    A round face of facets has a maximum on each facet, but turns about it are one region.
     """
     objective, peaks, out = sampler.objective, sampler.peaks, np.zeros((len(sampler.peaks),) * 2, dtype=bool)
     steps = sampler.settings.path_steps
@@ -111,7 +113,7 @@ def _inside(sampler: Sampler) -> np.ndarray:
 
 
 def _by_curvature(sampler: Sampler, k: int) -> Mode:
-    """A region too improbable to be sampled, as the curvature of its maximum has it."""
+    """Return the mode of a maximum that is too improbable for sampling, by its curvature."""
     objective, peaks, T = sampler.objective, sampler.peaks, sampler.peaks.Ts[k]
     covariance = from_centre(objective, objective.of_pose(peaks.information[k]))
     information = to_origin(objective, peaks.information[k])
@@ -120,7 +122,7 @@ def _by_curvature(sampler: Sampler, k: int) -> Mode:
 
 
 def _groups(together: np.ndarray) -> list[IntArray]:
-    """Connected sets of a relation ``(m, m)``."""
+    """Return the connected components of a relation ``(m, m)``."""
     label = np.arange(len(together))
     for k, row in enumerate(together):
         for other in np.flatnonzero(row | together[:, k]):
@@ -129,10 +131,10 @@ def _groups(together: np.ndarray) -> list[IntArray]:
 
 
 def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
-    """The region of some maxima, from its samples.
+    """Return the mode of some maxima, from its samples.
 
-    Where there is one maximum, the samples only tell by how much its region differs from a normal density: what they
-    say of the density itself, which is known, is taken from what they say of the region (a control variate).
+    If there is one maximum, its normal density is a control variate: the samples only estimate how much the region
+    differs from it.
     """
     objective, peaks = sampler.objective, sampler.peaks
     top = float(sampler.log_weights.max())
@@ -140,19 +142,19 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
     T = T_peak = peaks.Ts[best]
     w = W[:, rows].sum(axis=1)
     alone = len(rows) == 1 and w.sum() > sampler.settings.region * W.sum()
-    region = sampler.compared(best, w) if alone else Compared.alone(w, sampler.settings)
+    region = sampler.control_variate(best, w) if alone else ControlVariate.alone(w, sampler.settings)
     keep = w + region.normal > 1e-9 * w.max()
     Ts = folded(objective.prepared, np.ascontiguousarray(sampler.Ts[keep]), T_peak[None], named=objective.named)
     curved = from_centre(objective, objective.of_pose(peaks.information[best]))
     xi, w, rest = SE3.log(SE3.inverse(T_peak) @ Ts), w[keep], region.rest[keep]
     mean = np.zeros(6)
-    if len(rows) == 1 or not sampler.density.is_possible(T_peak):
+    if len(rows) == 1 or not in_box(objective.problem.priors.pose, objective.prepared.part, T_peak[None])[0]:
         mean = rest @ xi / region.mass
         T = T_peak @ SE3.exp(mean)
         xi = SE3.log(SE3.inverse(T) @ Ts)
     expected = region.expected * (curved + np.outer(mean, mean))
     told = ((rest[:, None] * xi).T @ xi + expected) / region.mass
-    covariance = _covariance(told, curved, region.ess, sampler.settings.narrowest)
+    covariance = _covariance(told, curved, region.ess, sampler.settings.min_fraction)
     if not region.is_normal or objective.problem.scale_sd > 0:
         covariance = covariance * _beyond_normal(xi, w, covariance)
     return Mode(
@@ -163,10 +165,10 @@ def _mode(sampler: Sampler, rows: IntArray, W: FloatArray) -> Mode:
 
 
 def _covariance(told: Covariances, curved: Covariances, ess: float, least: float) -> Covariances:
-    """Covariance from that of so many samples and that of the curvature at the maximum.
+    """Return a covariance from that of the samples and that of the curvature at the maximum.
 
-    Few samples miss some of six directions, and on average the inverse of their covariance is too large (Hartlap, Simon
-    and Schneider 2007): regions of a stated probability would hold less.
+    Few samples miss some of six directions. On average the inverse of their covariance is too large, so regions of a
+    stated probability would hold less (Hartlap, Simon and Schneider 2007).
     """
     trust = ess / (ess + POSE_DOF)
     L = roots(curved[None])[0]
@@ -177,7 +179,7 @@ def _covariance(told: Covariances, curved: Covariances, ess: float, least: float
 
 
 def _beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances) -> float:
-    """Times a covariance so that its region of 95 % holds 95 % of the samples: those of a bent ridge are far out."""
+    """Return the factor on a covariance by which its 95 % region holds 95 % of the samples, at least 1."""
     z = np.linalg.solve(roots(covariance[None])[0], xi.T)
     gaps = np.sum(z * z, axis=0)
     order, level = np.argsort(gaps), 1 - NOTABLE
@@ -187,14 +189,14 @@ def _beyond_normal(xi: FloatArray, weights: FloatArray, covariance: Covariances)
 
 
 def to_origin(objective: Objective, information: FloatArray) -> FloatArray:
-    """Information on motions about the part's centre as that on motions of its frame ``(6 + D, 6 + D)``."""
+    """Return information on motions about the part's centre as information on its frame ``(6 + D, 6 + D)``."""
     A = np.eye(len(information))
     A[:3, 3:6] = -SO3.hat(objective.prepared.centre)
     return np.asarray(A.T @ information @ A)
 
 
 def from_centre(objective: Objective, information: FloatArray) -> Covariances:
-    """Covariance of motions of the part's frame, from the information on motions about its centre ``(6, 6)``."""
+    """Return the covariance of motions of the frame from the information about the centre ``(6, 6)``."""
     A = np.eye(6)
     A[:3, 3:] = SO3.hat(objective.prepared.centre)
     return np.asarray(A @ np.linalg.inv(information) @ A.T, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Maxima of the posterior of one part, and the length scales of its search: settled, maximized, counted once each."""
+"""Maxima of the posterior of one part: refined, maximized, and each counted once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.factors import ContactPoints
-from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms
+from tanteo.geometry.typing import FloatArray, Indices, IntArray, Transforms, Vectors
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 from tanteo.posterior.symmetry import folded, gauge_information, is_held
@@ -21,16 +21,16 @@ def pair_tilt(problem: Problem) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scales:
-    """Lengths of the search, from the part and the noise.
+    """Length scales of the search, from the part and the noise.
 
     Attributes:
         blur: error of a proposal: the spacing of surface places, or the noise [m].
-        settle: scales of the steps to the nearest surface, from coarse to that of the first maximization [m].
-        blurs: noise added in maximizations before the last [m].
+        refine: scales of the refinement steps, from coarse to that of the first maximization [m].
+        blurs: added noise of the maximizations before the last [m].
     """
 
     blur: float
-    settle: FloatArray
+    refine: FloatArray
     blurs: FloatArray
 
 
@@ -50,26 +50,32 @@ def scales_for(problem: Problem, prepared: PreparedPart) -> Scales:
     end = max(2 * sd, shared, own.coarse_to_fine * blur)
     count = max(6, int(np.ceil(np.log(1.5 * blur / end) / own.scale_step)) + 1)
     blurs = own.coarse_to_fine * blur * 0.3 ** np.arange(8)
-    settle = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
-    return Scales(blur, settle, np.asarray(blurs[blurs > 2 * sd], dtype=np.float64))
+    refine = np.asarray(np.geomspace(1.5 * blur, min(end, blur), count), dtype=np.float64)
+    return Scales(blur, refine, np.asarray(blurs[blurs > 2 * sd], dtype=np.float64))
 
 
 def spread_rows(points: ContactPoints, count: int) -> Indices:
-    """Rows of points that are far from each other, the farthest from the middle first.
+    """Return rows of points that are far from each other, the farthest from the middle first.
 
-    Of many points they are of twice as many that come at even steps: of all points, outliers would be the farthest.
+    They are chosen from twice as many evenly spaced points. Of all points the farthest would be outliers.
     """
     some = np.arange(min(2 * count, len(points)))
     some = some * len(points) // max(len(some), 1)
     p = points.points[some]
-    if len(p) <= count:
-        return some.astype(np.int32)
+    return (some if len(p) <= count else some[spread_out(p, count)]).astype(np.int32)
+
+
+def spread_out(p: Vectors, count: int) -> IntArray:
+    """Return rows of points that are far from each other, the farthest from their middle first."""
+    if not len(p):
+        return np.zeros(0, dtype=np.int64)
     chosen = [int(np.argmax(np.linalg.norm(p - p.mean(axis=0), axis=1)))]
     nearest = np.linalg.norm(p - p[chosen[0]], axis=1)
-    while len(chosen) < count:
+    while len(chosen) < min(count, len(p)):
+        nearest[chosen[-1]] = -1.0
         chosen.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, np.linalg.norm(p - p[chosen[-1]], axis=1))
-    return some[chosen].astype(np.int32)
+    return np.array(chosen)
 
 
 def scores_of(
@@ -82,7 +88,7 @@ def scores_of(
 
 
 _ROUNDING = 1e-11
-"""Share of an information that is added to its diagonal: rounding would lose unobserved directions otherwise."""
+"""Numerical: fraction of an information that is added to its diagonal, so that rounding loses no direction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,11 +97,11 @@ class Peaks:
 
     Attributes:
         Ts: poses ``(S, 4, 4)``.
-        zs: whitened shared errors, and the noise scale where it is a state ``(S, D)``.
+        zs: whitened shared errors, and the noise scale if it is a state ``(S, D)``.
         logs: log densities ``(S,)``.
-        information: of pose about the centre and the other states ``(S, 6 + D, 6 + D)``.
-        evidence: log of the integral about each, by its curvature ``(S,)``.
-        groups: from which groups of proposals each was found, one bit each ``(S,)``.
+        information: information on the pose about the centre and on the other states ``(S, 6 + D, 6 + D)``.
+        evidence: log of the integral about each maximum by its curvature ``(S,)``.
+        groups: sources that led to each maximum, one bit each ``(S,)``.
     """
 
     Ts: Transforms
@@ -110,21 +116,21 @@ class Peaks:
 
     @property
     def times(self) -> IntArray:
-        """Groups of proposals that led to each ``(S,)``."""
+        """Return the number of sources that led to each ``(S,)``."""
         return np.bitwise_count(self.groups).astype(np.int64)
 
     def take(self, rows: IntArray) -> Peaks:
-        """Some of them."""
+        """Return some of the maxima."""
         return Peaks(*(getattr(self, name)[rows] for name in self.__slots__))
 
     def join(self, other: Peaks) -> Peaks:
-        """Both, as they come."""
+        """Return both, one after the other."""
         pairs = ((getattr(self, name), getattr(other, name)) for name in self.__slots__)
         return Peaks(*(np.concatenate(pair) for pair in pairs))
 
     @classmethod
     def none(cls, states: int) -> Peaks:
-        """No maximum yet."""
+        """Return no maximum."""
         K = 6 + states
         empty = np.zeros(0)
         return cls(
@@ -134,14 +140,14 @@ class Peaks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Objective:
-    """What leads from poses of one part to maxima.
+    """Posterior density of one part, and its maximization.
 
     Attributes:
         prepared: the part.
-        core: the problem, compiled for it.
+        core: problem of the part, compiled for the core.
         problem: the problem.
-        scales: lengths of the search.
-        rows: points on which poses are settled.
+        scales: length scales of the search.
+        rows: rows of the points by which poses are refined.
     """
 
     prepared: PreparedPart
@@ -152,20 +158,20 @@ class Objective:
 
     @property
     def same(self) -> float:
-        """Squared Mahalanobis distance within which two maxima are one."""
-        return self.problem.settings.search.same_sds**2
+        """Return the squared Mahalanobis distance within which two maxima are equal."""
+        return self.problem.settings.search.notable_sds**2
 
     @property
     def named(self) -> bool:
         """Whether a prior names one of several symmetric poses."""
         return self.problem.mixture(self.prepared) is not None
 
-    def settle(self, Ts: Transforms, groups: IntArray, keep: int) -> tuple[Transforms, IntArray]:
+    def refine(self, Ts: Transforms, groups: IntArray, keep: int) -> tuple[Transforms, IntArray]:
         """Move poses onto the surface and keep the best that differ, with the groups that led to each."""
         if not len(Ts):
             return Ts, groups
-        shape, end = self.prepared.shape, float(self.scales.settle[-1])
-        Ts, costs, rows = _core.settle(shape, self.core, self.rows, self.scales.settle, np.ascontiguousarray(Ts))
+        shape, end = self.prepared.shape, float(self.scales.refine[-1])
+        Ts, costs, rows = _core.settle(shape, self.core, self.rows, self.scales.refine, np.ascontiguousarray(Ts))
         order, groups = np.argsort(costs, kind="stable"), groups[rows]
         near = np.r_[np.full(3, end**-2.0), np.full(3, (end / (0.25 * shape.diagonal)) ** -2.0)]
         Ts = np.ascontiguousarray(Ts[order])
@@ -176,26 +182,22 @@ class Objective:
     def maximize(
         self, Ts: Transforms, zs: FloatArray | None = None, groups: IntArray | None = None, *, fine: bool = False
     ) -> Peaks:
-        """The maxima that poses lead to, each once; ``fine``: without blurred noise first."""
+        """Return the maxima that poses lead to, each once; with ``fine`` without blurred noise first."""
         D, own = self.problem.states, self.problem.settings.search
         if not len(Ts):
             return Peaks.none(D)
         zs = np.zeros((len(Ts), D)) if zs is None else np.ascontiguousarray(zs)
         blurs = np.zeros(0) if fine else self.scales.blurs
         Ts, zs, logs, information, rows = _core.maximize(
-            self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, own.steps, own.step_gain, 2 * own.faint
-        )
+            self.prepared.shape, self.core, np.ascontiguousarray(Ts), zs, blurs, own.steps, own.step_gain,
+            2 * own.drop_gap,
+        )  # fmt: skip
         evidence = logs + 3 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(self.regular(information))[1]
         groups = np.zeros(len(Ts), dtype=np.int64) if groups is None else groups[rows]
         return self.distinct(Peaks(Ts, zs, logs, information, evidence, groups))
 
-    def settle_and_maximize(self, Ts: Transforms, groups: IntArray, keep: int) -> Peaks:
-        """Return the maxima that proposals lead to."""
-        Ts, groups = self.settle(Ts, groups, keep)
-        return self.maximize(Ts, groups=groups)
-
     def regular(self, information: FloatArray) -> FloatArray:
-        """Information with a weak prior of the part's own size and of a turn, so that free directions end somewhere."""
+        """Return information with a weak prior on shift and turn, so that free directions stay bounded."""
         out = np.array(information)
         size = 0.25 * self.prepared.part.diagonal
         out[..., range(3), range(3)] += size**-2.0
@@ -207,7 +209,7 @@ class Objective:
         return out
 
     def of_pose(self, information: FloatArray) -> FloatArray:
-        """Information on the pose, the other states integrated out ``(S, 6, 6)``."""
+        """Return the information on the pose with the other states integrated out ``(S, 6, 6)``."""
         full = self.regular(information)
         if full.shape[-1] == 6:
             return full
@@ -215,11 +217,11 @@ class Objective:
         return np.asarray(full[..., :6, :6] - cross @ np.linalg.solve(full[..., 6:, 6:], np.swapaxes(cross, -1, -2)))
 
     def distinct(self, peaks: Peaks, count: int = 10**6) -> Peaks:
-        """Maxima without those near a better one, best first; what is the same was found by the groups of both."""
+        """Return maxima without those near a better one, best first, with the sources of both."""
         if not len(peaks):
             return peaks
         order = np.argsort(-peaks.evidence, kind="stable")
-        order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - self.problem.settings.search.faint]
+        order = order[peaks.evidence[order] >= peaks.evidence[order[0]] - self.problem.settings.search.drop_gap]
         peaks = peaks.take(order)
         peaks = self._folded(peaks)
         information = np.ascontiguousarray(self.of_pose(peaks.information))
@@ -229,7 +231,7 @@ class Objective:
         return self._without_images(peaks)
 
     def _folded(self, peaks: Peaks) -> Peaks:
-        """Poses as the symmetric images nearest to the first, or to what is known of the pose."""
+        """Return poses as the symmetric images nearest to the first, or to the prior pose."""
         symmetry = self.prepared.part.symmetry
         if symmetry.order == 1 and not is_held(self.prepared, named=self.named):
             return replace(peaks, Ts=np.ascontiguousarray(peaks.Ts))
@@ -241,7 +243,7 @@ class Objective:
         return replace(peaks, Ts=Ts, information=information)
 
     def _without_images(self, peaks: Peaks) -> Peaks:
-        """Maxima without those of which a symmetric image is near a better one: folding may part them at its rim."""
+        """Return maxima without those of which a symmetric image is near a better one."""
         turns = self.prepared.part.symmetry.Ts[1:]
         if not len(turns) or len(peaks) < 2:
             return peaks
@@ -259,7 +261,7 @@ class Objective:
         return replace(peaks, groups=groups).take(np.flatnonzero(alone))
 
     def unlike(self, new: Peaks, known: Peaks) -> Peaks:
-        """The new maxima that are none of those that are known."""
+        """Return the new maxima that differ from the known ones."""
         if not len(new):
             return new
         Ts = folded(self.prepared, new.Ts, known.Ts, named=self.named)
@@ -269,12 +271,12 @@ class Objective:
         return new.take(np.flatnonzero(gaps.min(axis=0) > self.same))
 
     def merged(self, old: Peaks, new: Peaks, count: int) -> Peaks:
-        """Both; a maximum found again was found by more groups."""
+        """Return both sets of maxima without duplicates, with the sources of both."""
         return self.distinct(old.join(new), count)
 
 
 def _united(groups: IntArray, who: IntArray, count: int) -> IntArray:
-    """Groups of all that are the same ``(count,)``."""
+    """Return the sources of all maxima that are equal ``(count,)``."""
     out = np.zeros(count, dtype=np.int64)
     known = who >= 0
     np.bitwise_or.at(out, who[known], groups[known])

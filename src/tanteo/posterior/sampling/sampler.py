@@ -1,7 +1,7 @@
 """Adaptive mixture importance sampling of the posterior of one part, about all of its maxima at once.
 
-Student-t components about each maximum (Owen and Zhou 2000; Cornuet et al. 2012, deterministic mixture weights): each
-sample is weighed by the whole mixture of all components ever drawn from, so modes that overlap share their samples and
+Each maximum has Student-t components (Owen and Zhou 2000; Cornuet et al. 2012, deterministic mixture weights). The
+weight of a sample is relative to the mixture of all components ever used. So overlapping modes share their samples and
 nothing is counted twice. Shared errors and the noise scale are integrated at each pose by Laplace's method.
 """
 
@@ -13,26 +13,30 @@ import numpy as np
 
 from tanteo import _core
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray, Transforms
-from tanteo.posterior.box_cut import cut_by_box
-from tanteo.posterior.sampling.compared import Compared
+from tanteo.posterior.sampling.control_variate import ControlVariate
 from tanteo.posterior.sampling.density import Density
 from tanteo.posterior.sampling.mixture import Mixture
 from tanteo.posterior.sampling.peaks import Objective, Peaks
 from tanteo.posterior.sampling.widths import narrowed, roots
 from tanteo.posterior.settings import POSE_DOF, SampleSettings
+from tanteo.posterior.truncated_normal import truncate_by_box
+
+_COMPARABLE = 30.0
+"""Numerical: log of the ratio of two masses beyond which the smaller is lost by rounding, 1e-13."""
 
 
 @dataclass(slots=True, eq=False)
 class Sampler:
-    """Samples of one part.
+    """Sampler of the posterior of one part.
 
     Attributes:
         objective: the part and the problem.
-        peaks: maxima, the bases of the components.
-        rng: of all draws.
-        log_constant: of the prior, what the core leaves out, symmetric poses included.
-        along: poses on a ridge that are no maxima, for components where the maxima do not look normal; None without.
-        trusted: whether first components are as wide as their curvature says: where nothing suggests an end of a face.
+        peaks: maxima, the centres of the components.
+        rng: generator of all draws.
+        log_constant: log of the constant factors of the prior, symmetric poses included.
+        along: poses on a ridge that are no maxima, for components if the maxima are not normal; None without.
+        trusted: whether the curvature gives the widths of first components: if no end of a face is expected within
+            them.
     """
 
     objective: Objective
@@ -68,17 +72,17 @@ class Sampler:
 
     @property
     def settings(self) -> SampleSettings:
-        """Numbers of the sampling."""
+        """Return the settings of the sampler."""
         return self.objective.problem.settings.samples
 
     def _about(self, peaks: Peaks) -> tuple[FloatArray, Covariances, FloatArray, BoolArray]:
-        """First components: means ``(m, 6)``, scales ``(m, 6, 6)``, how the other states follow the pose ``(m, D, 6)``.
+        """Return the first components about maxima: means, covariances, slopes of other states, cut by a box or not.
 
-        And which of them a box cuts ``(m,)``.
+        Shapes are ``(m, 6)``, ``(m, 6, 6)``, ``(m, D, 6)`` and ``(m,)``.
         """
         H = self.objective.of_pose(peaks.information)
-        covariances = np.asarray(self.settings.wider * np.linalg.inv(H), dtype=np.float64)
-        means, covariances, cut = cut_by_box(self.objective, peaks.Ts, covariances)
+        covariances = np.asarray(self.settings.inflation * np.linalg.inv(H), dtype=np.float64)
+        means, covariances, cut = truncate_by_box(self.objective, peaks.Ts, covariances)
         full = self.objective.regular(peaks.information)
         if full.shape[-1] == 6:
             return means, covariances, np.zeros((len(peaks), 0, 6)), cut
@@ -86,7 +90,7 @@ class Sampler:
         return means, covariances, slopes, cut
 
     def add(self, peaks: Peaks) -> None:
-        """More maxima, whose components come after those there are; they have no samples yet."""
+        """Add maxima, whose components follow the existing ones; they have no samples yet."""
         means, covariances, slopes, cut = self._about(peaks)
         self.peaks = self.peaks.join(peaks)
         self.covariances = np.concatenate([self.covariances, covariances])
@@ -96,25 +100,25 @@ class Sampler:
         self._fitted, self.local = np.concatenate([self._fitted, cut]), np.concatenate([self.local, np.zeros_like(cut)])
 
     def counts(self) -> IntArray:
-        """Samples drawn so far of each component ``(m,)``."""
+        """Return the number of samples drawn from each component ``(m,)``."""
         return self._mixture.counts(len(self.peaks))
 
     def spread(self, along: Peaks, count: int) -> None:
-        """Components about poses that are no maxima, and so many samples of each: along a bent ridge of them."""
+        """Add components at poses along a bent ridge that are no maxima, and draw samples from each."""
         self.add(along)
         self.local[-len(along) :] = True
         self.sample(count * self.local)
 
-    def strange(self) -> Transforms:
-        """Samples that weigh as much as a maximum of their own would: where the mixture has no component yet."""
+    def unexplained(self) -> Transforms:
+        """Return samples with the weight of a maximum, where the mixture has no component yet."""
         if not np.isfinite(self.log_weights.max()):
             return self.Ts[:0]
         w = np.exp(self.log_weights - self.log_weights.max())
-        rows = np.flatnonzero(w > self.settings.share * w.sum())
-        return self.Ts[rows[np.argsort(-w[rows])][: self.settings.strange]]
+        rows = np.flatnonzero(w > self.settings.min_fraction * w.sum())
+        return self.Ts[rows[np.argsort(-w[rows])]]
 
     def sample(self, counts: IntArray) -> None:
-        """So many more samples of each component ``(m,)``; all weights are made anew."""
+        """Draw further samples from each component ``(m,)``, and recompute all weights."""
         on = np.flatnonzero(counts)
         if not len(on):
             return
@@ -147,11 +151,11 @@ class Sampler:
         self.covariances[which] = narrowed(self.covariances[which], size, log_at, own)
 
     def _placed(self, owners: IntArray, x: FloatArray) -> Transforms:
-        """Poses after motions ``(N, 6)`` from maxima."""
+        """Return poses after motions ``(N, 6)`` from maxima."""
         return _core.place(np.ascontiguousarray(self.peaks.Ts[owners]), x, self.objective.prepared.shape.centre)
 
     def _followed(self, owners: IntArray, x: FloatArray) -> FloatArray:
-        """The other states as they follow the pose on such motions ``(N, D)``."""
+        """Return the other states after such motions, by linear regression on the pose ``(N, D)``."""
         return np.asarray(self.peaks.zs[owners] + np.einsum("nij,nj->ni", self._slopes[owners], x))
 
     def _weigh(self) -> None:
@@ -178,31 +182,33 @@ class Sampler:
             mean = own @ x
             off = x - mean
             self.means[k] = trust * mean + (1 - trust) * self.means[k]
-            wide = self.settings.adapted * (own[:, None] * off).T @ off
+            wide = self.settings.adapted_inflation * (own[:, None] * off).T @ off
             self.covariances[k] = trust * wide + (1 - trust) * self.covariances[k]
 
-    def compared(self, k: int, weights: FloatArray) -> Compared:
-        """The region of a maximum beside a normal density, as the curvature there says.
+    def control_variate(self, k: int, weights: FloatArray) -> ControlVariate:
+        """Return the region of a maximum with a normal density of its curvature as control variate.
 
         Args:
-            k: of the maximum.
-            weights: of the samples in its region, over the largest of all ``(N,)``.
+            k: index of the maximum.
+            weights: weights of the samples in its region, over the largest of all ``(N,)``.
         """
         mass = float(self.peaks.evidence[k]) + self.log_constant - float(self.log_weights.max())
-        if not abs(mass) < self.settings.comparable:
-            return Compared.alone(weights, self.settings)
+        if not abs(mass) < _COMPARABLE:
+            return ControlVariate.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
         gaps = self._squared_gaps(k, H)
         log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
-        own = np.exp(np.minimum(log - self.log_density, self.settings.comparable))
-        if own[~np.isfinite(self.log_weights)].sum() > self.settings.cut * own.sum():  # a box that ends in it
-            return Compared.alone(weights, self.settings)
+        own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
+        outside = own[~np.isfinite(self.log_weights)].sum()
+        if outside > self.settings.min_probability * own.sum():  # a box ends in the region
+            return ControlVariate.alone(weights, self.settings)
         factor = min(float(weights @ own) / max(float(own @ own), 1e-300), 1.0)
-        both = Compared(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
-        return both if both.mass > self.settings.left * weights.sum() else Compared.alone(weights, self.settings)
+        both = ControlVariate(weights, factor * own, factor * float(np.exp(mass)), gaps, self.settings)
+        enough = both.mass > self.settings.min_fraction * weights.sum()
+        return both if enough else ControlVariate.alone(weights, self.settings)
 
     def masses(self) -> tuple[FloatArray, FloatArray]:
-        """Log mass and effective samples of each maximum's region ``(m,)``."""
+        """Return log mass and effective sample size of the region of each maximum ``(m,)``."""
         top = float(self.log_weights.max())
         if not np.isfinite(top):
             return np.full(len(self.peaks), -np.inf), np.zeros(len(self.peaks))
@@ -211,17 +217,17 @@ class Sampler:
         with np.errstate(divide="ignore", invalid="ignore"):
             ess = np.nan_to_num(sums**2 / squares)
             for k in np.flatnonzero(sums > self.settings.region * sums.sum()):
-                one = self.compared(int(k), W[:, k])
+                one = self.control_variate(int(k), W[:, k])
                 sums[k], ess[k] = one.mass, one.ess
             return np.log(sums) + top, ess
 
     def is_normal(self, k: int) -> bool:
         """Whether the region of a maximum is nearly normal, as its curvature says, as far as its samples tell."""
-        top = float(self.log_weights.max())
-        return np.isfinite(top) and self.compared(k, np.exp(self.log_weights - top) * self.shares[:, k]).is_normal
+        top = max(float(self.log_weights.max()), np.finfo(np.float64).min)
+        return self.control_variate(k, np.exp(self.log_weights - top) * self.shares[:, k]).is_normal
 
     def _squared_gaps(self, k: int, information: FloatArray) -> FloatArray:
-        """Squared lengths of the motions from a maximum to the samples, or to the nearest of their images ``(N,)``."""
+        """Return squared distances from a maximum to the samples, or to the nearest of their images ``(N,)``."""
         centre, out = self.objective.prepared.shape.centre, np.full(len(self.Ts), np.inf)
         for turn in [np.eye(4), *self._mixture.images]:
             x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts @ turn), centre)

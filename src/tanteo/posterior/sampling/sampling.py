@@ -1,4 +1,4 @@
-"""How many samples each maximum gets: in rounds, until every mode that matters has enough."""
+"""Allocation of samples to maxima, in rounds until every important mode has enough."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tanteo.posterior.sampling.sampler import Sampler
 
 
 def sample(samplers: Sequence[Sampler], log_none: float) -> None:
-    """Rounds of sampling, until every mode that matters has enough."""
+    """Draw samples in rounds until every important mode has enough."""
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
     wants = [_first(s, s.peaks.evidence + s.log_constant - total) for s in samplers]
     rounds = samplers[0].settings.rounds if samplers else 0
@@ -35,39 +35,38 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
 def _first(sampler: Sampler, log_p: FloatArray) -> IntArray:
     """Return the samples to draw first of each maximum, by its probability from its curvature.
 
-    The best always has some. A ridge can have a hundred times the mass that its curvature says.
+    The best maximum always gets some. A ridge can have a hundred times the mass that its curvature suggests.
     """
     own = sampler.settings
-    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.likely else log_p
-    first = own.first_trusted if sampler.trusted else own.first
-    return np.where(log_p > -own.likely, first, np.where(log_p > -own.rare, own.few, 0))
+    log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.full_gap else log_p
+    return np.where(log_p > -own.full_gap, own.first, np.where(log_p > -own.few_gap, own.few, 0))
 
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
-    """Follow ridges where a maximum of a part that matters does not look normal, by its curvature or its samples."""
+    """Add components along ridges where a maximum of a probable part is not normal."""
     masses = [np.logaddexp(s.masses()[0], s.peaks.evidence + s.log_constant) for s in samplers]
     total = float(log_sum([log_none, *(float(log_sum(mass)) for mass in masses)]))
-    for sampler, mass in zip(samplers, masses, strict=True):
-        likely = mass > total + np.log(sampler.settings.region)
-        strange = [k for k in np.flatnonzero(likely) if not sampler.is_normal(int(k))]
-        if sampler.along is not None and len(sampler.along) and strange:
-            sampler.spread(sampler.along, sampler.settings.along)
+    for s, mass in zip(samplers, masses, strict=True):
+        likely = mass > total + np.log(s.settings.region)
+        if s.along is not None and len(s.along) and not all(s.is_normal(int(k)) for k in np.flatnonzero(likely)):
+            # all components of a ridge together have as many samples as a mode needs
+            s.spread(s.along, -(-s.settings.enough // s.objective.problem.settings.search.maximized))
 
 
 def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
-    """Samples to draw next of each maximum, components adapted; new maxima are added where samples show them."""
+    """Return the number of further samples of each maximum; adapt components, and add maxima that samples show."""
     own, p = sampler.settings, np.exp(log_p)
     if not np.isfinite(sampler.log_weights.max(initial=-np.inf)):  # a box has next to nothing of it: how much?
         return own.more * (np.arange(len(p)) == np.argmax(sampler.peaks.evidence))
     if sampler.local.any():
         return _wanted_along(sampler, p)
-    need = np.clip(2 * own.enough * p, own.told, own.enough) * (p > own.matters)
+    need = np.clip(2 * own.enough * p, own.shape, own.enough) * (p > own.min_probability)
     worth = np.clip(ess / np.maximum(sampler.counts(), 1), 1 / own.most, 1)  # effective samples for each drawn
     want = np.where(ess < need, np.clip((need - ess) / worth, own.first, own.more), 0).astype(np.int64)
     if not want.any():
         return want
     sampler.adapt(np.flatnonzero(want), float(sampler.log_weights.max()))
-    found = sampler.objective.maximize(sampler.strange(), fine=True)
+    found = sampler.objective.maximize(sampler.unexplained(), fine=True)
     new = sampler.objective.unlike(found, sampler.peaks)
     if len(new):
         sampler.add(new)
@@ -76,7 +75,7 @@ def _wanted(sampler: Sampler, log_p: FloatArray, ess: FloatArray) -> IntArray:
 
 
 def _wanted_along(sampler: Sampler, p: FloatArray) -> IntArray:
-    """Samples to draw next along a ridge, of its pieces and maxima by their masses, until all together have enough."""
+    """Return the number of further samples of each piece of a ridge, by its mass, until all together have enough."""
     w = np.exp(sampler.log_weights - sampler.log_weights.max())
     ess, total = float(w.sum() ** 2 / np.sum(w * w)), float(p.sum())
     own = sampler.settings

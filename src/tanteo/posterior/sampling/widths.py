@@ -1,4 +1,4 @@
-"""Widths of the densities that samples are drawn from: their roots, and where a face ends within them."""
+"""Widths of proposal densities: their roots, and where a face ends within them."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ def narrowed(
     log_at: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
     own: Settings,
 ) -> Covariances:
-    """Covariances without what the density does not reach along their axes.
+    """Return covariances narrowed along their axes where the density falls off earlier.
 
     Args:
-        covariances: about maxima ``(m, 6, 6)`` [m, rad].
-        size: of each coordinate, in which the axes are found ``(6,)``.
-        log_at: log density after motions from the maxima ``(m, k, 6)``, and the other states there.
-        own: all settings.
+        covariances: covariances about maxima ``(m, 6, 6)`` [m, rad].
+        size: unit of each coordinate for the axes ``(6,)``.
+        log_at: function that returns the log density after motions from the maxima ``(m, k, 6)``, and the other states.
+        own: settings of the inference.
     """
     values, vectors = np.linalg.eigh(covariances / (size[:, None] * size))
     widths, axes = np.sqrt(values.clip(0)), np.swapaxes(vectors, 1, 2) * size
     top = log_at(np.zeros((len(covariances), 1, 6)))[0]
-    for _ in range(own.samples.halvings):
+    for _ in range(np.finfo(np.float64).nmant):
         x = (widths[..., None] * axes)[:, :, None] * np.array([1.0, -1.0])[:, None]
         there = log_at(x.reshape(-1, 12, 6))[0].reshape(-1, 6, 2).max(axis=-1)
-        steep = there < top.reshape(-1, 1) - 0.5 * own.search.same_sds**2
+        steep = there < top.reshape(-1, 1) - 0.5 * own.search.notable_sds**2
         widths = np.where(steep, 0.5 * widths, widths)
         if not steep.any():
             break
@@ -39,7 +39,7 @@ def narrowed(
 
 
 def roots(covariances: Covariances) -> FloatArray:
-    """Lower roots ``(m, 6, 6)``; a direction in which all samples agree keeps a little of its width."""
+    """Return lower roots ``(m, 6, 6)``; directions without spread keep a little width."""
     width = np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 1e-30))
     unit = covariances / (width[:, :, None] * width[:, None])
     values, vectors = np.linalg.eigh(unit)

@@ -35,7 +35,15 @@ def picture(
     *,
     haunted: bool = True,
 ) -> Html:
-    """The canvas with everything about it; what is scaled and the overlays are of each hypothesis."""
+    """Return the canvas with its controls and legend.
+
+    Args:
+        layers: layers that the user can hide.
+        overlays: principal errors of the pose, for each hypothesis.
+        legend: marks and descriptions.
+        scaled: further entries of the legend, for each hypothesis.
+        haunted: whether overlays are shown at first.
+    """
     canvas = element("canvas", id="view", tabindex="0", role="img", aria_label="The part with the readings, in 3-D")
     overlay = Html('<svg id="overlay" aria-hidden="true"></svg><div id="tip" hidden></div>')
     words = "The picture needs JavaScript; everything else on this page does not."
@@ -64,7 +72,7 @@ def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunte
 
 
 def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
-    """Keys and words of the ways, for the choice of overlays."""
+    """Return the selection of overlays."""
     options = [
         element("option", f"off by {way.motion.brief}: {uncertain(way.moves)} at the farthest corner", value=k)
         for k, way in enumerate(ways)
@@ -84,18 +92,26 @@ def _entry(mark: str, words: str) -> Html:
 
 
 def times(enlarged: int) -> str:
-    """How many times something is enlarged, in words; nothing where it is not."""
+    """Return the magnification as text; empty if it is 1."""
     return "" if enlarged == 1 else f", {enlarged} × enlarged"
 
 
 _NAMED = 15
-"""With more readings their names are not written into the picture, unless they are asked for."""
+"""Number of readings above which their names are hidden at first."""
 
 
 def answer_front(
     answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]], shapes: Shapes
 ) -> Front:
-    """The front of an answer, with further facts of the run, and the features that labels make."""
+    """Return the front of an answer.
+
+    Args:
+        answer: the answer.
+        candidates: its hypotheses.
+        sensed: its readings.
+        more: further facts, as name and value.
+        shapes: features of labelled readings.
+    """
     lists = [fact_list([*facts(c.hypothesis, c.part, sensed, answer.significance), *more]) for c in candidates] or [
         fact_list(more)
     ]
@@ -110,9 +126,9 @@ def answer_front(
 
 
 def _hypotheses(answer: Answer) -> Html:
-    """The probabilities as bars; each hypothesis is also the switch to itself."""
+    """Return the probabilities as bars; each row selects its hypothesis."""
     if answer.status == "insufficient" and not answer.hypotheses:
-        return element("p", "With so little any part may be there: no probabilities are given.", class_="note")
+        return element("p", "With so few readings any part is possible, so no probabilities are given.", class_="note")
     several = len(answer.hypotheses) > 1
     names = [h.part for h in answer.hypotheses]
     rows = []
@@ -129,7 +145,7 @@ def _hypotheses(answer: Answer) -> Html:
 
 
 def switch_row(k: int | None, name: str, value: str, drawn: Html) -> Html:
-    """A row that switches the page to a hypothesis; to none if there is nothing to switch."""
+    """Return a row that selects a hypothesis, or a plain row if there is nothing to select."""
     box = element("input", type="radio", name="hypothesis", value=k, checked=True if k == 0 else None)
     words, shown = element("span", name, class_="name"), element("span", value, class_="value")
     return element("label", *([] if k is None else [box]), words, shown, drawn)
@@ -150,7 +166,7 @@ def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) ->
     wrong = any(not c.contacts.used.all() for c in candidates)
     legend = [("dot", "reading that fits" if candidates else "reading")]
     legend += [("cross", "reading that does not fit")] if wrong else []
-    legend += [("beam", "beam or touch, as it moved")]
+    legend += [("beam", "beam or path of the touch")]
     legend += [("free", "beam that met nothing")] if len(sensed.measured.free) else []
     if shapes:
         legend += [("feature", f"feature of labelled readings, and off by 2 sd{times(shapes.enlarged)}")]
@@ -158,6 +174,6 @@ def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) ->
 
 
 def _scaled(candidate: Candidate) -> list[tuple[str, str]]:
-    """What is drawn enlarged, and how much."""
+    """Return the magnified drawings with their magnification."""
     stick = f"distance to the surface{times(distance_enlarged(candidate))}"
     return [("stick", stick), ("overlay", f"overlays: off by 1, 2 and 3 sd{times(candidate.enlarged)}")]

@@ -1,4 +1,4 @@
-"""Charts without a library: SVG in per cents of the width and pixels of height, so that words keep their size."""
+"""SVG charts without a library; x is in percent and y in pixels, so that text keeps its size."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _MOST_SDS = 5.0
 
 
 def bar(share: float, kind: str = "") -> Html:
-    """A bar of a share of one."""
+    """Return a bar for a fraction."""
     fill = element("span", class_=f"fill {kind}".strip(), style=f"width:{100 * min(max(share, 0.0), 1.0):.2f}%")
     return element("span", fill, class_="bar", aria_hidden="true")
 
 
 def residual_chart(names: Sequence[str], sds: FloatArray, wrong: BoolArray, words: Sequence[str]) -> Html:
-    """One mark a reading: its distance to the surface in standard deviations; farther ones stand at the border."""
+    """Return a chart of distances in standard deviations with one mark for each reading, clipped at the border."""
     marks = [_band(), *(_scale_line(s) for s in (-4, -2, 0, 2, 4))]
     x = _LEFT + 3 + (np.arange(len(names)) + 0.5) * (_RIGHT - _LEFT - 4) / max(len(names), 1)
     for name, at, value, is_wrong, said in zip(names, x, sds, wrong, words, strict=True):
@@ -37,7 +37,7 @@ def _y(value: float) -> float:
 
 
 def _band() -> Html:
-    """Where 95 of 100 readings lie that are as noisy as stated."""
+    """Return the band that contains 95 % of the readings if their noise is as stated."""
     high, tall = f"{_y(2):.1f}", f"{_y(-2) - _y(2):.1f}"
     return element("rect", class_="band", x=f"{_LEFT}%", width=f"{_RIGHT - _LEFT}%", y=high, height=tall)
 
@@ -64,20 +64,20 @@ _FIRST, _LAST = 13.0, 98.0
 _MOST_TICKS = 10
 
 STYLES = 4
-"""Sorts of lines that can be discriminated: each has its own colour, mark and dashes (``page.css``)."""
+"""Number of line styles: each has its own colour, mark and dashes (``page.css``)."""
 
 _MARKS = ("M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0z", "M-4-4h8v8h-8z", "M0-5.5L5 4h-10z", "M0-5.5L5.5 0 0 5.5-5.5 0z")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """One line of a chart.
+    """Curve of a chart.
 
     Attributes:
-        name: What it is of.
-        values: One a place, from the left ``(n,)``; NaN where there is none.
-        said: What to say when a mark is pointed at ``(n,)``.
-        style: One of :data:`STYLES`.
+        name: name in the legend.
+        values: values from the left ``(n,)``; NaN for none.
+        said: tooltips of the marks ``(n,)``.
+        style: number of the line style, below :data:`STYLES`.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """The upright axis: lowest and highest value, values with a line and their words, and whether it is logarithmic."""
+    """Vertical axis: lowest and highest value, ticks as value and label, and whether it is logarithmic."""
 
     low: float
     high: float
@@ -96,18 +96,18 @@ class Scale:
     log: bool = False
 
     def y(self, value: float) -> float:
-        """Pixels from the top; values beyond the ends stand at them."""
+        """Return the distance from the top [px], clipped at the ends."""
         low, high, v = np.log([self.low, self.high, max(value, 1e-300)]) if self.log else (self.low, self.high, value)
         share = float(np.clip((v - low) / (high - low), 0.0, 1.0))
         return _CURVE_TOP + (1 - share) * (_CURVE_HEIGHT - _CURVE_TOP - _CURVE_BOTTOM)
 
 
 SHARES = Scale(0.0, 1.0, tuple((k / 4, f"{25 * k} %") for k in range(5)))
-"""Probabilities."""
+"""Axis of probabilities."""
 
 
 def lengths_scale(values: FloatArray) -> Scale:
-    """A logarithmic scale of lengths in millimetres that has room for all of them; full decades have lines."""
+    """Return a logarithmic axis of lengths [mm] that contains all values."""
     seen = values[np.isfinite(values) & (values > 0)]
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (0.1, 10.0)
     low, high = low / 1.4, max(high * 1.4, low * 4)
@@ -121,14 +121,14 @@ def lengths_scale(values: FloatArray) -> Scale:
 def curve_chart(
     label: str, curves: Sequence[Curve], scale: Scale, places: Sequence[str], goal: tuple[float, str] | None = None
 ) -> Html:
-    """Lines over the same places, with their legend.
+    """Return a chart of curves with a legend.
 
     Args:
-        label: What is shown, for those who do not see it.
-        curves: Of different styles.
-        scale: The upright axis.
-        places: Words below, from the left; not all are written if they are many.
-        goal: A value to reach, as a line across, and what it is.
+        label: description for screen readers.
+        curves: curves with different styles.
+        scale: vertical axis.
+        places: labels of the horizontal axis, from the left; some are omitted if there are many.
+        goal: value of a horizontal line, and its name; None for no line.
     """
     n = len(places)
     x = np.linspace(_FIRST, _LAST, n) if n > 1 else np.full(n, 0.5 * (_FIRST + _LAST))
@@ -154,7 +154,7 @@ def _across(y: float, words: str) -> Html:
 
 
 def _line(curve: Curve, scale: Scale, x: FloatArray) -> list[Html]:
-    """Segments below, marks above."""
+    """Return the segments of a curve, then its marks."""
     at = [(f"{a:.2f}%", f"{scale.y(v):.1f}") for a, v in zip(x, curve.values, strict=True)]
     there = np.isfinite(curve.values)
     segments = [

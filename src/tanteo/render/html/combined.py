@@ -1,4 +1,4 @@
-"""The linear budget beside the answer: its sources make up the figure that the answer tells."""
+"""Uncertainty budget of an answer, scaled so that its sources sum to the answer's uncertainty."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from tanteo.render.html.uncertainty import Budget, Source, make_budget
 from tanteo.render.html.words import MM, uncertain
 
 BEYOND = "beyond first order"
-"""What the answer has and a linear budget does not see: modes, curved surfaces, samples."""
+"""Name of the part of the uncertainty that a linear budget lacks: modes, curved surfaces, samples."""
 
 _EQUAL = 0.01
-"""Sds that differ by a smaller share are the same."""
+"""Relative difference below which two standard deviations count as equal."""
 
 
 def combined(budget: Budget, corner_sd: float) -> Budget:
-    """A budget whose variances add up to the answer's.
+    """Return a budget whose variances sum to the answer's.
 
-    What the answer has beyond the linear budget is a source of its own. Where it has less, all sources shrink alike.
+    A larger uncertainty of the answer adds a source. A smaller one scales all sources.
 
     Args:
-        budget: The linear one.
-        corner_sd: Largest corner sd of the answer [m].
+        budget: linear budget.
+        corner_sd: largest corner sd of the answer [m].
     """
     ratio = corner_sd / budget.total
     if ratio < 1 + _EQUAL:
@@ -40,16 +40,16 @@ def combined(budget: Budget, corner_sd: float) -> Budget:
 
 
 _DIFFERS = 0.15
-"""A linear budget that is larger than the answer's figure by more says so."""
+"""Relative excess of the linear budget over the answer above which a note appears."""
 
 
 def budget_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
-    """Sensor, robot, shared errors, part."""
+    """Return the section with the uncertainty budget of every hypothesis."""
     lead = (
-        "Shares of the variance at the corner of the part's box that is known worst. More readings shrink the noise; "
-        "errors that all readings share stay, until they are calibrated. Where such an error has to be "
-        "estimated from the same readings, it costs more than its share: see what is left without it. Type as in the "
-        "GUM: A from the scatter of these readings, B stated, calibrated or known beforehand."
+        "Sources of the variance at the most uncertain corner of the part's box. More readings reduce the noise, but "
+        "not the errors that all readings share, which need a calibration. A shared error that the same readings "
+        "estimate costs more than its own variance: see the column without it. Type as in the GUM: A from the scatter "
+        "of these readings, B stated, calibrated or from the prior."
     )
     bodies = per_hypothesis(candidates, lambda c: _budget(c, sensed))
     return Section("budget", "Where the uncertainty comes from", lead, bodies)
@@ -59,26 +59,26 @@ def _budget(candidate: Candidate, sensed: Sensed) -> Html:
     best = candidate.hypothesis
     budget = make_budget(candidate.contacts, sensed, candidate.part, best.T_world_part, best.noise_scale[0])
     if budget is None:
-        return element("p", "The readings fix no direction of the pose, so there is nothing to divide.")
-    linear, told = budget.total, best.corner_sd
+        return element("p", "The readings determine no direction of the pose, so there is no budget.")
+    linear, stated = budget.total, best.corner_sd
     if not best.unobserved:
-        budget = combined(budget, told)
+        budget = combined(budget, stated)
     rows: list[Sequence[Html | str]] = [
         [s.name, s.kind, join([bar(s.share), f" {_share(s.share)}"]), _mm(s.sd), _mm(s.without)] for s in budget.sources
     ]
     rows.append(["together", "", "100 %", f"{MM * budget.total:.2g}", ""])
-    headers = ["source", "type", "share of the variance", "alone, 1 sd [mm]", "left without it [mm]"]
+    headers = ["source", "type", "part of the variance", "alone, 1 sd [mm]", "without it [mm]"]
     note = element("p", _total(candidate, budget, linear), class_="note")
     return join([table(headers, rows, class_="shares"), note])
 
 
 def _total(candidate: Candidate, budget: Budget, linear: float) -> str:
-    told, free = candidate.hypothesis.corner_sd, candidate.hypothesis.free_motions
+    stated, free = candidate.hypothesis.corner_sd, candidate.hypothesis.free_motions
     total = uncertain(budget.total)
     if free:
-        return f"Together {total}, without what nothing observes: {'; '.join(motion.brief for motion in free)}."
-    words = f"Together {total}, the largest corner sd of the answer; expanded (k = 2) {uncertain(2 * told)}."
-    if linear > (1 + _DIFFERS) * told:
+        return f"Together {total}, without the unobserved motions: {'; '.join(motion.brief for motion in free)}."
+    words = f"Together {total}, the largest corner sd of the answer; expanded (k = 2) {uncertain(2 * stated)}."
+    if linear > (1 + _DIFFERS) * stated:
         return f"{words} To first order it would be {uncertain(linear)}: the sources are scaled to the answer."
     return words
 

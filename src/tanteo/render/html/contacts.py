@@ -1,8 +1,8 @@
-"""The sensed side of a report: measurements, and where each meets a part that is where a hypothesis puts it.
+"""Measurements of a report, and their residuals for a part at the pose of a hypothesis.
 
-A reading is one or more rows ``r = d' (q - c)``: its place ``q`` in the part's frame against the nearest place ``c`` of
-what it met, along unit directions ``d``. One row for a face, two for an edge, three for a corner; two more tilts where
-the normal was sensed.
+A reading has one or more rows ``r = d' (q - c)``: its point ``q`` in the part frame minus the nearest point ``c`` of
+the met feature, along unit directions ``d``. A face has one row, an edge two, a corner three; a sensed normal adds two
+tilts.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from tanteo.sensors import Column, PointMeasurements, Readings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensed:
-    """The readings of a run as the report needs them. World frame, metres.
+    """Readings of a report, world frame.
 
     Attributes:
-        source: Name of the readings' file.
-        measured: Points with covariance and shared errors, and the free-space rays.
-        repeatability: The robot's share of ``measured.covs`` ``(n, 3, 3)`` [m^2].
-        reach: lengths of the beams before the points ``(n,)`` [m].
-        tolerance: Standard deviation of the made part's surface against its CAD [m].
-        prior: What was known of the pose beforehand.
+        source: name of the readings' file.
+        measured: points with covariance and shared errors, and free-space rays.
+        repeatability: covariance of ``measured.covs`` that comes from the robot ``(n, 3, 3)`` [m^2].
+        reach: length of the beam or path before each point ``(n,)`` [m].
+        tolerance: standard deviation of the real surface from the CAD [m].
+        prior: prior of the pose; None without one.
     """
 
     source: str
@@ -42,16 +42,16 @@ class Sensed:
 
 
 def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior | None = None) -> Sensed:
-    """Measure the readings as :func:`tanteo.recognition.identify` does, and keep apart what the robot adds.
+    """Convert readings as :func:`tanteo.identify` does, and separate the covariance of the robot.
 
     Args:
-        readings: What the devices said.
-        sensing: How they are made into measurements; what the readings say themselves, if not given.
-        prior: What was known of the pose beforehand.
+        readings: readings of the devices.
+        sensing: noise model; None for that of the readings.
+        prior: prior of the pose; None without one.
 
     Raises:
-        InputError: Options and readings do not fit each other.
-        ReadingsError: A range is outside what its device can give.
+        InputError: options and readings contradict each other.
+        ReadingsError: a range is outside the limits of its device.
     """
     sensing = Sensing() if sensing is None else sensing
     measured = sensing.measured(readings)
@@ -62,23 +62,22 @@ def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contacts:
-    """``n`` readings on a part at a pose, and their ``m`` rows.
+    """Residuals of ``n`` readings on a part at a pose, with ``m`` rows.
 
     Attributes:
-        met: What each reading met, in words ``(n,)``.
-        used: Readings that the hypothesis explains ``(n,)``.
-        distances: From the surface, outside positive, with the errors that readings share taken at their most probable
-            values ``(n,)`` [m].
-        sds: What the noise of a reading makes of its distance, one standard deviation ``(n,)`` [m].
-        feet: Nearest places of what was met, in the world ``(n, 3)`` [m].
-        reading: Reading of each row ``(m,)``.
-        rows: Derivatives of the rows with respect to the pose, right perturbation ``(m, 6)``.
-        noise: Variance of each row from the sensor ``(m,)``, and from the robot's repeatability.
-        repeatability: See ``noise``.
-        shared_jacobian: Derivatives with respect to each shared error, ``(m, d)`` one an error.
-        form: How the rows move with the deviations of what was made: the height of a face, an edge or a corner, and
-            the tilts of those that labels name, each in units of the tolerance ``(m, k)``.
-        labelled: Whether features were fitted to labels; else every reading was compared with the whole surface.
+        met: name of the feature that each reading met ``(n,)``.
+        used: flags of the readings that the hypothesis explains ``(n,)``.
+        distances: distances from the surface, positive outside, at the most probable shared errors ``(n,)`` [m].
+        sds: standard deviations of the distances by the noise of the readings ``(n,)`` [m].
+        feet: nearest points of the met features, world frame ``(n, 3)`` [m].
+        reading: index of the reading of each row ``(m,)``.
+        rows: Jacobian of the rows over the pose, right perturbation ``(m, 6)``.
+        noise: variance of each row from the sensor ``(m,)``.
+        repeatability: variance of each row from the robot's repeatability ``(m,)``.
+        shared_jacobian: Jacobian over each shared error ``(m, d)``.
+        form: Jacobian over deviations of the real part: offset of a face, edge or corner, and tilts of labelled ones,
+            in units of the tolerance ``(m, k)``.
+        labelled: whether the labels were used; otherwise every reading was compared with the whole surface.
     """
 
     met: tuple[str, ...]
@@ -96,12 +95,12 @@ class Contacts:
 
 
 def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contacts:
-    """What the readings say if the hypothesis is true.
+    """Return the residuals of the readings for a hypothesis.
 
     Args:
-        sensed: The readings.
-        part: The part of the hypothesis.
-        hypothesis: Pose, pairings and outliers.
+        sensed: the readings.
+        part: part of the hypothesis.
+        hypothesis: pose, pairings and outliers.
     """
     measured, T = sensed.measured, hypothesis.T_world_part
     R, q = T[:3, :3], SE3.apply(SE3.inverse(T), measured.points)
@@ -120,8 +119,8 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
     off = off - _shared_shift(off, spread, shared_jacobian, sensed, used[reading])
     count = np.bincount(reading, minlength=len(q))
     size = np.sqrt(np.bincount(reading, off**2, minlength=len(q)))
-    for name, told in zip(hypothesis.outliers, hypothesis.outlier_distances, strict=False):
-        size[[i == name for i in measured.ids]] = np.abs(told)  # what was left out is as far off as the answer says
+    for name, distance in zip(hypothesis.outliers, hypothesis.outlier_distances, strict=False):
+        size[[i == name for i in measured.ids]] = np.abs(distance)  # outliers have the distance of the answer
     sign = np.where((count == 1) & (np.bincount(reading, off, minlength=len(q)) < 0), -1.0, 1.0)
     rows = np.concatenate([d, np.cross(q[reading], d)], axis=1)
     tilts = _tilt_rows(sensed, R)
@@ -142,7 +141,7 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
 
 
 def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vectors, FloatArray]:
-    """What each point met: name, nearest place ``(n, 3)``, directions ``(n, 3, 3)`` with NaN rows for none."""
+    """Return name and nearest point of each met feature, and directions of its rows ``(n, 3, 3)``, NaN for none."""
     surface = Surface(part.vertices, part.triangles)
     distances, away = signed_distance(surface, q)
     triangles = surface.closest(q).triangles if len(q) else np.zeros(0, dtype=np.int64)
@@ -160,7 +159,7 @@ def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vecto
 
 
 def _form(part: Part, q: Vectors, met: list[str], reading: IntArray, slot: IntArray) -> FloatArray:
-    """Columns ``(m, k)`` as the estimators assume them: made surfaces deviate as a whole."""
+    """Return the Jacobian over deviations of the real part ``(m, k)``: surfaces deviate as a whole."""
     columns, names = [np.zeros((len(reading), 0))], np.array([met[i] for i in reading], dtype=object)
     for name in dict.fromkeys(met):
         rows, feature = np.flatnonzero(names == name), named_feature(part, name)

@@ -1,4 +1,4 @@
-"""How the belief went: probabilities and the largest corner sd after each answer, as curves and as a table."""
+"""Section with the course of a session: probabilities and largest corner sd after each step."""
 
 from __future__ import annotations
 
@@ -13,37 +13,36 @@ from tanteo.render.html.words import MM, uncertain
 from tanteo.words import percent
 
 _IN_TABLE = 2
-"""Parts in each row of the table: those that ever led come first."""
+"""Number of parts in each row of the table; those that were most probable after some step come first."""
 
 _SEEN = 0.01
-"""A part that never was more probable has no curve."""
+"""Least probability for which a part has a curve."""
 
 _MOST_NAMES = 3
-"""Readings of a step that are named."""
+"""Largest number of readings of a step that are named."""
 
 
 def course_section(session: Session, added: Sequence[Added]) -> Section:
-    """What every answer told.
+    """Return the section with the result of every step.
 
     Args:
-        session: That was told something.
-        added: What each step told, as :func:`tanteo.planning.explanation.explain` has it.
+        session: session with or without readings.
+        added: information of each step, see :func:`tanteo.planning.explain`.
     """
     lead = (
-        "What was asked, why, and what was known after it; 0.7 nats are the information of one yes or no. The curves "
-        "go over the answers: the probability of each part, and the largest corner sd of the likeliest one "
-        "(logarithmic scale)."
+        "Each reading with its reason and its result; 0.7 nats are the information of one yes or no. The curves show "
+        "the probability of each part, and the largest corner sd of the most probable one (logarithmic scale)."
     )
     steps = session.steps
     if not steps:
         return Section("course", "How it went", lead, ())
-    told = element("details", element("summary", "What each answer told, as a table"), _rows(session, added))
+    told = element("details", element("summary", "Result of each step as a table"), _rows(session, added))
     asked = _asked(session)
     return Section("course", "How it went", lead, (join([asked, _probabilities(session), _corners(session), told]),))
 
 
 def goal_words(stop: Stop) -> str:
-    """What was to be reached: part and place; nothing where no goal was set."""
+    """Return the goal of a session as a sentence; empty without a goal."""
     goals = [] if stop.probability is None else [f"the part with {100 * stop.probability:.4g} %"]
     if stop.tolerance is not None:
         of_what = stop.feature or "the corners of the part"
@@ -52,28 +51,28 @@ def goal_words(stop: Stop) -> str:
 
 
 _MOST_ASKED = 12
-"""Questions that are told one by one above the charts; of more, the last."""
+"""Largest number of steps listed above the charts; of more, the last ones are listed."""
 
 
 def _asked(session: Session) -> Html:
-    """Line by line: what was asked and why, and what was known after it."""
+    """Return the steps as a list: reading, reason and result."""
     names, first = _names(session), max(len(session.steps) - _MOST_ASKED, 0)
     lines = [_line(step, names) for step in session.steps[first:]]
-    earlier = element("p", f"The first {first} are in the table below.", class_="note") if first else Html("")
+    earlier = element("p", f"The first {first} steps are in the table below.", class_="note") if first else Html("")
     return join([earlier, element("ol", *lines, class_="asked", start=first + 1)])
 
 
 def _line(step: Step, names: Sequence[str]) -> Html:
     action, best = step.action, int(np.argmax(step.probabilities))
-    question = "Not asked for" if action is None else f"{action.face} of {action.part}"
+    question = "Not requested" if action is None else f"{action.face} of {action.part}"
     after = f"{names[best]} {percent(float(step.probabilities[best]))}"
     sd = f", largest corner sd {uncertain(step.corner_sd)}" if np.isfinite(step.corner_sd) else ""
-    why = "" if action is None else f" – {action.why}"
-    return element("li", element("strong", question), f"{why} → {after}{sd}")
+    reason = "" if action is None else f". {action.reason.message}"
+    return element("li", element("strong", question), f"{reason} → {after}{sd}")
 
 
 def _probabilities(session: Session) -> Html:
-    """The parts that led the strongest others, and the unknown object."""
+    """Return curves of the most probable parts and of the unknown object."""
     steps, names = session.steps, _names(session)
     start = session.start
     before = np.bincount(start.part, weights=start.weights, minlength=len(start.targets)) * (1 - start.priors.unknown)
@@ -89,7 +88,7 @@ def _probabilities(session: Session) -> Html:
         for name, p, style in series
     ]
     final = ", ".join(f"{c.name} {percent(c.values[-1])}" for c in curves)
-    return curve_chart(f"Probabilities after {len(steps)} answers: {final}.", curves, SHARES, places)
+    return curve_chart(f"Probabilities after {len(steps)} steps: {final}.", curves, SHARES, places)
 
 
 def _place(at: str) -> str:
@@ -107,8 +106,8 @@ def _corners(session: Session) -> Html:
     tolerance = session.stop.tolerance if session.stop.feature is None else None
     goal = None if tolerance is None else (MM * tolerance, f"tolerance of the corners, {MM * tolerance:.3g} mm")
     scale = lengths_scale(values if goal is None else np.r_[values, goal[0]])
-    label = f"Largest corner sd after {len(steps)} answers, {values[-1]:.2g} mm at last."
-    curve = Curve("largest corner sd of the likeliest part", values, said)
+    label = f"Largest corner sd after {len(steps)} steps, {values[-1]:.2g} mm at the end."
+    curve = Curve("largest corner sd of the most probable part", values, said)
     return curve_chart(label, [curve], scale, places, goal)
 
 
@@ -116,14 +115,14 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
     steps, names = session.steps, _names(session)
     shown = _leading(steps, _IN_TABLE)
     headers = (
-        "", "readings", "asked at", "met", *(names[k] for k in shown), "unknown object", "largest corner sd",
-        "about the part [nats]", "about the pose [nats]", "best narrowed", "to",
+        "", "readings", "requested at", "met", *(names[k] for k in shown), "unknown object", "largest corner sd",
+        "about the part [nats]", "about the pose [nats]", "best reduced motion", "to",
     )  # fmt: skip
     rows: list[tuple[Html | str, ...]] = [
         (
             str(n),
-            _listed(step.ids) or "told before",
-            "not asked for" if step.action is None else f"{step.action.face} of {step.action.part}",
+            _listed(step.ids) or "known already",
+            "not requested" if step.action is None else f"{step.action.face} of {step.action.part}",
             _listed(tuple(dict.fromkeys(one.met))),
             *(_share(step.probabilities[k]) for k in shown),
             _share(step.unknown),
@@ -136,9 +135,9 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
         for n, (step, one) in enumerate(zip(steps, added, strict=True), 1)
     ]
     note = (
-        "Met: faces of the part of the answer. About the part: relative entropy of the probabilities after it to those "
-        "before. About the pose: how much the logarithm of its volume shrank; none where the likeliest part changed. "
-        "Best narrowed: the motion of the part whose standard deviation shrank most, and to what of it was before."
+        "Met: faces of the answer's part. About the part: relative entropy of the probabilities after and before the "
+        "step. About the pose: decrease of the logarithm of its volume, empty if the most probable part changed. Best "
+        "reduced motion: the motion whose standard deviation decreased most, and the remaining fraction."
     )
     return join([table(headers, rows, class_="shares plain"), element("p", note, class_="note")])
 
@@ -157,7 +156,7 @@ def _names(session: Session) -> tuple[str, ...]:
 
 
 def _leading(steps: Sequence[Step], max_measurements: int) -> list[int]:
-    """Parts that led after some answer, the last first; and the strongest others."""
+    """Return the parts that were most probable after some step, the last first, then the most probable others."""
     led = [int(np.argmax(step.probabilities)) for step in reversed(steps)]
     strongest = np.argsort(-np.stack([step.probabilities for step in steps]).max(axis=0), kind="stable").tolist()
     return list(dict.fromkeys([*led, *strongest]))[:max_measurements]

@@ -20,21 +20,21 @@ from tanteo.render.html.write import Run
 
 
 def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe, run: Run) -> str:
-    """The report of a reading that discriminates two parts as the text of one HTML file.
+    """Return the report of a reading that discriminates two parts as the text of one HTML file.
 
     Args:
-        found: The reading.
-        parts: Both parts, in its order.
-        probe: What senses.
-        run: Where it comes from.
+        found: the reading.
+        parts: both parts, in the same order.
+        probe: sensor model.
+        run: origin of the result.
     """
     first, second = found.parts
-    title = f"One reading tells {first} from {second}." if found.tells else f"No reading tells {first} from {second}."
+    title = f"{'One' if found.discriminates else 'No'} reading discriminates {first} and {second}."
     there = bool(np.isfinite(found.origin).all())
-    legend = [("beam", "the reading"), ("dot", "where it meets the one and the other")] if there else []
-    layers = [Layer("readings", "where it meets"), Layer("beams", "the reading"), Layer("names", "names")]
+    legend = [("beam", "the reading"), ("dot", "point on either part")] if there else []
+    layers = [Layer("readings", "points"), Layer("beams", "the reading"), Layer("names", "names")]
     shown = picture(layers if there else [], [], legend)
-    chip, status = ("✓ planned", "recognized") if found.tells else ("✕ not discriminated", "unknown")
+    chip, status = ("✓ planned", "recognized") if found.discriminates else ("✕ not discriminated", "unknown")
     front = Front(title, chip, status, found.message, shown, _side(found, probe, run))
     sections = [_reading(found)] if there else []
     sections.append(rerun_section(run.command, f"{run.made_by}."))
@@ -47,17 +47,18 @@ def _side(found: Discrimination, probe: Probe, run: Run) -> Html:
         for k, (name, r) in enumerate(zip(found.parts, found.ranges, strict=True))
     ]
     facts = [
-        ("Tells about which it is", f"{found.information / np.log(2):.0%} of all there is to tell"),
+        ("Information about the part", f"{found.information / np.log(2):.0%} of a complete decision"),
         ("Sensor", probe.name),
         *run.facts,
     ]
-    hint = element("p", "Choose one to see it. The second lies where it looks most like the first.", class_="note")
-    heading = element("h2", "What it reads on either")
+    words = "Choose one to see it. The second part is at the pose at which it is most similar to the first."
+    hint = element("p", words, class_="note")
+    heading = element("h2", "Expected range")
     return join([heading, hint, element("div", *rows, class_="bars"), element("dl", fact_list(facts))])
 
 
 def _reading(found: Discrimination) -> Section:
-    lead = f"In the frame of {found.parts[0]}, to which the other was laid."
+    lead = f"In the frame of {found.parts[0]}, to which the other part is aligned."
     rows = [
         ("from x, y, z", ", ".join(fixed(MM * v, 2) for v in found.origin), "mm"),
         ("along x, y, z", ", ".join(fixed(v, 4) for v in found.direction), "–"),
@@ -68,7 +69,7 @@ def _reading(found: Discrimination) -> Section:
 
 
 def _scene(found: Discrimination, parts: Sequence[Part]) -> dict[str, Any]:
-    """Both parts where they look alike, in the frame of the first."""
+    """Return both parts at their most similar poses, in the frame of the first."""
     Ts = np.stack([np.eye(4), found.T_first_second])
     there = np.isfinite(found.ranges)
     points = found.origin + found.ranges[there, None] * found.direction
@@ -79,7 +80,7 @@ def _scene(found: Discrimination, parts: Sequence[Part]) -> dict[str, Any]:
     names = [name for name, ok in zip(found.parts, there, strict=True) if ok]
     said = [f"{name}: {MM * r:.2f} mm" for name, r in zip(names, found.ranges[there], strict=True)]
     beyond = np.zeros((0, 2, 3))
-    if np.isinf(found.ranges).any():  # past the part that it does not meet
+    if np.isinf(found.ranges).any():  # beyond the part that it misses
         far = found.origin + 2 * np.linalg.norm(found.origin - centre) * found.direction
         beyond = np.stack([found.origin, far])[None] - centre
     return {

@@ -1,6 +1,6 @@
-"""The page in one file: what it says first, the picture, then the sections; and HTML out of text.
+"""Layout of a report in one HTML file, and conversion of text to HTML.
 
-Whatever is not :class:`Html` is escaped, so nothing that a file says becomes markup.
+Text that is not :class:`Html` is escaped, so that content of files cannot become markup.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ from tanteo.render.html.scene import Candidate
 
 @dataclass(frozen=True, slots=True)
 class Html:
-    """Markup that is finished."""
+    """Finished markup."""
 
     text: str
 
 
 def element(name: str, /, *children: Html | str, **attributes: object) -> Html:
-    """One element. A trailing underscore of an attribute's name is dropped, others become hyphens; None leaves it out.
+    """Return an HTML element.
 
     Args:
-        name: Of the element; ``input``, ``br`` and ``img`` have no end.
-        children: Content; plain text is escaped.
-        attributes: ``True`` writes the name alone.
+        name: name of the element; ``input``, ``br`` and ``img`` have no end tag.
+        children: content; plain text is escaped.
+        attributes: attributes. A trailing underscore of a name is dropped, others become hyphens; None omits the
+            attribute, and ``True`` writes only its name.
     """
     words = "".join(_attribute(key, value) for key, value in attributes.items() if value is not None)
     if name in ("input", "br", "img"):
@@ -38,12 +39,12 @@ def element(name: str, /, *children: Html | str, **attributes: object) -> Html:
 
 
 def join(children: Iterable[Html | str]) -> Html:
-    """Markup and text, one after the other."""
+    """Return markup and text joined."""
     return Html("".join(c.text if isinstance(c, Html) else escape(c) for c in children))
 
 
 def escape(text: str) -> str:
-    """Text as markup shows it; control characters and lone surrogates become visible escapes."""
+    """Return text escaped for markup; control characters and lone surrogates become visible."""
     shown = "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "surrogatepass").decode() for c in text
     )
@@ -51,7 +52,7 @@ def escape(text: str) -> str:
 
 
 def table(headers: Sequence[str], rows: Iterable[Sequence[Html | str]], **attributes: object) -> Html:
-    """A table that scrolls by itself where it is wider than the page; the first column names its row."""
+    """Return a table that scrolls if it is wider than the page; the first column is its header."""
     head = element("tr", *(element("th", h, scope="col") if h else element("td") for h in headers))
     body = [
         element("tr", element("th", row[0], scope="row"), *(element("td", cell) for cell in row[1:])) for row in rows
@@ -61,7 +62,7 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[Html | str]], **attrib
 
 
 def data(document: Any, name: str) -> Html:
-    """Data for the page's program: JSON that no content can end early."""
+    """Return data for the page's script as JSON in which no content can end the element."""
     text = json.dumps(document, allow_nan=False, separators=(",", ":"))
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
@@ -75,13 +76,13 @@ def _attribute(key: str, value: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """One section of a report; whoever has something more to tell adds one of these.
+    """Section of a report.
 
     Attributes:
-        key: Its anchor, unique in the page: letters and hyphens.
-        title: A few words.
-        lead: What is to be seen, in a sentence.
-        bodies: One for the whole page, or one a hypothesis, best first: then the page shows that of the chosen one.
+        key: anchor, unique in the page: letters and hyphens.
+        title: short title.
+        lead: introduction.
+        bodies: one body, or one for each hypothesis, best first, of which the page shows that of the selected one.
     """
 
     key: str
@@ -91,12 +92,12 @@ class Section:
 
 
 def per_hypothesis(candidates: Sequence[Candidate], body: Callable[[Candidate], Html]) -> tuple[Html, ...]:
-    """A body for each hypothesis."""
+    """Return a body for each hypothesis."""
     return tuple(body(candidate) for candidate in candidates)
 
 
 def switched(bodies: Sequence[Html], name: str = "div", **attributes: object) -> Html:
-    """Bodies of which the page shows one at a time: the first, until another hypothesis is chosen."""
+    """Return bodies of which the page shows that of the selected hypothesis, at first the first one."""
     if len(bodies) == 1:
         return element(name, bodies[0], **attributes)
     return join(
@@ -105,7 +106,7 @@ def switched(bodies: Sequence[Html], name: str = "div", **attributes: object) ->
 
 
 def render(section: Section) -> Html:
-    """The section as markup; nothing if it has no body."""
+    """Return a section as markup; empty if it has no body."""
     if not section.bodies:
         return Html("")
     heading = element("summary", element("h2", section.title))
@@ -114,20 +115,20 @@ def render(section: Section) -> Html:
 
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
-"""Browsers refuse any request that the page might make: what is in the file is all there is."""
+"""Content security policy: the page cannot request anything outside of its file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """The top of a page.
+    """Top of a page.
 
     Attributes:
-        title: the verdict, as a sentence.
-        chip: the status with its sign.
+        title: verdict as a sentence.
+        chip: status with its sign.
         status: class of the status in ``page.css``.
-        message: what follows the title, which it does not repeat; may be empty.
-        picture: the drawing and its controls.
-        side: what stands beside the drawing.
+        message: further sentences that do not repeat the title; may be empty.
+        picture: drawing with its controls.
+        side: content beside the drawing.
     """
 
     title: str
@@ -139,7 +140,7 @@ class Front:
 
 
 def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) -> str:
-    """The whole file."""
+    """Return the complete file."""
     head = [
         Html('<meta charset="utf-8">'),
         Html(f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'),
@@ -162,21 +163,21 @@ def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) 
 
 
 def photo_section(key: str, title: str, lead: str, png: bytes, said: str) -> Section:
-    """A section that shows an image, which the page holds.
+    """Return a section with an embedded image.
 
     Args:
-        key: Its anchor.
-        title: A few words.
-        lead: What is to be seen.
-        png: The image as a PNG file.
-        said: For those who do not see it.
+        key: anchor.
+        title: short title.
+        lead: introduction.
+        png: image as a PNG file.
+        said: alternative text.
     """
     source = f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
     return Section(key, title, lead, (element("img", src=source, alt=said, class_="photo"),))
 
 
 def fact_list(facts: Sequence[tuple[str, str]]) -> Html:
-    """Names and values, one below the other, to stand in a ``dl``."""
+    """Return names and values for a ``dl`` element."""
     return join(join([element("dt", name), element("dd", value)]) for name, value in facts)
 
 

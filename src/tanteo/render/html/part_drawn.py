@@ -10,18 +10,18 @@ from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts import Part, Surface, mesh_edges
 
 _MOST_TRIANGLES, _MOST_LINES = 40_000, 12_000
-"""For all parts of a page together: about 2 MB."""
+"""Largest numbers for all parts of a page together, which has about 2 MB then."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """What the page samples of a part, in the part's frame.
+    """Drawing of a part, part frame.
 
     Attributes:
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``.
-        lines: ``(L, 2, 3)``, where faces meet [m].
-        coarse: Whether the mesh was made coarser than that of the part.
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: indices of their vertices ``(T, 3)``.
+        lines: edges between faces ``(L, 2, 3)`` [m].
+        coarse: whether the mesh is coarser than that of the part.
     """
 
     vertices: FloatArray
@@ -31,11 +31,11 @@ class Drawn:
 
 
 def draw_part(part: Part, share: int = 1) -> Drawn:
-    """Mesh and lines of a part.
+    """Return mesh and edges of a part.
 
     Args:
-        part: The part.
-        share: Number of parts that share the page.
+        part: the part.
+        share: number of parts on the page.
     """
     vertices, triangles = part.vertices, part.triangles
     max_measurements = _MOST_TRIANGLES // share
@@ -47,7 +47,7 @@ def draw_part(part: Part, share: int = 1) -> Drawn:
 
 
 def _clustered(part: Part, cells: int) -> tuple[FloatArray, IntArray]:
-    """The mesh with all vertices of one cell of a grid made one, and triangles that vanish by it left out."""
+    """Return the mesh with the vertices of each grid cell merged and degenerate triangles removed."""
     low, size = part.box[0], float((part.box[1] - part.box[0]).max())
     key = np.floor((part.vertices - low) / size * cells).astype(np.int64) @ [1, 4096, 4096**2]
     _, cell = np.unique(key, return_inverse=True)

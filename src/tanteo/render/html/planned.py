@@ -23,19 +23,19 @@ from tanteo.render.html.write import Run
 from tanteo.words import percent
 
 _ARROW = 0.3
-"""Longest arrow, as a share of the part's size: it starts nearer than the probe does, if that is far."""
+"""Largest length of an arrow, as a fraction of the part's size, which may be shorter than the stand-off."""
 
 
 def plan_page(plan: Plan, part: Part, probe: Probe, tolerance: float, confidence: float, run: Run) -> str:
-    """The report of a plan as the text of one HTML file.
+    """Return the report of a plan as the text of one HTML file.
 
     Args:
-        plan: The plan.
-        part: Its part.
-        probe: What senses.
-        tolerance: Of the corners of the part's box, or of the feature [m].
-        confidence: With which they are to keep it.
-        run: Where it comes from.
+        plan: the plan.
+        part: its part.
+        probe: sensor model.
+        tolerance: tolerance of the corners of the part's box, or of the feature [m].
+        confidence: demanded probability of the tolerance.
+        run: origin of the plan.
     """
     ways, enlarged = find_ways(part, plan.T_world_part, plan.readings[-1].covariance) if plan.readings else ((), 1)
     sections = [_steps(plan, tolerance, confidence), _figures(plan)] if plan.readings else []
@@ -57,17 +57,17 @@ def _front(
     if plan.feature is not None:
         layers.append(Layer("sticks", plan.feature))
     legend = [("stick", f"{plan.feature}, which has to keep the tolerance")] if plan.feature is not None else []
-    legend += [("arrow", "planned reading, numbered in order: the tip is where it should meet the part")]
+    legend += [("arrow", "planned reading with its number; the tip is the expected point on the part")]
     overlay = f"overlays: off by 1, 2 and 3 sd after the last{times(enlarged)}"
     facts = fact_list([*_facts(plan, probe, tolerance, confidence), *run.facts])
-    side = join([element("h2", "What it brings"), element("dl", facts, class_="first")])
+    side = join([element("h2", "Result"), element("dl", facts, class_="first")])
     shown = picture(layers, [ways] if ways else [], legend, [[("overlay", overlay)]] if ways else [], haunted=False)
     chip, status = ("✓ planned", "recognized") if plan.reached else ("✕ not reached", "unknown")
     return Front(title, chip, status, plan.message, shown, side)
 
 
 def _facts(plan: Plan, probe: Probe, tolerance: float, confidence: float) -> list[tuple[str, str]]:
-    """What was asked for and what the plan brings."""
+    """Return goal and result of the plan as facts."""
     facts = [
         ("Goal", f"{_all(plan)} within {length(tolerance)}, with {percent(confidence)}"),
         (f"{_worst(plan).capitalize()} before, 1 sd", uncertain(plan.before)),
@@ -76,9 +76,9 @@ def _facts(plan: Plan, probe: Probe, tolerance: float, confidence: float) -> lis
         n, last = len(plan.readings), plan.readings[-1]
         facts += [
             (f"{_worst(plan).capitalize()} after {n} reading{'s' * (n > 1)}, 1 sd", uncertain(last.sd)),
-            (f"{_all(plan).capitalize()} within the tolerance then, wherever the part lies", percent(last.within)),
+            (f"{_all(plan).capitalize()} within the tolerance then, over all placements", percent(last.within)),
             (
-                f"The same if every reading meets its face, as in {percent(plan.all_meet)} of the placements",
+                f"The same if every reading meets its face, as at {percent(plan.all_meet)} of the placements",
                 percent(last.within_if_met),
             ),
         ]
@@ -92,29 +92,29 @@ def _facts(plan: Plan, probe: Probe, tolerance: float, confidence: float) -> lis
 
 
 def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
-    """What each reading brings, as curves and as a table."""
+    """Return the section with the result of each reading."""
     lead = (
-        f"How well {_of_what(plan)} is expected to be known, one standard deviation, and how probably {_all(plan)} "
-        f"{'is' if plan.feature else 'are'} within the tolerance: before the first reading and after each. The order "
-        "is the one in which they help most; the first ones hardly show before enough directions are fixed. The "
-        "standard deviation is for placements of the part where all readings so far meet their faces."
+        f"Expected standard deviation of {_of_what(plan)}, and probability that {_all(plan)} "
+        f"{'is' if plan.feature else 'are'} within the tolerance, before the first reading and after each. The first "
+        "readings have little effect until enough directions are determined. The standard deviation holds for "
+        "placements of the part where all readings so far meet their faces."
     )
     headers = (
-        "", "meets", f"{_worst(plan)}, 1 sd [mm]", "P(within)", "if all meet", "this one does",
+        "", "meets", f"{_worst(plan)}, 1 sd [mm]", "P(within)", "if all meet", "this one meets",
         "from x, y, z [mm]", "along", "meets it at x, y, z [mm]",
     )  # fmt: skip
     rows = [_row(n, r) for n, r in enumerate(plan.readings, 1)]
     said = (
         "Frame: world. Each row is after its reading. P(within) is over all placements that the part may have; 'this "
-        "one does' is the share of them at which the reading meets its face."
+        "one meets' is the fraction of them at which the reading meets its face."
     )
     note = element("p", said, class_="note")
     told = join([*_curves(plan, tolerance, confidence), table(headers, rows, class_="plain"), note])
-    return Section("steps", "What each reading brings", lead, (told,))
+    return Section("steps", "Result of each reading", lead, (told,))
 
 
 def _curves(plan: Plan, tolerance: float, confidence: float) -> list[Html]:
-    """Standard deviation and probability after each reading."""
+    """Return charts of standard deviation and probability after each reading."""
     places = ["before", *(str(k) for k in range(1, len(plan.readings) + 1))]
     sds = MM * np.array([plan.before, *(r.sd for r in plan.readings)])
     within = np.array([np.nan, *(r.within for r in plan.readings)])
@@ -127,24 +127,24 @@ def _curves(plan: Plan, tolerance: float, confidence: float) -> list[Html]:
     ]
     return [
         curve_chart(
-            f"Standard deviation of {_of_what(plan)} over {len(plan.readings)} readings, {sds[-1]:.2g} mm at last.",
+            f"Standard deviation of {_of_what(plan)} over {len(plan.readings)} readings, {sds[-1]:.2g} mm at the end.",
             [sd], lengths_scale(np.r_[sds, MM * tolerance]), places,
             (MM * tolerance, f"tolerance, {length(tolerance)}"),
         ),
         curve_chart(
-            f"Probability to be within the tolerance, {percent(within[-1])} at last.",
+            f"Probability to be within the tolerance, {percent(within[-1])} at the end.",
             chances, SHARES, places, (confidence, f"wanted, {percent(confidence)}"),
         ),
     ]  # fmt: skip
 
 
 def _of_what(plan: Plan) -> str:
-    """What the plan is to place, in a sentence."""
-    return plan.feature or "the worst-known corner of the part's box"
+    """Return what the plan has to place, for a sentence."""
+    return plan.feature or "the most uncertain corner of the part's box"
 
 
 def _worst(plan: Plan) -> str:
-    """Whose deviation counts, where it is largest."""
+    """Return the name of the deviation that counts."""
     return plan.feature or "largest corner sd"
 
 
@@ -164,7 +164,7 @@ def _three(values: Vectors, digits: int) -> str:
 
 
 def _figures(plan: Plan) -> Section:
-    lead = "The expected pose maps points of the part to the world; the covariance is the one after the last reading."
+    lead = "The expected pose maps points of the part to the world; the covariance holds after the last reading."
     return Section("figures", "All figures", lead, (pose_figures(plan.T_world_part, plan.readings[-1].covariance),))
 
 
@@ -204,7 +204,7 @@ def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
 
 
 def _arrows(plan: Plan) -> list[tuple[PlannedReading, list[int]]]:
-    """Readings with their numbers; those that are made again have one arrow."""
+    """Return readings with their numbers; repeated readings share one arrow."""
     out: dict[bytes, tuple[PlannedReading, list[int]]] = {}
     for n, r in enumerate(plan.readings, 1):
         out.setdefault(np.round(np.r_[r.origin, r.direction], 9).tobytes(), (r, []))[1].append(n)

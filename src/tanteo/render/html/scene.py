@@ -1,4 +1,4 @@
-"""What the page's program draws, as numbers: parts, readings, beams, distances, overlays. Millimetres, world frame."""
+"""Data for the drawing of a report: parts, readings, beams, distances and overlays, world frame [mm]."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from tanteo.render.html.ways import Way
 from tanteo.render.html.words import MM
 
 _ARM = 0.14
-"""Length of a beam whose origin is unknown, and most of a drawn distance, as a share of the part's size."""
+"""Length of a beam with unknown origin, and largest drawn distance, as a fraction of the part's size."""
 
 MOST_READINGS = 4000
-"""Readings that are drawn."""
+"""Largest number of drawn readings."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A hypothesis with everything that is shown of it.
+    """Hypothesis with everything that the report shows of it.
 
     Attributes:
-        hypothesis: The hypothesis.
-        part: Its part.
-        contacts: The readings on it.
-        ways: How its pose may be off.
-        enlarged: How many times the overlays of ``ways`` are enlarged.
+        hypothesis: the hypothesis.
+        part: its part.
+        contacts: residuals of the readings on it.
+        ways: principal errors of its pose.
+        enlarged: magnification of the overlays of ``ways``.
     """
 
     hypothesis: Hypothesis
@@ -45,12 +45,12 @@ class Candidate:
 
 
 def shapes_shown(candidates: Sequence[Candidate], sensed: Sensed) -> Shapes:
-    """The features that labels make, beside the best hypothesis' part."""
+    """Return the features of labelled readings, scaled to the best hypothesis' part."""
     return shapes_of(sensed.measured, _extent(candidates, sensed.measured.points)[1], sensed.tolerance)
 
 
 def scene_document(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) -> dict[str, Any]:
-    """The whole scene; world coordinates are relative to its ``centre``."""
+    """Return the complete scene; world coordinates are relative to its ``centre``."""
     measured = sensed.measured
     centre, size = _extent(candidates, measured.points)
     parts = list(dict.fromkeys(c.part.name for c in candidates))
@@ -82,7 +82,7 @@ def scene_document(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shap
 
 
 def _chosen_rows(n: int, candidates: Sequence[Candidate]) -> IntArray:
-    """Readings to draw: all, or evenly chosen ones and those that do not fit the best hypothesis."""
+    """Return the readings to draw: all, or evenly chosen ones and the outliers of the best hypothesis."""
     if n <= MOST_READINGS:
         return np.arange(n)
     wrong = np.flatnonzero(~candidates[0].contacts.used) if candidates else np.zeros(0, dtype=np.int64)
@@ -91,7 +91,7 @@ def _chosen_rows(n: int, candidates: Sequence[Candidate]) -> IntArray:
 
 
 def _extent(candidates: Sequence[Candidate], points: FloatArray) -> tuple[FloatArray, float]:
-    """Middle and size of what matters: the best hypothesis' part, or the readings."""
+    """Return centre and size of the best hypothesis' part, or of the readings."""
     if candidates:
         best = candidates[0]
         T, box = best.hypothesis.T_world_part, best.part.box
@@ -103,11 +103,11 @@ def _extent(candidates: Sequence[Candidate], points: FloatArray) -> tuple[FloatA
 
 
 _DIRECTIONS = 64
-"""In which the farthest vertices of a part are looked for, to frame it."""
+"""Number of directions in which the farthest vertices of a part frame the view."""
 
 
 def _seen(candidates: Sequence[Candidate], points: FloatArray) -> FloatArray:
-    """What the picture has to hold: the best hypothesis' part, or the readings where there is none ``(k, 3)`` [m]."""
+    """Return points that the view must contain, of the best hypothesis' part or of the readings ``(k, 3)`` [m]."""
     if not candidates:
         return points if len(points) else 0.05 * np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
     best = candidates[0]
@@ -121,12 +121,12 @@ def _seen(candidates: Sequence[Candidate], points: FloatArray) -> FloatArray:
 
 
 def view_document(centre: Vectors, size: float) -> dict[str, Any]:
-    """What is in the middle, and how much there is to see."""
+    """Return centre and size of the view."""
     return {"centre_mm": [float(v) for v in centre * MM], "size_mm": float(size * MM)}
 
 
 def part_document(part: Part, count: int) -> dict[str, Any]:
-    """A part as it is drawn on a page of so many."""
+    """Return the drawing of a part on a page with a number of parts."""
     drawn = draw_part(part, count)
     return {
         "name": part.name,
@@ -160,7 +160,7 @@ def _hypothesis(
 
 
 def distance_enlarged(candidate: Candidate) -> int:
-    """How many times distances to the surface are enlarged: those that fit stay below a tenth of the part."""
+    """Return the magnification of distances to the surface, so that fitting ones stay below a tenth of the part."""
     contacts = candidate.contacts
     fitting = np.abs(contacts.distances[contacts.used])
     wanted = 0.06 * candidate.part.diagonal / max(float(fitting.max(initial=0.0)), 1e-9)
@@ -168,14 +168,14 @@ def distance_enlarged(candidate: Candidate) -> int:
 
 
 def pose_numbers(T: Transforms, centre: Vectors) -> list[float]:
-    """A pose column by column, as the program wants it; millimetres from the centre."""
+    """Return a pose by columns, relative to the centre [mm]."""
     M = np.array(T)
     M[:3, 3] = (M[:3, 3] - centre) * MM
     return [round(float(v), 9) for v in M.T.ravel()]
 
 
 def packed(metres: FloatArray) -> str:
-    """Lengths as the program unpacks them, in millimetres."""
+    """Return lengths as base64 of 32-bit floats [mm]."""
     return _base64((np.asarray(metres) * MM).astype("<f4"))
 
 
@@ -184,5 +184,5 @@ def _base64(array: np.ndarray) -> str:
 
 
 def overlay_numbers(ways: Sequence[Way], centre: Vectors) -> list[list[list[list[float]]]]:
-    """Poses of the overlays: of each way, each level, both sides."""
+    """Return the poses of the overlays by principal error, level and sign."""
     return [[[pose_numbers(T, centre) for T in level] for level in way.Ts_world_part] for way in ways]

@@ -1,4 +1,4 @@
-"""The sections that every answer has: fit, directions of the error, uncertainty budget, figures, the command."""
+"""Sections of every answer: fit, directions of the error, figures, and the command."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from tanteo.words import percent
 
 
 def figure_section(candidates: Sequence[Candidate]) -> Section:
-    """Pose, covariance and fit of every hypothesis."""
-    lead = "The pose maps points of the part to the world. Every figure names its frame and its unit."
+    """Return the section with pose, covariance and fit of every hypothesis."""
+    lead = "The pose maps points of the part to the world. Every figure has its frame and its unit."
     return Section("figures", "All figures", lead, per_hypothesis(candidates, _pose_table))
 
 
@@ -36,7 +36,7 @@ def _pose_table(candidate: Candidate) -> Html:
 
 
 def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = ()) -> Html:
-    """A pose and its covariance, as a table with further rows and as matrices."""
+    """Return a pose and its covariance as a table with further rows, and as matrices."""
     R = T[:3, :3]
     in_world = np.sqrt(np.diag(R @ C[:3, :3] @ R.T))
     sds, q = np.sqrt(np.diag(C)), SO3.as_quaternion(R)
@@ -46,7 +46,7 @@ def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = 
     ]
     rows.append(("quaternion w, x, y, z", ", ".join(fixed(v, 6) for v in q), "–", "part to world"))
     rows += [
-        (f"turn about {axis}, 1 sd", f"{np.degrees(s):.3g}", "deg", "part")
+        (f"rotation about {axis}, 1 sd", f"{np.degrees(s):.3g}", "deg", "part")
         for axis, s in zip("xyz", sds[3:], strict=True)
     ]
     numbers = _matrix(["row x", "row y", "row z", "row 4"], T, "{:.9g}")
@@ -67,31 +67,30 @@ def _matrix(names: Sequence[str], M: FloatArray, form: str) -> list[list[str]]:
 
 
 _NAMED = 5
-"""Readings of a direction that are named."""
+"""Largest number of readings that are named for a direction."""
 
 
 def rests_section(candidates: Sequence[Candidate], directions: Sequence[Sequence[Direction]]) -> Section:
-    """The independent directions of the error, and what is known of each from where.
+    """Return the section with the principal directions of the error and the readings that constrain them.
 
     Args:
-        candidates: The hypotheses.
-        directions: Of each of them; see :func:`directions_of` and :func:`tanteo.planning.explanation.explain`.
+        candidates: the hypotheses.
+        directions: directions of each hypothesis, see :func:`directions_of` and :func:`tanteo.planning.explain`.
     """
     lead = (
-        "The pose may be off in these independent ways, the worst first: the overlays in the picture show them. Each "
-        "bar is all that is known about one, divided among the readings and what was known beforehand; errors that the "
-        "readings share are taken as known in it."
+        "Independent errors of the pose, the largest first; the overlays in the picture show them. Each bar divides "
+        "the information about one error among the readings and the prior, for known shared errors."
     )
     bodies = tuple(_directions(c, d) for c, d in zip(candidates, directions, strict=True))
-    return Section("rests", "Which reading fixed which direction", lead, bodies)
+    return Section("rests", "Which reading determines which direction", lead, bodies)
 
 
 def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]:
-    """The ways in which a pose may be off, with the share of each reading in what is known of them, to first order.
+    """Return the principal errors of a pose with each reading's fraction of the information, to first order.
 
     Args:
-        candidate: A hypothesis with the readings on it.
-        sensed: The readings.
+        candidate: a hypothesis with the residuals of the readings.
+        sensed: the readings.
     """
     contacts, part = candidate.contacts, candidate.part
     form = 0.0 if contacts.labelled else sensed.tolerance**2 * np.any(contacts.form != 0, axis=1)
@@ -109,7 +108,7 @@ def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]
 
 def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
     if not directions:
-        return element("p", "Nothing was met, so nothing is fixed.")
+        return element("p", "No reading met anything, so no direction is determined.")
     overlays = [way.motion.brief for way in candidate.ways]
     rows = []
     for d in directions:
@@ -118,13 +117,13 @@ def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
         if words in overlays:
             show = element("button", "Show", type="button", data_way=overlays.index(words), aria_label=f"Show: {words}")
         rows.append((words, f"{MM * d.moves:.3g}", join([_direction_bar(d), element("div", _said(d))]), show))
-    headers = ("may be off by", "corners move, rms [mm]", "known from", "overlays")
+    headers = ("possible error", "motion of the corners, rms [mm]", "determined by", "overlays")
     return table(headers, rows, class_="directions")
 
 
 def _direction_bar(d: Direction) -> Html:
     named = [(f"{name}: {percent(p)}", p, f"s{k % 2}") for k, (name, p) in enumerate(d.shares[:_NAMED])]
-    parts = [*named, ("beforehand", d.prior, "none")]
+    parts = [*named, ("prior", d.prior, "none")]
     spans = [element("span", title=said, class_=kind, style=f"width:{100 * p:.2f}%") for said, p, kind in parts]
     return element("div", *spans, class_="stack", aria_hidden="true")
 
@@ -135,19 +134,19 @@ def _said(d: Direction) -> str:
     if rest >= 0.0005:
         named.append(f"{others} others ({percent(rest)})")
     if d.prior >= 0.0005:
-        named.append(f"known beforehand ({percent(d.prior)})")
+        named.append(f"prior ({percent(d.prior)})")
     return ", ".join(named) or "nothing"
 
 
 _MOST_ROWS = 300
-"""Of a table or chart of readings."""
+"""Largest number of readings in a table or chart."""
 
 
 def residual_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
-    """Every reading's distance to the surface."""
+    """Return the section with every reading's distance to the surface."""
     lead = (
-        "Each dot is a reading: its distance to the surface of the part, in standard deviations of its noise. Inside "
-        "the band they are as good as stated; a cross is a reading that the answer leaves out because it does not fit."
+        "Each dot is a reading: its distance to the surface of the part, in standard deviations of its noise. 95 % of "
+        "good readings are inside the band. A cross is a reading that does not fit and is excluded."
     )
     return Section("fit", "How the readings fit", lead, per_hypothesis(candidates, lambda c: _residuals(c, sensed)))
 
@@ -193,7 +192,7 @@ def _rows(candidate: Candidate) -> IntArray:
 
 
 def rerun_section(command: str, made: str) -> Section:
-    """How to get the same again."""
+    """Return the section with the command that gives the same answer."""
     body = join(
         [
             element("pre", element("code", command, id="command"), tabindex="0"),

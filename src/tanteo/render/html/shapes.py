@@ -1,4 +1,4 @@
-"""Features that labelled readings make, as lines: where each is, and how it may be off, enlarged so that it is seen."""
+"""Outlines of features of labelled readings, with their uncertainty magnified."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.sensors import PointMeasurements, reading_kind
 
 _SDS, _SEEN = 2.0, 0.04
-"""Standard deviations by which features are drawn off, and how far that is on the page, as a share of its size."""
+"""Displacement of the drawn features in standard deviations, and its size as a fraction of the view."""
 
 _WORST = 4
-"""Outlines of each feature beside itself: both sides of the two directions in which it is known worst."""
+"""Number of displaced outlines of each feature: both signs of its two most uncertain directions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shapes:
-    """Sensed features as lines, world.
+    """Outlines of sensed features, world frame.
 
     Attributes:
-        names: Kind and label of each.
-        lines: Where they are ``(L, 2, 3)`` [m].
-        off: Where they are off by two standard deviations, ``enlarged`` times ``(M, 2, 3)`` [m].
-        enlarged: How many times.
+        names: kind and label of each feature.
+        lines: outlines ``(L, 2, 3)`` [m].
+        off: outlines displaced by two standard deviations times ``enlarged`` ``(M, 2, 3)`` [m].
+        enlarged: magnification.
     """
 
     names: tuple[str, ...]
@@ -41,17 +41,17 @@ class Shapes:
 
     @property
     def flat(self) -> bool:
-        """Whether all of them are planes, which lie on faces that are drawn anyhow."""
+        """Whether all features are planes, whose faces are drawn already."""
         return all(name.startswith("plane ") for name in self.names)
 
 
 def shapes_of(measured: PointMeasurements, size: float, tolerance: float = 0.0) -> Shapes:
-    """The features of labelled readings; none where no reading has a label, or the labels do not determine one.
+    """Return the features of labelled readings; none if the labels do not determine one.
 
     Args:
-        measured: The readings.
-        size: Of what is shown beside them [m].
-        tolerance: sd of the made surface against its CAD [m].
+        measured: the readings.
+        size: size of the view [m].
+        tolerance: standard deviation of the real surface from the CAD [m].
     """
     if not any(measured.features):
         return draw_shapes((), size)
@@ -63,7 +63,7 @@ def shapes_of(measured: PointMeasurements, size: float, tolerance: float = 0.0) 
 
 
 def _rims(measured: PointMeasurements) -> list[Feature]:
-    """The circles of centres that came with their axis and radius."""
+    """Return circles of measured centres with axis and radius."""
     sds = np.sqrt(np.linalg.eigvalsh(measured.total_covs())[:, -1])
     return [
         given_round(
@@ -79,7 +79,7 @@ def _rims(measured: PointMeasurements) -> list[Feature]:
 
 
 def draw_shapes(features: Sequence[Feature], size: float) -> Shapes:
-    """Features as lines, beside something of a size [m]."""
+    """Return outlines of features for a view of a size [m]."""
     none, labelled = np.zeros((0, 2, 3)), [f for f in features if f.label]
     lines = [outline(f) for f in labelled]
     moved = [outlines_off(f, _SDS)[-_WORST:] - at for f, at in zip(labelled, lines, strict=True)]

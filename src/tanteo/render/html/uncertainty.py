@@ -1,7 +1,7 @@
-"""The uncertainty budget: which error makes how much of what is not known of the pose.
+"""Uncertainty budget: contribution of each source of error to the uncertainty of the pose.
 
-To first order the pose is a linear estimate ``x = G r`` from the rows of the readings. Every source of error adds
-``G S G'`` to its covariance, ``S`` being what the source does to the rows; these add up to the whole.
+To first order the pose is a linear estimate ``x = G r`` from the rows of the readings. A source with covariance ``S``
+of the rows adds ``G S G'`` to the covariance of the pose.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ import numpy as np
 from tanteo.features import shared_root
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import corner_moves, part_scale, prior_rows, spins
+from tanteo.posterior import corner_moves, part_scale, prior_rows, symmetry_motions
 from tanteo.render.html.contacts import Contacts, Sensed
 
 _KNOWN = 0.3
-"""Directions known worse than this share of the part's size (or radian) count as not observed."""
+"""Standard deviation above which a direction counts as unobserved, as a fraction of the part's size or in rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One source of error.
+    """Source of error.
 
     Attributes:
-        name: In words.
-        kind: Type in the GUM (JCGM 100:2008): ``A`` from the scatter of these readings, ``B`` stated or known before.
-        share: Of the variance of the corner that is known worst; the shares of a budget sum to one.
-        sd: What the source alone does to the largest corner sd, one standard deviation [m].
-        without: Largest corner sd if this error were not there [m]; NaN where that leaves nothing.
+        name: name for the report.
+        kind: type in the GUM (JCGM 100:2008): ``A`` from the scatter of these readings, ``B`` stated or prior.
+        share: fraction of the variance of the most uncertain corner; the fractions of a budget sum to one.
+        sd: standard deviation of that corner by this source alone [m].
+        without: largest corner sd without this error [m]; NaN if no noise is left then.
     """
 
     name: str
@@ -42,11 +42,11 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """Where the uncertainty at the worst-known corner of the part's box comes from.
+    """Sources of the uncertainty at the most uncertain corner of the part's box.
 
     Attributes:
-        sources: The largest first.
-        total: Largest corner sd by this budget [m].
+        sources: sources, the largest first.
+        total: largest corner sd by this budget [m].
     """
 
     sources: tuple[Source, ...]
@@ -56,14 +56,14 @@ class Budget:
 def make_budget(
     contacts: Contacts, sensed: Sensed, part: Part, T_world_part: Transforms, noise_scale: float = 1.0
 ) -> Budget | None:
-    """The budget of a pose; None where nothing of the pose is observed.
+    """Return the budget of a pose, or None if no direction of the pose is observed.
 
     Args:
-        contacts: The readings on the part.
-        sensed: The same readings, with the covariances of the errors that they share.
-        part: The part.
-        T_world_part: The pose.
-        noise_scale: Times the stated noise that the readings have.
+        contacts: residuals of the readings on the part.
+        sensed: the same readings with their shared errors.
+        part: the part.
+        T_world_part: the pose ``(4, 4)``.
+        noise_scale: real noise over the stated noise.
     """
     used = contacts.used[contacts.reading]
     known = prior_rows(sensed.prior, part, T_world_part[None])[1][0]
@@ -85,13 +85,13 @@ _SENSOR, _ROBOT, _SCALE = "noise of the sensor", "repeatability of the robot", "
 
 
 def _kind(name: str, noise_scale: float) -> str:
-    """The scatter of the readings tells the noise scale; noise below the stated comes from it as well."""
+    """Return the GUM type of a source: A for the noise scale, and for noise that is smaller than stated."""
     return "A" if name == _SCALE or (noise_scale < 1 and name in (_SENSOR, _ROBOT)) else "B"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Spread:
-    """A covariance of the rows: variances of their own ``(m,)`` and a factor of what they share ``(m, k)``."""
+    """Covariance of the rows: independent variances ``(m,)`` and a factor of the shared part ``(m, k)``."""
 
     own: FloatArray
     common: FloatArray
@@ -99,14 +99,14 @@ class _Spread:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Term:
-    """What a source does to the rows, and what the estimator's weights assume of it."""
+    """Covariance of a source, and the one that the weights of the estimator assume."""
 
     real: _Spread
     assumed: _Spread
 
 
 def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, noise_scale: float) -> dict[str, _Term]:
-    """Every source, on the rows of the readings and those of what was known beforehand after them."""
+    """Return every source on the rows of the readings, followed by the rows of the prior."""
     m = int(used.sum())
 
     def term(own: FloatArray | None = None, common: FloatArray | None = None) -> _Term:
@@ -126,31 +126,31 @@ def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, nois
     if sensed.tolerance > 0:
         alone = term(np.where(np.any(contacts.form[used] != 0, axis=1), sensed.tolerance**2, 0.0))
         whole = term(alone.real.own[:m] * contacts.labelled, sensed.tolerance * contacts.form[used])
-        # unlabelled readings are weighed as if each deviated by itself; what a face does as a whole is added afterwards
+        # the weights of unlabelled readings assume independent deviations; those of a whole face are added afterwards
         out["tolerance of the part"] = _Term(whole.real, (whole if contacts.labelled else alone).assumed)
     if known:
         beforehand = _Spread(np.r_[np.zeros(m), np.ones(known)], np.zeros((m + known, 0)))
-        out["what was known beforehand"] = _Term(beforehand, beforehand)
+        out["prior"] = _Term(beforehand, beforehand)
     return out
 
 
 def _assumed(terms: Mapping[str, _Term]) -> _Spread:
-    """All that the weights assume, together."""
+    """Return the total covariance that the weights assume."""
     own = np.sum([term.assumed.own for term in terms.values()], axis=0)
     return _Spread(own, np.concatenate([term.assumed.common for term in terms.values()], axis=1))
 
 
 def _observed(H: FloatArray, variances: FloatArray, part: Part) -> FloatArray:
-    """Basis ``(6, k)`` of the motions that the rows resist and that no symmetry excuses [m, rad]."""
+    """Return a basis of the observed motions without spins of symmetry ``(6, k)`` [m, rad]."""
     scale = part_scale(part)
-    rows, turns = H @ scale / np.sqrt(variances)[:, None], spins(part)
+    rows, turns = H @ scale / np.sqrt(variances)[:, None], symmetry_motions(part)
     rows = rows - rows @ turns.T @ turns
     values, vectors = np.linalg.eigh(rows.T @ rows)
     return np.asarray(scale @ vectors[:, values > 1 / _KNOWN**2])
 
 
 def _estimator(H: FloatArray, spread: _Spread) -> FloatArray:
-    """Linear unbiased estimator ``(k, m)`` of the motion from the rows, best if the spread is true."""
+    """Return the linear unbiased estimator of the motion from the rows ``(k, m)``, optimal for a covariance."""
     D, U = spread.own, spread.common
     W = H / D[:, None]
     if U.shape[1]:
@@ -165,14 +165,14 @@ def _sandwich(G: FloatArray, spread: _Spread) -> FloatArray:
 
 
 def _covariance(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term]) -> Covariances:
-    """Of the pose, along what is observed."""
+    """Return the covariance of the pose along the observed motions."""
     G = basis @ _estimator(H @ basis, _assumed(terms))
     return np.sum([_sandwich(G, term.real) for term in terms.values()], axis=0)
 
 
 def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term], name: str, part: Part) -> float:
-    """Largest corner sd without one source; NaN if the others leave a row without noise."""
-    gone = (name, _SCALE) if name == _SENSOR else (name,)  # the scale is of this noise
+    """Return the largest corner sd without one source; NaN if a row has no noise then."""
+    gone = (name, _SCALE) if name == _SENSOR else (name,)  # the noise scale multiplies this noise
     rest = {other: term for other, term in terms.items() if other not in gone}
     if not rest or not np.all(_assumed(rest).own > 0):
         return float("nan")
@@ -180,7 +180,7 @@ def _left(H: FloatArray, basis: FloatArray, terms: Mapping[str, _Term], name: st
 
 
 def _worst_corner(part: Part, C: Covariances) -> tuple[FloatArray, float]:
-    """How a motion moves the box's largest corner sd along its worst direction ``(6,)``, and the sd of that [m]."""
+    """Return the Jacobian of the most uncertain corner along its worst direction ``(6,)``, and its sd [m]."""
     J = corner_moves(part)
     values, vectors = np.linalg.eigh(J @ C @ np.swapaxes(J, 1, 2))
     k = int(np.argmax(values[:, 2]))

@@ -1,4 +1,4 @@
-"""The independent ways in which a pose may be off, and how far."""
+"""Principal errors of a pose and their overlays."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from tanteo.posterior import corner_moves, motion_of
 from tanteo.words import Motion
 
 _LEVELS = (1, 2, 3)
-"""Standard deviations of which overlays are drawn."""
+"""Standard deviations of the drawn overlays."""
 
 _NOTABLE = 0.01
-"""Ways that move the part less than this share of the largest are not shown."""
+"""Fraction of the largest motion below which a principal error is not shown."""
 
 _SHOWN = 0.16
-"""The farthest overlay is drawn about this share of the part's size away."""
+"""Displacement of the farthest overlay, as a fraction of the part's size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:
-    """One way in which the pose may be off, independent of the others.
+    """Principal error of a pose, independent of the others.
 
     Attributes:
-        motion: The motion.
-        moves: How far one standard deviation of it moves the farthest corner of the box [m].
-        rms: How far it moves all corners, root mean square [m].
-        xi: One standard deviation of it, right perturbation of the pose ``(6,)`` [m, rad].
-        Ts_world_part: Overlays ``(3, 2, 4, 4)``: at 1, 2 and 3 standard deviations, backwards and forwards, enlarged.
+        motion: motion of the part.
+        moves: largest displacement of a corner of the box for one standard deviation [m].
+        rms: root mean square displacement of all corners [m].
+        xi: one standard deviation as a right perturbation of the pose ``(6,)`` [m, rad].
+        Ts_world_part: magnified overlays at 1, 2 and 3 standard deviations with both signs ``(3, 2, 4, 4)``.
     """
 
     motion: Motion
@@ -42,15 +42,14 @@ class Way:
 
 
 def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> tuple[tuple[Way, ...], int]:
-    """The ways, and how many times their overlays are enlarged.
+    """Return the principal errors of a pose, and the magnification of their overlays.
 
-    The covariance is split so that each way moves the corners of the box independently of the others, as much as
-    possible in the first.
+    They are uncorrelated, and principal for the mean square displacement of the corners of the part's box.
 
     Args:
-        part: The part.
-        T_world_part: Where it is.
-        covariance: Of that pose ``(6, 6)`` [m, rad].
+        part: the part.
+        T_world_part: its pose ``(4, 4)``.
+        covariance: covariance of the pose ``(6, 6)`` [m, rad].
     """
     T, J = T_world_part, corner_moves(part)
     values, vectors = np.linalg.eigh(covariance)
@@ -71,7 +70,7 @@ def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> 
 
 
 def _enlarged(moves: float, diagonal: float) -> int:
-    """1, 2, 5, 10, 20 ...: so that three standard deviations can be seen."""
+    """Return a magnification 1, 2, 5, 10, ... at which three standard deviations are visible."""
     if moves <= 0:
         return 1
     wanted = _SHOWN * diagonal / (_LEVELS[-1] * moves)

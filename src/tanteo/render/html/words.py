@@ -1,4 +1,4 @@
-"""The answer in words, for a reader who has seconds."""
+"""Short texts of a report: verdict, facts and figures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tanteo.words import from_surface, headline_of, p_equals
 MM = 1e3
 
 SIGNS = {"recognized": "✓", "ambiguous": "?", "unknown": "✕", "insufficient": "…"}
-"""A sign for each status, so that colour alone says nothing."""
+"""Sign of each status, so that colour is not the only cue."""
 
 _MOST_NAMES = 6
 
@@ -36,18 +36,18 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed, significance: floa
         same = corner_sd(part, hypothesis.covariance_relative)
         rows.insert(2, ("Largest corner sd if the shared errors were known", uncertain(same)))
     if wrong:
-        rows.append(("Wrong readings", _wrong(hypothesis)))
+        rows.append(("Readings that do not fit", _wrong(hypothesis)))
     if hypothesis.unobserved:
         rows.append(("Not observed", "; ".join(hypothesis.unobserved)))
     if hypothesis.symmetry_order > 1:
         rows.append(("Symmetry", f"{hypothesis.symmetry_order} equivalent poses, shown as one"))
     elif hypothesis.symmetry_axis is not None:
-        rows.append(("Symmetry", "turns about its axis are equivalent"))
-    return [*rows, ("Do they agree", _agreement(hypothesis, significance))]
+        rows.append(("Symmetry", "rotations about its axis are equivalent"))
+    return [*rows, ("Do the readings agree?", _agreement(hypothesis, significance))]
 
 
 def _fitting(used: int, met: int, free: int) -> str:
-    """How many fit, of all readings; those that met nothing are said."""
+    """Return the number of fitting readings, with the number of those that met nothing."""
     nothing = f"; {'one' if free == 1 else free} met nothing" if free else ""
     return f"{used} of {met + free}{nothing}"
 
@@ -64,21 +64,21 @@ def _wrong(hypothesis: Hypothesis) -> str:
 
 def _agreement(hypothesis: Hypothesis, significance: float) -> str:
     if hypothesis.dof == 0:
-        return "nothing left over to check"
+        return "too few readings to check"
     verdict = "no, they contradict each other" if hypothesis.p_value < significance else "yes, within their noise"
     return f"{verdict} ({p_equals(hypothesis.p_value)})"
 
 
 def uncertain(metres: float) -> str:
-    """A standard deviation in millimetres, two digits: the same wherever a page says it."""
+    """Return a standard deviation in millimetres with two digits."""
     return f"{float(f'{MM * metres:.2g}'):g} mm"
 
 
 def length(metres: float) -> str:
-    """A length in millimetres, three digits."""
+    """Return a length in millimetres with three digits."""
     return f"{float(f'{MM * metres:.3g}'):g} mm"
 
 
 def fixed(value: float, digits: int) -> str:
-    """A number with so many decimals; never minus zero."""
+    """Return a number with fixed decimals, never minus zero."""
     return f"{round(value, digits) + 0.0:.{digits}f}"

@@ -1,4 +1,4 @@
-"""From an answer or a session to the text of the file; plans have pages of their own."""
+"""Reports of answers and sessions as text of HTML files."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from tanteo.sensors import Readings
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Where an answer comes from.
+    """Origin of an answer.
 
     Attributes:
-        command: What to type to get it again.
-        made_by: Program and version.
-        facts: What else is to stand beside the picture: name and value.
+        command: command line that gives the same answer.
+        made_by: program and version.
+        facts: further facts beside the picture, as name and value.
     """
 
     command: str
@@ -41,17 +41,17 @@ class Run:
 
 
 def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run, more: Sequence[Section] = ()) -> str:
-    """The report of an answer as the text of one HTML file.
+    """Return the report of an answer as the text of one HTML file.
 
     Args:
-        answer: What was found.
-        sensed: The readings it was found from; see :func:`tanteo.render.gather`.
-        parts: The parts that were tried; those of the hypotheses are needed.
-        run: Where it comes from.
-        more: Further sections; they stand before the figures.
+        answer: the answer.
+        sensed: its readings, see :func:`tanteo.render.gather`.
+        parts: candidate parts, at least those of the hypotheses.
+        run: origin of the answer.
+        more: further sections before the figures.
 
     Raises:
-        InputError: A hypothesis is of a part that is not among ``parts``.
+        InputError: the part of a hypothesis is not in ``parts``.
     """
     candidates = _candidates(answer, sensed, parts)
     rests = rests_section(candidates, [directions_of(c, sensed) for c in candidates])
@@ -60,34 +60,34 @@ def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run,
 
 
 def session_page(session: Session, run: Run, more: Sequence[Section] = (), look: Vectors | None = None) -> str:
-    """The report of a session as the text of one HTML file: its answer as of now, and how it came to that.
+    """Return the report of a session as the text of one HTML file: its current answer and its course.
 
     Args:
-        session: That was told something, or nothing yet.
-        run: Where it comes from.
-        more: Further sections; they stand first.
-        look: Direction from what is drawn to the eye, in the world; None for the usual one.
+        session: session with or without readings.
+        run: origin of the session.
+        more: further sections before all others.
+        look: direction from the drawn part to the eye, world frame ``(3,)``; None for the default.
     """
-    answer, told = session.answer(), explain(session.state, session.steps)
+    answer, explanation = session.answer(), explain(session.state, session.steps)
     readings = Readings.from_columns(n=0) if session.readings is None else session.readings
     sensed = gather(readings, session.sensing, session.prior)
     candidates = _candidates(answer, sensed, [target.part for target in session.start.targets])
-    directions = [told.directions, *(directions_of(c, sensed) for c in candidates[1:])]
+    directions = [explanation.directions, *(directions_of(c, sensed) for c in candidates[1:])]
     rests = rests_section(candidates, directions[: len(candidates)])
     fit, budget = residual_section(candidates, sensed), budget_section(candidates, sensed)
-    sections = [*more, course_section(session, told.added), fit, rests, budget]
+    sections = [*more, course_section(session, explanation.added), fit, rests, budget]
     return _page(answer, candidates, sensed, run, sections, goal_words(session.stop), look)
 
 
 def write_report(path: str | Path, page: str) -> None:
-    """Write a page to a file; one of that name is replaced.
+    """Write a page to a file, which is replaced if it exists.
 
     Args:
-        path: The HTML file.
-        page: Its text, as :func:`report_page` gives it.
+        path: HTML file.
+        page: its text, see :func:`report_page`.
 
     Raises:
-        OSError: The file cannot be written.
+        OSError: the file cannot be written.
     """
     with replaced(path) as file:
         file.write_text(page, encoding="utf-8", newline="\n")
@@ -111,7 +111,7 @@ def _page(
 
 
 def _eye(look: Vectors | None) -> dict[str, Any]:
-    """Turn and tilt of the eye at first."""
+    """Return azimuth and elevation of the initial view."""
     if look is None:
         return {}
     x, y, z = (float(v) for v in look)

@@ -1,6 +1,6 @@
-"""The live page: a session as it happens, in a browser, for people who look on, or sense themselves.
+"""The live page: a running session in a browser, in which the user can also choose readings.
 
-A session at a moment is a :class:`Snapshot`; ``drawing`` makes primitives of it and ``panel`` words, both without a
-browser. :class:`Player` plays a :class:`Show` on anything that implements :class:`Page`; :func:`play` and
-:func:`replay` open viser's (extra ``viewer``), which is imported then.
+A :class:`Snapshot` is a session at one moment. ``drawing`` converts it to primitives and ``panel`` to text, without
+a browser. :class:`Player` runs a :class:`Show` on any :class:`Page`; :func:`play` and :func:`replay` open that of viser
+(extra ``viewer``), which is imported then.
 """

@@ -1,28 +1,28 @@
-"""Colours of the live page: those of the report by day, and more for what may be there besides."""
+"""Colours of the live page: those of the light report, and further ones for alternative parts."""
 
 from __future__ import annotations
 
 from tanteo.render.live.primitives import Colour
 
 PART, EDGE, INK, SOFT = (159, 171, 184), (61, 74, 87), (27, 36, 45), (85, 97, 109)
-"""The likeliest part and its edges; the next reading and the truth; the hand."""
+"""Colours of the most probable part and its edges, of the next reading and the real part, and of the hand."""
 
 GOOD, BAD, BEAM, FREE, OVERLAY = (0, 114, 178), (184, 72, 0), (125, 137, 148), (45, 174, 91), (125, 18, 217)
-"""Readings that fit and those that do not, beams that met something and those that did not, how the pose may be off."""
+"""Colours of readings that fit and do not fit, of beams with and without contact, and of possible poses."""
 
 FEATURE: Colour = (72, 0, 108)
-"""Features that labelled readings make."""
+"""Colour of features of labelled readings."""
 
 PLANNER: Colour = (255, 75, 150)
-"""What the planner sensed in a contest."""
+"""Colour of the planner's readings in a contest."""
 
 TABLE, FURNITURE = (238, 240, 243), (206, 196, 178)
-"""What is known to stand there."""
+"""Colours of table and furniture."""
 
 RIVALS: tuple[Colour, ...] = ((230, 159, 0), (110, 195, 255), (96, 36, 4))
-"""What else it may be, the likeliest first."""
+"""Colours of alternative parts, the most probable first."""
 
 
 def css(colour: Colour) -> str:
-    """As style sheets write it."""
+    """Return a colour as style sheets write it."""
     return "#" + "".join(f"{c:02x}" for c in colour)

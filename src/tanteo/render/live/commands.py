@@ -1,4 +1,4 @@
-"""What a person may want of a player, and the reading that a click means: square to what they pointed at."""
+"""Commands of the user, and the reading of a click, along the normal of the clicked surface."""
 
 from __future__ import annotations
 
@@ -9,47 +9,47 @@ import numpy as np
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import IntArray, Vectors
 from tanteo.planning import Action, Candidates, Probe, SensingState, Session, has_room, within_cone
-from tanteo.render.live.snapshot import BY_HAND
+from tanteo.words.findings import ChosenByUser, ClickFailed
 
 
 @dataclass(frozen=True, slots=True)
 class Go:
-    """Go on by itself."""
+    """Run without stops."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """Stay."""
+    """Pause before the next reading."""
 
 
 @dataclass(frozen=True, slots=True)
 class Advance:
-    """Go on to the next place."""
+    """Make one reading."""
 
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """Begin again, with the policy and the seed that are chosen then."""
+    """Restart with the chosen policy and seed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Contest:
-    """Begin again, the person alone against the policy, which plays the same scene unseen."""
+    """Restart as a contest: the user chooses all readings, and the policy senses the same scene hidden."""
 
 
 @dataclass(frozen=True, slots=True)
 class AnswerNow:
-    """Sense no more: what is known now is the answer."""
+    """End the session with the current answer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quit:
-    """End."""
+    """Close the player."""
 
 
 @dataclass(frozen=True, slots=True)
 class Choose:
-    """Another policy, seed or speed (times real time); None leaves it."""
+    """Choose another policy, seed or speed (multiple of real time); None keeps the present one."""
 
     policy: str | None = None
     seed: int | None = None
@@ -58,7 +58,7 @@ class Choose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Click:
-    """A click into the picture: a ray from the eye, world; what is in a hidden layer is not clicked."""
+    """A click into the picture: a ray from the eye, world frame. Hidden layers are ignored."""
 
     eye: Vectors
     ray: Vectors
@@ -69,53 +69,63 @@ Command = Go | Pause | Advance | Restart | Contest | AnswerNow | Quit | Choose |
 
 
 class Left(Exception):  # noqa: N818
-    """The run was left before its end: to begin again in some way, to answer, or for good."""
+    """Raised to leave a run before its end: to restart, to answer, or to close."""
 
     def __init__(self, how: Restart | Contest | AnswerNow | Quit) -> None:
         self.how = how
 
 
 def leave(command: Command) -> None:
-    """Leave the run, if that is what is wanted.
+    """Leave the run if a command demands it.
+
+    Args:
+        command: command of the user.
 
     Raises:
-        Left: it is.
+        Left: the command leaves the run.
     """
     if isinstance(command, Restart | Contest | AnswerNow | Quit):
         raise Left(command)
 
 
 _TILTS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""How far a reading is tilted from the normal towards the middle of the probe's cone, if there is no room before."""
+"""Tilts from the normal towards the middle of the probe's cone that are tried in turn, as fractions."""
 
 
-def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number: int) -> Action | str:
-    """The reading of a click, or why there is none.
+def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number: int) -> Action | ClickFailed:
+    """Return the reading of a click, or why there is none.
 
-    It looks along the inward normal of what was pointed at, or as near to that as the probe may and has room for.
+    Its direction is the inward normal of the clicked surface, or the nearest allowed and clear direction.
+
+    Args:
+        session: the session.
+        modes: modes that are drawn and not hidden.
+        eye: position of the eye, world frame ``(3,)`` [m].
+        ray: direction of the click, world frame ``(3,)``.
+        number: number of the action.
     """
     hit = _first(session.state, modes, eye, ray / np.linalg.norm(ray))
     if hit is None:
-        return "There is nothing where you clicked: click on a part or near one."
+        return ClickFailed("nothing")
     mode, face, point, inward = hit
     ways = _ways(session.probe, mode, face, point, inward)
     ways = ways.take(has_room(session.state, ways, session.probe, anywhere=False))
     if not len(ways):
-        return "There is no room to sense that: click on another place."
+        return ClickFailed("space")
     if session.able is not None:
         ways = ways.take(session.able(session.state, ways))
     if not len(ways):
-        return "The hand cannot come to where it would sense that: click on another place."
+        return ClickFailed("reach")
     part, probe = session.state.target(mode).part, session.probe
     name = part.faces[face].name if face >= 0 else "a place beside it"
     return Action(
         number, ways.origins[0], ways.directions[0], probe.max_range, float(ways.ranges[0]), part.name, name, np.nan,
-        BY_HAND,
+        ChosenByUser(),
     )  # fmt: skip
 
 
 def _ways(probe: Probe, mode: int, face: int, point: Vectors, inward: Vectors) -> Candidates:
-    """Readings of a place, the best first: along its normal, or tilted towards the middle of the probe's cone."""
+    """Return candidates for a place, the best first: along its normal, or tilted towards the probe's cone."""
     tilted = [inward] if probe.approach is None else [(1 - t) * inward + t * probe.approach for t in _TILTS]
     lengths = np.linalg.norm(tilted, axis=1, keepdims=True)
     directions = within_cone((tilted / np.maximum(lengths, 1e-9))[lengths[:, 0] > 1e-3], probe)
@@ -130,7 +140,7 @@ def _ways(probe: Probe, mode: int, face: int, point: Vectors, inward: Vectors) -
 def _first(
     state: SensingState, modes: IntArray, eye: Vectors, ray: Vectors
 ) -> tuple[int, int, Vectors, Vectors] | None:
-    """Mode, face, place and inward normal of what is met first; beside the part, the place nearest to its middle."""
+    """Return mode, face, point and inward normal of a click; beside the part, the point nearest to its centre."""
     best: tuple[float, tuple[int, int, Vectors, Vectors]] | None = None
     for k in modes.tolist():
         target, T = state.target(k), state.poses[k]

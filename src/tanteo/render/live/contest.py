@@ -1,4 +1,4 @@
-"""The planner as an opponent: it plays the same scene unseen, place by place, while the person looks for the next."""
+"""Planner that senses the same scene hidden, one reading for each reading of the user."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tanteo.render.live.snapshot import Result, Snapshot, result
 
 
 class Opponent:
-    """Carries a show out unseen, in a thread that computes only when it is told to.
+    """Run a show hidden, in a thread that computes only on request.
 
-    Two threads never compute at the same time if whoever wants to compute calls :meth:`rest` before.
+    Two threads never compute at the same time if callers call :meth:`rest` before they compute.
 
     Args:
-        show: What it plays; nobody else may touch it before it rests.
+        show: its show, which others must not use before :meth:`rest` returns.
     """
 
     def __init__(self, show: Show) -> None:
@@ -34,24 +34,24 @@ class Opponent:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """What its places told so far."""
+        """Steps of its session so far."""
         return self.show.session.steps
 
     def turn(self) -> None:
-        """Let it sense one more place; it has no turn when it is through."""
+        """Let it make one more reading, unless it has finished."""
         self.rest()
         if self.end is None:
             self._resting.clear()
             self._allowed.release()
 
     def rest(self, patience: Callable[[], None] = lambda: None) -> None:
-        """Wait until its turn is over.
+        """Wait until it does not compute.
 
         Args:
-            patience: Called now and then; may raise.
+            patience: callback during the wait; it may raise.
 
         Raises:
-            Exception: What went wrong in its thread.
+            Exception: error of its thread.
         """
         while not self._resting.wait(0.1):
             patience()
@@ -59,25 +59,25 @@ class Opponent:
             raise self._error
 
     def finish(self, patience: Callable[[], None]) -> Done:
-        """Let it play to its end."""
+        """Let it run to its end, and return that."""
         while self.end is None:
             self.turn()
             self.rest(patience)
         return self.end
 
     def leave(self) -> None:
-        """End it where it is, and wait until it does not compute."""
+        """Stop it, and wait until it does not compute."""
         self._gone = True
         self._allowed.release()
         self._resting.wait()
 
     def place(self, note: str) -> None:
-        """It sensed a place: its turn is over (see :class:`tanteo.render.Watch`)."""
+        """Wait for the next turn after a reading (see :class:`tanteo.render.Watch`)."""
         self._resting.set()
         self._wait()
 
     def moved(self, sensed: HandReading) -> None:
-        """Nobody sees its hand, but it stops where it is when it is no longer wanted."""
+        """Stop the motion of its hand if it was ended; the hand is not drawn."""
         if self._gone:
             raise _GoneError
 
@@ -92,21 +92,21 @@ class Opponent:
             self.end = self.show.run(self)
         except _GoneError:
             pass
-        except BaseException as error:  # noqa: BLE001 - told to whoever waits for it
+        except BaseException as error:  # noqa: BLE001 - raised again in rest()
             self._error = error
         finally:
             self._resting.set()
 
 
 class _GoneError(Exception):
-    """It is no longer wanted."""
+    """Raised to end the thread."""
 
 
 class Rival:
-    """The planner beside the person: in a contest it plays along; otherwise it is played when the person is through.
+    """The planner beside the user: it runs along in a contest, and otherwise after the user has finished.
 
     Args:
-        make: A show from seed and policy; always the same one for the same.
+        make: function that creates a show from seed and policy, reproducibly.
     """
 
     def __init__(self, make: Callable[[int, str], Show]) -> None:
@@ -115,18 +115,18 @@ class Rival:
         self._results: dict[tuple[int, str], Result] = {}
 
     def begin(self, seed: int, policy: str) -> None:
-        """Sit down to a contest."""
+        """Start a contest."""
         self.leave()
         self._opponent = Opponent(self._make(seed, policy))
 
     def leave(self) -> None:
-        """Stop playing."""
+        """Stop the planner."""
         if self._opponent is not None:
             self._opponent.leave()
         self._opponent = None
 
     def turn(self) -> None:
-        """Sense one more place, if it plays along."""
+        """Let it make one more reading in a contest."""
         if self._opponent is not None:
             self._opponent.turn()
 
@@ -136,19 +136,19 @@ class Rival:
             self._opponent.rest()
 
     def standing(self, places: int) -> str:
-        """How far it was after so many places, in words; nothing if it does not play along."""
+        """Return its belief after a number of readings as text; empty outside of a contest."""
         if self._opponent is None or not places:
             return ""
         return panel.standing(self._opponent.steps[:places], places, through=self._opponent.end is not None)
 
     def play_on(self, patience: Callable[[], None]) -> list[Primitive]:
-        """Play along to the end; where it sensed."""
+        """Run it to its end, and return its readings as primitives."""
         assert self._opponent is not None
         self._opponent.finish(patience)
         return drawing.planner_primitives(Snapshot.of(self._opponent.show.session))
 
     def result(self, seed: int, policy: str, truth: Sequence[Solid], patience: Callable[[], None]) -> Result:
-        """What it comes to alone on the same scene."""
+        """Return its result on the same scene."""
         if (seed, policy) not in self._results:
             if self._opponent is None:
                 self.begin(seed, policy)

@@ -1,4 +1,4 @@
-"""From a moment of a session to what is drawn of it: the belief, readings, the next reading, the hand, the truth."""
+"""Primitives of a session at one moment: posterior, readings, next reading, hand, and real part."""
 
 from __future__ import annotations
 
@@ -31,36 +31,36 @@ _SDS = 2.0
 """Standard deviations at which ellipsoids are drawn."""
 
 _OVERLAYS, _OVERLAY_LINES = 5, 300
-"""Poses of the likeliest part that are drawn besides, and lines of each."""
+"""Number of further poses of the most probable part that are drawn, and of lines of each."""
 
 _ARM = 0.14
-"""Length of a beam whose start is unknown, as a share of the part's size."""
+"""Length of a beam with unknown start, as a fraction of the part's size."""
 
 _DASH, OPEN = 0.006, 0.12
-"""Dash of a beam that met nothing, and how much of it is drawn [m]."""
+"""Length of a dash, and drawn length of a beam that met nothing [m]."""
 
 LAYERS = {
-    RIVAL_LAYERS[0]: "Second likeliest",
-    RIVAL_LAYERS[1]: "Third likeliest",
-    RIVAL_LAYERS[2]: "Fourth likeliest",
-    "overlays": "How the pose may be off",
+    RIVAL_LAYERS[0]: "Second most probable part",
+    RIVAL_LAYERS[1]: "Third most probable part",
+    RIVAL_LAYERS[2]: "Fourth most probable part",
+    "overlays": "Other possible poses",
     "readings": "Readings, with 2 sd",
     "wrong": "Readings that do not fit",
     "beams": "Beams",
     "free": "Beams that met nothing",
-    "features": "Features of labelled readings, and off by 2 sd, enlarged",
+    "features": "Features of labelled readings, with 2 sd magnified",
     "next": "Next reading",
-    "hand": "Hand, and what it sees",
-    "planner": "What the planner sensed",
+    "hand": "Hand and its beams",
+    "planner": "Readings of the planner",
 }
-"""What can be hidden, and what it is called."""
+"""Names of the layers that can be hidden."""
 
 HIDDEN_AT_FIRST = RIVAL_LAYERS
-"""One thing is shown at first, the likeliest part; what else it may be is chosen in the legend."""
+"""Layers that are hidden at first, so that only the most probable part is visible."""
 
 
 def state_primitives(now: Snapshot) -> list[Primitive]:
-    """Parts where they may be: the likeliest as a solid, others clear and in colours of their own."""
+    """Return parts at possible poses: the most probable one solid, others transparent in own colours."""
     out: list[Primitive] = []
     b = now.state
     for k in now.drawn_modes().tolist():
@@ -74,7 +74,7 @@ def state_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def reading_primitives(now: Snapshot) -> list[Primitive]:
-    """Readings with their beams and spread; those that do not fit are of another colour and shape."""
+    """Return readings with beams and uncertainty; misfits have another colour and shape."""
     b, out = now.state, list[Primitive]()
     if b.touches is not None and len(b.touches):
         t, wrong = b.touches, now.wrong()
@@ -99,7 +99,7 @@ def reading_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def planner_primitives(now: Snapshot) -> list[Primitive]:
-    """Where another session has sensed: the beams that met something."""
+    """Return the contact points of another session with their beams."""
     t = now.state.touches
     if t is None or not len(t):
         return []
@@ -111,7 +111,7 @@ def planner_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def next_primitives(now: Snapshot) -> list[Primitive]:
-    """The next reading as an arrow."""
+    """Return the next reading as an arrow."""
     a = now.action
     if a is None:
         return []
@@ -123,7 +123,7 @@ def next_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def hand_primitives(hand: Hand, sensed: HandReading) -> list[Primitive]:
-    """The hand where it says it is, and what its sensors see now."""
+    """Return the hand at its reported pose, with its present beams."""
     T = sensed.T_world_hand
     vertices, triangles = _hand(hand.body)
     starts, axes = SE3.apply(T, hand.origins), hand.axes @ T[:3, :3].T
@@ -139,7 +139,7 @@ def hand_primitives(hand: Hand, sensed: HandReading) -> list[Primitive]:
 
 
 def furniture_primitives(furniture: Sequence[Solid]) -> list[Primitive]:
-    """What is known to stand there."""
+    """Return table and furniture."""
     return [
         Mesh(f"furniture {s.name}", s.vertices, s.triangles, colors.TABLE if s.name == "table" else colors.FURNITURE)
         for s in furniture
@@ -147,12 +147,12 @@ def furniture_primitives(furniture: Sequence[Solid]) -> list[Primitive]:
 
 
 def truth_primitives(solids: Sequence[Solid]) -> list[Primitive]:
-    """What truly lies there, as an outline."""
+    """Return the outlines of the real parts."""
     return [Lines(f"truth {s.name}", outline(s.vertices, s.triangles), colors.INK, 3.0) for s in solids]
 
 
 def _overlays(now: Snapshot) -> list[Primitive]:
-    """The outline of the likeliest mode at poses drawn from its spread, once it is likelier than all else."""
+    """Return outlines of the most probable mode at sampled poses, if it is more probable than all others."""
     b = now.state
     if not now.decided:
         return []
@@ -162,7 +162,7 @@ def _overlays(now: Snapshot) -> list[Primitive]:
 
 
 def _poses(now: Snapshot, k: int) -> Transforms:
-    """Poses drawn from a mode, the same for the same belief ``(n, 4, 4)``."""
+    """Return reproducible samples of a mode ``(n, 4, 4)``."""
     b = now.state
     if b.draws is None:
         L = np.linalg.cholesky(b.covariances[k])

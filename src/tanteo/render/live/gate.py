@@ -1,8 +1,8 @@
-"""Who may talk to the live page: the browser of this machine that shows it, and no page from elsewhere.
+"""Access control of the live page: only the browser of this machine with the page itself may connect.
 
-The page is served on this machine only, but so is the browser's every other tab. A site whose name leads to this
-machine in the end (DNS rebinding) sends that name as ``Host``; a script of another site sends its ``Origin``. Both are
-refused, for the page's files as for its socket.
+The server is local, but other tabs of the browser can reach it, too. A site whose name resolves to this machine (DNS
+rebinding) sends that name as ``Host``; a script of another site sends its ``Origin``. Files and socket of the page
+refuse both.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import websockets.asyncio.server as sockets
 from websockets.http11 import Request, Response
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
-"""Names of this machine; any port, since a tunnel (``ssh -L``) may have another."""
+"""Names of this machine, with any port, because a tunnel (``ssh -L``) may use another one."""
 
 
 def is_foreign(host: str | None, origin: str | None) -> bool:
-    """Whether a request is not of a page that this machine serves.
+    """Return whether a request does not come from a page of this machine.
 
     Args:
-        host: its header ``Host``.
-        origin: its header ``Origin``; None of what is no script.
+        host: header ``Host``.
+        origin: header ``Origin``; None if no script sent the request.
 
     Example:
         >>> is_foreign("127.0.0.1:8080", None), is_foreign("127.0.0.1:8080", "http://127.0.0.1:8080")
@@ -36,19 +36,19 @@ def is_foreign(host: str | None, origin: str | None) -> bool:
     try:
         name = urlsplit(f"//{host or ''}").hostname
         asked_by = None if origin is None else urlsplit(origin).netloc
-    except ValueError:  # brackets that do not match
+    except ValueError:  # unbalanced brackets
         return True
     return name not in LOCAL or (asked_by is not None and asked_by != host)
 
 
 @contextmanager
 def guarded() -> Iterator[None]:
-    """Servers that are started inside refuse what is foreign; viser has no setting for it."""
+    """Let servers that start inside refuse foreign requests; viser has no setting for it."""
     serve = sockets.serve
 
     def guarding(*args: Any, process_request: Callable[..., Any] | None = None, **options: Any) -> Any:
         def process(connection: Any, request: Request) -> Any:
-            # a header that comes twice is no browser's
+            # browsers send each header once
             hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
             if len(hosts) != 1 or len(origins) > 1 or is_foreign(hosts[0], origins[0] if origins else None):
                 return _refused(connection)

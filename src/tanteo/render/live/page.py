@@ -1,4 +1,4 @@
-"""The live page itself: viser's scene and controls. The only module that imports viser, and it decides nothing."""
+"""The live page: scene and controls of viser. Only this module imports viser."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ _BUTTONS: tuple[Mapping[str, Command], ...] = (
 )
 _SPEEDS = {"real time": 1.0, "3 times": 3.0, "10 times": 10.0, "at once": np.inf}
 FOV = float(np.radians(45.0))
-"""Of the eye, from top to bottom [rad]."""
+"""Vertical field of view [rad]."""
 
 _EYE = np.array([0.9, -1.6, 1.25])
-"""Direction from the middle of the scene to the eye."""
+"""Direction from the centre of the scene to the eye."""
 
 
 class LivePage:
-    """A page in every browser that opens it; all of them show the same.
+    """Page that shows the same content in every browser.
 
     Attributes:
-        url: where it is.
+        url: address of the page.
     """
 
     def __init__(self, port: int, middle: Vectors, size: float) -> None:
-        with contextlib.redirect_stdout(io.StringIO()), guarded():  # it greets
+        with contextlib.redirect_stdout(io.StringIO()), guarded():  # suppresses its greeting
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="tanteo", verbose=False)
-        # the button that asks for a tunnel through somebody else's machine is not shown; nor may a page ask for it
+        # no public tunnel: neither its button nor a request of a page
         self._server.request_share_url = _no_tunnel
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         self._gui, self._scene = self._server.gui, self._server.scene
@@ -57,7 +57,7 @@ class LivePage:
         self._grid(middle, size)
 
     def _light(self) -> None:
-        """Light from above and in front, and some from everywhere; viser's own picture of a place costs too much."""
+        """Set directional and ambient light; the environment map of viser is too slow."""
         self._scene.configure_default_lights(enabled=False)
         self._scene.configure_environment_map(None)
         self._scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(170, 165, 160), intensity=3.0)
@@ -73,20 +73,20 @@ class LivePage:
     def session_controls(
         self, send: Callable[[Command], None], policies: Sequence[str], policy: str, seed: int, *, hand: bool
     ) -> None:
-        """Everything with which a session is played."""
+        """Add the controls of a running session."""
         self._place("status")
         for commands in _BUTTONS:
             buttons = self._gui.add_button_group("", tuple(commands))
             buttons.on_click(lambda event, commands=commands: send(commands[event.target.value]))
         self._place("bars")
         self._legend(hand=hand, scene=True)
-        with self._gui.add_folder("How"):
+        with self._gui.add_folder("Settings"):
             choice = self._gui.add_dropdown("Policy", tuple(policies), initial_value=policy)
             choice.on_update(lambda event: send(Choose(policy=event.target.value)))
             speed = self._gui.add_dropdown("Speed", tuple(_SPEEDS), initial_value="3 times")
             speed.on_update(lambda event: send(Choose(speed=_SPEEDS[event.target.value])))
             number = self._gui.add_number(
-                "Seed", seed, min=0, step=1, hint="Of all simulated errors; holds from the next restart."
+                "Seed", seed, min=0, step=1, hint="Seed of all simulated errors; used from the next restart."
             )
             number.on_update(lambda event: send(Choose(seed=int(event.target.value or 0))))
         self._happened()
@@ -97,7 +97,7 @@ class LivePage:
         )
 
     def record_controls(self, send: Callable[[int], None], count: int, *, hand: bool) -> None:
-        """A slider over what was recorded."""
+        """Add the controls of a record: a slider over its steps."""
         self._place("status")
         slider = self._gui.add_slider("Step", min=0, max=count, step=1, initial_value=count)
         slider.on_update(lambda event: send(int(event.target.value)))
@@ -106,20 +106,20 @@ class LivePage:
         self._happened()
 
     def looking_controls(self) -> None:
-        """What is said and drawn of a session that is carried out elsewhere."""
+        """Add the panels of a session that runs elsewhere."""
         self._place("status")
         self._place("bars")
         self._legend(hand=False, scene=False)
         self._happened()
 
     def _happened(self) -> None:
-        with self._gui.add_folder("What happened", expand_by_default=False):
+        with self._gui.add_folder("Steps so far", expand_by_default=False):
             self._place("told")
 
     def _legend(self, *, hand: bool, scene: bool) -> None:
-        """What is drawn, what it means, and boxes that show and hide it."""
+        """Add the legend with a box for each layer."""
         there = {"hand": hand, "planner": scene}
-        with self._gui.add_folder("What is drawn"):
+        with self._gui.add_folder("Legend"):
             self._gui.add_html(legend(scene=scene))
             for layer, words in LAYERS.items():
                 if there.get(layer, True):
@@ -138,11 +138,11 @@ class LivePage:
                     handle.visible = not hidden
 
     def say(self, place: str, html: str) -> None:
-        """Put words in place of those that were there."""
+        """Replace the text of a panel."""
         self._words[place].content = html
 
     def show(self, group: str, primitives: Sequence[Primitive]) -> None:
-        """Draw these in place of those of the same group."""
+        """Replace the primitives of a group."""
         old, new = self._shown.get(group, {}), dict[str, tuple[Primitive, Any]]()
         with self._server.atomic():
             for p in primitives:
@@ -181,18 +181,18 @@ class LivePage:
         return scene.add_label(name, p.text, position=tuple(p.place), anchor="bottom-center", visible=visible)
 
     def stop(self) -> None:
-        """Close it."""
-        with contextlib.redirect_stdout(io.StringIO()):  # it says so
+        """Close the page."""
+        with contextlib.redirect_stdout(io.StringIO()):  # suppresses its message
             self._server.stop()
 
 
 def seen_from(middle: Vectors, size: float, aspect: float) -> tuple[Vectors, Vectors]:
-    """Where the eye is, and where it looks, so that something is seen beside the controls; world [m].
+    """Return position and target of the eye, so that the scene is visible beside the controls, world frame [m].
 
     Args:
-        middle: of what is to be seen ``(3,)``.
-        size: of it.
-        aspect: width of the window by its height: controls are on the right, or below where it is narrow.
+        middle: centre of the scene ``(3,)`` [m].
+        size: size of the scene [m].
+        aspect: width of the window over its height; controls are on the right, or below in a narrow window.
     """
     forward = -_EYE / np.linalg.norm(_EYE)
     right = np.cross(forward, [0.0, 0.0, 1.0])
@@ -206,7 +206,7 @@ def seen_from(middle: Vectors, size: float, aspect: float) -> tuple[Vectors, Vec
 
 
 def _fitted(client: viser.ClientHandle, middle: Vectors, size: float) -> None:
-    """A narrow window has another eye than the usual one."""
+    """Set another view for a narrow window."""
     if client.camera.aspect < 1:
         client.camera.position, client.camera.look_at = seen_from(middle, size, client.camera.aspect)
 
@@ -224,4 +224,4 @@ def _moved(handle: Any, p: Mesh | Lines) -> Any:
 
 
 def _no_tunnel(verbose: bool = True) -> None:
-    """The page stays on this machine."""
+    """Refuse to open a public tunnel."""

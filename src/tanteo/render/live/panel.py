@@ -1,4 +1,4 @@
-"""What is said beside the picture: the belief as bars, counts, what happened, what the colours mean. HTML, escaped."""
+"""Text beside the picture as escaped HTML: probabilities as bars, counts, steps, and legend."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from tanteo.render.live import colors
 from tanteo.render.live.drawing import OPEN
 from tanteo.render.live.primitives import Colour
 from tanteo.render.live.snapshot import RIVAL_LAYERS, Result, Snapshot, by_hand
-from tanteo.words import percent
+from tanteo.words import headline_of, percent
+from tanteo.words.findings import Finding, Leader, NoPartLeft, NothingSensedYet, PlacesSensed, PlannerResult, StepResult
 
 _BARS = 5
-"""Parts that have a bar of their own."""
+"""Number of parts with a bar of their own."""
 
 _LINES = 8
-"""Last lines of what happened."""
+"""Number of listed steps, the last ones."""
 
 GRID = 0.05
-"""Side of a square of the grid [m]."""
+"""Side length of a grid square [m]."""
 
-GRID_WORDS = f"A square of the grid is {1e3 * GRID:.0f} mm; of beams that met nothing {1e3 * OPEN:.0f} mm are drawn."
+GRID_WORDS = f"A grid square is {1e3 * GRID:.0f} mm. Beams that met nothing are drawn {1e3 * OPEN:.0f} mm long."
 
 STYLE = element(
     "style", Html(resources.files("tanteo.render.live").joinpath("page.css").read_text(encoding="utf-8"))
 ).text
-"""Of what is said here; and viser's own words, which are small and pale, so that they can be read."""
+"""Style of these texts, and of viser's own ones, with more contrast."""
 
 
 def _framed(*children: Html | str) -> str:
@@ -38,23 +39,23 @@ def _framed(*children: Html | str) -> str:
 
 
 def headline(now: Snapshot) -> str:
-    """What is believed now, in a sentence."""
-    b, n = now.state, len(now.names)
-    if not now.steps:
-        drawn = f"{now.names[now.order[0]]} is drawn"
-        return f"Nothing was sensed yet: {n} parts may be here, {drawn}." if n > 1 else "Nothing was sensed yet."
-    if not len(b.weights):
-        return "No part explains the readings."
+    """Return the current belief in one sentence."""
+    found = leader(now)
+    return headline_of((found,)) or found.message
+
+
+def leader(now: Snapshot) -> Finding:
+    """Return the most probable part as a finding."""
     best = int(now.order[0])
-    words = f"{now.names[best]}: {percent(float(b.of_parts()[best]))}"
-    if not now.decided:
-        return f"Not decided; the likeliest is {words}"
-    sd = now.steps[-1].corner_sd
-    return words if np.isnan(sd) else f"{words}, largest corner sd {1e3 * sd:.3g} mm"
+    if not now.steps:
+        return NothingSensedYet(len(now.names), now.names[best])
+    if not len(now.state.weights):
+        return NoPartLeft()
+    return Leader(now.names[best], float(now.state.of_parts()[best]), now.decided, float(now.steps[-1].corner_sd))
 
 
 def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> str:
-    """The sentence, how many places were sensed, how far a rival was by then, and what it is waiting for."""
+    """Return the status panel: belief, number of places, the planner's state, and what the page waits for."""
     rows = [element("div", headline(now), class_="say"), element("div", counted(now))]
     rows += [element("div", rival)] if rival else []
     rows += [element("div", text, class_="soft") for text in (note, help_) if text]
@@ -62,36 +63,34 @@ def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> s
 
 
 def verdict(now: Snapshot, words: Sequence[str], table: str = "") -> str:
-    """How it ended: the first sentence large; then a table, if there is one."""
+    """Return the panel at the end: the first sentence large, further sentences, and a table."""
     rows = [element("div", text, class_="say" if k == 0 else None) for k, text in enumerate([*words, counted(now)])]
     return _framed(*rows, Html(table))
 
 
 def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
-    """How sure the planner was after so many places; not of what, which would tell the answer."""
+    """Return how certain the planner is, without its answer."""
     if not steps:
-        return "The planner has sensed nothing yet."
+        return PlannerResult(0).message
     last = steps[-1]
-    sure = percent(float(last.probabilities.max(initial=0.0)))
-    sure = f"{sure} sure, largest corner sd {1e3 * last.corner_sd:.3g} mm"
-    if through and len(steps) < places:
-        return f"The planner was through after {len(steps)}: {sure}."
-    return f"The planner after {len(steps)}: {sure}."
+    probability = float(last.probabilities.max(initial=0.0))
+    finished = through and len(steps) < places
+    return PlannerResult(len(steps), probability, float(last.corner_sd), finished).message
 
 
 def compared(mine: Result, planned: Result, places: tuple[int, int], *, truth: bool) -> str:
-    """The person's run beside what the planner does alone on the same scene, with the same errors.
+    """Return a table that compares the user's run with the planner's on the same scene with the same errors.
 
     Args:
-        mine: how the person's run came out.
-        planned: the planner's.
-        places: of the person's run, those that the policy chose and those that the person did.
-        truth: whether the truth is known.
+        mine: result of the user's run.
+        planned: result of the planner.
+        places: numbers of places in the user's run that the policy and the user chose.
+        truth: whether the real pose is known.
     """
     name = "you" if not places[0] else f"you {places[1]}, policy {places[0]}"
     rows: list[tuple[str, str, str]] = [
         ("places", f"{mine.places}", f"{planned.places}"),
-        *((words, _said(read(mine)), _said(read(planned))) for words, read in _COMPARED),
+        *((words, _shown(read(mine)), _shown(read(planned))) for words, read in _COMPARED),
     ]
     if not truth:
         rows.pop()
@@ -104,26 +103,23 @@ _COMPARED: tuple[tuple[str, Callable[[Result], str | float]], ...] = (
     ("answer", lambda r: r.part or "none"),
     ("probability", lambda r: percent(r.probability)),
     ("corner sd", lambda r: r.corner_sd),
-    ("off the truth", lambda r: r.off),
+    ("distance from the real part", lambda r: r.off),
 )
 
 
-def _said(value: str | float) -> str:
+def _shown(value: str | float) -> str:
     if isinstance(value, str):
         return value
     return "unknown" if np.isnan(value) else f"{1e3 * value:.3g} mm"
 
 
 def counted(now: Snapshot) -> str:
-    """Places sensed so far, and by whom."""
-    policy, mine = now.places
-    if not mine or not policy:
-        return f"Places sensed: {policy + mine}" + (", all by you" if mine else "")
-    return f"Places sensed: {policy + mine} ({mine} by you, {policy} by the policy)"
+    """Return the number of places, and who chose them."""
+    return PlacesSensed(*now.places).message
 
 
 def bars(now: Snapshot) -> str:
-    """How probable each part is: the likeliest, all others together, and the unknown object."""
+    """Return bars of the most probable parts, all others together, and the unknown object."""
     p, order = now.state.of_parts(), now.order
     drawn = set(now.state.part[now.drawn_modes()].tolist())
     rows = [
@@ -138,7 +134,7 @@ def bars(now: Snapshot) -> str:
 
 
 def _swatch(rank: int) -> str:
-    """Style of the square that has the colour of what is drawn."""
+    """Return the style of the square with the colour of a drawn part."""
     if rank == 0:
         return f"background:{colors.css(colors.PART)};border-color:{colors.css(colors.EDGE)}"
     return f"background:{colors.css(colors.RIVALS[rank - 1])}"
@@ -151,25 +147,21 @@ def _row(name: str, share: float, swatch: str | None, kind: str = "") -> Html:
 
 
 def steps(lines: Sequence[str]) -> str:
-    """What happened, the last first."""
+    """Return the last steps, newest first."""
     if not lines:
-        return _framed(element("span", "Nothing yet.", class_="soft"))
+        return _framed(element("span", "No step yet.", class_="soft"))
     items = [element("li", line) for line in list(lines)[: -_LINES - 1 : -1]]
     return _framed(element("ul", *items, class_="told"))
 
 
 def step_line(now: Snapshot) -> str:
-    """What the last step told, in a line."""
+    """Return the result of the last step in one line."""
     step = now.steps[-1]
-    who = "you" if by_hand(step.action) else "policy"
-    at = "told" if step.action is None else f"{step.action.face} of {step.action.part}"
-    if step.part < 0:
-        return f"{len(now.steps)}. {who}, {at}: no part explains the readings"
+    target = "" if step.action is None else f"{step.action.face} of {step.action.part}"
     best = int(np.argmax(step.probabilities))
-    return (
-        f"{len(now.steps)}. {who}, {at}: {now.names[best]} {percent(float(step.probabilities[best]))}, "
-        f"largest corner sd {1e3 * step.corner_sd:.3g} mm"
-    )
+    name = now.names[best] if step.part >= 0 else ""
+    probability, sd = float(step.probabilities[best]), float(step.corner_sd)
+    return StepResult(len(now.steps), by_hand(step.action), target, name, probability, sd).message
 
 
 MARKS: dict[str, tuple[str, Colour]] = {
@@ -184,22 +176,22 @@ MARKS: dict[str, tuple[str, Colour]] = {
     "hand": ("box", colors.SOFT),
     "planner": ("dot square", colors.PLANNER),
 }
-"""Sign and colour of each layer in the legend."""
+"""Mark and colour of each layer in the legend."""
 
 ALWAYS: tuple[tuple[str, Colour, str], ...] = (
-    ("box", colors.PART, "The likeliest part"),
-    ("box", colors.TABLE, "The table"),
-    ("box", colors.FURNITURE, "What else is known to stand there"),
-    ("line thick", colors.INK, "In the end: what truly lies there"),
+    ("box", colors.PART, "Most probable part"),
+    ("box", colors.TABLE, "Table"),
+    ("box", colors.FURNITURE, "Known furniture"),
+    ("line thick", colors.INK, "Real part, shown at the end"),
 )
-"""What is not hidden: sign, colour and words."""
+"""Entries of the legend that are always visible: mark, colour and text."""
 
 
 def legend(*, scene: bool) -> str:
-    """What cannot be hidden, and the scale; the boxes below have a sign of their own each.
+    """Return the fixed entries of the legend and the scale.
 
     Args:
-        scene: whether there is one; a record knows of no table and of no truth.
+        scene: whether there is a scene; a record has no table and no real part.
     """
     shown = ALWAYS if scene else ALWAYS[:1]
     rows = [element("li", _sign(kind, colour), element("span", words)) for kind, colour, words in shown]
@@ -207,7 +199,7 @@ def legend(*, scene: bool) -> str:
 
 
 def sign(layer: str) -> str:
-    """The sign of a layer, to stand in the row of the box that shows and hides it."""
+    """Return the mark of a layer for the row of its box."""
     return element("span", _sign(*MARKS[layer]), class_="tanteo-sign").text
 
 

@@ -1,7 +1,7 @@
-"""Plays a session on a page: waits between places, takes what the person wants, compares at the end.
+"""Run a session on a page: wait between readings, take commands of the user, and compare at the end.
 
-Everything happens in the thread that calls :meth:`Player.run`; a page only puts commands into :attr:`Player.commands`.
-What is sensed depends on seed, policy, clicks and their order alone, never on the clock.
+All work is in the thread that calls :meth:`Player.run`; a page only puts commands into :attr:`Player.commands`. The
+readings depend on seed, policy, clicks and their order only, not on the time.
 """
 
 from __future__ import annotations
@@ -36,37 +36,39 @@ from tanteo.render.live.contest import Rival
 from tanteo.render.live.primitives import Primitive
 from tanteo.render.live.shows import Show
 from tanteo.render.live.snapshot import Snapshot, by_hand, ending_words, result
+from tanteo.words.findings import EndedByUser
 
 _FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
-"""Seconds between two pictures of a moving hand; between two places without a hand in real time; of one wait."""
+"""Time between pictures of a moving hand, between readings without a hand in real time, and of one wait [s]."""
 
-HELP = "Press Go or Step, or click on a part: you sense there yourself."
-YOUR_TURN = "Your turn: click where to sense. The planner plays the same scene, unseen."
+HELP = "Press Go or Step, or click on a part to sense there yourself."
+COMPARING = "The policy '{}' senses the same scene now ..."
+YOUR_TURN = "Your turn: click where to sense. The planner senses the same scene, hidden from you."
 
 
 class Page(Protocol):
-    """What a player draws on."""
+    """Interface of a page."""
 
     def show(self, group: str, primitives: Sequence[Primitive]) -> None:
-        """Draw these in place of those of the same group."""
+        """Replace the primitives of a group."""
         ...
 
     def say(self, place: str, html: str) -> None:
-        """Put words in place of those that were there: ``status``, ``bars``, ``told``."""
+        """Replace the text of a panel: ``status``, ``bars`` or ``told``."""
         ...
 
 
 @dataclass(slots=True, eq=False)
 class Player:
-    """Plays shows until it is told to quit.
+    """Run shows until the user closes it.
 
     Attributes:
-        make: a show from seed and policy; always the same one for the same.
-        page: what it draws on.
-        seed: of the next show.
-        policy: of it.
-        speed: times real time.
-        commands: what the person wants.
+        make: function that creates a show from seed and policy, reproducibly.
+        page: page to draw on.
+        seed: seed of the next show.
+        policy: name of its policy.
+        speed: multiple of real time.
+        commands: queue of commands of the user.
     """
 
     make: Callable[[int, str], Show]
@@ -89,14 +91,14 @@ class Player:
         self._rival = Rival(self.make)
 
     def run(self) -> None:
-        """Play; comes back when it is told to quit."""
+        """Run until the command :class:`Quit`."""
         how: Command = Restart()
         while not isinstance(how, Quit):
             how = self._once(contest=isinstance(how, Contest))
         self._rival.leave()
 
     def _once(self, *, contest: bool) -> Command:
-        """Play one show, and wait at its end; what was wanted then."""
+        """Run one show, wait at its end, and return the command that left it."""
         self._contest = contest
         try:
             self._over(self._played_on())
@@ -104,14 +106,14 @@ class Player:
             return left.how
 
     def _played_on(self) -> Done:
-        """Play one show to its end, or until the person has had enough."""
+        """Run one show to its end, or until the user demands the answer."""
         try:
             self._begin()
             self._gate()
             return self._show.run(self)
         except Left as left:
             if isinstance(left.how, AnswerNow):
-                return Done(False, "It was ended here.")
+                return Done(False, (EndedByUser(),))
             raise
 
     def _begin(self) -> None:
@@ -128,7 +130,7 @@ class Player:
         self._hand()
 
     def place(self, note: str) -> None:
-        """A place was sensed: say what it told, and wait for what comes next (see :class:`Watch`)."""
+        """Show the result of a reading, and wait for the next command (see :class:`Watch`)."""
         self._hand()
         session = self._show.session
         told = Snapshot.of(session)
@@ -137,13 +139,13 @@ class Player:
             self._lines.append(f"{line} ({note})" if note else line)
             self._note = note
         else:
-            self._note = f"Not sensed there: {note}."
+            self._note = f"No reading there. {note}"
         if self._mode == "step":
             self._mode = "paused"
         self._gate()
 
     def moved(self, sensed: HandReading) -> None:
-        """Draw the hand now and then, as fast as is wanted."""
+        """Draw the moving hand at the chosen speed."""
         self._last = sensed
         gone = sensed.time - self._drawn
         if gone < _FRAME * self.speed and self.commands.empty():
@@ -152,19 +154,19 @@ class Player:
         self._wait(gone / self.speed, resting=False)
 
     def _gate(self) -> None:
-        """Choose and show what comes next, and wait until it may happen."""
+        """Choose and show the next reading, and wait until it may start."""
         self._rival.rest()
         asked = self._show.session.ask()
         self._draw()
         if isinstance(asked, Done):
             return
-        self._rival.turn()  # while the person looks
+        self._rival.turn()  # meanwhile, the user searches
         self._wait(_LOOK / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
         if self._show.hand is None:
-            self._say("Sensing there ...")  # what it tells may take a second
+            self._say("Sensing ...")  # the update may take a second
 
     def _wait(self, seconds: float, *, resting: bool) -> None:
-        """Take commands for so long, and for as long as it is paused."""
+        """Take commands for a time, and while the session is paused."""
         end = time.monotonic() + seconds
         while True:
             command = self._next(end)
@@ -174,7 +176,7 @@ class Player:
                 return
 
     def _next(self, end: float) -> Command | None:
-        """The next command, if one comes before a time, or soon; short waits leave room for an interrupt."""
+        """Return the next command, or None after a time; short waits allow interrupts."""
         left = end - time.monotonic()
         try:
             if self._mode == "paused":
@@ -191,7 +193,7 @@ class Player:
         elif isinstance(command, Click):
             self._clicked(command, resting=resting)
         elif self._contest and not isinstance(command, Pause) and not by_hand(self._show.session.asked):
-            self._say("In a contest the places are yours: click on the part.")
+            self._say("In a contest you choose all places: click on the part.")
         else:
             self._mode = {Go: "going", Pause: "paused", Advance: "step"}[type(command)]
             self._say(self._note)
@@ -202,7 +204,7 @@ class Player:
         if chosen.policy is None or chosen.policy == self.policy:
             return
         self.policy = chosen.policy
-        if self._contest:  # holds from the next one: this one's planner has begun
+        if self._contest:  # used from the next contest: this planner has started
             return
         self._show.session.policy = policy_named(self.policy)
         if resting:
@@ -219,7 +221,7 @@ class Player:
         seen = np.array([k for k in now.drawn_modes().tolist() if now.layer(k) not in click.hidden], dtype=np.int64)
         found = picked(session, seen, click.eye, click.ray, session.asked.number)
         if not isinstance(found, Action):
-            self._say(found)
+            self._say(found.message)
             return
         session.put(found)
         if self._mode == "paused":
@@ -227,14 +229,14 @@ class Player:
         self._draw()
 
     def _over(self, done: Done) -> NoReturn:
-        """Show how it ended, what is truly there, and who needed how many places."""
+        """Show the end, the real part, and the comparison with the planner."""
         session, truth = self._show.session, self._show.truth
         self._mode = "paused"
         self._rival.rest()
         self.page.show("truth", drawing.truth_primitives(truth))
         words, table = [*ending_words(session, done, truth)], ""
         if Snapshot.of(session).places[1] or self._contest:
-            self._end([*words, f"Playing what '{self.policy}' does alone ..."])
+            self._end([*words, COMPARING.format(self.policy)])
             table = self._compared()
         self._end(words, table)
         while True:
@@ -248,10 +250,10 @@ class Player:
                 self.seed = self.seed if command.seed is None else command.seed
                 self.policy, self.speed = command.policy or self.policy, command.speed or self.speed
             else:
-                self._end([*words, "It is over: press Restart to begin again."], table)
+                self._end([*words, "The session has ended. Press Restart to begin again."], table)
 
     def _compared(self) -> str:
-        """The person's run beside what the policy comes to alone on the same scene, as a table."""
+        """Return the table that compares the user's run with the policy on the same scene."""
         session, truth = self._show.session, self._show.truth
         seed, policy = self._played if self._contest else (self._played[0], self.policy)
         if self._contest:
@@ -260,7 +262,7 @@ class Player:
         return panel.compared(result(session, truth), planned, Snapshot.of(session).places, truth=bool(truth))
 
     def _patient(self) -> None:
-        """The person may leave instead of waiting; other wishes are dropped."""
+        """Let the user leave during a wait; other commands are dropped."""
         while not self.commands.empty():
             command = self.commands.get()
             if not isinstance(command, AnswerNow):

@@ -1,6 +1,6 @@
-"""What a picture is made of: meshes, lines, dots, arrows and labels; ellipsoids and the hand. World frame, metres.
+"""Primitives of a picture: meshes, lines, dots, arrows and labels, world frame [m].
 
-Each has a name, unique in a picture, and a layer by which it can be hidden; without one it is always shown.
+Each has a unique name, and a layer by which the user can hide it; without a layer it is always visible.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """A surface: vertices ``(V, 3)`` in its own frame, ``T`` in the world, and triangles ``(T, 3)``; opacity 0 to 1."""
+    """Surface with vertices ``(V, 3)`` in its own frame, pose ``T`` in the world, and triangles ``(T, 3)``."""
 
     name: str
     vertices: FloatArray
@@ -33,7 +33,7 @@ class Mesh:
     layer: str = ""
 
     def same_shape(self, other: Primitive) -> bool:
-        """Whether the other is the same but for where it stands and how clear it is."""
+        """Return whether another mesh differs only in pose and opacity."""
         return (
             isinstance(other, Mesh)
             and self.vertices is other.vertices
@@ -44,7 +44,7 @@ class Mesh:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lines:
-    """Straight lines ``(n, 2, 3)`` in their own frame, ``T`` in the world, so many pixels wide."""
+    """Straight lines ``(n, 2, 3)`` in their own frame, with pose ``T`` in the world and width [px]."""
 
     name: str
     segments: FloatArray
@@ -54,13 +54,13 @@ class Lines:
     layer: str = ""
 
     def same_shape(self, other: Primitive) -> bool:
-        """Whether the other is the same but for where it stands."""
+        """Return whether other lines differ only in their pose."""
         return isinstance(other, Lines) and self.segments is other.segments and self.colour == other.colour
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dots:
-    """Points ``(n, 3)``, all of one size [m] and shape, ``circle``, ``diamond`` or ``square``."""
+    """Points ``(n, 3)`` with one size [m] and one shape: ``circle``, ``diamond`` or ``square``."""
 
     name: str
     points: Vectors
@@ -72,7 +72,7 @@ class Dots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrow:
-    """An arrow with a shaft of some radius [m]."""
+    """Arrow with the radius of its shaft [m]."""
 
     name: str
     start: Vectors
@@ -84,7 +84,7 @@ class Arrow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Label:
-    """Words at a place ``(3,)``."""
+    """Text at a place ``(3,)``."""
 
     name: str
     text: str
@@ -96,10 +96,10 @@ Primitive = Mesh | Lines | Dots | Arrow | Label
 
 
 _SHARP = np.cos(np.radians(25.0))
-"""Triangles that meet at a larger angle make an edge."""
+"""Cosine of the least angle between triangles at an edge."""
 
 _DASHES = 24
-"""Most dashes of a line."""
+"""Largest number of dashes of a line."""
 
 
 def _faces(mesh: Any) -> tuple[FloatArray, IntArray]:
@@ -107,12 +107,12 @@ def _faces(mesh: Any) -> tuple[FloatArray, IntArray]:
 
 
 def ball(subdivisions: int = 2) -> tuple[FloatArray, IntArray]:
-    """A sphere of radius 1: vertices ``(V, 3)`` and triangles ``(T, 3)``."""
+    """Return a unit sphere: vertices ``(V, 3)`` and triangles ``(T, 3)``."""
     return _faces(icosphere(subdivisions))
 
 
 def ellipsoids(points: Vectors, covariances: Covariances, sds: float) -> tuple[FloatArray, IntArray]:
-    """Surfaces at so many standard deviations about points, as one mesh."""
+    """Return the ellipsoids of points at a number of standard deviations as one mesh."""
     vertices, triangles = ball(1)
     variances, axes = np.linalg.eigh(covariances)
     stretched = axes * (sds * np.sqrt(np.maximum(variances, 1e-12)))[:, None, :]
@@ -123,7 +123,7 @@ def ellipsoids(points: Vectors, covariances: Covariances, sds: float) -> tuple[F
 
 
 def hand_mesh(body: Body) -> tuple[FloatArray, IntArray]:
-    """The hand as smooth solids: spheres that stand in one line along its z are one of them."""
+    """Return the hand as smooth solids; spheres in a line along z form one solid."""
     columns: dict[tuple[float, ...], list[int]] = {}
     for k, (centre, blind) in enumerate(zip(body.centres, body.blind, strict=True)):
         columns.setdefault((*np.round(centre[:2], 6).tolist(), float(blind)), []).append(k)
@@ -137,7 +137,7 @@ def hand_mesh(body: Body) -> tuple[FloatArray, IntArray]:
 
 
 def joined(meshes: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
-    """Meshes as one."""
+    """Return meshes joined to one."""
     if not meshes:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     starts = np.cumsum([0, *(len(v) for v, _ in meshes)])
@@ -146,14 +146,14 @@ def joined(meshes: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntAr
 
 
 def outline(vertices: FloatArray, triangles: IntArray) -> FloatArray:
-    """Edges of a mesh at which its surface turns sharply, or ends ``(n, 2, 3)``."""
+    """Return the sharp edges and borders of a mesh ``(n, 2, 3)``."""
     edges, normals = mesh_edges(triangles), Surface(vertices, triangles).normals
     sharp = np.sum(normals[edges.left] * normals[edges.right], axis=1) < _SHARP
     return np.asarray(vertices[edges.ends[sharp | edges.rims]])
 
 
 def dashed(starts: Vectors, ends: Vectors, dash: float) -> FloatArray:
-    """Lines in dashes ``(n, 2, 3)`` with equal gaps; longer ones where a line would have very many."""
+    """Return dashed lines ``(n, 2, 3)`` with equal gaps; long lines have longer dashes."""
     out = [np.zeros((0, 2, 3))]
     for a, b in zip(starts, ends, strict=True):
         count = int(np.clip(np.linalg.norm(b - a) / (2 * dash), 1, _DASHES))

@@ -1,4 +1,4 @@
-"""The session of a scene file, to be shown: with its hand, or with a laser that is simply where it is wanted."""
+"""Show of a scene file: with its hand, or with a laser that needs no motion."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from tanteo.render.live.shows import Show, hand_show, laser, probe_show, simulat
 
 
 def scene_show(scene: SceneFile, start: Start, stop: Stop, policy: str = "information", *, bare: bool = False) -> Show:
-    """The session of a scene, ready to begin.
+    """Return the show of a scene.
 
     Args:
-        scene: The scene; its seed is that of the session and of all errors.
-        start: Where the parts may be.
-        stop: When to end.
-        policy: Name of the policy.
-        bare: No hand, but a laser that is simply where it is wanted.
+        scene: the scene; its seed determines the session and all errors.
+        start: prior poses of the parts.
+        stop: goal of the session.
+        policy: name of the policy.
+        bare: whether a laser without motion replaces the hand.
     """
     truth = tuple(s for s in scene.scene.solids if s not in scene.furniture)
     if bare:

@@ -1,4 +1,4 @@
-"""What the page can show: a session, and how it is carried out, by a probe or a hand, seen or unseen."""
+"""Sessions for the live page, carried out by an ideal probe or by a hand."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from tanteo.sensors import NoiseLaw, Readings, RobotPreset
 
 
 class Watch(Protocol):
-    """Who is told how it goes, and may wait, or end it by an exception of their own."""
+    """Observer of a run, which may wait, or end the run by an exception."""
 
     def place(self, note: str) -> None:
-        """A place was sensed, or could not be; ``note`` is what a person should know, empty for nothing."""
+        """Handle the end of an action; ``note`` has remarks for the user."""
         ...
 
     def moved(self, sensed: HandReading) -> None:
-        """The hand moved."""
+        """Handle a motion of the hand."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Show:
-    """A session that can begin.
+    """Session that is ready to run.
 
     Attributes:
-        session: what is known and asked.
-        run: carries it out to its end.
-        truth: what truly lies there, in the world; shown at the end.
-        furniture: what is known to stand there.
-        hand: the hand and where it is at first; None for a probe without a hand.
+        session: the session.
+        run: function that carries it out.
+        truth: real parts, world frame, which are shown at the end.
+        furniture: known furniture.
+        hand: the hand and its first reading; None for a probe without a hand.
     """
 
     session: Session
@@ -49,13 +49,13 @@ class Show:
 def probe_show(
     session: Session, read: Callable[[Action], Readings], truth: tuple[Solid, ...], furniture: tuple[Solid, ...] = ()
 ) -> Show:
-    """A probe that is simply where it is wanted.
+    """Return a show with a probe that needs no motion.
 
     Args:
-        session: what is known and asked.
-        read: makes a reading.
-        truth: what lies there.
-        furniture: what is known to stand there, to be drawn.
+        session: the session.
+        read: function that makes a reading.
+        truth: real parts.
+        furniture: known furniture to draw.
     """
 
     def run(watch: Watch) -> Done:
@@ -76,20 +76,20 @@ def hand_show(
     known: Furniture | None = None,
     errors: RobotPreset | None = None,
 ) -> Show:
-    """A hand that goes there without touching anything: :func:`tanteo.planning.sense_part`.
+    """Return a show with a hand, see :func:`tanteo.planning.sense_part`.
 
     Args:
-        session: what is known and asked.
-        robot: the hand.
-        rules: what its motions keep to.
-        truth: what lies there.
-        furniture: what is known to stand there, to be drawn.
-        known: the same, for the readings.
-        errors: of the robot's poses.
+        session: the session.
+        robot: robot that carries the hand.
+        rules: limits of its motions.
+        truth: real parts.
+        furniture: known furniture to draw.
+        known: known furniture for the evaluation of readings.
+        errors: error model of the robot's poses.
     """
 
     def run(watch: Watch) -> Done:
-        seen = cast("Robot", _Seen(robot, watch.moved))
+        seen = cast("Robot", _Observed(robot, watch.moved))
         done = sense_part(
             session, seen, rules, furniture=known, errors=errors, watch=lambda visit: watch.place(visit.note)
         )
@@ -98,8 +98,8 @@ def hand_show(
     return Show(session, run, truth, furniture, (robot.hand, robot.sensed))
 
 
-class _Seen:
-    """A robot that somebody looks at."""
+class _Observed:
+    """Robot that reports its motions to an observer."""
 
     def __init__(self, robot: Robot, see: Callable[[HandReading], None]) -> None:
         self._robot, self._see = robot, see
@@ -114,15 +114,15 @@ class _Seen:
 
 
 NOISE = 3e-4
-"""Of a reading [m]."""
+"""Standard deviation of a reading [m]."""
 
 _STANDOFF, _REACH, _CONE = 0.10, 0.30, float(np.radians(80.0))
 _SHORT = 5e-3
-"""A beam that ends on furniture was free up to so much before it [m]."""
+"""Length before furniture that does not count as free [m]."""
 
 
 def laser(workspace: Workspace) -> tuple[Probe, Sensing]:
-    """A thin beam of 0.3 mm from 100 mm, from above, and how its readings become measurements."""
+    """Return probe and noise model of a laser from above: standard deviation 0.3 mm, stand-off 100 mm."""
     probe = Probe(
         "laser", NoiseLaw.of(NOISE), max_range=_REACH, standoff=_STANDOFF, clearance=0.01,
         approach=np.array([0.0, 0.0, -1.0]), cone=_CONE, workspace=workspace,
@@ -131,14 +131,14 @@ def laser(workspace: Workspace) -> tuple[Probe, Sensing]:
 
 
 def simulated(truth: Surface, furniture: Surface | None, seed: int) -> Callable[[Action], Readings]:
-    """What the laser reads: of the part, or nothing as far as what is known to stand there.
+    """Return a function that simulates readings of the laser on the part, or free-space rays up to furniture.
 
-    The k-th reading has the k-th draw of the noise, whoever chose it.
+    The k-th reading has the k-th sample of the noise, independent of who chose it.
 
     Args:
-        truth: what lies there, in the world.
-        furniture: what is known to stand there.
-        seed: of the noise.
+        truth: surface of the real parts, world frame.
+        furniture: surface of known furniture; None without any.
+        seed: seed of the noise.
     """
     rng = np.random.default_rng((1991, seed))
 

@@ -1,4 +1,4 @@
-"""A session at one moment, frozen, so that it can be drawn at any time after; and how it ended, in words."""
+"""A session at one moment as a frozen value, and the result of a run."""
 
 from __future__ import annotations
 
@@ -13,41 +13,39 @@ from tanteo.hand import Solid
 from tanteo.parts import Surface
 from tanteo.planning import Action, Done, SensingState, Session, Step
 from tanteo.render.html.shapes import Shapes, shapes_of
-from tanteo.render.html.words import headline, length
+from tanteo.render.html.words import headline
+from tanteo.words.findings import ChosenByUser, TruthWithin
 
 RIVAL_LAYERS = ("rival 1", "rival 2", "rival 3")
-"""Layers of what else it may be, the likeliest first."""
+"""Layers of alternative parts, the most probable first."""
 
 _MODES, _PARTS = 6, 1 + len(RIVAL_LAYERS)
-"""Most modes that are drawn, and most parts of which they are."""
+"""Largest numbers of drawn modes, and of parts with a drawn mode."""
 
 _SHOWN = 0.01
-"""Least probability of a mode that is drawn, the likeliest apart."""
+"""Least probability of a drawn mode; the most probable one is always drawn."""
 
 _DECIDED = 0.5
-"""Probability of a part that is likelier than all else."""
+"""Probability above which a part is more probable than all others."""
 
 _FITS = 4.0
-"""A reading farther from the surface than so many standard deviations does not fit."""
-
-BY_HAND = "it was chosen by hand"
-"""Why a reading is made that a person chose."""
+"""Distance from the surface above which a reading does not fit [standard deviations]."""
 
 
 def by_hand(action: Action | None) -> bool:
-    """Whether a person chose it."""
-    return action is not None and action.why == BY_HAND
+    """Return whether the user chose an action."""
+    return action is not None and isinstance(action.reason, ChosenByUser)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """What is known, and what comes next.
+    """Session at one moment.
 
     Attributes:
-        state: what is known.
-        steps: what each telling told.
-        action: the next reading; None if there is none.
-        shapes: the features that labelled readings make; None without any.
+        state: posterior.
+        steps: results of all steps.
+        action: next reading; None if there is none.
+        shapes: features of labelled readings; None without any.
     """
 
     state: SensingState
@@ -57,7 +55,7 @@ class Snapshot:
 
     @classmethod
     def of(cls, session: Session) -> Snapshot:
-        """A session as it is now."""
+        """Return the present moment of a session."""
         now = cls(session.state, session.steps, session.asked)
         return replace(now, shapes=sensed_shapes(session, now.size))
 
@@ -73,22 +71,22 @@ class Snapshot:
 
     @property
     def order(self) -> IntArray:
-        """The parts, the likeliest first ``(P,)``."""
+        """Indices of the parts, the most probable first ``(P,)``."""
         return np.argsort(-self.state.of_parts(), kind="stable")
 
     @property
     def decided(self) -> bool:
-        """Whether one part is likelier than all else."""
+        """Whether one part is more probable than all others together."""
         return bool(self.state.of_parts().max(initial=0.0) > _DECIDED)
 
     @property
     def places(self) -> tuple[int, int]:
-        """Places sensed so far: those that the policy chose, and those that the person did."""
+        """Number of places that the policy chose, and that the user chose."""
         own = sum(by_hand(step.action) for step in self.steps)
         return len(self.steps) - own, own
 
     def drawn_modes(self) -> IntArray:
-        """Modes that are drawn, the likeliest first: some of each of the likeliest parts."""
+        """Return the modes to draw, most probable first, of the most probable parts."""
         b = self.state
         if not len(b.weights):
             return np.zeros(0, dtype=np.int64)
@@ -97,7 +95,7 @@ class Snapshot:
         return np.asarray(shown[:_MODES] if len(shown) else order[:1])
 
     def layer(self, mode: int) -> str:
-        """Layer of a mode: none for the one that is always drawn, the likeliest pose of the likeliest part."""
+        """Return the layer of a mode; empty for the best pose of the most probable part, which is always visible."""
         rank = self.rank(int(self.state.part[mode]))
         if rank:
             return RIVAL_LAYERS[rank - 1]
@@ -105,11 +103,11 @@ class Snapshot:
         return "" if mode == int(np.argmax(own)) else "overlays"
 
     def rank(self, part: int) -> int:
-        """Place of a part in the order of probability, 0 for the likeliest."""
+        """Return the rank of a part by probability, 0 for the most probable."""
         return int(np.flatnonzero(self.order == part)[0])
 
     def wrong(self) -> BoolArray:
-        """Which of the readings that met something do not fit the likeliest mode ``(n,)``."""
+        """Return flags of the contact points that do not fit the most probable mode ``(n,)``."""
         b = self.state
         if b.touches is None or not len(b.touches):
             return np.zeros(0, dtype=bool)
@@ -118,7 +116,7 @@ class Snapshot:
         return np.asarray(np.abs(self._distances()) > _FITS)
 
     def _distances(self) -> FloatArray:
-        """Of the readings from the surface of the likeliest mode, in their standard deviations ``(n,)``."""
+        """Return distances of the readings from the most probable mode in standard deviations ``(n,)``."""
         b = self.state
         assert b.touches is not None
         k, touches = int(np.argmax(b.weights)), b.touches
@@ -131,15 +129,15 @@ class Snapshot:
 
 
 def ending_words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterator[str]:
-    """The answer and why it ended; how far the truth is from it."""
+    """Yield the answer, the reason for the end, and the distance from the real part."""
     yield headline(session.answer())
-    yield done.why
+    yield done.message
     if len(session.state.weights) and truth:
-        yield f"No place of the true surface is farther from it than {length(apart(session, truth))}."
+        yield TruthWithin(apart(session, truth)).message
 
 
 def apart(session: Session, truth: Sequence[Solid]) -> float:
-    """Largest distance of corners of the truth from the surface of the likeliest mode, and the reverse [m]."""
+    """Return the largest distance between the real surface and the most probable mode, at their corners [m]."""
     b = session.state
     k = int(np.argmax(b.weights))
     target, T = b.target(k), b.poses[k]
@@ -153,14 +151,14 @@ def apart(session: Session, truth: Sequence[Solid]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How a run came out.
+    """Result of a run.
 
     Attributes:
-        places: that were sensed.
-        part: the likeliest; empty if none explains the readings.
-        probability: of it.
+        places: number of sensed places.
+        part: name of the most probable part; empty if none explains the readings.
+        probability: its posterior.
         corner_sd: largest corner sd [m].
-        off: how far the truth is from it [m].
+        off: distance from the real part [m].
     """
 
     places: int
@@ -171,7 +169,7 @@ class Result:
 
 
 def result(session: Session, truth: Sequence[Solid]) -> Result:
-    """What a session came to, and how far that is from the truth."""
+    """Return the result of a session and its distance from the real part."""
     now, b = Snapshot.of(session), session.state
     if not len(b.weights):
         return Result(len(now.steps), "", 0.0, np.nan, np.nan)
@@ -183,7 +181,7 @@ def result(session: Session, truth: Sequence[Solid]) -> Result:
 
 
 def sensed_shapes(session: Session, size: float) -> Shapes | None:
-    """The features that the labelled readings of a session make, beside something of a size [m]; None without any."""
+    """Return the features of a session's labelled readings for a view of a size [m]; None without labels."""
     readings = session.readings
     if readings is None or not any(readings.features):
         return None

@@ -1,4 +1,4 @@
-"""The live page of a session or of a record, step by step: puts player and page together."""
+"""Live pages of sessions, records and external runs."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 
 
 def moments(session: Session) -> list[Snapshot]:
-    """What was known before the first reading and after every telling; each with the question that came next.
+    """Return the moments of a session before the first reading and after every step, each with its next action.
 
     Args:
-        session: as it was read from its record; it is told again, and stays as it is.
+        session: session from a record, which stays unchanged.
     """
     again = Session(session.start, session.probe, session.sensing, session.policy, session.stop, session.seed)
     again.significance = session.significance
-    told = session.observations
-    following = [*(one.action for one in told), session.asked]
+    observations = session.observations
+    following = [*(one.action for one in observations), session.asked]
     now = [Snapshot.of(again)]
-    for one in told:
+    for one in observations:
         again.resume([one])
         now.append(Snapshot.of(again))
     pairs = zip(now, following, strict=True)
@@ -44,12 +44,12 @@ def moments(session: Session) -> list[Snapshot]:
 
 
 def show_moment(page: Page, all_moments: Sequence[Snapshot], k: int) -> None:
-    """Draw one of them."""
+    """Draw one moment of a session."""
     now = all_moments[k]
     page.show("state", drawing.state_primitives(now))
     page.show("readings", drawing.reading_primitives(now))
     page.show("next", drawing.next_primitives(now))
-    page.say("status", panel.status(now, f"After step {k} of {len(all_moments) - 1} of the record."))
+    page.say("status", panel.status(now, f"Step {k} of {len(all_moments) - 1} of the record."))
     page.say("bars", panel.bars(now))
     page.say("told", panel.steps([panel.step_line(m) for m in all_moments[1 : k + 1]]))
 
@@ -60,14 +60,14 @@ NEEDS_VISER = "the live page: expected viser, got none installed. Install it: pi
 def play(
     make: Callable[[int, str], Show], seed: int, policy: str, *, port: int = 8080, ready: Callable[[str], None]
 ) -> None:
-    """Open the page and play on it until the process is interrupted.
+    """Open a page and run shows on it until the process is interrupted.
 
     Args:
-        make: a show from seed and policy; always the same one for the same.
-        seed: of the first show.
-        policy: of it.
-        port: of the page on this machine; the next free one is taken.
-        ready: told where the page is.
+        make: function that creates a show from seed and policy, reproducibly.
+        seed: seed of the first show.
+        policy: name of its policy.
+        port: port on this machine, or the next free one.
+        ready: callback with the address of the page.
 
     Raises:
         MissingExtraError: viser is not installed.
@@ -85,12 +85,12 @@ def play(
 
 
 def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) -> None:
-    """Open the page of a record, with a slider, until the process is interrupted.
+    """Open a page of a record with a slider until the process is interrupted.
 
     Args:
-        session: as it was read from its record.
-        port: of the page on this machine; the next free one is taken.
-        ready: told where the page is.
+        session: session from a record.
+        port: port on this machine, or the next free one.
+        ready: callback with the address of the page.
 
     Raises:
         MissingExtraError: viser is not installed.
@@ -113,15 +113,15 @@ def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) 
 
 @contextmanager
 def follow(session: Session, *, port: int = 8080, ready: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
-    """A page of a session that something else carries out: it shows, and nothing on it moves anything.
+    """Open a page of a session that runs elsewhere; the page cannot control it.
 
-    Gives a function that draws the session as it is then, with a note, and chooses what is asked next; the page is
-    there until the block ends.
+    The context yields a function that draws the present session with a note and requests its next action. The page
+    closes at the end of the context.
 
     Args:
-        session: what is known and asked.
-        port: of the page on this machine; the next free one is taken.
-        ready: told where the page is.
+        session: the session.
+        port: port on this machine, or the next free one.
+        ready: callback with the address of the page.
 
     Raises:
         MissingExtraError: viser is not installed.
@@ -161,7 +161,7 @@ def _opened(port: int, middle: Vectors, size: float) -> LivePage:
 
 
 def extent(start: Start, hand: tuple[Hand, HandReading] | None = None) -> tuple[Vectors, float]:
-    """Middle and size of where the parts may be, and of the hand above them [m]."""
+    """Return centre and size of the possible parts and the hand above them [m]."""
     parts = [start.targets[k].part for k in start.part]
     middles = np.stack([SE3.apply(T, part.centroid) for part, T in zip(parts, start.Ts, strict=True)])
     middle, size = np.asarray(start.weights @ middles), max(part.diagonal for part in parts)
@@ -175,4 +175,4 @@ def extent(start: Start, hand: tuple[Hand, HandReading] | None = None) -> tuple[
 
 
 _FILLED = 0.8
-"""Size of what a picture shows, by the height of the hand above the parts: the eye is aslant and sees it shorter."""
+"""Size of the view over the height of hand and parts, which the oblique view foreshortens."""

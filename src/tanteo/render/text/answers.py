@@ -1,4 +1,4 @@
-"""A recognition in words: the answer first, then what else it could be, what is in doubt, and what to do next."""
+"""Answers as lines of text: the best hypothesis, the alternatives, doubts, and the message."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def answer_lines(
     verbose: bool = False,
     layout: Layout = PLAIN,
 ) -> list[str]:
-    """The lines for a person.
+    """Return an answer as lines of text.
 
     Args:
-        answer: What was found.
-        known: What was taken as known of the pose.
-        frame: Name of the frame that poses are in.
-        verbose: Also the matrix, the pairings and the time each stage took.
-        layout: Where they are shown.
+        answer: the answer.
+        known: prior of the pose; None without one.
+        frame: name of the frame of poses.
+        verbose: whether to add matrix, pairings and times of the stages.
+        layout: width and style of the output.
     """
     lines = [layout.bold(printable(_headline(answer, frame)))]
     lines += [f"  known       {printable(prior_words(known))}"] if known is not None else []

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tanteo.render.text.layout import PLAIN, Layout, printable
+from tanteo.words import parameter_words
 
 if TYPE_CHECKING:
     from tanteo.geometry.typing import FloatArray
@@ -21,12 +22,12 @@ _RANGES, _ANGLE_STEP = 6, 15.0
 
 
 def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layout = PLAIN) -> list[str]:
-    """What was estimated, on which planes, and at which ranges and incidences.
+    """Return a calibration as lines of text: beams, planes, ranges and incidences, and outliers.
 
     Args:
-        found: What was estimated.
-        verbose: All outliers, and not only the first.
-        layout: Where they are shown.
+        found: the calibration.
+        verbose: whether to list all outliers.
+        layout: width and style of the output.
     """
     readings = int(np.sum(found.log.station >= 0))
     planes = f"{len(found.planes)} plane{'s' if len(found.planes) > 1 else ''}"
@@ -40,7 +41,7 @@ def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layo
 
 def _beam_lines(beam: BeamFit, layout: Layout) -> list[str]:
     T, sds = beam.T_hand_beam, np.sqrt(np.diag(beam.cov))
-    # spread of the origin along the hand's axes; the turn about the beam means nothing
+    # standard deviations of the origin along the hand's axes; the rotation about the beam is irrelevant
     R = T[:3, :3]
     spread = np.sqrt(np.diag(R @ beam.cov[:3, :3] @ R.T))
     tilt = math.degrees(math.hypot(sds[3], sds[4]) / math.sqrt(2))
@@ -63,12 +64,12 @@ def _beam_lines(beam: BeamFit, layout: Layout) -> list[str]:
             f"  repeats     sd {repeats[0]} mm, {repeats[1]} % of the range: from reading to reading at one place"
         )
     else:
-        lines.append("  repeats     none: how readings of one place differ is in the line above")
-    return [*lines, *(f"  not told    {words}" for words in beam.undetermined)]
+        lines.append("  repeats     none: the line above contains the difference between readings of one place")
+    return [*lines, *(f"  undetermined {parameter_words(one)}" for one in beam.undetermined)]
 
 
 def _with_sd(sds: FloatArray, cov_of_squares: FloatArray, units: Sequence[float]) -> list[str]:
-    """Standard deviations with their uncertainty; where one is nothing but an upper bound, that (95 percent)."""
+    """Return standard deviations with their uncertainty, or their 95 % upper bounds."""
     out = []
     for sd, variance, unit in zip(sds, np.diag(cov_of_squares), units, strict=True):
         spread = math.sqrt(max(float(variance), 0.0))
@@ -99,7 +100,7 @@ def _plane_table(found: Calibration, layout: Layout) -> list[str]:
 
 
 def _coverage_table(found: Calibration, layout: Layout) -> list[str]:
-    """How many places there are at each range and incidence."""
+    """Return the number of places at each range and incidence."""
     lines = []
     for k, beam in enumerate(found.beams):
         mine = (found.log.beam == k) & found.good
@@ -115,14 +116,14 @@ def _coverage_table(found: Calibration, layout: Layout) -> list[str]:
             for top, row in zip(tops, counts, strict=True)
         ]
         lines += layout.table(headers, rows)
-    return [*lines, "What is found holds for these ranges and incidences."]
+    return [*lines, "The result holds for these ranges and incidences."]
 
 
 def _outlier_lines(outliers: tuple[Outlier, ...], *, verbose: bool) -> list[str]:
     if not outliers:
-        return ["No reading was set aside."]
+        return ["No reading was excluded."]
     kinds = Counter(s.reason for s in outliers)
-    lines = ["Set aside: " + ", ".join(f"{_count(n, r)}" for r, n in kinds.items())]
+    lines = ["Excluded: " + ", ".join(f"{_count(n, r)}" for r, n in kinds.items())]
     shown = outliers if verbose else outliers[:_MOST_OUTLIERS]
     for s in shown:
         first, last = printable(s.ids[0]), printable(s.ids[-1])

@@ -1,4 +1,4 @@
-"""A catalogue in words."""
+"""Catalogues as lines of text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What readings of a part say of the cell, in words."""
+"""Check of a cell as lines of text."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from tanteo.planning import CellCheck, CellError
 from tanteo.render.text.layout import PLAIN, Layout, printable
 
 _UNKNOWN = 0.1
-"""Share of an error's variance that is explained, below which the readings say next to nothing of it."""
+"""Explained fraction of an error's variance below which the readings hardly determine it."""
 
 
 def cell_lines(check: CellCheck, *, layout: Layout = PLAIN) -> list[str]:
-    """Each error of the cell, which are contradicted, which cannot be told from each other, and what to sense next.
+    """Return the check of a cell as lines of text: errors, contradictions, correlations, and the next reading.
 
     Args:
-        check: what was found.
-        layout: where it is shown.
+        check: result of the check.
+        layout: width and style of the output.
     """
     wrong = [error for error in check.errors if error.contradicted]
-    head = f"contradicted: {', '.join(map(_meaning, wrong))}" if wrong else "nothing of the cell is contradicted"
+    head = f"contradicted: {', '.join(map(_meaning, wrong))}" if wrong else "no error of the cell is contradicted"
     lines = [layout.bold(printable(head))]
     for error in check.errors:
         lines += _lines(error)
-    for one, other, r in check.alike:
-        lines.append(printable(f"  not told from each other: {one}, {other} (correlation {r:.2f})"))
+    for one, other, r in check.correlated:
+        lines.append(printable(f"  not separated: {one}, {other} (correlation {r:.2f})"))
     return [*lines, "", _next(check)]
 
 
 def _lines(error: CellError) -> list[str]:
-    words = "" if error.told > _UNKNOWN else "; the readings say next to nothing of it"
+    words = "" if error.explained > _UNKNOWN else "; the readings hardly determine it"
     verdict = "  CONTRADICTED" if error.contradicted else ""
     return [
         printable(f"  {_meaning(error)}: p {error.p_value:.2g}{verdict}{words}"),
@@ -42,12 +42,12 @@ def _lines(error: CellError) -> list[str]:
 
 
 def _meaning(error: CellError) -> str:
-    """In words, without the units of a program: the values beside it have their own."""
+    """Return the meaning of an error without units, which its values have."""
     return re.sub(r" \[[^\]]*\]", "", error.meaning)
 
 
 def _values(values: np.ndarray, error: CellError) -> str:
-    """Lengths in mm; the last three of six are angles; a scale has no unit."""
+    """Return values in mm; the last three of six are angles, and a scale has no unit."""
     if error.name.startswith("scale"):
         return " ".join(f"{v:.4g}" for v in values)
     angles = values[3:] if len(values) == 6 else values[:0]
@@ -59,14 +59,14 @@ def _values(values: np.ndarray, error: CellError) -> str:
 def _next(check: CellCheck) -> str:
     one = check.following
     if one is None:
-        return "No further reading of this part tells more of these errors."
+        return "No further reading of this part gives information about these errors."
     x, y, z = 1e3 * one.point
     dx, dy, dz = one.direction
     ax, ay, az = one.axis
     turned = (
-        f"turned by {np.degrees(one.turn):.0f} deg about ({ax:.2f}, {ay:.2f}, {az:.2f})" if one.turn else "as it was"
+        f"rotated by {np.degrees(one.turn):.0f} deg about ({ax:.2f}, {ay:.2f}, {az:.2f})" if one.turn else "as before"
     )
     return printable(
         f"Next: {one.face} at ({x:.1f}, {y:.1f}, {z:.1f}) mm along ({dx:.3f}, {dy:.3f}, {dz:.3f}), the hand {turned}: "
-        f"it tells {one.gain:.2f} nats of these errors."
+        f"expected information {one.gain:.2f} nats about these errors."
     )

@@ -1,4 +1,4 @@
-"""What each reading of a session told, in tables."""
+"""Information of each reading of a session as tables."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from tanteo.planning import Added, Direction, Explanation
 
 _NOTABLE = 0.05
-"""Share of the information on a direction from which a reading is named."""
+"""Least fraction of the information about a direction for which a reading is named."""
 
 
 def explanation_lines(explanation: Explanation, *, layout: Layout = PLAIN) -> list[str]:
-    """What each reading of a session told, and what the pose rests on."""
+    """Return the information of each reading, and the support of the pose, as lines of text."""
     if not explanation.added:
         return ["Nothing was told, so there is nothing to explain."]
     headers = ["reading", "met", "part nats", "pose nats", "corner mm", "likeliest", "P", "what it narrowed most", "to"]
@@ -30,7 +30,7 @@ def explanation_lines(explanation: Explanation, *, layout: Layout = PLAIN) -> li
 
 
 def _step(a: Added) -> list[str]:
-    met = ", ".join(dict.fromkeys(a.met)) or "told before"
+    met = ", ".join(dict.fromkeys(a.met)) or "known already"
     return [
         ", ".join(a.ids) or "-", met, _number(a.about_part, "{:.2f}"), _number(a.about_pose, "{:.2f}"),
         _number(1e3 * a.corner_sd, "{:.3g}"), a.part or "unknown object", _share(a.probability),

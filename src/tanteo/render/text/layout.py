@@ -1,4 +1,4 @@
-"""Where lines are shown: how wide tables may be, and whether headings are bold."""
+"""Layout of text output: width of tables, and bold headings."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 _FOLDED = 12
-"""Columns of text are folded down to this many characters, and not further."""
+"""Least width of a folded column of text [characters]."""
 
 
 def printable(text: str) -> str:
-    """The text with control characters and lone surrogates written as escapes: file contents cannot move a cursor."""
+    """Return text with control characters and lone surrogates escaped, so that files cannot control the terminal."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where lines are shown.
+    """Layout of text output.
 
     Attributes:
         width: Columns that a table may take.
@@ -29,7 +29,7 @@ class Layout:
     colour: bool = False
 
     def bold(self, text: str) -> str:
-        """Bold, where that can be shown."""
+        """Return text in bold if the output supports it."""
         return f"\x1b[1m{text}\x1b[0m" if self.colour else text
 
     def table(
@@ -54,7 +54,7 @@ class Layout:
 
 
 PLAIN = Layout()
-"""Where lines go to a file or a log."""
+"""Layout for files and logs."""
 
 
 def _columns(headers: Sequence[str], cells: Sequence[Sequence[str]], left: Sequence[int], width: int) -> list[str]:
@@ -74,7 +74,7 @@ def _columns(headers: Sequence[str], cells: Sequence[Sequence[str]], left: Seque
 
 
 def _records(headers: Sequence[str], cells: Sequence[Sequence[str]], width: int) -> list[str]:
-    """Each row as lines of name and value, an empty line between rows."""
+    """Return each row as lines of name and value, with an empty line between rows."""
     name = min(max(map(len, headers)), width // 3)
     lines = list[str]()
     for row in cells:

@@ -1,4 +1,4 @@
-"""A part in words and tables: what was read from its file and what can be felt on it."""
+"""Parts as lines of text: content of the CAD file, and features that can be sensed."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _tables(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
 
 
 def _holes(part: Part) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Holes and bosses, and the patterns of holes."""
+    """Return holes, bosses and patterns of holes."""
     from tanteo.parts import hole_patterns, round_features  # slow to import
 
     return [

@@ -1,4 +1,4 @@
-"""Plans in words and tables."""
+"""Plans as lines of text."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 def plan_lines(
     plan: Plan, probe: Probe, before: str, *, anywhere: str = "any side, from below too", layout: Layout = PLAIN
 ) -> list[str]:
-    """A plan: what is known before, and the readings one after the other.
+    """Return a plan as lines of text: the prior, and the readings in order.
 
     Args:
-        plan: The readings.
-        probe: What makes them.
-        before: What is known of the part's pose, in words.
-        anywhere: What is said of a probe that may come from everywhere.
-        layout: Where they are shown.
+        plan: the plan.
+        probe: sensor model.
+        before: description of the prior pose.
+        anywhere: description of the approach of a probe without a limit.
+        layout: width and style of the output.
     """
     worst = plan.feature or "largest corner sd"
     lines = [
@@ -50,8 +50,8 @@ def plan_lines(
     placed = worst if worst.endswith(" sd") else f"{worst} sd"
     headers = ("", "from (mm)", "along", "meets (mm)", "face", f"{placed} (mm)", "P(within)", "if met", "meets")
     notes = [
-        "Frame: world. Each row is after its reading. 'P(within)' is over all placements that the part may have,",
-        "'meets' the share of them at which the reading meets its face; sd and 'if met' are where all so far do.",
+        "Frame: world. Each row holds after its reading. 'P(within)' is over all placements, and 'meets' is",
+        "the fraction of them at which the reading meets its face. sd and 'if met' assume that all readings so far do.",
     ]
     return [*lines, *layout.table(headers, rows, left=(4,)), "", *notes] if rows else lines
 
@@ -61,22 +61,22 @@ def _within(approach: FloatArray, cone: float) -> str:
 
 
 def _three(values: Vectors, digits: int) -> str:
-    """Three numbers; never minus zero."""
+    """Return three numbers, never minus zero."""
     return " ".join(f"{v:.{digits}f}" for v in np.round(values, digits) + 0.0)
 
 
 def distinction_lines(found: Discrimination, *, layout: Layout = PLAIN) -> list[str]:
-    """The one reading that discriminates two parts, and what it would tell."""
+    """Return the reading that discriminates two parts as lines of text."""
     lines = [layout.bold(printable(found.message))]
     if np.isfinite(found.origin).all():
         start, way = (_three(v, d).replace(" ", ", ") for v, d in ((1e3 * found.origin, 1), (found.direction, 3)))
         lines += [
             f"  from        ({start}) mm along ({way}), in the frame of {printable(found.parts[0])}, to which the "
-            "other was fitted",
+            "other is aligned",
             *(
                 f"  {printable(name):11} {'nothing' if np.isinf(r) else f'{1e3 * r:.2f} mm, sd {1e3 * s:.2f} mm'}"
                 for name, r, s in zip(found.parts, found.ranges, found.sds, strict=True)
             ),
-            f"  tells       {found.information / np.log(2):.0%} of all there is to tell about which it is",
+            f"  information {found.information / np.log(2):.0%} of a complete decision between them",
         ]
     return lines

@@ -1,4 +1,4 @@
-"""Sensors, robots and rigs in words and tables."""
+"""Sensors, robots and rigs as lines of text."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def preset_lines(
     *,
     layout: Layout = PLAIN,
 ) -> list[str]:
-    """Tables of the presets that can be named, and of the rigs that come along."""
+    """Return tables of all presets and supplied rigs."""
     lines = layout.table(
         ["sensor (--sensor)", "kind", "range mm", "noise mm", "verified"],
         [[p.name, p.kind, _span(p), _noise(p), p.check] for p in sensors.values()],
@@ -38,7 +38,7 @@ def preset_lines(
 
 
 def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
-    """One sensor: limits, noise over range and incidence, what a unit has for good, and where that is from."""
+    """Return a sensor preset: limits, noise by range and incidence, constant errors of a unit, and sources."""
     lines = [layout.bold(f"{preset.name}: {preset.kind.replace('_', ' ')}")]
     if preset.is_contact:
         lines += [f"  noise      {_mm(preset.sigma_const)} mm, in every direction"]
@@ -62,7 +62,7 @@ _RANGE_KINDS = {"radial": "along the beam", "perpendicular": "along the optical 
 
 
 def _noise_table(preset: SensorPreset, layout: Layout) -> list[str]:
-    """Standard deviations of a range to a flat surface, by range and incidence."""
+    """Return the standard deviations of a range to a plane, by range and incidence."""
     d = _grid(preset.min_range, preset.max_range)
     angles = np.linspace(0, preset.max_incidence, 4)
     cone = 0.5 * d[:, None] * preset.beam_half_angle * np.tan(angles)
@@ -74,14 +74,14 @@ def _noise_table(preset: SensorPreset, layout: Layout) -> list[str]:
 
 
 def _grid(low: float, high: float) -> FloatArray:
-    """Ranges to print, evenly spread over their logarithm, with two digits between the ends."""
+    """Return the ranges to print, evenly spread over their logarithm, rounded to two digits."""
     inner = np.geomspace(max(low, 0.01 * high), high, _COLUMNS)
     rounded = [float(f"{r:.2g}") for r in inner[1:-1]]
     return np.array([inner[0], *rounded, high])
 
 
 def robot_lines(preset: RobotPreset, *, layout: Layout = PLAIN) -> list[str]:
-    """One robot: repeatability and absolute error."""
+    """Return a robot preset: repeatability and absolute error."""
     return [
         layout.bold(f"{preset.name}: robot"),
         f"  repeats   to {_mm(preset.pos_repeat_std)} mm and {math.degrees(preset.rot_repeat_std):.2g} deg an axis, "
@@ -95,7 +95,7 @@ def robot_lines(preset: RobotPreset, *, layout: Layout = PLAIN) -> list[str]:
 
 
 def rig_lines(rig: Rig, name: str, *, layout: Layout = PLAIN) -> list[str]:
-    """Where the sensors of a rig sit, where they look, and how well both are known."""
+    """Return position, direction and uncertainty of the sensors of a rig."""
     headers = [
         "sensor",
         "preset",

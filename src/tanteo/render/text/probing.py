@@ -1,4 +1,4 @@
-"""What a machine sensed for a session, in words."""
+"""Results of a machine in a session as lines of text."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def turn_line(action: Action, distance: float | None, step: Step | None, leader: str, note: str) -> str:
-    """One question of a machine and what came of it.
+    """Return an action of a machine and its result as one line.
 
     Args:
-        action: what was asked.
-        distance: where something was met [m], infinite for nothing; None where nothing was sensed.
-        step: what it told; None if there is nothing.
-        leader: name of the likeliest part then.
-        note: what a person should know.
+        action: the action.
+        distance: measured distance [m], infinite if nothing was met; None without a reading.
+        step: posterior after it; None without a reading.
+        leader: name of the most probable part then.
+        note: remarks for the user.
     """
     words = f"{action.number:3}  {action.face} of {action.part}"
     if distance is not None and np.isfinite(distance):
         off = 1e3 * (distance - action.expected)
-        words += f": met after {1e3 * distance:.3f} mm, {off:+.3f} mm from what was expected"
+        words += f": met after {1e3 * distance:.3f} mm, {off:+.3f} mm from the expected distance"
     if step is not None and step.ids and step.part >= 0:
         words += f"; {leader} P = {step.probabilities[step.part]:.3f}, largest corner sd {1e3 * step.corner_sd:.3f} mm"
     return printable(words + (f" ({note})" if note else ""))
@@ -37,28 +37,28 @@ def turn_line(action: Action, distance: float | None, step: Step | None, leader:
 def probed_lines(
     answer: Answer, end: Done, machine: str, count: int, *, verbose: bool = False, layout: Layout = PLAIN
 ) -> list[str]:
-    """The answer of a session that a machine carried out, with its covariance.
+    """Return the answer of a session with a machine as lines of text, with its covariance.
 
     Args:
-        answer: what was found.
-        end: why it ended.
-        machine: that sensed.
-        count: of the readings.
-        verbose: also the matrix and the pairings.
-        layout: where they are shown.
+        answer: the answer.
+        end: end of the session.
+        machine: name of the machine.
+        count: number of readings.
+        verbose: whether to add matrix and pairings.
+        layout: width and style of the output.
     """
     headline, *rest = answer_lines(answer, verbose=verbose, layout=layout)
     cost = f"  cost        {count} readings of {printable(machine)}"
     covariance = covariance_lines(answer.hypotheses[0].covariance) if answer.hypotheses else []
-    return [headline, cost, *rest, *covariance, printable(end.why)]
+    return [headline, cost, *rest, *covariance, printable(end.message)]
 
 
 def covariance_lines(C: Covariances) -> Sequence[str]:
-    """A covariance of a pose, upper half: mm and degrees, part frame, right perturbation."""
+    """Return the upper half of a pose covariance as lines of text, part frame, right perturbation [mm, deg]."""
     scale = np.array([1e3] * 3 + [np.degrees(1.0)] * 3)
     scaled = C * np.outer(scale, scale)
     rows = [
         "    " + f"{name:3}" + " " * 11 * k + "".join(f"{v:11.2e}" for v in scaled[k, k:])
         for k, name in enumerate(_AXES)
     ]
-    return ["  covariance  of x y z rx ry rz in the part's own axes [mm, deg]:", *rows]
+    return ["  covariance  of x y z rx ry rz in the part frame [mm, deg]:", *rows]

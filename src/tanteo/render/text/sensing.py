@@ -1,4 +1,4 @@
-"""What a hand sensed, in words: a feature, or a place of a session."""
+"""Results of a hand as lines of text: acquired features, and actions of a session."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from tanteo.geometry import SO3
 from tanteo.hand import EdgeGuess, FaceGuess, RoundGuess
 from tanteo.render.text.answers import answer_lines
 from tanteo.render.text.layout import PLAIN, Layout, printable
+from tanteo.words import acquisition_message
 
 if TYPE_CHECKING:
     from tanteo.features import Feature
@@ -30,17 +31,17 @@ def sensed_lines(
     verbose: bool = False,
     layout: Layout = PLAIN,
 ) -> list[str]:
-    """A feature that a hand acquired, or why it did not.
+    """Return the result of an acquisition as lines of text.
 
     Args:
-        got: What came of it.
-        standoff: Of the hand's front [m].
-        clearance: The least that the hand had from everything [m].
-        seed: Of the simulated errors.
-        record: File that the readings were written to.
-        expected: What an image said of it.
-        verbose: Also every motion.
-        layout: Where they are shown.
+        got: result of the acquisition.
+        standoff: stand-off of the hand's front [m].
+        clearance: smallest distance of the hand from all objects [m].
+        seed: seed of the simulated errors.
+        record: file of the readings; None without one.
+        expected: prediction from an image; None without one.
+        verbose: whether to add all motions.
+        layout: width and style of the output.
     """
     lines = [
         layout.bold(
@@ -65,20 +66,7 @@ def sensed_lines(
     )
     if verbose:
         lines += [f"    {m.seconds:6.2f} s  {m.name:10}  {m.status:8}  {printable(m.message)}" for m in got.motions]
-    return [*lines, "", printable(_sentence(got))]
-
-
-def _sentence(got: Acquired) -> str:
-    message = got.message[:1].upper() + got.message[1:]
-    advice = {
-        "acquired": "",
-        "nothing": " Give a better idea of where it is, or start nearer to it.",
-        "lost": " Start more squarely before the face, or choose one that is wider.",
-        "limit": " Give the hand more room, a smaller stand-off, or a start from another side.",
-        "timeout": " Start nearer.",
-        "unclear": " Sense it from another place, or sense the faces beside it.",
-    }[got.status]
-    return f"{message}.{advice}"
+    return [*lines, "", printable(acquisition_message(got.status, got.finding))]
 
 
 def _where(feature: Feature | None) -> str:
@@ -157,31 +145,31 @@ def executed_lines(
     Args:
         answer: What was found.
         done: What the hand did.
-        count: Of the readings.
-        clearance: The least that the hand had from everything [m].
-        verbose: Also the matrix, the pairings and the time each stage took.
-        layout: Where they are shown.
+        count: number of readings.
+        clearance: smallest distance of the hand from all objects [m].
+        verbose: whether to add matrix, pairings and times of the stages.
+        layout: width and style of the output.
     """
     headline, *rest = answer_lines(answer, verbose=verbose, layout=layout)
     cost = (
         f"  cost        {count} readings, {done.seconds:.1f} s simulated, {done.travel:.2f} m of travel, "
         f"clearance {1e3 * clearance:.1f} mm at least"
     )
-    return [headline, cost, *rest, printable(done.end.why)]
+    return [headline, cost, *rest, printable(done.end.message)]
 
 
 def executed_facts(done: Executed, count: int, clearance: float) -> list[tuple[str, str]]:
-    """What a session took that a hand carried out, as names and values for a report."""
+    """Return the cost of a session with a hand as facts for a report."""
     return [
-        ("Why it ended", done.end.why),
-        ("Questions, readings", f"{len(done.visits)}, {count}"),
-        ("Time and way of the hand, simulated", f"{done.seconds:.1f} s, {done.travel:.2f} m"),
+        ("Reason for the end", done.end.message),
+        ("Actions, readings", f"{len(done.visits)}, {count}"),
+        ("Time and path of the hand, simulated", f"{done.seconds:.1f} s, {done.travel:.2f} m"),
         ("Least clearance", f"{1e3 * clearance:.1f} mm"),
     ]
 
 
 def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
-    """What was asked and what came of it, in one line; with the motions below if there is to be more."""
+    """Return an action and its result as one line, with its motions below if verbose."""
     action, step = visit.action, visit.step
     words = f"{action.number:3}  {visit.seconds:6.1f} s {visit.travel:6.2f} m  {action.face} of {action.part}"
     if step is not None and len(step.ids):
@@ -196,7 +184,7 @@ def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
 
 
 def _state(visit: Visit) -> str:
-    """The leading part, how probable it is, and how well it is placed."""
+    """Return the most probable part, its probability and its largest corner sd."""
     step = visit.step
     if step is None or step.part < 0:
         return "no part explains them"

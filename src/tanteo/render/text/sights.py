@@ -1,4 +1,4 @@
-"""What an image shows, in words."""
+"""Objects of an image as lines of text."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def sight_lines(sight: Sight, *, verbose: bool = False, layout: Layout = PLAIN) -> list[str]:
-    """What an image shows: every object, largest first.
+    """Return the objects of an image as lines of text, largest first.
 
     Args:
-        sight: Of the image.
-        verbose: Also the matrix, the pairings and the time each stage took.
-        layout: Where they are shown.
+        sight: result of the image.
+        verbose: whether to add matrix, pairings and times of the stages.
+        layout: width and style of the output.
     """
     if not sight.objects:
         return [f"unknown: {EMPTY.message}"]
@@ -32,14 +32,14 @@ def sight_lines(sight: Sight, *, verbose: bool = False, layout: Layout = PLAIN) 
         if verbose and seen.alike:
             lines.append(f"By the outline alone: {printable(', '.join(seen.alike[:3]))}.")
         if any(seen.rims):
-            lines.append(f"Rims that were seen: {printable(', '.join(dict.fromkeys(filter(None, seen.rims))))}.")
+            lines.append(f"Visible rims: {printable(', '.join(dict.fromkeys(filter(None, seen.rims))))}.")
         if seen.question is not None and seen.answer.status != "ambiguous":
-            lines.append(f"To be sure, {printable(seen.question.words)}.")
+            lines.append(f"To confirm it, {printable(seen.question.words)}.")
     return [*lines, *_ellipse_lines(sight)] if verbose else lines
 
 
 def _ellipse_lines(sight: Sight) -> list[str]:
-    """The ellipses of the image, and why other bent edges are none."""
+    """Return the ellipses of the image, and the reasons for rejected arcs."""
     lines = []
     for k, ellipse in enumerate(sight.ellipses.found):
         (x, y), (a, b), sds = ellipse.centre, ellipse.semi_axes, ellipse.semi_axis_sds
@@ -69,7 +69,7 @@ def _heading(k: int, n: int, seen: Sighting) -> str:
 
 
 def sighting_words(seen: Sighting | None) -> str:
-    """What an image says of the object that is meant, in one line."""
+    """Return the result of an image for one object as one line."""
     if seen is None:
         return "The image shows no part."
     answer, shares = seen.answer, dict[str, float]()
@@ -77,4 +77,4 @@ def sighting_words(seen: Sighting | None) -> str:
         shares[h.part] = shares.get(h.part, 0.0) + h.probability
     likely = [f"{name} {100 * p:.0f} %" for name, p in sorted(shares.items(), key=lambda item: -item[1]) if p > 0.005]
     words = f"The image: {', '.join([*likely, f'unknown object {100 * answer.unknown_probability:.0f} %'])}."
-    return words if seen.question is None else f"{words} It leaves open: {seen.question.words}."
+    return words if seen.question is None else f"{words} To decide, {seen.question.words}."

@@ -20,6 +20,7 @@ from tanteo.sensors.calibration.result import BeamFit, Calibration, PlaneFit, ma
 from tanteo.sensors.presets import RobotPreset, SensorPreset, robot_preset, sensor_preset
 from tanteo.sensors.readings import Readings
 from tanteo.sensors.rig import Rig
+from tanteo.words.findings import Finding, ManyOutliers, NotPlanes, OffRig, PlacesScatter
 
 _FEWEST_STATIONS = 4
 """Smallest number of stations: three stations on a plane cannot determine the parameters."""
@@ -93,15 +94,16 @@ def _result(log: PlaneLog, fit: Fit, prior: Prior, robot: RobotPreset | None, *,
     squares = law_cov(*about)
     fit = replace(fit, cov=with_noise_uncertain(*about))
     beams = _beams(log, fit, prior, squares)
-    undetermined = [beam.undetermined for beam in beams]
-    status, message = status_of(log.beams, undetermined, [is_lost(beam.cov) for beam in beams])
-    if disbelieved := _disbelieved(log, fit):
-        status, message = "insufficient", disbelieved
+    directions = [one for beam in beams for one in beam.undetermined]
+    status, verdict = status_of(log.beams, directions, [is_lost(beam.cov) for beam in beams])
+    findings: tuple[Finding, ...] = (verdict,)
+    if (unreliable := _unreliable(log, fit)) is not None:
+        status, findings = "insufficient", (unreliable,)
     if status == "calibrated":
-        message += _doubts(beams, log, fit, prior, rigged=rigged)
+        findings = (*findings, *_doubts(beams, log, fit, prior, rigged=rigged))
     return Calibration(
         status=status,
-        message=message,
+        findings=findings,
         beams=beams,
         planes=tuple(_plane(log, fit, p, robot) for p in range(len(log.planes))),
         outliers=make_outliers(log, fit),
@@ -128,47 +130,35 @@ def _beams(log: PlaneLog, fit: Fit, prior: Prior, squares: FloatArray) -> tuple[
             repeats=log.repeats[k],
             place_sds=np.sqrt(fit.law.squares[k]),
             place_cov=squares[k],
-            undetermined=undetermined(covs[k], prior.covs[k]),
+            undetermined=undetermined(name, covs[k], prior.covs[k]),
         )
         for k, name in enumerate(log.beams)
     )
 
 
-def _disbelieved(log: PlaneLog, fit: Fit) -> str:
-    """Return why the fit is rejected; empty if it is accepted."""
+def _unreliable(log: PlaneLog, fit: Fit) -> NotPlanes | ManyOutliers | None:
+    """Return why the whole result is not reliable, or None."""
     if not fit.explains:
-        return (
-            "No beams and planes explain these readings better than chance. Check labels, hand poses and units, and "
-            "take more places on each plane."
-        )
+        return NotPlanes()
     inexplicable = (fit.outlier > 0.5) & (log.ranges < _CEILING * np.asarray(log.largest)[log.beam])
     if np.mean(inexplicable) > _MOST_EXCLUDED:
-        return (
-            f"{np.sum(inexplicable)} of {len(inexplicable)} places contradict the rest, so the fit is rejected. Check "
-            "the labels of the planes, and frame, units and quaternions of the hand poses."
-        )
-    return ""
+        return ManyOutliers(int(np.sum(inexplicable)), len(inexplicable))
+    return None
 
 
-def _doubts(beams: Sequence[BeamFit], log: PlaneLog, fit: Fit, prior: Prior, *, rigged: bool) -> str:
-    """Return warnings about inconsistencies of an accepted calibration."""
-    warnings = ""
+def _doubts(beams: Sequence[BeamFit], log: PlaneLog, fit: Fit, prior: Prior, *, rigged: bool) -> list[Finding]:
+    """Return what contradicts a successful calibration: scatter between places, and beams that are not on the rig."""
+    found = list[Finding]()
     off = prior.deviation(fit.setup)
     for k, beam in enumerate(beams):
         within = float(beam.repeats.law.sigma(float(np.median(log.ranges[log.beam == k]))))
         if beam.repeats.dof and beam.place_sds[0] > _ROUGH * within:
-            warnings += (
-                f" From place to place '{beam.name}' scatters {beam.place_sds[0] / within:.0f} times as much as at one "
-                "place: check labels and hand poses."
-            )
+            found.append(PlacesScatter(beam.name, float(beam.place_sds[0] / within)))
         d, C = off[beam_slice(k)][:_POSE], prior.covs[k][:_POSE, :_POSE]
         p = float(chdtrc(_POSE, d @ np.linalg.solve(C, d)))
         if rigged and p < _UNLIKELY:
-            warnings += (
-                f" '{beam.name}' is {1e3 * np.linalg.norm(d[:3]):.3g} mm and {np.degrees(np.linalg.norm(d[3:])):.2g} "
-                f"deg from where the rig has it, more than it allows (p = {p:.1g}): is it the rig of this log?"
-            )
-    return warnings
+            found.append(OffRig(beam.name, float(np.linalg.norm(d[:3])), float(np.linalg.norm(d[3:])), p))
+    return found
 
 
 def _plane(log: PlaneLog, fit: Fit, p: int, robot: RobotPreset | None) -> PlaneFit:

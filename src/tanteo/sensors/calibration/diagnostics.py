@@ -1,4 +1,4 @@
-"""Name the parameters of a beam that a log does not determine."""
+"""Directions in the parameters of a beam that a log does not determine, and the status of a calibration."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from scipy.linalg import qr
 
 from tanteo.geometry.typing import FloatArray
 from tanteo.sensors.calibration.geometry import BEAM, WEAK
+from tanteo.words.findings import BeamsUndetermined, Calibrated, Undetermined
 
 _UNDETERMINED = 0.5
 """Ratio of posterior to prior variance above which a direction is undetermined."""
@@ -16,36 +17,24 @@ _UNDETERMINED = 0.5
 _PART = 0.2
 """Squared component above which a parameter is named in an undetermined direction."""
 
-_ADVICE = "Turn the hand about two axes across the beam between readings, by 20 degrees or more, and change the range."
-
 _POSE = 5
 """Number of pose parameters of a beam, which come first; scale and slant follow."""
 
-_NAMES = (
-    "the origin across the beam (x)",
-    "the origin across the beam (y)",
-    "the offset along the beam",
-    "the beam's direction (turn about x)",
-    "the beam's direction (turn about y)",
-    "the scale",
-)
+_NAMES = "x", "y", "offset", "rx", "ry", "scale"
 
 
-def undetermined(cov: FloatArray, prior: FloatArray) -> tuple[str, ...]:
-    """Return the directions in a beam's parameters that the log does not determine, as text.
+def undetermined(sensor: str, cov: FloatArray, prior: FloatArray) -> tuple[Undetermined, ...]:
+    """Return the directions in the parameters of a sensor's beam that the log does not determine.
 
-    The comparison uses coordinates in which the prior covariance is the identity, so it does not depend on units.
-
-    Args:
-        cov: posterior covariance of the parameters ``(7, 7)``.
-        prior: prior covariance ``(7, 7)``.
+    Judged in the coordinates that make the prior a unit ball: what a unit is does not matter.
     """
     vectors = _unmoved(cov, prior, len(BEAM) - 1)
-    words = []
+    found = []
     for vector in _plain(vectors).T:
         shares = vector**2
-        words.append(_joined([_NAMES[i] for i in np.argsort(-shares) if shares[i] > _PART]))
-    return tuple(words)
+        names = tuple(_NAMES[i] for i in np.argsort(-shares) if shares[i] > _PART)
+        found.append(Undetermined(sensor, names))
+    return tuple(found)
 
 
 def is_lost(cov: FloatArray) -> bool:
@@ -76,28 +65,16 @@ def _plain(vectors: FloatArray) -> FloatArray:
     return np.asarray(basis / np.linalg.norm(basis, axis=0))
 
 
-def _joined(parts: Sequence[str]) -> str:
-    if len(parts) == 1:
-        return parts[0]
-    return f"{parts[0]} apart from {' and '.join(parts[1:])}"
-
-
-def status_of(names: Sequence[str], words: Sequence[tuple[str, ...]], lost: Sequence[bool]) -> tuple[str, str]:
-    """Return status and message of a calibration.
+def status_of(
+    names: Sequence[str], undetermined: Sequence[Undetermined], lost: Sequence[bool]
+) -> tuple[str, Calibrated | BeamsUndetermined]:
+    """Return the status of a calibration and its verdict.
 
     Args:
         names: names of the sensors.
-        words: undetermined parameters of each sensor, as text.
-        lost: whether the pose of each beam is undetermined.
+        undetermined: what the log does not determine, of all sensors.
+        lost: whether the beam of each sensor has no place at all.
     """
-    unknown = [f"{'; nor '.join(w)} of '{name}'" for name, w in zip(names, words, strict=True) if w]
     if any(lost):
-        status, first = "insufficient", f"This log does not determine {'; nor '.join(unknown)}."
-    elif unknown:
-        status = "calibrated"
-        first = (
-            f"Calibrated {', '.join(names)}, but this log adds little on {'; nor '.join(unknown)}: the prior is kept."
-        )
-    else:
-        return "calibrated", f"Calibrated {', '.join(names)}."
-    return status, f"{first} {_ADVICE}"
+        return "insufficient", BeamsUndetermined(tuple(undetermined))
+    return "calibrated", Calibrated(tuple(names), tuple(undetermined))

@@ -12,24 +12,25 @@ from tanteo.geometry import SO3, freeze
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transforms
 from tanteo.sensors.calibration.fit import Fit
 from tanteo.sensors.calibration.log import PlaneLog, Repeats
+from tanteo.words import message_of
+from tanteo.words.findings import Finding, Undetermined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeamFit:
-    """Calibrated sensor.
+    """One sensor.
 
     Attributes:
-        name: name of the sensor.
-        T_hand_beam: pose of the beam on the hand, along +z ``(4, 4)`` [m]. The origin contains the offset of the
-            ranges, which is equivalent to a shift along the beam.
-        scale: scale error: the sensor reports ``1 + scale`` times the range.
-        slant: relative error ``slant tan^2(incidence)`` of the range on an oblique surface.
-        cov: covariance of ``x y z``, rotations about x and y (body error at the beam [m, rad]), scale and slant
-            ``(7, 7)``.
-        repeats: repeatability at one place.
-        place_sds: standard deviations between places: floor [m], per range, and across the beam per range ``(3,)``.
-        place_cov: covariance of the squares of ``place_sds`` ``(3, 3)``.
-        undetermined: names of the directions that the log does not determine; empty if there are none.
+        name: Of the sensor.
+        T_hand_beam: Its beam on the hand, ``(4, 4)``: leaves the origin along +z. The offset of its ranges is in the
+            origin: along the beam the two are one number.
+        scale: It reads ``1 + scale`` times the range.
+        slant: It reads ``slant tan^2(incidence)`` of the range more on an oblique surface.
+        cov: Of ``x y z``, turns about x and y (body error at the beam [m, rad]), scale and slant, ``(7, 7)``.
+        repeats: From reading to reading at one place.
+        place_sds: From place to place: floor [m], per range, and across the beam per range, ``(3,)``.
+        place_cov: Of the squares of ``place_sds``, ``(3, 3)``.
+        undetermined: combinations of parameters that the log does not determine.
     """
 
     name: str
@@ -40,7 +41,7 @@ class BeamFit:
     repeats: Repeats
     place_sds: FloatArray
     place_cov: FloatArray
-    undetermined: tuple[str, ...]
+    undetermined: tuple[Undetermined, ...]
 
     def __post_init__(self) -> None:
         freeze(self, "T_hand_beam", "cov", "place_sds", "place_cov")
@@ -93,7 +94,7 @@ class Calibration:
     Attributes:
         status: ``calibrated``; ``insufficient`` if neither log nor rig determines the pose of a beam, or a quarter of
             the places contradict the rest.
-        message: result and advice as sentences.
+        findings: reasons for the status, the verdict first.
         beams: calibrated sensors.
         planes: fitted planes.
         outliers: excluded readings.
@@ -107,7 +108,7 @@ class Calibration:
     """
 
     status: str
-    message: str
+    findings: tuple[Finding, ...]
     beams: tuple[BeamFit, ...]
     planes: tuple[PlaneFit, ...]
     outliers: tuple[Outlier, ...]
@@ -121,6 +122,11 @@ class Calibration:
 
     def __post_init__(self) -> None:
         freeze(self, "ranges", "incidences", "residuals", "sds", "cov")
+
+    @property
+    def message(self) -> str:
+        """Findings as text."""
+        return message_of(self.findings)
 
     def number_of(self, plane: str) -> int:
         """Return the index of a plane.

@@ -162,8 +162,7 @@ class Convention(Finding):
         part: name of the part that fits then.
         fitting: number of readings that fit.
         count: number of readings that were tried.
-        meant: the convention, in words.
-        advice: what to do about it.
+        mistake: name of the other convention, see :mod:`tanteo.words.sentences.input_checks`.
         given: number of all readings, where only some were tried; otherwise 0.
     """
 
@@ -171,8 +170,7 @@ class Convention(Finding):
     part: str
     fitting: int
     count: int
-    meant: str
-    advice: str
+    mistake: str
     given: int = 0
 
 

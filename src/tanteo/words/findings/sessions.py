@@ -1,4 +1,4 @@
-"""Findings of a session, which asks for one reading after the other."""
+"""Findings of a session, which chooses one reading after the other: its state, and why it ends."""
 
 from __future__ import annotations
 
@@ -58,3 +58,162 @@ class MovedMeanwhile(Finding):
     outliers: int
     fitting: str
     after: bool
+
+
+@dataclass(frozen=True, slots=True)
+class GoalReached(Finding):
+    """Part and pose are known as well as the goal demands.
+
+    Attributes:
+        part: name of the part.
+        probability: its posterior; NaN if the goal demands no part.
+        tolerance: tolerance of the goal [m]; NaN if the goal demands no pose.
+        within: probability that the tolerance is kept; NaN without one.
+        feature: feature of the part that has to keep the tolerance; empty for all corners of the part's box.
+    """
+
+    kind: ClassVar[str] = "goal_reached"
+    role: ClassVar[Role] = "verdict"
+    part: str
+    probability: float = float("nan")
+    tolerance: float = float("nan")
+    within: float = float("nan")
+    feature: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingLimit(Finding):
+    """The largest allowed number of readings is made.
+
+    Attributes:
+        allowed: largest number of readings that the goal allows.
+        made: number of readings that were made; more if some came without being requested.
+    """
+
+    kind: ClassVar[str] = "reading_limit"
+    role: ClassVar[Role] = "verdict"
+    allowed: int
+    made: int
+
+
+@dataclass(frozen=True, slots=True)
+class NotWorthCost(Finding):
+    """No reading is expected to give enough information.
+
+    Attributes:
+        gain: expected information of the best reading [nats].
+    """
+
+    kind: ClassVar[str] = "not_worth_cost"
+    role: ClassVar[Role] = "verdict"
+    gain: float
+
+
+@dataclass(frozen=True, slots=True)
+class NoPlaceReached(Finding):
+    """The probe cannot reach any place of the part.
+
+    Attributes:
+        parts: names of the parts; empty for all parts of a session, wherever they may be.
+        standoff: stand-off of the probe [m]; NaN if it does not matter.
+        clearance: radius of the free space that the probe needs [m]; NaN if it does not matter.
+        possible: smaller clearance with which the probe reaches a place [m]; NaN if none is known.
+    """
+
+    kind: ClassVar[str] = "no_place_reached"
+    role: ClassVar[Role] = "verdict"
+    parts: tuple[str, ...] = ()
+    standoff: float = float("nan")
+    clearance: float = float("nan")
+    possible: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class NoClearPath(Finding):
+    """Hand or machine has no clear path to one reading, or to many readings in succession.
+
+    Attributes:
+        device: what moves, ``hand`` or ``machine``.
+        last: whether the run ends because of it.
+    """
+
+    kind: ClassVar[str] = "no_clear_path"
+    device: str
+    last: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class NoPriorPose(Finding):
+    """No reading has arrived, and no prior pose is given, so that no reading can be chosen."""
+
+    kind: ClassVar[str] = "no_prior_pose"
+    role: ClassVar[Role] = "verdict"
+
+
+@dataclass(frozen=True, slots=True)
+class EndedByUser(Finding):
+    """The user ended the session."""
+
+    kind: ClassVar[str] = "ended_by_user"
+    role: ClassVar[Role] = "verdict"
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatedNames(Finding):
+    """Names of new readings occur among earlier readings.
+
+    Attributes:
+        known: names of readings that the session has already; they are not counted again.
+        corrected: names of readings that the session has with other errors, radius or normal, which it keeps.
+        renamed: new names of readings whose name belongs to another reading.
+    """
+
+    kind: ClassVar[str] = "repeated_names"
+    known: tuple[str, ...] = ()
+    corrected: tuple[str, ...] = ()
+    renamed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NoEcho(Finding):
+    """No sensor of the hand had an echo."""
+
+    kind: ClassVar[str] = "no_echo"
+
+
+@dataclass(frozen=True, slots=True)
+class BeamsFree(Finding):
+    """The sensors met nothing within their range."""
+
+    kind: ClassVar[str] = "beams_free"
+
+
+@dataclass(frozen=True, slots=True)
+class FurnitureMet(Finding):
+    """Some beams met furniture.
+
+    Attributes:
+        count: number of these beams.
+    """
+
+    kind: ClassVar[str] = "furniture_met"
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class NothingToAcquire(Finding):
+    """The feature that the hand should acquire has become improbable."""
+
+    kind: ClassVar[str] = "nothing_to_acquire"
+
+
+@dataclass(frozen=True, slots=True)
+class Stated(Finding):
+    """A sentence from outside of the findings: of a user's policy, of an error, or of a record.
+
+    Attributes:
+        text: the sentence.
+    """
+
+    kind: ClassVar[str] = "stated"
+    text: str

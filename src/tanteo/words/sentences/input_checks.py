@@ -111,9 +111,37 @@ def _tried(one: f.Convention | f.OffsetQuestion) -> str:
     return f" ({one.count} of the {readings(one.given)} were tried.)" if one.given else ""
 
 
+_POSES = "Check the columns of the hand's pose."
+
+_CONVENTIONS = {
+    "quaternion_xyzw": ("the hand's quaternions are in the order x y z w", _POSES),
+    "quaternion_wxyz": ("the hand's quaternions are in the order w x y z", _POSES),
+    "pose_inverted": ("the hand's poses are inverted (they have to take hand to world)", _POSES),
+    "rotation_transposed": ("the hand's rotations are transposed", _POSES),
+    "rotation_vector": ("the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES),
+    "roll_pitch_yaw": ("the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES),
+    "radians": ("the hand's angles are in radians, not degrees", _POSES),
+    "directions_reversed": (
+        "the directions (dx, dy, dz) are reversed",
+        "They have to point into the material, along the beam or the motion of the tip.",
+    ),
+    "normals_reversed": (
+        "the normals (nx, ny, nz) are reversed",
+        "The normals have to point out of the material.",
+    ),
+    "inches_not_millimetres": ("lengths are in inches, not millimetres", "State their unit in the name (x_in)."),
+    "millimetres_not_inches": ("lengths are in millimetres, not inches", "State their unit in the name (x_mm)."),
+    "millimetres_not_metres": ("lengths are in millimetres, not metres", "State their unit in the name (x_mm)."),
+    "metres_not_millimetres": ("lengths are in metres, not millimetres", "State their unit in the name (x_m)."),
+    "mirrored": ("they are mirrored", HANDED),
+}
+"""Other conventions by name, after "if", and what to do."""
+
+
 @words_of.register
 def _(one: f.Convention) -> Words:
-    return f"{_fitting(one)} if {one.meant}.{_tried(one)}", one.advice
+    meant, advice = _CONVENTIONS[one.mistake]
+    return f"{_fitting(one)} if {meant}.{_tried(one)}", advice
 
 
 @words_of.register

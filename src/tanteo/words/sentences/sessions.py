@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from tanteo.words import findings as f
+from tanteo.words.figures import listed, millimetres, percent, readings
 from tanteo.words.sentences.base import Words, words_of
 
 
@@ -32,3 +35,105 @@ def _(one: f.MovedMeanwhile) -> Words:
     which = f"{one.outliers} of the readings {span}" if one.outliers else f"Readings {span}"
     others = f"all {'after' if one.after else 'before'} {one.fitting}"
     return f"{which} do not fit, {others} do. Did the part or the sensor move?", ""
+
+
+@words_of.register
+def _(one: f.GoalReached) -> Words:
+    part = "" if math.isnan(one.probability) else f"It is {one.part} ({percent(one.probability)}). "
+    pose = ""
+    if not math.isnan(one.tolerance):
+        what = f"{one.feature} of {one.part} is" if one.feature else f"All corners of {one.part} are"
+        tolerance = millimetres(one.tolerance, 3)
+        pose = f"{what[0].upper()}{what[1:]} within {tolerance} of the estimated place ({percent(one.within)})."
+    return f"The goal is reached. {part}{pose}".rstrip(), ""
+
+
+@words_of.register
+def _(one: f.ReadingLimit) -> Words:
+    allowed, made = ("1 was" if n == 1 else f"{n:,} were" for n in (one.allowed, one.made))
+    return f"The limit of readings is reached: {allowed} allowed, and {made} made.", ""
+
+
+@words_of.register
+def _(one: f.NotWorthCost) -> Words:
+    return f"No reading is worth its cost: the best one is expected to give {one.gain:.3f} nats of information.", ""
+
+
+@words_of.register
+def _(one: f.NoPlaceReached) -> Words:
+    if not one.parts:
+        return (
+            "The probe reaches no place of the part at its possible poses."
+        ), "Give a smaller clearance, a larger stand-off, another approach direction or a better prior pose."
+    text = f"The probe reaches no place of {listed(list(one.parts))}."
+    if math.isnan(one.possible):
+        return text, "Give a smaller clearance, or another approach direction."
+    smaller = millimetres(one.possible)
+    return (
+        f"{text} It starts {millimetres(one.standoff, 3)} before the surface and needs "
+        f"{millimetres(one.clearance, 3)} of clearance there."
+    ), f"It reaches some with a clearance of {smaller} (--clearance {smaller.replace(' ', '')})."
+
+
+@words_of.register
+def _(one: f.NoClearPath) -> Words:
+    if one.last:
+        return (
+            f"The {one.device} finds no clear path to the readings that are worth making.",
+            "Clear some space for it.",
+        )
+    return f"There is no clear path for the {one.device}.", ""
+
+
+@words_of.register
+def _(one: f.NoPriorPose) -> Words:
+    return "No reading has arrived, and no prior pose is given.", "Give a prior pose (--pose-prior), or a reading."
+
+
+@words_of.register
+def _(one: f.EndedByUser) -> Words:
+    return "You ended the session.", ""
+
+
+def _named(names: tuple[str, ...], verb: str, rest: str) -> str:
+    noun, form = (
+        ("Reading", {"is": "is", "has": "has"}) if len(names) == 1 else ("Readings", {"is": "are", "has": "have"})
+    )
+    return f"{noun} {listed(list(names))} {form[verb]} {rest}."
+
+
+@words_of.register
+def _(one: f.RepeatedNames) -> Words:
+    text = []
+    if one.known:
+        text.append(_named(one.known, "is", "known already and not counted again"))
+    if one.corrected:
+        text.append(_named(one.corrected, "is", "known with other errors, radius or normal, which stay"))
+    if one.renamed:
+        text.append(_named(one.renamed, "has", "a new name, because another reading has the old one"))
+    return " ".join(text), ""
+
+
+@words_of.register
+def _(one: f.NoEcho) -> Words:
+    return "No sensor had an echo.", ""
+
+
+@words_of.register
+def _(one: f.BeamsFree) -> Words:
+    return "Nothing was met within the range.", ""
+
+
+@words_of.register
+def _(one: f.FurnitureMet) -> Words:
+    return f"{readings(one.count)} met furniture.", ""
+
+
+@words_of.register
+def _(one: f.NothingToAcquire) -> Words:
+    return "The feature is not expected there any more.", ""
+
+
+@words_of.register
+def _(one: f.Stated) -> Words:
+    return one.text, ""

@@ -1,6 +1,6 @@
-"""What facets say of an object that is not the part: those that people make have faces that are alike.
+"""Joint model of the surfaces of an unknown object: made objects have parallel and perpendicular faces.
 
-Most have faces along three perpendicular axes, catalogue or not, and several that are one plane.
+Most objects have faces along three perpendicular axes, and several faces in one plane.
 """
 
 from __future__ import annotations
@@ -11,26 +11,30 @@ from tanteo.geometry import SO3, maximize
 from tanteo.geometry.special import log_even, log_sum
 from tanteo.geometry.typing import Covariances, FloatArray, Vectors
 from tanteo.posterior.labels import Facets
-from tanteo.posterior.settings import DEFAULTS
+from tanteo.posterior.settings import DEFAULTS, Settings
+
+_AXIS_STEPS = 3
+"""Numerical: Newton steps from axes of a pair of normals to a maximum; convergence is quadratic."""
 
 
-def log_of_one_object(facets: Facets, share: float, radius: float) -> float:
-    """Log density of facets of one object that people made, over that of facets that know nothing of each other."""
-    return log_right_angled(facets, share) + log_level(facets, radius)
+def log_joint_surfaces(facets: Facets, share: float, radius: float, settings: Settings = DEFAULTS) -> float:
+    """Return the log density of facets of one made object over that of independent facets."""
+    return log_right_angled(facets, share, settings) + log_level(facets, radius, settings)
 
 
-def log_level(facets: Facets, radius: float) -> float:
-    """The same of where they are: a face that looks the same way as one before may be that one.
+def log_level(facets: Facets, radius: float, settings: Settings = DEFAULTS) -> float:
+    """Return the log density of the places of facets: parallel facets may be of one plane.
 
     Args:
         facets: pieces of planes.
-        radius: of the object [m].
+        radius: radius of the object [m].
+        settings: settings of the inference.
     """
     n, total = facets.normals, 0.0
     for k in range(1, len(facets)):
         tilts = facets.covariances[:k] + facets.covariances[k]
         rotated = n[:k] - n[k]
-        alike = np.sum(rotated**2, axis=1) < DEFAULTS.search.reach_sds**2 * np.trace(tilts, axis1=1, axis2=2)
+        alike = np.sum(rotated**2, axis=1) < settings.search.reach_sds**2 * np.trace(tilts, axis1=1, axis2=2)
         alike &= np.isfinite(facets.variances[:k] + facets.variances[k])
         if not alike.any():
             continue
@@ -43,12 +47,13 @@ def log_level(facets: Facets, radius: float) -> float:
     return total
 
 
-def log_right_angled(facets: Facets, share: float) -> float:
-    """The same of their directions, of which a share run along three perpendicular axes.
+def log_right_angled(facets: Facets, share: float, settings: Settings = DEFAULTS) -> float:
+    """Return the log density of directions, a fraction of which run along three perpendicular axes.
 
     Args:
         facets: pieces of planes.
-        share: of faces along the axes.
+        share: fraction of the faces along the axes.
+        settings: settings of the inference.
     """
     normals, covariances = facets.normals, facets.covariances
     k = len(normals)
@@ -57,21 +62,24 @@ def log_right_angled(facets: Facets, share: float) -> float:
     none, one = k * np.log1p(-share), np.log(k * share) + (k - 1) * np.log1p(-share)
     tangents = SO3.frame_from_axis(normals, 2)[:, :, :2]
     S = np.swapaxes(tangents, 1, 2) @ covariances @ tangents
-    frames = _axes_of_pairs(normals)
+    frames = _axes_of_pairs(normals, settings.unknown.axis_pairs)
     log, frames = _maximized(frames, tangents, S, normals, share)
     order, kept = np.argsort(-log, kind="stable"), list[int]()
     for i in order:
         turns = np.abs(np.swapaxes(frames[kept], 1, 2) @ frames[i])
-        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(DEFAULTS.unknown.same_axes)):
+        if not np.any(turns.max(axis=2).min(axis=1) > np.cos(settings.unknown.same_axes)):
             kept.append(int(i))
     return float(log_sum([none, one, *log[kept]]))
 
 
-def _axes_of_pairs(normals: Vectors) -> FloatArray:
-    """Perpendicular axes through pairs of directions ``(F, 3, 3)``, columns; through one alone of parallel ones."""
+def _axes_of_pairs(normals: Vectors, count: int) -> FloatArray:
+    """Return perpendicular axes through pairs of directions, as columns ``(F, 3, 3)``.
+
+    Of two parallel directions, the axes run through one.
+    """
     a, b = np.triu_indices(len(normals), 1)
     cosines = np.abs(np.sum(normals[a] * normals[b], axis=1))
-    some = np.argsort(cosines, kind="stable")[: DEFAULTS.unknown.axis_pairs]
+    some = np.argsort(cosines, kind="stable")[:count]
     x, z = normals[a[some]], np.cross(normals[a[some]], normals[b[some]])
     sines = np.linalg.norm(z, axis=1, keepdims=True)
     z = np.where(sines > 0.5, z / np.maximum(sines, 1e-12), SO3.frame_from_axis(x, 0)[..., 2])
@@ -81,7 +89,7 @@ def _axes_of_pairs(normals: Vectors) -> FloatArray:
 def _maximized(
     frames: FloatArray, tangents: FloatArray, S: Covariances, normals: Vectors, share: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Axes at their peaks and the log of the integral about each, over the density of any directions."""
+    """Return axes at the maxima, and log integrals about them over the density of uniform directions."""
     free = 8 * np.pi**2 / 24  # attitudes of a body, of which 24 have the same axes
     W, log_det = np.linalg.inv(S), np.linalg.slogdet(S)[1]
 
@@ -102,6 +110,5 @@ def _maximized(
         log = total.sum(axis=1) + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(H)[1] - np.log(free)
         return H, g, log
 
-    steps = DEFAULTS.unknown.axis_steps
-    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, steps)
+    frames, _ = maximize(frames, lambda at: evaluate(at)[:2], lambda at, step: SO3.exp(step) @ at, _AXIS_STEPS)
     return evaluate(frames)[2], frames

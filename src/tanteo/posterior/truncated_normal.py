@@ -1,4 +1,4 @@
-"""A normal density of poses that a box cuts: mean and covariance of what is inside of it."""
+"""Moments of normal densities of a pose that a box truncates."""
 
 from __future__ import annotations
 
@@ -9,19 +9,22 @@ from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, Transform
 from tanteo.posterior.sampling.peaks import Objective
 from tanteo.posterior.settings import Settings
 
+_SWEEPS = 50
+"""Numerical: sweeps of coordinate descent in three coordinates, which converges long before unless nearly singular."""
 
-def cut_by_box(
+
+def truncate_by_box(
     objective: Objective, Ts: Transforms, covariances: Covariances
 ) -> tuple[FloatArray, Covariances, BoolArray]:
-    """Normal densities about poses, as far as the box of the prior leaves them.
+    """Return means and covariances of normal densities about poses, truncated by the box of the prior.
 
-    The box bounds where the part's centroid may be. Its three coordinates are normal, cut by the box; the mean and the
-    covariance of those are summed over a grid; the pose follows them by regression (moments of a truncated normal).
+    The box bounds the part's centroid. Its three coordinates have a truncated normal density, whose moments are summed
+    over a grid. The pose follows by regression.
 
     Args:
         objective: the part and the problem.
         Ts: poses ``(m, 4, 4)``.
-        covariances: of motions about the part's centre ``(m, 6, 6)`` [m, rad].
+        covariances: covariances of motions about the part's centre ``(m, 6, 6)`` [m, rad].
 
     Returns:
         Mean motions ``(m, 6)``, covariances, and which of them the box cuts ``(m,)``.
@@ -49,7 +52,7 @@ def _moments(at: Vectors, S: Covariances, box: Vectors, own: Settings) -> tuple[
     """Return mean ``(3,)`` and covariance ``(3, 3)`` of a normal density inside a box."""
     gate = own.search.gate
     Q = np.asarray(np.linalg.inv(S), dtype=np.float64)
-    top = _likeliest(at, Q, box, own.samples.sweeps)
+    top = _likeliest(at, Q, box)
     slope = Q @ (top - at)
     with np.errstate(divide="ignore"):
         end = np.where((top <= box[0]) | (top >= box[1]), 0.5 * gate**2 / np.abs(slope), np.inf)
@@ -64,10 +67,10 @@ def _moments(at: Vectors, S: Covariances, box: Vectors, own: Settings) -> tuple[
     return mean, ((w[:, None] * (x - mean)).T @ (x - mean)) / w.sum()
 
 
-def _likeliest(at: Vectors, Q: FloatArray, box: Vectors, sweeps: int) -> Vectors:
+def _likeliest(at: Vectors, Q: FloatArray, box: Vectors) -> Vectors:
     """Return the place inside a box that is nearest to another by the information ``Q`` ``(3,)``."""
     x = np.clip(at, *box)
-    for _ in range(sweeps):  # of coordinate descent, which is slow where the information is nearly singular
+    for _ in range(_SWEEPS):  # of coordinate descent, which is slow where the information is nearly singular
         for i in range(3):
             rest = Q[i] @ (x - at) - Q[i, i] * (x[i] - at[i])
             x[i] = np.clip(at[i] - rest / Q[i, i], box[0, i], box[1, i])

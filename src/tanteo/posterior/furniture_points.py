@@ -1,4 +1,4 @@
-"""Measurements that may be of what stands around the part: the table, a vise, a fixture (decision 64)."""
+"""Measurements that may be of furniture: the table, a vise, a fixture (decision 64)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from tanteo.posterior.settings import SearchSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Around:
-    """Which of ``n`` points may be of furniture.
+class FurniturePoints:
+    """Points that may be on furniture.
 
     Attributes:
-        names: of the furniture.
-        which: which of it each is of, if of any ``(n,)``.
-        over_outlier: density there over that of an outlier, times the odds of being there at all ``(n,)``; 0 without.
-        paths: free-space rays to those that are on it.
+        names: names of the furniture.
+        which: index of the furniture on which each point is most probable ``(n,)``.
+        over_outlier: density on furniture over that of an outlier, times the prior odds of furniture ``(n,)``; 0
+            without furniture.
+        paths: free-space rays to the points on furniture.
     """
 
     names: tuple[str, ...]
@@ -31,37 +32,38 @@ class Around:
     paths: FreeRays
 
     @property
-    def on_it(self) -> BoolArray:
-        """Points that are better explained by furniture than as outliers ``(n,)``."""
+    def on_furniture(self) -> BoolArray:
+        """Return which points are more probable on furniture than as outliers ``(n,)``."""
         return np.asarray(self.over_outlier >= 1)
 
     @property
     def others(self) -> IntArray:
-        """Rows of all other points."""
-        return np.flatnonzero(~self.on_it)
+        """Return the rows of all other points."""
+        return np.flatnonzero(~self.on_furniture)
 
 
-def around(points: ContactPoints, priors: Priors, settings: SearchSettings) -> Around:
-    """Weigh what stands around, the table included, for every point.
+def weigh_furniture(points: ContactPoints, priors: Priors, settings: SearchSettings) -> FurniturePoints:
+    """Evaluate all furniture, the table included, for every point.
 
-    The share of points on furniture is taken from how many are denser there than anywhere. Labelled points, and those
-    of edges and vertices, may be of it like all others.
+    The prior odds of furniture are estimated from the number of points that are more probable there than as outliers.
+    Labelled points and those of edges and vertices may be on furniture like all others.
     """
     n, log_outlier = len(points), outlier_log_density(points, priors)
     furniture = without_pose(points, priors).furniture
     if not furniture or not n:
-        return Around((), np.zeros(n, dtype=np.int64), np.zeros(n), FreeRays.none())
+        return FurniturePoints((), np.zeros(n, dtype=np.int64), np.zeros(n), FreeRays.none())
     log = np.stack([f.log_density(points.points, points.covs, points.radii, points.directions) for f in furniture])
     over = log.max(axis=0) - log_outlier - np.where(points.oriented, np.log(4 * np.pi), 0.0)
     over = np.where(points.centres, -np.inf, over)  # what stands around has no holes that anybody measures
     count = int(np.sum(over > 0))
     odds = np.log(count + JEFFREYS) - np.log(n - count + JEFFREYS)
     weighed = np.exp(np.minimum(over + odds, 600.0))
-    return Around(tuple(f.name for f in furniture), log.argmax(axis=0), weighed, _paths(points, weighed >= 1, settings))
+    names = tuple(f.name for f in furniture)
+    return FurniturePoints(names, log.argmax(axis=0), weighed, _paths(points, weighed >= 1, settings))
 
 
 def without_pose(points: ContactPoints, priors: Priors) -> Priors:
-    """The priors without what they say of the pose; a table still stands there."""
+    """Return the priors without the prior of the pose; its table becomes furniture."""
     table = priors.pose.table if priors.pose is not None else None
     if table is None or not len(points):
         return replace(priors, pose=None)
@@ -70,14 +72,14 @@ def without_pose(points: ContactPoints, priors: Priors) -> Priors:
 
 
 def _paths(points: ContactPoints, on_it: BoolArray, own: SearchSettings) -> FreeRays:
-    """Where beams went before they met furniture, nothing was; the nearest to the other points say where these end."""
+    """Return the free-space rays of beams that end on furniture, those nearest to the other points."""
     rows = np.flatnonzero(on_it & points.directed & (points.reach > 0))
     if not len(rows) or on_it.all():
         return FreeRays.none()
     off = points.points[~on_it] - points.points[rows][:, None]
     along = np.sum(off * points.directions[rows][:, None], axis=2, keepdims=True)
     beside = np.linalg.norm(off - along * points.directions[rows][:, None], axis=2).min(axis=1)
-    some = points.take(rows[np.argsort(beside, kind="stable")[: own.furniture_rays]])
+    some = points.take(rows[np.argsort(beside, kind="stable")[: own.few_points]])
     margin = np.minimum(own.gate * some.sd, some.reach)
     return FreeRays(
         some.points - some.reach[:, None] * some.directions, some.directions, some.reach, margin,

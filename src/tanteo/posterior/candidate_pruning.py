@@ -8,10 +8,10 @@ Stages in order of cost, each on the parts that the stage before left active:
 4. first-pass searches: maximization with a few of the points (``_first_pass``),
 5. full searches with restarts, while what they may have missed matters (``_restart``).
 
-A part is pruned where even an optimistic reading of its gap behind the leader, the gap times the weight of the stage,
-is more than ``negligible`` nats; and where the budget ends. What was pruned stays in the posterior: what it could
-explain at most is evidence for an object that was not searched (decision 76), :class:`LeftOut`. What pairs of points
-led to again and again is likely all there is (Good 1953, Turing's estimate of unseen probability), which ends stage 5.
+A part is pruned if even an optimistic gap to the leader, the gap times the weight of the stage, exceeds ``negligible``
+nats, or if the budget ends. Pruned parts stay in the posterior: their largest possible evidence counts for an object
+that was not searched (decision 76), :class:`LeftOut`. Stage 5 ends when most of the probability is in maxima to which
+several pairs of points led (Good 1953, Turing's estimate of unseen probability).
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ import numpy as np
 
 from tanteo.catalogue import widths
 from tanteo.factors import ContactPoints
+from tanteo.geometry.limits import SUSPECT
 from tanteo.geometry.special import log_sum, softmax
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
 from tanteo.posterior.candidates import Candidates
-from tanteo.posterior.outliers import so_many
+from tanteo.posterior.outliers import beta_binomial_tail
 from tanteo.posterior.part_search import PartSearch, common_random_numbers, spread, start_search, start_searches
 from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
@@ -37,53 +38,52 @@ from tanteo.posterior.proposals.plane_votes import cost_margin, on_planes, voted
 from tanteo.posterior.proposals.sensed_planes import SensedPlanes, sensed_planes
 from tanteo.posterior.settings import POSE_DOF
 
-__all__ = ["Active", "LeftOut", "PartSearch", "missing", "race", "screen", "start_search"]
+__all__ = ["Active", "PartSearch", "Unsearched", "missing", "prune", "screen", "start_search"]
 
 _NONE = float(np.finfo(np.float32).min)
 """Log-evidence of a part of which no maximum was found."""
 
 _ROUND_OFF = 1.02
-"""Mean widths are over 256 directions: the true one is larger by this factor at most."""
+"""Numerical: largest ratio of a mean width over all directions to the mean over 256 of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Active:
-    """The parts that are searched, and a bound of what the others explain.
+    """The active parts, and a bound of the evidence of the others.
 
     Attributes:
         rows: rows of the parts that are searched ``(m,)``, the most promising first.
-        known: poses to begin with, by row.
-        behind: gap of each behind the best, as far as tables and fields say ``(m,)`` [nats].
-        left_out: log of what all others could explain together, over what the best part explains; -inf for nothing.
-        others: rows of parts that were pruned though the points have room in them.
+        known: initial poses by row.
+        behind: cost gap of each part to the best, by tables and fields ``(m,)`` [nats].
+        unsearched: log of the evidence of all others at most, over that of the best part; -inf for none.
+        others: rows of pruned parts that have room for the points.
         exhaustive: whether the known poses are all that planes and centres allow.
-        aside: number of the others that were pruned by global properties alone.
-        discount: mean log odds of the others by these, over those of the less promising half of the rows.
+        pruned_by_properties: number of the others that global properties alone pruned.
+        discount: mean log odds of the others by global properties, over those of the less promising half of the rows.
         bound: whether gaps are bounds; coarse fields estimate them.
     """
 
     rows: IntArray
     known: dict[int, Transforms] = field(default_factory=dict)
     behind: FloatArray = field(default_factory=lambda: np.zeros(0))
-    left_out: float = -np.inf
+    unsearched: float = -np.inf
     others: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     exhaustive: bool = False
-    aside: int = 0
+    pruned_by_properties: int = 0
     discount: float = 0.0
     bound: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LeftOut:
+class Unsearched:
     """Parts that are not searched.
 
     Attributes:
         count: number of parts that are not searched.
-        behind: log of what they could explain together over what the best part explains; None where that is estimated
-            by the parts that were hardly promising.
-        discount: log odds of these parts over those of hardly promising ones, by global properties.
-        similar: returns those of them that are similar to a part.
-        untried: whether no poses of them were tried: some may explain as much as an unknown object, whatever was found.
+        behind: log of their evidence together over that of the best part; None if the less promising parts estimate it.
+        discount: log odds of these parts over those of less promising ones, by global properties.
+        similar: function that returns those of them that are similar to a part.
+        untried: whether none of their poses were tried. Then some may explain as much as an unknown object.
     """
 
     count: int = 0
@@ -97,7 +97,7 @@ class LeftOut:
 
         Args:
             best: log-evidence of the best part.
-            tail: log of the mean evidence of hardly promising parts.
+            tail: log of the mean evidence of less promising parts.
         """
         if not self.count:
             return -np.inf
@@ -111,9 +111,9 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         problem: measurements and priors.
         candidates: all parts.
         odds: log odds of each by its global properties ``(n,)``.
-        every: evaluate the fields of all parts, whatever these are.
+        every: whether to evaluate the fields of all parts, whatever their log odds.
     """
-    points, few = problem.points.take(problem.around.others), problem.settings.race.budget
+    points, few = problem.points.take(problem.furniture.others), problem.settings.pruning.budget
     rows = np.flatnonzero(_is_large_enough(points, candidates))
     too_few_points = len(points) < 3 and not points.centres.any()
     if len(rows) > few and not too_few_points:
@@ -123,7 +123,8 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         return _few(problem, points, candidates, rows)
     near = np.ones(len(rows), dtype=bool) if every else _is_probable(problem, own[rows])
     tables = _by_tables(problem, points, candidates, rows)
-    if not tables.exhaustive and _has_shape(problem, points, tables.planes):
+    # the points on the surface are enough to discriminate parts by their fields
+    if not tables.exhaustive and (np.count_nonzero(~points.centres) >= POSE_DOF - 1 or len(tables.planes.triples)):
         _by_fields(problem, points, candidates, rows, near, tables)
     tables.costs = tables.costs - own[rows]
     found = _promising(problem, rows, tables)
@@ -131,14 +132,14 @@ def screen(problem: Problem, candidates: Candidates, odds: FloatArray | None = N
         return found
     half = found.rows[len(found.rows) // 2 :]
     discount = float(log_sum(odds[found.others]) - log_sum(odds[half]) + np.log(len(half) / len(found.others)))
-    return replace(found, aside=int(np.count_nonzero(~near)), discount=discount)
+    return replace(found, pruned_by_properties=int(np.count_nonzero(~near)), discount=discount)
 
 
 def _few(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> Active:
     """Keep a handful of parts, and propose poses of each on its coarse field.
 
-    Tables do not prune them: their costs ignore the areas of faces, by which few points discriminate parts, and what a
-    label states of an object that is none of them (decision 88).
+    Tables do not prune these. Their costs ignore areas of faces, by which few points discriminate parts, and the
+    evidence of a label for an unknown object (decision 88).
     """
     known = dict[int, Transforms]()
     if np.count_nonzero(~points.centres) >= POSE_DOF - 1 and len(rows):
@@ -148,20 +149,15 @@ def _few(problem: Problem, points: ContactPoints, candidates: Candidates, rows: 
 
 def _is_probable(problem: Problem, odds: FloatArray) -> BoolArray:
     """Return which parts are evaluated on their fields, by their log odds ``(m,)``."""
-    own, order = problem.settings.race, np.argsort(odds, kind="stable")
+    own, order = problem.settings.pruning, np.argsort(odds, kind="stable")
     out = np.ones(len(odds), dtype=bool)
     out[order[np.cumsum(softmax(odds)[order]) <= own.pruned_by_size]] = False
     return out | (odds > odds.max() - own.size_margin)
 
 
-def _has_shape(problem: Problem, points: ContactPoints, planes: SensedPlanes) -> bool:
-    """Return whether the points on the surface are enough to discriminate parts by their fields."""
-    return int(np.count_nonzero(~points.centres)) >= POSE_DOF - 1 or len(planes.triples) > 0
-
-
 @dataclass(slots=True, eq=False)
 class _Costs:
-    """Costs of parts [nats] and poses by row; whether these are all, and whether the costs are bounds."""
+    """Costs of parts [nats] and poses by row, and whether these are all poses and the costs are bounds."""
 
     planes: SensedPlanes
     costs: FloatArray
@@ -172,11 +168,12 @@ class _Costs:
 
 def _by_tables(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> _Costs:
     """Return costs and poses by sensed planes and centres against faces and axes."""
-    own, matters, planes = problem.settings.race, problem.settings.samples.matters, sensed_planes(problem, points)
+    own, planes = problem.settings.pruning, sensed_planes(problem, points)
     found = _Costs(planes, np.zeros(len(rows)))
     if len(planes.triples):
         # poses are needed as far behind the best as all parts beyond could matter together
-        far = max(cost_margin(problem.settings), float(np.log(len(rows) / matters)) / own.table_weight)
+        together = float(np.log(len(rows) / problem.settings.samples.min_probability))
+        far = max(cost_margin(problem.settings), together / own.table_weight)
         found.costs, found.known = on_planes(planes, candidates, rows, far)
         found.exhaustive = bool(found.costs.min() < planes.believed)
     else:
@@ -208,12 +205,15 @@ def _by_fields(
 
 def _promising(problem: Problem, rows: IntArray, found: _Costs) -> Active:
     """Return the parts that are little behind the best, as many as the budget allows, and a bound of the others."""
-    own, margin, matters = problem.settings.race, problem.settings.search.negligible, problem.settings.samples.matters
+    own, margin = problem.settings.pruning, problem.settings.search.negligible
     order = np.argsort(found.costs, kind="stable")
     behind = found.costs[order] - found.costs[order[0]]
     weight, least = (own.table_weight, 1) if found.bound else (own.estimate_weight, own.least)
     rest = np.cumsum(np.exp(-weight * behind)[::-1])[::-1]  # of each and all behind it
-    count = min(int(np.searchsorted(weight * behind, margin)), int(np.searchsorted(-rest, -matters)))
+    count = min(
+        int(np.searchsorted(weight * behind, margin)),
+        int(np.searchsorted(-rest, -problem.settings.samples.min_probability)),
+    )
     if found.bound and not found.exhaustive:
         count = count if count <= own.budget else own.unfixed  # which part it is will stay open
     elif count > own.first_passes:
@@ -237,13 +237,13 @@ def _is_large_enough(points: ContactPoints, candidates: Candidates) -> BoolArray
 def _has_room(problem: Problem, points: ContactPoints, candidates: Candidates, rows: IntArray) -> BoolArray:
     """Return whether each part has room for all points but possible outliers: its widths are no less ``(m,)``.
 
-    Centres are left out, which may be beyond the end of their hole.
+    Centres do not count: they may be beyond the end of their hole.
     """
     points = points.take(np.flatnonzero(~points.centres))
     own, rate, n = problem.settings, problem.priors.outlier_rate, len(points)
     if n < 3:
         return np.ones(len(rows), dtype=bool)
-    outliers = next(k for k in range(n + 1) if so_many(k + 1, n, rate) < own.race.outlier_level)
+    outliers = next(k for k in range(n + 1) if beta_binomial_tail(k + 1, n, rate) < SUSPECT)
     if n - outliers < 3:
         return np.ones(len(rows), dtype=bool)
     away = np.linalg.norm(points.points - np.median(points.points, axis=0), axis=1)
@@ -256,7 +256,7 @@ def _has_room(problem: Problem, points: ContactPoints, candidates: Candidates, r
     return np.asarray((diameters >= least[0]) & (_ROUND_OFF * means >= least[1]))
 
 
-def race(
+def prune(
     problem: Problem,
     parts: Sequence[PreparedPart],
     log_unknown: float,
@@ -264,7 +264,7 @@ def race(
     known: Sequence[Transforms | None],
     *,
     exhaustive: bool,
-    left_out: LeftOut | None,
+    unsearched: Unsearched | None,
 ) -> tuple[list[PartSearch], float]:
     """Search parts, each as long as it may matter.
 
@@ -273,22 +273,21 @@ def race(
         parts: the parts, the most promising first.
         log_unknown: log-evidence of the unknown object, over the prior of one part.
         rng: generator of all draws.
-        known: poses of each part to begin with; None without.
+        known: initial poses of each part; None without.
         exhaustive: whether these are all poses that labels and normals allow.
-        left_out: what is known of parts that are not searched.
+        unsearched: the parts that are not searched.
 
     Returns:
         The searches, and the log-evidence of all parts without a search, at most.
     """
-    left_out, margin = left_out or LeftOut(), problem.settings.search.negligible
-    start = _first_pass(problem, parts, known, rng, left_out.similar, exhaustive=exhaustive)
+    unsearched, margin = unsearched or Unsearched(), problem.settings.search.negligible
+    start = _first_pass(problem, parts, known, rng, unsearched.similar, exhaustive=exhaustive)
     searches, live = start.searches, list(start.live)
     if not exhaustive or not max(searches, key=lambda s: s.log_evidence).is_good_fit():
         second = problem.settings.second_pass
         for search in sorted(live, key=lambda s: -s.log_evidence):  # once one explains the points, others may be out
-            if len(live) == 1 or search in _still_active(
-                live, log_unknown, margin / problem.settings.race.estimate_weight
-            ):
+            wide = margin / problem.settings.pruning.estimate_weight
+            if len(live) == 1 or search in _still_active(live, log_unknown, wide):
                 search.restart(second)
         _pass_on(live)
     live = _still_active(live, log_unknown, margin)
@@ -296,20 +295,20 @@ def race(
     if points.held >= POSE_DOF or 2 * int(points.oriented.sum()) >= POSE_DOF:
         _restart(searches, live, log_unknown)
     searches = searches + start.others
-    top = max([log_unknown if left_out.untried else -np.inf, *(s.log_evidence for s in searches)])
-    return searches, float(log_sum([start.dropped, left_out.log_evidence(top, start.tail)]))
+    top = max([log_unknown if unsearched.untried else -np.inf, *(s.log_evidence for s in searches)])
+    return searches, float(log_sum([start.dropped, unsearched.log_evidence(top, start.tail)]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Start:
-    """What the first-pass searches leave.
+    """Result of the first-pass searches.
 
     Attributes:
         searches: searches of all parts that the budget allows full searches of.
         live: those of them that are active.
-        others: searches of more parts that are near the best, which the budget does not allow to be searched in full.
-        dropped: log-evidence of all the rest together.
-        tail: log of the mean evidence of the less promising half: what a part without a search may have.
+        others: searches of further parts near the best, for which the budget allows no full search.
+        dropped: log-evidence of all other parts together.
+        tail: log of the mean evidence of the less promising half, an estimate for a part without a search.
     """
 
     searches: list[PartSearch]
@@ -330,10 +329,10 @@ def _first_pass(
 ) -> _Start:
     """Search each part with a few of the points, which is as fair to all; the active ones go on with all points.
 
-    The unknown object is no rival yet: a first pass often misses the pose of the right part.
+    The unknown object does not compete yet, because a first pass often misses the pose of the right part.
     """
     others, dropped, tail = list[PartSearch](), -np.inf, -np.inf
-    if len(parts) > problem.settings.race.budget:
+    if len(parts) > problem.settings.pruning.budget:
         parts, known, others, dropped, tail = _prune_by_known_poses(
             problem, parts, known, rng, similar, exhaustive=exhaustive
         )
@@ -347,13 +346,13 @@ def _first_pass(
         passes = start_searches(few, parts, [s.rng for s in searches])
         passes = [replace(p, planes=s.planes, known=s.known, exhaustive=s.exhaustive)
                   for p, s in zip(passes, searches, strict=True)]  # fmt: skip
-    effort = problem.settings.race.first_pass
+    effort = problem.settings.first_pass
     if exhaustive or any(Ts is not None for Ts in known):
         effort = replace(effort, pairs=0)
     for one in passes:
         one.restart(effort)
     _pass_on(passes)
-    margin = problem.settings.search.negligible / problem.settings.race.estimate_weight
+    margin = problem.settings.search.negligible / problem.settings.pruning.estimate_weight
     active = {id(one) for one in _still_active(passes, -np.inf, margin)}
     live = []
     for search, one in zip(searches, passes, strict=True):
@@ -395,7 +394,7 @@ def _prune_by_known_poses(
         Parts and known poses that are searched in full; searches of others near the best; log-evidence of all the rest;
         log of the mean evidence of the less promising half.
     """
-    own, few = problem.settings.race, _with_few_points(problem)
+    own, few = problem.settings.pruning, _with_few_points(problem)
     margin = problem.settings.search.negligible
     found, searches = _from_known_poses(few, parts, known, rng, exhaustive=exhaustive)
     share = len(problem.points) / max(len(few.points), 1)  # all points discriminate parts by as much more
@@ -439,7 +438,7 @@ def _from_known_poses(
     """Return the log-evidence that known poses lead to ``(n,)``, and the searches of parts near the best."""
     own = problem.settings
     found, kept, proposer = np.full(len(parts), _NONE), dict[int, PartSearch](), KnownPoses()
-    together = 4 * own.race.budget  # open at a time, beside those near the best
+    together = 4 * own.pruning.budget  # open at a time, beside those near the best
     for begin in range(0, len(parts), together):
         some = [k for k in range(begin, min(begin + together, len(parts))) if known[k] is not None]
         searches = start_searches(problem, [parts[k] for k in some], common_random_numbers(rng, len(some)))
@@ -447,7 +446,7 @@ def _from_known_poses(
             search.known, search.exhaustive = known[k], exhaustive
             search.propose(proposer)
             found[k], kept[k] = max(search.log_evidence, _NONE), search
-        least = found.max(initial=_NONE) - own.search.negligible / own.race.estimate_weight
+        least = found.max(initial=_NONE) - own.search.negligible / own.pruning.estimate_weight
         for k in [k for k in kept if found[k] < least]:
             kept.pop(k).objective.prepared.close()
     return found, kept
@@ -489,7 +488,7 @@ def _pass_on(searches: Sequence[PartSearch]) -> None:
     """Try the best poses of the leading parts on the others: twins and variants share their frames."""
     if len(searches) < 2:
         return
-    leaders = searches[0].objective.problem.settings.race.leaders
+    leaders = searches[0].objective.problem.settings.pruning.leaders
     order = sorted(searches, key=lambda s: -s.log_evidence)[:leaders]
     leading, proposer = [(s, s.peaks.Ts[:1]) for s in order if len(s.peaks)], PosesOfOtherParts()
     for search in searches:

@@ -23,16 +23,16 @@ def next_document(asked: Action | Done, frame: str) -> dict[str, Any]:
         frame: name of the frame of the coordinates.
 
     Example:
-        >>> next_document(Done(True, "Enough."), "base")["status"]
-        'reached'
+        >>> next_document(Done(False, ()), "base")["status"]
+        'nothing'
     """
     if isinstance(asked, Done):
-        return {"schema": SCHEMA, "status": "reached" if asked.reached else "nothing", "why": asked.why}
+        return {"schema": SCHEMA, "status": "reached" if asked.reached else "nothing", "why": asked.message}
     return {
         "schema": SCHEMA, "status": "ask", "frame": frame, "origin_m": list(map(float, asked.origin)),
         "direction": list(map(float, asked.direction)), "max_range_m": float(asked.max_range),
         "expected_m": float(asked.expected), "radius_m": float(asked.radius), "part": asked.part, "face": asked.face,
-        "gain_nats": None if np.isnan(asked.gain) else float(asked.gain), "why": asked.why,
+        "gain_nats": None if np.isnan(asked.gain) else float(asked.gain), "why": asked.reason.message,
     }  # fmt: skip
 
 

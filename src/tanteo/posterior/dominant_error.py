@@ -1,4 +1,4 @@
-"""What limits an answer: the largest of the errors that all measurements share, in words."""
+"""The shared error that contributes most to the uncertainty of an answer."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 from tanteo.features import SharedError
 from tanteo.fitting import pose_information
 from tanteo.geometry.typing import FloatArray
-from tanteo.posterior.answers.part_motions import corner_sd, part_scale, without_spins
+from tanteo.posterior.answers.part_motions import corner_sd, part_scale, without_symmetry
 from tanteo.posterior.fit_at_mode import GoodnessOfFit
 from tanteo.posterior.sampling.modes import Mode
 from tanteo.words.findings import SharedErrorLimits
 
 
-def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
-    """Return the largest of the errors that all measurements share, if it matters; None if not.
+def dominant_shared_error(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErrorLimits | None:
+    """Return the shared error that contributes most to the uncertainty, if it matters; None if not.
 
     Args:
         one: the answer.
-        shared: the errors behind its shared states, in that order.
+        shared: shared errors, in the order of the states.
     """
     mode, own = one.mode, one.mode.objective.problem.settings.checks
     information, start = mode.information, 6
@@ -41,8 +41,8 @@ def what_limits(one: GoodnessOfFit, shared: Sequence[SharedError]) -> SharedErro
 
 
 def _corner_sd(mode: Mode, information: FloatArray) -> float:
-    """The largest corner sd [m], from the information on all states; spins of the part are no error."""
+    """Return the largest corner sd from the information on all states [m]; symmetries are no error."""
     part = mode.prepared.part
     scale = part_scale(part)
-    unit = scale.T @ without_spins(part, pose_information(information)) @ scale
+    unit = scale.T @ without_symmetry(part, pose_information(information)) @ scale
     return corner_sd(part, scale @ np.linalg.pinv(unit, rcond=1e-12, hermitian=True) @ scale.T)

@@ -1,4 +1,4 @@
-"""Usual mistakes in readings files, and how each is undone: conventions of poses, signs, units, a mirror."""
+"""Usual mistakes of convention in readings files, and functions that undo them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Rotations, Transforms
 from tanteo.parts import METRES
 from tanteo.sensors import Column, Readings
-from tanteo.words import HANDED
 from tanteo.words.findings import (  # fmt: skip
     Convention,
     DirectionsConvention,
@@ -23,28 +22,26 @@ from tanteo.words.findings import (  # fmt: skip
 )
 
 _MIRROR = np.array([1.0, 1.0, -1.0])
-"""One mirror stands for all: whichever axes are exchanged or reversed, the rest is a turn, which is searched."""
+"""Representative of all mirrors: whichever axes are exchanged or reversed, the rest is a rotation."""
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """Another way to read the numbers.
+class Mistake:
+    """Usual mistake of convention in readings.
 
     Attributes:
         finding: type of the finding.
-        words: what would have been meant, after "if".
-        advice: what to do.
-        undo: the readings as they would have been meant; None where it says nothing of them.
+        mistake: name of the other convention.
+        undo: function that returns the readings in this convention; None where it does not apply.
     """
 
     finding: type[Convention]
-    words: str
-    advice: str
+    mistake: str
     undo: Callable[[Readings], Readings | None]
 
 
 def _turned(change: Callable[[Rotations], Rotations]) -> Callable[[Readings], Readings | None]:
-    """Readings whose hands have another attitude."""
+    """Return a function that changes the attitude of the hand."""
 
     def undo(readings: Readings) -> Readings | None:
         def turned(Ts: Transforms) -> Transforms:
@@ -58,7 +55,7 @@ def _turned(change: Callable[[Rotations], Rotations]) -> Callable[[Readings], Re
 
 
 def _with_hands(readings: Readings, change: Callable[[Transforms], Transforms]) -> Readings | None:
-    """Readings with other poses of the hand; None where no range depends on them."""
+    """Return readings with other poses of the hand; None if no range depends on them."""
     hands = readings.Ts_world_hand
     ranged = readings.ranges.given[hands.given]
     if not ranged.any():
@@ -69,7 +66,7 @@ def _with_hands(readings: Readings, change: Callable[[Transforms], Transforms]) 
 
 
 def _reversed(name: str) -> Callable[[Readings], Readings | None]:
-    """Readings with the opposite of a direction; None where none has one."""
+    """Return a function that reverses a direction; it returns None where no reading has one."""
 
     def undo(readings: Readings) -> Readings | None:
         column: Column = getattr(readings, name)
@@ -108,7 +105,7 @@ def _order(places: int) -> Callable[[Rotations], Rotations]:
 
 
 def _of_vector(R: Rotations) -> Rotations:
-    """Rotations by vectors whose numbers were read as roll, pitch and yaw; of both solutions the one below a turn."""
+    """Return rotations by vectors that were read as roll, pitch, yaw; of two solutions the one below a full turn."""
     pitch = np.arcsin(np.clip(-R[:, 2, 0], -1, 1))
     roll, yaw = np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
     one = np.stack([roll, pitch, yaw], axis=-1)
@@ -120,41 +117,37 @@ def _of_vector(R: Rotations) -> Rotations:
 
 
 def _of_angles(R: Rotations) -> Rotations:
-    """Rotations by roll, pitch and yaw whose numbers were read as a rotation vector."""
+    """Return rotations by roll, pitch and yaw that were read as a rotation vector."""
     roll, pitch, yaw = np.moveaxis(SO3.log(R), -1, 0)
     return SO3.axis_rotation(2, yaw) @ SO3.axis_rotation(1, pitch) @ SO3.axis_rotation(0, roll)
 
 
 def _of_degrees(R: Rotations) -> Rotations:
-    """Rotations by vectors in radians that were read as degrees."""
+    """Return the rotations of vectors in radians that were read as degrees."""
     return SO3.exp(np.degrees(SO3.log(R)))
 
 
-_POSES = "Check the columns of the hand's pose."
-
 HANDS = (
-    Way(HandConvention, "the hand's quaternions are in the order x y z w", _POSES, _turned(_order(1))),
-    Way(HandConvention, "the hand's quaternions are in the order w x y z", _POSES, _turned(_order(-1))),
-    Way(HandConvention, "the hand's poses are inverted (they are meant to take hand to world)", _POSES,
+    Mistake(HandConvention, "quaternion_xyzw", _turned(_order(1))),
+    Mistake(HandConvention, "quaternion_wxyz", _turned(_order(-1))),
+    Mistake(HandConvention, "pose_inverted",
         lambda readings: _with_hands(readings, SE3.inverse)),
-    Way(HandConvention, "the hand's rotations are transposed", _POSES, _turned(lambda R: np.swapaxes(R, -1, -2))),
-    Way(HandConvention, "the hand's angles are a rotation vector, not roll, pitch and yaw", _POSES,
+    Mistake(HandConvention, "rotation_transposed", _turned(lambda R: np.swapaxes(R, -1, -2))),
+    Mistake(HandConvention, "rotation_vector",
         _turned(_of_vector)),
-    Way(HandConvention, "the hand's angles are roll, pitch and yaw, not a rotation vector", _POSES,
+    Mistake(HandConvention, "roll_pitch_yaw",
         _turned(_of_angles)),
-    Way(HandConvention, "the hand's angles are in radians, not degrees", _POSES, _turned(_of_degrees)),
+    Mistake(HandConvention, "radians", _turned(lambda R: SO3.exp(np.degrees(SO3.log(R))))),
 )  # fmt: skip
-"""Usual mistakes in poses of the hand: most of them throw the readings farther apart than a part is."""
+"""Usual mistakes in poses of the hand. Most of them spread the readings wider than a part."""
 
 OTHERS = (
-    Way(DirectionsConvention, "the directions (dx, dy, dz) are reversed",
-        "They are meant to point into the material, as the sensor looks or the tip moves.", _reversed("directions")),
-    Way(NormalsConvention, "the normals (nx, ny, nz) are reversed",
-        "The normals are meant to point out of the material.", _reversed("normals")),
-    Way(UnitsConvention, "lengths are in inches, not millimetres", "Name their unit (x_in).", _longer("in", "mm")),
-    Way(UnitsConvention, "lengths are in millimetres, not inches", "Name their unit (x_mm).", _longer("mm", "in")),
-    Way(UnitsConvention, "lengths are in millimetres, not metres", "Name their unit (x_mm).", _longer("mm", "m")),
-    Way(UnitsConvention, "lengths are in metres, not millimetres", "Name their unit (x_m).", _longer("m", "mm")),
-    Way(MirrorConvention, "they are seen in a mirror", HANDED, _mirrored),
+    Mistake(DirectionsConvention, "directions_reversed", _reversed("directions")),
+    Mistake(NormalsConvention, "normals_reversed", _reversed("normals")),
+    Mistake(UnitsConvention, "inches_not_millimetres", _longer("in", "mm")),
+    Mistake(UnitsConvention, "millimetres_not_inches", _longer("mm", "in")),
+    Mistake(UnitsConvention, "millimetres_not_metres", _longer("mm", "m")),
+    Mistake(UnitsConvention, "metres_not_millimetres", _longer("m", "mm")),
+    Mistake(MirrorConvention, "mirrored", _mirrored),
 )  # fmt: skip
 """Other usual mistakes."""

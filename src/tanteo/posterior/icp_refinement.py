@@ -1,4 +1,4 @@
-"""Poses that lay exact places on the surface of a part."""
+"""Robust ICP refinement of poses."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from tanteo.posterior.prepared import PreparedPart
 from tanteo.posterior.problem import Problem
 
 
-def settle(problem: Problem, part: PreparedPart, Ts: Transforms, scales: FloatArray) -> Transforms:
-    """Robust Gauss-Newton of the points of a problem on the surface, one step a scale; nothing else counts.
+def refine_poses(problem: Problem, part: PreparedPart, Ts: Transforms, scales: FloatArray) -> Transforms:
+    """Refine poses by robust Gauss-Newton steps of the points to the surface, one step for each scale.
 
     Args:
-        problem: its points.
+        problem: problem, of which the points count.
         part: the part.
-        Ts: poses to start from ``(S, 4, 4)``.
-        scales: distances from which points lose their weight, one for each step ``(K,)`` [m].
+        Ts: initial poses ``(S, 4, 4)``.
+        scales: scale of the robust kernel in each step ``(K,)`` [m].
     """
     rows = np.arange(len(problem.points), dtype=np.int32)
     return _core.settle(part.shape, problem.compiled(part), rows, np.asarray(scales), np.ascontiguousarray(Ts))[0]

@@ -1,4 +1,4 @@
-"""Measurements that any part fits, as there are too few of them or they are all noise."""
+"""Observability gate: measurements that fit any part, because they are too few or all noise."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from tanteo.words.findings import (  # fmt: skip
 )
 
 
-def too_little(problem: Problem) -> Finding | None:
+def observability_gate(problem: Problem) -> Finding | None:
     """Return why the points fit any part: too few, on one line, or all noise; None if there is enough."""
     if problem.pose_factors and len(problem.points):  # an image fixes the pose, too
         return None
-    points, named = problem.points.take(problem.around.others), problem.priors.pose is not None
+    points, named = problem.points.take(problem.furniture.others), problem.priors.pose is not None
     if not len(points) and len(problem.points):
-        return AllOnFurniture(len(problem.points), problem.around.names[problem.around.which[0]])
+        return AllOnFurniture(len(problem.points), problem.furniture.names[problem.furniture.which[0]])
     if not len(points):
         return NothingSensed()
     slides = any(isinstance(f, AxisCentre) for f in points.factors)
@@ -42,12 +42,12 @@ def too_little(problem: Problem) -> Finding | None:
     sd = float(np.median(_along(points)))
     if across > sd * np.sqrt(len(points)):
         return None
-    if along > problem.settings.search.unusual_sds * sd * np.sqrt(len(points)):
+    if along > problem.settings.search.notable_sds * sd * np.sqrt(len(points)):
         return OnOneLine()
     return NoiseTooLarge(sd, points.tolerance > 0)
 
 
 def _along(points: ContactPoints) -> FloatArray:
-    """Standard deviation of each point along its direction, where that is known: a beam's cone is across ``(n,)``."""
+    """Return the standard deviation of each point along its direction, if known ``(n,)``."""
     along = np.sqrt(np.einsum("ni,nij,nj->n", points.directions, points.covs, points.directions))
     return np.asarray(np.where(points.directed, along, points.sd))

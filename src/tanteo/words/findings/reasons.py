@@ -1,0 +1,85 @@
+"""Reasons of a policy for the next reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from tanteo.words.findings.base import Finding
+
+
+@dataclass(frozen=True, slots=True)
+class MostInformation(Finding):
+    """The reading, or the feature to which it belongs, has the greatest expected information.
+
+    Attributes:
+        gain: expected information about part and pose [nats].
+        feature: name of the feature; empty for a single reading.
+        others: number of further readings of the feature.
+    """
+
+    kind: ClassVar[str] = "most_information"
+    gain: float
+    feature: str = ""
+    others: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatMisfit(Finding):
+    """An earlier reading of this beam does not fit the most probable hypothesis."""
+
+    kind: ClassVar[str] = "repeat_misfit"
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnAtRandom(Finding):
+    """The reading was drawn at random."""
+
+    kind: ClassVar[str] = "drawn_at_random"
+
+
+@dataclass(frozen=True, slots=True)
+class NearestPlace(Finding):
+    """The reading is the nearest one at a new place."""
+
+    kind: ClassVar[str] = "nearest_place"
+
+
+@dataclass(frozen=True, slots=True)
+class LargestFaceLeast(Finding):
+    """The reading is on the face with the largest area for each of its readings.
+
+    Attributes:
+        face: name of the face.
+        confirms: whether it is made to exclude a near variant of the part.
+    """
+
+    kind: ClassVar[str] = "largest_face_least"
+    face: str
+    confirms: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Rule321(Finding):
+    """The reading follows the 3-2-1 rule.
+
+    Attributes:
+        number: its number in the rule, 1 to 6.
+    """
+
+    kind: ClassVar[str] = "rule_3_2_1"
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenByUser(Finding):
+    """The user chose the reading."""
+
+    kind: ClassVar[str] = "chosen_by_user"
+
+
+REASONS: dict[str, type[Finding]] = {
+    cls.kind: cls
+    for cls in (MostInformation, RepeatMisfit, DrawnAtRandom, NearestPlace, LargestFaceLeast, Rule321, ChosenByUser)
+}
+"""Types of reasons by kind, for records."""

@@ -1,0 +1,103 @@
+"""Sentences of plans, and of a reading that discriminates two parts."""
+
+from __future__ import annotations
+
+import math
+
+from tanteo.words import findings as f
+from tanteo.words.figures import listed, millimetres
+from tanteo.words.sentences.base import Words, words_of
+
+_SURE = 0.6
+"""Information from which a reading decides between two parts [nats]; ln 2 = 0.69 is all there is."""
+
+_HARDLY = 0.05
+"""Information below which no reading discriminates two parts [nats]."""
+
+_SESSION = (
+    "sense in a session, which evaluates each reading before it chooses the next one (tanteo sense part, "
+    "tanteo.planning)"
+)
+
+
+def _aim(goal: f.PlanGoal) -> str:
+    """Return what has to keep which tolerance."""
+    what = f"{goal.feature} of {goal.part}" if goal.feature else f"all corners of {goal.part}"
+    return f"{what} within {millimetres(goal.tolerance, 3 if goal.tolerance < 1 else 15)}"
+
+
+def _spread(goal: f.PlanGoal, sd: float) -> str:
+    """Return the uncertainty of the goal's worst place."""
+    return f"sd of {goal.feature} {millimetres(sd)}" if goal.feature else f"largest corner sd {millimetres(sd)}"
+
+
+def _at_least(p: float) -> str:
+    """Return a probability that is rounded down, so that it does not appear to reach a demanded one."""
+    return f"{math.floor(1e3 * p) / 1e3:.3f}"
+
+
+@words_of.register
+def _(one: f.NoReadingNeeded) -> Words:
+    return f"No reading is needed: the prior pose has {_aim(one.goal)} (P = {one.within:.3f}).", ""
+
+
+@words_of.register
+def _(one: f.PlanResult) -> Words:
+    met = f"{one.if_met:.3f} if every reading meets its face, as at {one.all_meet:.0%} of the placements"
+    within = f"{one.within:.3f}" if one.reached else _at_least(one.within)
+    chances = f"P = {within} over all placements; {met}"
+    places = "1 reading places" if one.count == 1 else f"{one.count} readings place"
+    if one.reached:
+        return f"{places} {_aim(one.goal)} ({chances}). After them: {_spread(one.goal, one.sd)}.", ""
+    text = f"{places.replace(' place', ' do not place').replace('do not places', 'does not place')} {_aim(one.goal)}"
+    more = f"a better prior pose, or {_SESSION}" if one.better_start else "a better sensor, or another approach"
+    return f"{text} ({chances}). After them: {_spread(one.goal, one.sd)}.", f"Allow more readings, use {more}."
+
+
+@words_of.register
+def _(one: f.RobotErrorLimits) -> Words:
+    what = one.goal.feature or "the worst corner"
+    return (
+        f"No number of readings places {_aim(one.goal)}: the robot's own error moves {what} by "
+        f"{millimetres(one.sd)} (1 sd)."
+    ), "Calibrate the robot, or sense relative to an object whose place matters."
+
+
+@words_of.register
+def _(one: f.PriorTooWide) -> Words:
+    return (
+        f"No readings that are planned beforehand place {_aim(one.goal)}. The prior pose is too uncertain "
+        f"({_spread(one.goal, one.sd)}), so that useful readings may miss their faces (P = {_at_least(one.within)})."
+    ), f"Give a better prior pose, or {_SESSION}."
+
+
+@words_of.register
+def _(one: f.FaceOftenMissed) -> Words:
+    return (
+        f"The prior pose is too uncertain: reading {one.reading} would meet its face at {one.meets:.0%} of the "
+        f"placements (P = {_at_least(one.within)})."
+    ), "Give a better prior pose before you plan."
+
+
+@words_of.register
+def _(one: f.StartTooClose) -> Words:
+    return (
+        f"At {one.fraction:.0%} of the placements a start, or the path to it, is within "
+        f"{millimetres(one.clearance, 3)} of the part, or inside it. These readings do not count."
+    ), "Start farther away (--standoff), with less clearance (--clearance), or give a better prior pose."
+
+
+@words_of.register
+def _(one: f.ReadingDiscriminates) -> Words:
+    first, second = one.parts
+    reads = [
+        ("nothing" if math.isinf(r) else f"{1e3 * r:.2f} mm") + ("" if e in (0, 1) else f", {e:.0%} of the time")
+        for r, e in zip(one.ranges, one.echoes, strict=True)
+    ]
+    if one.information < _HARDLY:
+        same = reads[0] == reads[1]
+        both = f"{reads[0]} for both" if same else f"{listed(reads)}, a difference below its noise"
+        return f"No single reading of this sensor discriminates {first} and {second}: the best one gives {both}.", ""
+    sure = "hardly discriminates" if one.information < one.LEAST else "helps to discriminate"
+    verb = "discriminates" if one.information > _SURE else sure
+    return f"This reading {verb} {first} ({reads[0]}) and {second} ({reads[1]}).", ""

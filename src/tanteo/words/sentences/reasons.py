@@ -1,0 +1,45 @@
+"""Sentences on why a policy chose a reading."""
+
+from __future__ import annotations
+
+from tanteo.words import findings as f
+from tanteo.words.sentences.base import Words, words_of
+
+
+@words_of.register
+def _(one: f.MostInformation) -> Words:
+    gives = f"expected to give {one.gain:.2f} nats about part and pose"
+    if not one.feature:
+        return f"It is {gives}.", ""
+    return f"With {one.others} more of {one.feature} it is {gives}.", ""
+
+
+@words_of.register
+def _(one: f.RepeatMisfit) -> Words:
+    return "An earlier reading of this beam does not fit; a repeat shows whether the sensor erred.", ""
+
+
+@words_of.register
+def _(one: f.DrawnAtRandom) -> Words:
+    return "It was drawn at random.", ""
+
+
+@words_of.register
+def _(one: f.NearestPlace) -> Words:
+    return "It is the nearest new place.", ""
+
+
+@words_of.register
+def _(one: f.LargestFaceLeast) -> Words:
+    text = f"It is on {one.face}, which has the largest area for each of its readings."
+    return f"{text} A similar part would differ there." if one.confirms else text, ""
+
+
+@words_of.register
+def _(one: f.Rule321) -> Words:
+    return f"It is reading {one.number} of the 3-2-1 rule.", ""
+
+
+@words_of.register
+def _(one: f.ChosenByUser) -> Words:
+    return "You chose it.", ""
