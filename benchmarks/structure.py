@@ -30,6 +30,9 @@ CODE_PACKAGES = (
 NUMBER_PACKAGES = ("inference", "posterior", "vision")
 """Packages whose tuned numbers are counted."""
 
+SIMULATED = {"vision/rendering.py": "light, paint and lens of rendered scenes: no answer depends on them"}
+"""Modules of these packages without tuned numbers, and why: they simulate what is sensed."""
+
 KINDS = ("FACE", "EDGE", "CORNER", "CENTRE", "ROUND", "BALL", "APEX", "WALLS", "CENTRES")
 """Names of kinds in ``sensors`` and in the C++ ``enum class Kind``."""
 
@@ -394,6 +397,7 @@ def numbers(checkout: Checkout, package: str) -> list[tuple[Place, Number]]:
     return [
         (Place(str(p.relative_to(checkout.src)), one.line, one.name), one)
         for p in checkout.files(package, ".py")
+        if str(p.relative_to(checkout.src)) not in SIMULATED
         for one in tuned_numbers(p.read_text())
     ]
 

@@ -28,8 +28,9 @@ from tanteo.geometry import SE3
 from tanteo.posterior import OnTable, Priors, sized
 from tanteo.vision import TableErrors, find_edges, find_regions, map_edges, prepare_vision, silhouette
 from tanteo.vision.candidates import candidates_in, own_edges
-from tanteo.vision.image_edges import STRETCH, Weights
+from tanteo.vision.image_edges import Weights
 from tanteo.vision.posterior import searched, sums_at
+from tanteo.vision.settings import EVIDENCE
 from tanteo.vision.sight import area_of, image_of_region
 from vision_scenes import random_shot, told_table
 
@@ -107,11 +108,11 @@ def weighed(k):
             continue
         (sums,) = sums_at((seen,), search)
         rest = np.array([lying.log_probability(c.model.part, T) for T in peaks.Ts])
-        columns = sums.hits, sums.misses, sums.spilled / STRETCH**2, rest
+        columns = sums.hits, sums.misses, sums.spilled / EVIDENCE.stretch**2, rest
         rows += np.stack(columns, axis=1).tolist()
         T_camera_world = SE3.inverse(camera.T_world_camera)
         right += [c.model is shot.model and near(c.model, T_camera_world @ T, truth) for T in peaks.Ts]
-    stretches = float(own_edges(region, edges).sum()) / STRETCH
+    stretches = float(own_edges(region, edges).sum()) / EVIDENCE.stretch
     known = stranger is None
     return {"rows": rows, "right": right, "stretches": stretches, "stranger": not known, "parts": len(models)}
 

@@ -32,7 +32,7 @@ from tanteo.geometry import SE3
 from tanteo.hand import Scene
 from tanteo.planning import HYPOTHESES, part_seen, seen_start, sense_part
 from tanteo.posterior import prepare
-from tanteo.vision import Stage, Thing, prepare_vision, render, see_table, silhouette, thing
+from tanteo.vision import RenderedObject, Stage, prepare_vision, render, rendered_part, see_table, silhouette
 from unknown_scenes import off, unknown_scene, unknown_session
 from vision_scenes import random_look
 
@@ -65,9 +65,9 @@ def looked_at(unknown, models, number, rng):
     at[:3, 3] += middle
     camera = replace(camera, T_world_camera=at)
     clamp = next(s for s in unknown.scene.solids if s.name == "clamp")
-    things = [thing(models[number].part, unknown.T_world_part, rng.uniform(70, 150))]
-    things.append(Thing.of_mesh(clamp.vertices, clamp.triangles, rng.uniform(70, 150)))
-    image, _ = render(Stage(camera, things, random_look(rng)), rng)
+    objects = [rendered_part(models[number].part, unknown.T_world_part, rng.uniform(70, 150))]
+    objects.append(RenderedObject.of_mesh(clamp.vertices, clamp.triangles, rng.uniform(70, 150)))
+    image, _ = render(Stage(camera, objects, random_look(rng)), rng)
     start = time.process_time()
     known = silhouette(Scene.of([clamp]).surface, camera, SE3.inverse(at))
     seen = part_seen(see_table(image, camera, models, top=HYPOTHESES, ignore=known), unknown.start)

@@ -86,7 +86,7 @@ def without_folders(app: Any, name: str, text: list[str]) -> None:
 
 
 def draw_math(translator: Any, node: Any) -> None:
-    """A formula as MathML; one of its own lines scrolls where a window is narrow."""
+    """Write a formula as MathML; a display formula scrolls in a narrow window."""
     block = node.tagname == "math_block"
     formula = latex2mathml.converter.convert(node.astext(), display="block" if block else "inline")
     translator.body.append(f'<div class="formula" tabindex="0">{formula}</div>' if block else formula)
@@ -114,7 +114,7 @@ HOME = (
 
 
 def lead_home(app: Any, error: Exception | None) -> None:
-    """Whoever opens the folder of the site comes to its first page."""
+    """Write a page in the folder of the site that redirects to its first page."""
     if error is None and app.builder.name == "html":
         (Path(app.outdir) / "index.html").write_text(HOME, encoding="utf-8")
 
@@ -153,7 +153,7 @@ def first_line(module: str) -> str:
 
 
 def setup(app: Any) -> None:
-    """What the site needs beside its extensions."""
+    """Connect the functions of this file to Sphinx."""
     app.connect("builder-inited", write_package_pages)
     app.connect("source-read", without_folders)
     app.connect("source-read", interface_contents)

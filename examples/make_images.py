@@ -16,7 +16,7 @@ from tanteo.catalogue import stable_poses
 from tanteo.geometry import SE3, SO3
 from tanteo.io import write_image
 from tanteo.parts import read_part
-from tanteo.vision import Look, Stage, project, render, thing
+from tanteo.vision import Appearance, Stage, project, render, rendered_part
 
 HERE = Path(__file__).resolve().parent
 CAMERA = table_camera(distance=0.62, tilt=22.0, turn=30.0)
@@ -65,13 +65,13 @@ def main():
                 SE3.from_parts(SO3.axis_rotation(2, np.radians(yaw)), np.array([x, y, 0.0]))
                 @ stable_poses(part)[k].T_table_part
             )
-            drawn.append(thing(part, T, paint))
+            drawn.append(rendered_part(part, T, paint))
             numbers = [*(1e3 * T[:3, 3]), *SO3.as_quaternion(T[:3, :3])]
             truth.append(",".join([name, part_name, *(f"{v:.4f}" for v in numbers)]))
         if name == "half_hidden":
             place = SE3.from_parts(SO3.axis_rotation(2, 0.6), np.array([0.005, 0.0, 0.09]))
             drawn.append(slab_thing(HAND, 0.012, place, 160))
-        image, _ = render(Stage(CAMERA, drawn, Look(noise=2.0)), rng)
+        image, _ = render(Stage(CAMERA, drawn, Appearance(noise=2.0)), rng)
         write_image(folder / f"{name}.png", image)
     (folder / "truth.csv").write_text("\n".join([*truth, ""]))
 

@@ -18,8 +18,8 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 def pytest_collection_modifyitems(items):
-    """The site and slow tests first, so that none is left to one worker while the others wait."""
-    items.sort(key=lambda item: not item.name.startswith("test_the_site") and item.get_closest_marker("slow") is None)
+    """Run slow tests first, and those that wait for processes, so that no worker is left with one at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None and item.path.name != "test_cluster.py")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tanteo.geometry import SE3, SO3
-from tanteo.vision import Camera, Thing
+from tanteo.vision import Camera, RenderedObject
 
 
 def slab_thing(outline, height, T_world_slab, paint):
@@ -19,7 +19,7 @@ def slab_thing(outline, height, T_world_slab, paint):
     lids = [np.stack([j, i, np.full(n, n)], 1), np.stack([i + m, j + m, np.full(n, n + m)], 1)]
     sides = [np.stack([i, j, j + m], 1), np.stack([i, j + m, i + m], 1)]
     labels = np.concatenate([np.zeros(n), np.ones(n), 2 + i, 2 + i]).astype(int)
-    return Thing(SE3.apply(T_world_slab, vertices), np.concatenate([*lids, *sides]), labels, paint)
+    return RenderedObject(SE3.apply(T_world_slab, vertices), np.concatenate([*lids, *sides]), labels, paint)
 
 
 def table_camera(

@@ -9,9 +9,8 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from tanteo.render import pictures
+from tanteo.render import image_picture, pictures
 from tanteo.render.live import colors
-from tanteo.vision import picture
 
 CSS = resources.files("tanteo.render.html").joinpath("page.css").read_text(encoding="utf-8")
 LIGHT, DARK = (dict(re.findall(r"--(\w+): (#\w{6})", block)) for block in CSS.split("@media")[:2])
@@ -29,7 +28,7 @@ LIVE = {
     for name in ("GOOD", "BAD", "OVERLAY", "FREE", "EDGE", "INK", "PLANNER", "FEATURE")
 }
 LIVE |= {f"rival {k}": colors.css(hue) for k, hue in enumerate(colors.RIVALS)}
-SEEN_IMAGE = {name: colors.css(getattr(picture, name)) for name in ("MET", "MISSED", "OUTLINE")}
+SEEN_IMAGE = {name: colors.css(getattr(image_picture, name)) for name in ("MET", "MISSED", "OUTLINE")}
 
 
 def linear(hue):

@@ -16,14 +16,16 @@ ROOT = Path(__file__).parents[1]
 MOST = {
     "iterative pose fits": 2,
     "iterative pose fits in C++": 1,
-    "tuned numbers in vision": 212,
+    "tuned numbers in vision": 49,
     "tuned numbers in posterior": 110,
     "kinds asked for in C++": 0,
     "files that ask for kinds in C++": 0,
     "kinds asked for in Python": 0,
     "files that ask for kinds in Python": 0,
-    "code lines of Python in the judged packages": 10182,
+    "code lines of Python in the judged packages": 10117,
     "code lines of C++": 9550,
+    "words of docs": 33500,
+    "live decisions": 40,
 }
 """Largest accepted figures: the numbers may fall."""
 

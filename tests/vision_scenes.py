@@ -11,7 +11,7 @@ from rendered import slab_thing, table_camera
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.vision import (  # fmt: skip
-    Look,
+    Appearance,
     Stage,
     TableErrors,
     find_edges,
@@ -19,7 +19,7 @@ from tanteo.vision import (  # fmt: skip
     on_plane,
     prepare_vision,
     render,
-    thing,
+    rendered_part,
 )
 
 PARTS = Path(__file__).parents[1] / "examples" / "parts"
@@ -49,7 +49,7 @@ def seen_alone(model, yaw):
     """Camera, image, its edges, and the pose in the camera of a part that lies alone on the table."""
     camera = table_camera()
     T = SE3.from_parts(SO3.axis_rotation(2, yaw), np.array([0.02, 0.01, 0.0])) @ model.rests[0].T_table_part
-    image, _ = render(Stage(camera, [thing(model.part, T, 120)]), np.random.default_rng(2))
+    image, _ = render(Stage(camera, [rendered_part(model.part, T, 120)]), np.random.default_rng(2))
     return camera, image, map_edges(find_edges(image)), SE3.inverse(camera.T_world_camera) @ T
 
 
@@ -58,7 +58,9 @@ def random_look(rng):
     turn, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0.15, 0.6)
     light = (np.cos(turn) * tilt, np.sin(turn) * tilt, 1.0)
     slope = tuple(rng.uniform(-60, 60, 2))
-    return Look(light, rng.uniform(0.35, 0.6), rng.uniform(170, 215), slope, rng.uniform(0.6, 1.0), rng.uniform(1, 4))
+    return Appearance(
+        light, rng.uniform(0.35, 0.6), rng.uniform(170, 215), slope, rng.uniform(0.6, 1.0), rng.uniform(1, 4)
+    )
 
 
 def lying(model, rng, reach=TABLE):
@@ -74,7 +76,7 @@ def plate_over(scene, share, rng, paint):
     x0, x1, y0, y1 = scene.extent()
     pixels = np.stack(np.meshgrid(np.arange(x0, x1, 2), np.arange(y0, y1, 2)), axis=-1).reshape(-1, 2).astype(float)
     own = pixels[scene.shade(pixels)[2] == 0]
-    z = float(scene.things[0].vertices[:, 2].max()) + 0.006
+    z = float(scene.objects[0].vertices[:, 2].max()) + 0.006
     T_camera_plane = SE3.inverse(camera.T_world_camera) @ SE3.from_parts(np.eye(3), np.array([0.0, 0.0, z]))
     over = on_plane(camera, own, T_camera_plane)[:, :2]
     way = rng.uniform(0, 2 * np.pi)
@@ -101,14 +103,14 @@ def random_shot(models, rng, hidden=0.0, stranger=None, noise=1.0):
     rest, T = lying(model, rng)
     look = random_look(rng)
     look = replace(look, noise=noise * look.noise)
-    scene = Stage(camera, [thing(model.part, T, rng.uniform(70, 150))], look)
+    scene = Stage(camera, [rendered_part(model.part, T, rng.uniform(70, 150))], look)
     if hidden:
         plate = plate_over(scene, hidden, rng, rng.uniform(30, 235))
-        scene = Stage(camera, [*scene.things, plate], look)
+        scene = Stage(camera, [*scene.objects, plate], look)
     image, whose = render(scene, rng)
     covered = 0.0
     if hidden:
-        alone = Stage(camera, scene.things[:1], look)
+        alone = Stage(camera, scene.objects[:1], look)
         x0, x1, y0, y1 = scene.extent()
         pixels = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).reshape(-1, 2)
         before = (alone.shade(pixels.astype(float))[2] == 0).sum()

@@ -42,7 +42,7 @@ PARTS, SECONDS = (2, 5), (-1, 2)
 
 
 def place(parts: float, seconds: float) -> np.ndarray:
-    """A place on the page."""
+    """Return a position on the page."""
     x = (np.log10(parts) - PARTS[0]) / (PARTS[1] - PARTS[0])
     y = (np.log10(seconds) - SECONDS[0]) / (SECONDS[1] - SECONDS[0])
     return np.array([LEFT + (RIGHT - LEFT) * x, BOTTOM - (BOTTOM - TOP) * y])

@@ -33,7 +33,7 @@ HAND = Hand(RIG, gripper_body(RIG))
 
 
 def over(x: float, height: float, tilt: float = 0.0) -> np.ndarray:
-    """The hand looking down, its front over a place."""
+    """Return the pose of the hand pointing down, with its front over a position."""
     R = np.diag([1.0, -1.0, -1.0]) @ SO3.axis_rotation(1, tilt)
     return SE3.from_parts(R, np.array([x, 0.0, height]) - R @ HAND.front)
 
@@ -135,7 +135,7 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
 
 
 def save(figure: plt.Figure, path: Path) -> None:
-    """The same drawing gives the same file."""
+    """Save a figure without dates, so that equal drawings give equal files."""
     mpl.rcParams |= {"svg.hashsalt": "tanteo", "svg.fonttype": "none"}
     figure.savefig(path, metadata={"Date": None})
     plt.close(figure)

@@ -52,17 +52,17 @@ class Drawing:
         self.elements.append(f"<{tag} {text}>{content}</{tag}>" if content else f"<{tag} {text}/>")
 
     def text(self, x: float, y: float, words: str, size: int = 15, fill: str = INK, **attributes: object) -> None:
-        """A line of words."""
+        """Draw a line of text."""
         words = words.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
         self.add("text", words, x=f"{x:.1f}", y=f"{y:.1f}", font_size=size, fill=fill, **attributes)
 
     def line(self, a: np.ndarray, b: np.ndarray, stroke: str = INK, width: float = 1.4, **attributes: object) -> None:
-        """A line between two points of the page."""
+        """Draw a line between two points of the page."""
         ends = {"x1": a[0], "y1": a[1], "x2": b[0], "y2": b[1]}
         self.add("line", **{k: f"{v:.1f}" for k, v in ends.items()}, stroke=stroke, stroke_width=width, **attributes)
 
     def polygon(self, points: np.ndarray, **attributes: object) -> None:
-        """A closed outline."""
+        """Draw a closed outline."""
         self.add("polygon", points=" ".join(f"{x:.1f},{y:.1f}" for x, y in points), **attributes)
 
     def write(self, path: Path, title: str) -> None:
@@ -101,7 +101,7 @@ def draw_part(out: Drawing, part: tanteo.Part, panel: int, pale: float = 0.0) ->
 
 
 def blend(rgb: list[float], pale: float) -> str:
-    """A colour mixed with the white of the panel."""
+    """Return a colour mixed with the white of the panel."""
     return "#" + "".join(f"{int(c + pale * (252 - c)):02x}" for c in rgb)
 
 
@@ -138,7 +138,7 @@ def draw_planes(out: Drawing, features: list[tanteo.features.Feature], T_part_wo
 
 
 def arrow(out: Drawing, a: np.ndarray, b: np.ndarray, stroke: str, width: float = 2.0) -> None:
-    """A line with a head."""
+    """Draw a line with an arrowhead."""
     along = (b - a) / np.linalg.norm(b - a)
     across = np.array([-along[1], along[0]])
     out.line(a, b - 5 * along, stroke=stroke, width=width)

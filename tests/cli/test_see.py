@@ -99,7 +99,7 @@ def test_without_a_place_of_the_camera_poses_are_in_its_frame(run, tmp_path, clo
     result = run("see", image, "--camera", camera, "--parts", part)
     assert "flange at x" in result.out
     assert "in the camera;" in result.out
-    assert "No place of the camera" in result.err
+    assert "The pose of the camera is unknown" in result.err
     result = run("see", image, "--camera", camera, "--parts", part, "--json")
     assert {h["pose"]["frame"] for h in json.loads(result.out)["hypotheses"]} == {"camera"}
 

@@ -10,7 +10,8 @@ from tanteo import _core
 from tanteo.fitting import motion_scale
 from tanteo.geometry import SE3
 from tanteo.vision.camera import Camera, project, project_linearized
-from tanteo.vision.edges import CHANNELS, cell_of, channel_of
+from tanteo.vision.edges import cell_of, channel_of
+from tanteo.vision.settings import EDGES
 
 SIZE = 96, 64
 DIAGONAL, MIDDLE, SLACK = 0.1, np.array([0.01, -0.02, 0.005]), 2e-5
@@ -57,7 +58,7 @@ def scene(seed, lens):
         camera, rng.uniform(-0.06, 0.06, (40, 3)), units[0], np.stack(units[1:], axis=1), rng.uniform(1e-3, 1e-2, 40),
         rng.uniform(size=40) < 0.6, rng.uniform(-0.04, 0.04, (12, 1, 3)) + rng.normal(size=(12, 3, 3)) * 0.02, Ts,
         rng.uniform([0, 0], [SIZE[0] - 1, SIZE[1] - 1], (30, 2)), rng.uniform(0.1, 0.5, 30),
-        rng.integers(-1, 30, (CHANNELS, SIZE[1], SIZE[0])).astype(np.int32),
+        rng.integers(-1, 30, (EDGES.channels, SIZE[1], SIZE[0])).astype(np.int32),
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import pytest
 from core.image_oracle import Sliding, scene
 from tanteo import _core
 from tanteo.geometry import SE3, SO3
-from tanteo.vision.edges import CHANNELS
+from tanteo.vision.settings import EDGES
 
 YAWS, APART = 12, 6.0
 CENTRE = np.array([0.01, 0.0, 0.01])
@@ -24,8 +24,8 @@ def sliding(seed):
     turned = SE3.from_parts(SO3.axis_rotation(2, 2 * np.pi * np.arange(YAWS) / YAWS), np.array([0.0, 0, 0.25]))
     x, y = np.meshgrid(np.arange(20.0, 75, 6), np.arange(10.0, 50, 6))
     margin, shape = 6, (16 + 12, 24 + 12)
-    distances = np.full((CHANNELS, *shape), 6, np.float32)
-    distances[:, 6:-6, 6:-6] = rng.uniform(0, 6, (CHANNELS, 16, 24))
+    distances = np.full((EDGES.channels, *shape), 6, np.float32)
+    distances[:, 6:-6, 6:-6] = rng.uniform(0, 6, (EDGES.channels, 16, 24))
     bare = rng.uniform(size=shape) < 0.3
     places = np.stack([x, y], axis=-1).reshape(-1, 2)
     table = Sliding(distances, bare, rng.uniform(-0.04, 0.04, (20, 3)), places, 4.0, margin, 19, 0.4, 12.0)

@@ -17,8 +17,9 @@ from tanteo.posterior import OnTable, Priors, Problem, prepare
 from tanteo.vision import find_regions
 from tanteo.vision.candidates import own_edges
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import ASTRAY, CORRELATION, REACH, ImageEdges, Sums, Weights, chance_hits
+from tanteo.vision.image_edges import ImageEdges, Sums, Weights, chance_hits
 from tanteo.vision.regions import bare_table
+from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.wireframe import see_edges
 from vision_scenes import PARTS, bracket, seen_alone
 
@@ -97,18 +98,18 @@ def where_edges_are(groups, met, sds, commons):
     for g in np.unique(groups[clear]):
         rows = np.flatnonzero(clear & met.hits & (groups == g))
         if not len(rows):
-            totals += np.log(ASTRAY)
+            totals += np.log(EVIDENCE.astray)
             continue
         d, sd, b = met.offsets[rows], sds[met.points[rows]], commons[met.points[rows]]
         with_the_rest = np.abs(d - np.median(d)) < 4 * np.sqrt(sd**2 + b**2 + 0.15**2)
         d, sd, b, rows = d[with_the_rest], sd[with_the_rest], b[with_the_rest], rows[with_the_rest]
-        shares = np.minimum(met.spans[rows] / CORRELATION, 1.0)
+        shares = np.minimum(met.spans[rows] / EDGES.correlation, 1.0)
         stated = np.linalg.slogdet(np.diag(sd**2 / shares) + np.outer(b, b))[1]
         for k, more in enumerate((0.0, 0.4)):
             common = np.sqrt(b**2 + more**2)
             covariance = np.diag(sd**2 / shares) + np.outer(common, common)
             log = (shares.sum() - d @ np.linalg.solve(covariance, d) + stated - np.linalg.slogdet(covariance)[1]) / 2
-            totals[k] += np.log((1 - ASTRAY) * np.exp(log) + ASTRAY)
+            totals[k] += np.log((1 - EVIDENCE.astray) * np.exp(log) + EVIDENCE.astray)
     return np.logaddexp.reduce(totals)
 
 
@@ -116,7 +117,7 @@ def test_the_density_is_that_of_plain_numpy(scene):
     model, camera, edges, region, factor, T = scene
     frame, points = model.frame, edges.points
     assert not frame.bends.any()
-    c = factor.chance[0] / (2 * REACH)
+    c = factor.chance[0] / (2 * EVIDENCE.reach)
     shift = np.sqrt(0.5) * camera.edge_sd
     misplaced = (0.01**2 + (0.25 * points.drifts) ** 2) / 2
     sds, commons = np.sqrt(points.sds**2 + 0.01**2 + misplaced), np.sqrt(misplaced + shift**2)
@@ -127,7 +128,7 @@ def test_the_density_is_that_of_plain_numpy(scene):
     Ts = near(T, np.random.default_rng(1), 12)
     sums, expected = summed(factor, model, Ts), []
     for pose in Ts:
-        met = meet(frame, camera, edges, pose, REACH, see_edges(frame, from_grid(pose)))
+        met = meet(frame, camera, edges, pose, EVIDENCE.reach, see_edges(frame, from_grid(pose)))
         q = np.where(met.seen.rims, 0.85, 0.65)
         hit = np.log(q * (0.7 * normal(met.offsets, 0.15) + 0.3 * normal(met.offsets, 0.8)) / c + 1 - q)
         own, missed = foremost(frame.groups, met), met.inside & ~met.hits

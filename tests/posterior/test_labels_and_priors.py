@@ -14,7 +14,7 @@ from tanteo import Readings, identify
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.posterior import PosePrior, Priors, Table
-from tanteo.posterior.unknown_place import log_between
+from tanteo.posterior.unknown import log_between
 
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 SD = 1e-4

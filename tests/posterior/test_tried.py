@@ -39,7 +39,7 @@ def answered(targets, scene_seed, seed=0):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_outliers_do_not_end_the_search_at_a_pose_that_has_many(targets, seed):
+def test_outliers_do_not_end_search_at_pose_with_many(targets, seed):
     """A wrong part with five outliers explains nothing: every seed finds the pose with the two true outliers."""
     answer, right = answered(targets, (51, 14), seed)
     assert right > 0.95
@@ -47,7 +47,7 @@ def test_outliers_do_not_end_the_search_at_a_pose_that_has_many(targets, seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_one_more_outlier_costs_a_similar_part_its_odds(targets, seed):
+def test_one_more_outlier_costs_similar_part_its_odds(targets, seed):
     """One touch discriminates both steps. As a third outlier of 16 at a rate of 0.1 it cannot exclude the wrong one."""
     answer, right = answered(targets, (51, 30), seed)
     best, other = answer.hypotheses[:2]
@@ -57,7 +57,7 @@ def test_one_more_outlier_costs_a_similar_part_its_odds(targets, seed):
     assert len(other.outliers) == len(best.outliers) + 1
 
 
-def test_probabilities_of_similar_parts_with_outliers_are_calibrated(targets):
+def test_similar_parts_with_outliers_are_calibrated(targets):
     """No more best answers are wrong than their probabilities state, at a level of 1 in 1000."""
     found = [answered(targets, (51, k)) for k in range(100, 116)]
     wrong = sum(right < 0.5 * answer.best.probability for answer, right in found)

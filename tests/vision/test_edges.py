@@ -8,7 +8,8 @@ import pytest
 from scipy.special import ndtr
 
 from tanteo.errors import InputError
-from tanteo.vision.edges import CHANNELS, CORRELATION, find_edges, image_noise, map_edges
+from tanteo.vision.edges import find_edges, image_noise, map_edges
+from tanteo.vision.settings import EDGES
 
 
 def step_image(angle, offset, rng=None, noise=0.0, contrast=80.0, blur=0.8, size=96):
@@ -83,7 +84,7 @@ def test_the_mean_along_an_edge_errs_as_correlation_length_says():
         image, n = step_image(angle, offset, rng, noise, 60.0)
         off, _, sd = offsets(image, n, offset)
         length = 96 - 16
-        z.append(off.mean() / (np.sqrt(np.mean(sd**2)) / np.sqrt(length / CORRELATION)))
+        z.append(off.mean() / (np.sqrt(np.mean(sd**2)) / np.sqrt(length / EDGES.correlation)))
     # the factor of two on either side of one covers edges that run aslant and are longer than the window
     print(np.mean(np.square(z)))
     assert 0.5 < np.mean(np.square(z)) < 1.6
@@ -117,7 +118,7 @@ def test_the_map_knows_the_nearest_edge_of_a_direction():
     image[30:90, 40:100] = 180.0
     edges = find_edges(cv2.GaussianBlur(image, (0, 0), 0.8))
     found = map_edges(edges)
-    upright, level = 0, CHANNELS // 2  # channels are of normals
+    upright, level = 0, EDGES.channels // 2  # channels are of normals
     point = edges.pixels[found.nearest[upright, 60, 50]]
     assert point[0] == pytest.approx(39.5, abs=0.1)
     assert found.distances[upright, 60, 50] == pytest.approx(10.5, abs=1.0)

@@ -30,8 +30,8 @@ from tanteo.vision import (
     prepare_vision,
     project_circle,
     render,
+    rendered_part,
     see,
-    thing,
 )
 
 CAMERA = Camera(np.array([[620.0, 0, 317.0], [0, 615.0, 243.0], [0, 0, 1]]), (640, 480), edge_sd=0.0)
@@ -120,13 +120,13 @@ def test_features_pair_with_the_model_s_circle_and_centre():
     assert Pairing(best, model).relation.sensed is CIRCLE
     off = np.cross(line.T_world_feature[:3, 0], T_CAMERA_CIRCLE[:3, 3] / np.linalg.norm(T_CAMERA_CIRCLE[:3, 3]))
     assert np.linalg.norm(off) < 4 * np.sqrt(np.diag(line.P)[2:].sum())
-    with pytest.raises(InputError, match="where it stands"):
+    with pytest.raises(InputError, match="expected its pose"):
         image_circle(CAMERA, ellipse, RADIUS)
 
 
 def test_short_arcs_are_refused_with_the_reason():
     truth = project_circle(CAMERA, T_CAMERA_CIRCLE, RADIUS)
-    with pytest.raises(DegenerateError, match=r"degrees of one: a semi-axis is known to .* Show more"):
+    with pytest.raises(DegenerateError, match=r"degrees of one. A semi-axis is known to .* Show more"):
         fit_ellipse(arc(truth, 40, np.random.default_rng(1)), np.full(60, 0.1))
     with pytest.raises(DegenerateError, match="one line"):
         fit_ellipse(np.stack([np.arange(20.0), 3 * np.arange(20.0)], axis=1), np.full(20, 0.1))
@@ -225,7 +225,7 @@ def test_samples_of_rims_are_on_their_circles(flange):
 def test_holes_place_a_part_without_a_table(flange):
     camera = replace(table_camera(0.3, 30.0), edge_sd=0.0)
     T = SE3.from_parts(SO3.axis_rotation(2, 0.8), np.array([0.005, -0.01, 0.0])) @ flange.rests[0].T_table_part
-    image, _ = render(Stage(camera, [thing(flange.part, T, 110)]), np.random.default_rng(5))
+    image, _ = render(Stage(camera, [rendered_part(flange.part, T, 110)]), np.random.default_rng(5))
     sight = see(image, replace(camera, T_world_camera=None), [flange])
     seen = sight.objects[0]
     assert seen.answer.status == "recognized"

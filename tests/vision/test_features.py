@@ -141,5 +141,5 @@ def test_one_edge_leaves_four_directions_free():
 
 def test_a_camera_that_stands_nowhere_is_refused():
     segments = segments_of(project(CAMERA, SE3.apply(T_CAMERA_PART, VERTICES)))
-    with pytest.raises(InputError, match="where it stands"):
+    with pytest.raises(InputError, match="expected its pose"):
         image_edge(CAMERA, segments, 0)

@@ -7,8 +7,8 @@ import pytest
 
 from core.image_oracle import normal_equations
 from tanteo.geometry import SE3
-from tanteo.vision.edges import CORRELATION
-from tanteo.vision.fit import BIAS, meet, refine
+from tanteo.vision.fit import meet, refine
+from tanteo.vision.settings import EDGES
 from vision_scenes import bracket, seen_alone
 
 
@@ -28,10 +28,10 @@ def test_edges_and_prior_balance_where_the_pose_comes_to_rest(model, seen):
     camera, edges, T = seen
     start = T @ SE3.exp(np.array([1e-3, -1e-3, 5e-4, 0.0, 0.0, 0.004]))
     reaches = (2.5,) * 12
-    information = normal_equations(meet(model.frame, camera, edges, T, 2.5), 2.5, BIAS, CORRELATION)[0]
+    information = normal_equations(meet(model.frame, camera, edges, T, 2.5), 2.5, EDGES.bias, EDGES.correlation)[0]
     prior = 0.3 * information
     end = refine(model.frame, camera, edges, start[None], prior=prior[None], reaches=reaches)[0]
-    pull = normal_equations(meet(model.frame, camera, edges, end, 2.5), 2.5, BIAS, CORRELATION)[1]
+    pull = normal_equations(meet(model.frame, camera, edges, end, 2.5), 2.5, EDGES.bias, EDGES.correlation)[1]
     back = prior @ SE3.log(SE3.inverse(start) @ end)
     scale = np.r_[np.full(3, model.frame.diagonal), np.ones(3)]
     assert np.linalg.norm(scale * pull) > 0

@@ -13,7 +13,7 @@ from silhouettes import spilled
 from tanteo.catalogue import known_stable_poses, read_parts, stable_poses
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
-from tanteo.vision import Camera, prepare_vision
+from tanteo.vision import Camera
 from tanteo.vision.models import lay
 from tanteo.vision.regions import silhouette
 from tanteo.vision.wireframe import see_edges, wireframe
@@ -99,11 +99,6 @@ def test_lengths_of_samples_add_up(tmp_path):
     frame = wireframe(part)
     assert frame.lengths[frame.sharp].sum() == pytest.approx(4 * 0.16)
     assert not (~frame.sharp).any()
-
-
-def test_the_area_from_above_is_that_of_the_block(tmp_path):
-    model = prepare_vision(block(tmp_path, 90, 50, 20))
-    assert model.area == pytest.approx(0.09 * 0.02, rel=0.02)  # of the middle one of three
 
 
 def test_a_silhouette_covers_what_rays_meet(tmp_path):

@@ -10,6 +10,7 @@ from rendered import table_camera
 from tanteo.catalogue import build_catalogue, open_catalogue
 from tanteo.errors import InputError
 from tanteo.geometry import SE3
+from tanteo.posterior import DEFAULTS
 from tanteo.vision import (
     Narrowed,
     Stage,
@@ -20,10 +21,10 @@ from tanteo.vision import (
     outlines,
     prepare_vision,
     render,
+    rendered_part,
     see_anywhere,
     see_table,
     seen_outline,
-    thing,
 )
 from vision_scenes import random_shot
 
@@ -50,8 +51,8 @@ def shots(catalogue):
 
 @pytest.fixture
 def many(monkeypatch):
-    """So few parts are very many."""
-    monkeypatch.setattr(outlines, "FEW", 4)
+    """Outlines select among more than four parts."""
+    monkeypatch.setattr(outlines, "DEFAULTS", DEFAULTS.changed("pruning.budget", 4))
 
 
 def whole(shots):
@@ -79,14 +80,14 @@ def test_an_image_is_answered_of_a_catalogue(catalogue, shots, many):
     row, shot, _ = next(whole(shots))
     (seen, *_) = see_table(shot.image, shot.camera, catalogue).objects
     assert seen.answer.hypotheses[0].part == catalogue[row].name
-    assert seen.alike[0] in catalogue.names
+    assert seen.similar[0] in catalogue.names
     shares = sum(h.probability for h in seen.answer.hypotheses)
     assert shares + seen.answer.unknown_probability <= 1 + 1e-9
 
 
 def test_what_was_not_looked_for_is_said(catalogue, shots, many, monkeypatch):
     """Where all that look alike do not find room, they are as probable as those that did."""
-    monkeypatch.setattr(outlines, "MOST", 1)
+    monkeypatch.setattr(outlines, "DEFAULTS", outlines.DEFAULTS.changed("pruning.least", 1))
     monkeypatch.setattr("tanteo.posterior.answers.seen_outline._TOGETHER", 1e4)  # any outline is any part's
     _, shot, _ = next(whole(shots))
     (seen, *_) = see_table(shot.image, shot.camera, catalogue).objects
@@ -107,7 +108,7 @@ def test_what_is_left_out_counts_by_its_outline():
 def test_an_object_that_leaves_the_image_is_not_narrowed(catalogue, many):
     camera, part = table_camera(), catalogue[3]
     T = SE3.from_parts(np.eye(3), np.array([0.24, 0.1, 0.0])) @ prepare_vision(part).rests[0].T_table_part
-    image, _ = render(Stage(camera, [thing(part, T)]), np.random.default_rng(1))
+    image, _ = render(Stage(camera, [rendered_part(part, T)]), np.random.default_rng(1))
     (region, *_) = find_regions(image, find_edges(image))
     assert region.cut
     (seen, *_) = see_table(image, camera, catalogue).objects
@@ -116,8 +117,8 @@ def test_an_object_that_leaves_the_image_is_not_narrowed(catalogue, many):
 
 
 def test_many_parts_need_a_table(catalogue, monkeypatch):
-    monkeypatch.setattr("tanteo.vision.solid.MOST", 10)
-    with pytest.raises(InputError, match=r"at most 10 where the camera's place is not known.*got 24.*--marks"):
+    monkeypatch.setattr("tanteo.vision.solid.DEFAULTS", DEFAULTS.changed("pruning.least", 10))
+    with pytest.raises(InputError, match=r"at most 10 where the pose of the camera is unknown.*got 24.*--marks"):
         see_anywhere(np.zeros((480, 640)), table_camera(), catalogue)
 
 
@@ -128,7 +129,7 @@ def test_readings_choose_their_object(catalogue):
         SE3.from_parts(np.eye(3), place) @ prepare_vision(catalogue[k]).rests[0].T_table_part
         for k, place in zip((5, 9), places, strict=True)
     ]
-    image, _ = render(Stage(camera, [thing(catalogue[k], T) for k, T in zip((5, 9), laid, strict=True)]), rng)
+    image, _ = render(Stage(camera, [rendered_part(catalogue[k], T) for k, T in zip((5, 9), laid, strict=True)]), rng)
     for k, T in zip((5, 9), laid, strict=True):
         points = SE3.apply(T, catalogue[k].vertices)
         found = outline_of_readings(image, camera, points)

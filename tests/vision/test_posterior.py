@@ -17,7 +17,8 @@ from tanteo.vision import TableErrors, View, map_edges, prepare_vision, project,
 from tanteo.vision.answers import hypothesis
 from tanteo.vision.fit import meet
 from tanteo.vision.image_edges import ImageEdges, Weights
-from tanteo.vision.posterior import MISSED, infer, searched
+from tanteo.vision.posterior import infer, searched
+from tanteo.vision.settings import EVIDENCE
 from vision_scenes import PARTS, bracket, seen_alone
 
 ERRORS = TableErrors()
@@ -133,7 +134,7 @@ def test_probabilities_weigh_parts_and_the_unknown_object(seen):
     rest = LYING.log_probability(model.part, first.T_peak)
     priors = Priors()
     odds = priors.unknown / ((1 - priors.unknown) / 10) * np.exp(log - best - rest)
-    none = found.unknown * (1 + (1 - priors.unknown) * MISSED / priors.unknown)
+    none = found.unknown * (1 + (1 - priors.unknown) * EVIDENCE.missed / priors.unknown)
     assert none + first.probability + second.probability == pytest.approx(1)
     assert none / first.probability == pytest.approx(odds, rel=1e-6)
 

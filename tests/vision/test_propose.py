@@ -9,9 +9,12 @@ from silhouettes import bare_share, spilled
 from tanteo.geometry import SE3
 from tanteo.vision import find_regions, project
 from tanteo.vision.candidates import _distinct
-from tanteo.vision.propose import SPILL, SPILLED, STEP, YAWS, propose, slides, small_distances
-from tanteo.vision.regions import MARGIN, bare_table, silhouette
+from tanteo.vision.propose import propose, slides, small_distances
+from tanteo.vision.regions import bare_table, silhouette
+from tanteo.vision.settings import EVIDENCE, SEARCH
 from vision_scenes import bracket, seen_alone
+
+MARGIN = int(np.ceil(EVIDENCE.reach))
 
 
 @pytest.fixture(scope="module")
@@ -68,14 +71,14 @@ def test_a_first_pose_is_next_to_truth_and_costs_what_it_should(model, seen):
     middle = project(camera, SE3.apply(T, model.part.centroid))
     off = np.abs(project(camera, SE3.apply(proposal.T_camera_part, model.part.centroid)) - middle).max(axis=-1)
     first = proposal.rests == 0
-    best = first & (turn < 1.2 * np.pi / YAWS) & (off < STEP)
+    best = first & (turn < 1.2 * np.pi / SEARCH.yaws) & (off < EVIDENCE.shortest)
     assert best.any()
     assert proposal.costs[best].min() == proposal.costs[first].min()
     # nothing spilled there: all that it costs is the distances; nowhere more than is looked at
     assert proposal.costs[best].min() < 3.0
     share = bare_share(model.inner, camera, proposal.T_camera_part, bare_table(region.mask))
-    assert share.max() < SPILLED + 0.15
-    assert np.all(proposal.costs > SPILL * (share - 0.15))
+    assert share.max() < SEARCH.spilled + 0.15
+    assert np.all(proposal.costs > EVIDENCE.stretch * (share - 0.15))
 
 
 def test_of_poses_that_are_about_one_the_best_is_kept(model):

@@ -14,9 +14,9 @@ from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry import SE3, SO3
 from tanteo.parts import read_part
 from tanteo.posterior import Priors
+from tanteo.render import draw_sight
 from tanteo.vision import (
     Camera,
-    draw_sight,
     find_edges,
     find_regions,
     map_edges,
@@ -24,10 +24,10 @@ from tanteo.vision import (
     see_anywhere,
     see_table,
 )
-from tanteo.vision.answers import ask, heights, judged
-from tanteo.vision.fit import REACHES, meet, refine
+from tanteo.vision.answers import deciding_touch, heights, judged
+from tanteo.vision.fit import meet, refine
 from tanteo.vision.posterior import ImagePosterior
-from tanteo.vision.rendering import Look, Stage, render, thing
+from tanteo.vision.rendering import Appearance, Stage, render, rendered_part
 from tanteo.words import message_of
 from vision_scenes import random_shot
 
@@ -50,7 +50,7 @@ def two(models):
     """Two parts on a table, far apart."""
     camera = table_camera()
     poses = [lay_down(models[0], 0, -0.08, 0.05, 0.6), lay_down(models[4], 1, 0.08, -0.04, -1.0)]
-    things = [thing(models[0].part, poses[0], 110), thing(models[4].part, poses[1], 130)]
+    things = [rendered_part(models[0].part, poses[0], 110), rendered_part(models[4].part, poses[1], 130)]
     image, whose = render(Stage(camera, things), np.random.default_rng(2))
     return image, camera, poses, whose
 
@@ -113,13 +113,14 @@ def test_a_stranger_is_not_called_by_a_part_s_name(models):
 def test_the_question_is_where_two_answers_differ(models):
     twelve, fifteen = models[2], models[3]
     T12, T15 = lay_down(twelve, 0, 0, 0, 0), lay_down(fifteen, 0, 0, 0, 0)
-    question = ask(("step_12mm", twelve.frame.surface, T12), ("step_15mm", fifteen.frame.surface, T15), np.eye(4))
+    answers = ("step_12mm", twelve.frame.surface, T12), ("step_15mm", fifteen.frame.surface, T15)
+    question = deciding_touch(*answers, np.eye(4))
     place = question.point[None, :2]
     found = [heights(m.frame.surface, T, place)[0] for m, T in ((twelve, T12), (fifteen, T15))]
     assert question.heights == pytest.approx(found)
     assert abs(found[0] - found[1]) > 1e-3
     assert "step_12mm" in question.words
-    assert ask(("a", twelve.frame.surface, T12), ("b", twelve.frame.surface, T12), np.eye(4)) is None
+    assert deciding_touch(("a", twelve.frame.surface, T12), ("b", twelve.frame.surface, T12), np.eye(4)) is None
 
 
 def test_the_offset_s_derivative_is_one(two, models):
@@ -143,7 +144,7 @@ def test_poses_come_in_from_about_ten_pixels(two, models):
     rng, edges = np.random.default_rng(5), map_edges(find_edges(image))
     truth = SE3.inverse(camera.T_world_camera) @ poses[0]
     moves = rng.normal(size=(30, 6)) * np.r_[np.full(3, 2e-3), np.full(3, 0.025)]
-    found = refine(models[0].frame, camera, edges, truth @ SE3.exp(moves), reaches=REACHES)
+    found = refine(models[0].frame, camera, edges, truth @ SE3.exp(moves))
     off = np.linalg.norm(SE3.log(SE3.inverse(truth) @ found)[:, :3], axis=1)
     assert np.mean(off < 2e-3) > 0.8
 
@@ -156,7 +157,7 @@ def test_a_part_in_the_air_is_found_without_a_table(models):
     truth = SE3.from_parts(R, np.array([0.02, -0.01, 0.55]) - R @ model.part.centroid)
     above = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 5.0], [0, 0, 0, 1]])
     far = Camera(camera.K, camera.size, T_world_camera=above)
-    scene = Stage(far, [thing(model.part, far.T_world_camera @ truth, 120)], Look(light=(0.3, -0.5, 1.0)))
+    scene = Stage(far, [rendered_part(model.part, far.T_world_camera @ truth, 120)], Appearance(light=(0.3, -0.5, 1.0)))
     image, _ = render(scene, rng)
     sight = see_anywhere(image, camera, [model])
     best = sight.objects[0].answer.hypotheses[0]
@@ -192,7 +193,7 @@ def test_the_picture_names_part_with_its_probability_in_any_pose(two, models, mo
     halves = tuple(replace(best, probability=p) for p in (0.5, 0.25))
     sight = replace(sight, objects=(replace(seen, answer=replace(seen.answer, hypotheses=halves)),))
     said = []
-    monkeypatch.setattr("tanteo.vision.picture._say", lambda picture, text, at, size: said.append(text))
+    monkeypatch.setattr("tanteo.render.image_picture._say", lambda picture, text, at, size: said.append(text))
     draw_sight(image, camera, sight)
     assert f"{best.part} 75.0 %" in said
 
@@ -203,7 +204,7 @@ def test_what_does_not_fit_together_is_refused(two, models):
         see_table(image, camera, [])
     with pytest.raises(InputError, match="640 columns"):
         see_table(image[:-1], camera, models[:1])
-    with pytest.raises(InputError, match="where it stands"):
+    with pytest.raises(InputError, match="expected its pose"):
         see_table(image, Camera(camera.K, camera.size), models[:1])
 
 
@@ -212,7 +213,7 @@ def test_what_does_not_fit_together_is_refused(two, models):
     [
         (lambda T: np.diag([1.0, 1, -1, 1]) @ T @ np.diag([1.0, 1, -1, 1]), "below"),
         (lambda T: np.block([[T[:3, :3], 1e3 * T[:3, 3:]], [np.zeros((1, 3)), 1]]), "another unit"),
-        (lambda T: T @ SE3.from_parts(SO3.exp(np.array([np.pi, 0, 0])), np.zeros(3)), "looks away"),
+        (lambda T: T @ SE3.from_parts(SO3.exp(np.array([np.pi, 0, 0])), np.zeros(3)), "points away"),
     ],
 )
 def test_a_camera_that_cannot_stand_there_is_refused(two, models, change, words):

@@ -16,7 +16,7 @@ from tanteo.parts import read_part
 from tanteo.posterior import Priors, sized
 from tanteo.vision import View, prepare_vision, view_factors
 from tanteo.vision.models import spread
-from tanteo.vision.rendering import Stage, render, thing
+from tanteo.vision.rendering import Stage, render, rendered_part
 from vision_scenes import PARTS
 
 
@@ -33,7 +33,7 @@ def scene(tmp_path_factory):
     model, rng = prepare_vision(parts[0]), np.random.default_rng(4)
     T = SE3.from_parts(SO3.axis_rotation(2, 0.5), np.array([0.01, 0.02, 0.0])) @ model.rests[0].T_table_part
     cameras = [table_camera(), other_camera(table_camera())]
-    views = [View(render(Stage(camera, [thing(parts[0], T, 120)]), rng)[0], camera) for camera in cameras]
+    views = [View(render(Stage(camera, [rendered_part(parts[0], T, 120)]), rng)[0], camera) for camera in cameras]
     places, normals = spread(parts[0], 60)
     seen = SE3.apply(T, places[(normals @ T[2, :3]) > 0.2])
     points = seen[[0, len(seen) // 2, -1]] + rng.normal(0, 5e-5, (3, 3))
@@ -84,5 +84,5 @@ def test_what_cannot_be_compared_is_refused(scene):
     with pytest.raises(InputError, match="at most 64 parts"):
         identify(readings, parts * 30, sd=5e-5, views=views)
     nowhere = replace(views[0], camera=replace(views[0].camera, T_world_camera=None))
-    with pytest.raises(InputError, match="where it stands"):
+    with pytest.raises(InputError, match="expected its pose"):
         identify(readings, parts, sd=5e-5, views=[nowhere])

@@ -1,7 +1,7 @@
 """The compiled core: shapes, the likelihood of measurements, and what maximizes, proposes and samples on it.
 
 Arrays in, arrays out, all float64 or int32, C-contiguous, metres and radians. ``inference`` calls it,
-``vision`` for edges in images, and ``active`` for what readings are expected to tell.
+``vision`` for edges in images, and ``active`` for the expected information of readings.
 """
 
 from tanteo._core.native import (

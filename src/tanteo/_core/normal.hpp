@@ -70,7 +70,7 @@ inline double wedge(double h, double t) {
     return t < 0 ? -T : T;
 }
 
-// The wedge of an edge from t1 to t2. A short one is integrated as it is: 8 nodes, error below 2e-11.
+// The wedge of an edge from t1 to t2. A short one is integrated directly: 8 nodes, error below 2e-11.
 inline double wedge(double h, double t1, double t2) {
     const double length = t2 - t1;
     if (!(length < h)) return wedge(h, t2) - wedge(h, t1);

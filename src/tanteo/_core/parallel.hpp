@@ -14,7 +14,7 @@ namespace tanteo {
 
 constexpr std::chrono::microseconds WORTH_THREADS{500};  // a loop that takes less ends before others have begun
 
-// As many as there are processors; no more than OMP_NUM_THREADS says, if that is a number.
+// The number of processors, limited by OMP_NUM_THREADS if that is a number.
 size_t most_threads();
 
 // Does work(k) for all k below count; make() gives the work, once to each thread, with what it keeps from item to item.

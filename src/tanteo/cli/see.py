@@ -65,7 +65,8 @@ def see(
         words = f"a dark image, its largest level is {pixels.max():.0f} of 255. If it has 12 bits in 16, scale it."
         print_text(f"{image}: {words}", sys.stderr)
     models = files.read_all_parts(parts, units, quiet=json)
-    from tanteo.vision import draw_sight, see_anywhere, see_table
+    from tanteo.render import draw_sight
+    from tanteo.vision import see_anywhere, see_table
 
     loaded = time.perf_counter() - start
     recognize = see_anywhere if taken.T_world_camera is None else see_table

@@ -242,8 +242,8 @@ class SampleSettings:
             likeliest.
         full_gap: log-evidence gap within which a maximum gets all first samples [nats]. Flat from 3 to 9: ``python
             benchmarks/sweep.py samples.full_gap 3 5 9 --rows touch=16 prior=16``.
-        few_gap: log-evidence gap within which a maximum gets ``few`` samples [nats]: a ridge can have a hundred times
-            the mass that its curvature suggests.
+        few_gap: log-evidence gap within which a maximum gets two samples for each direction of a pose [nats]: a
+            ridge can have a hundred times the mass that its curvature suggests.
         enough: number of effective samples of a mode: the relative standard error of a variance is the square root of
             2 / 300, a twelfth. Decision 61.
         more: largest number of samples of a component in a later round. Flat from 300 to 800: ``python
@@ -292,11 +292,6 @@ class SampleSettings:
     path_steps: int = 4
     edge_held_sd: float = 0.05
     reopen_probability: float = 0.2
-
-    @property
-    def few(self) -> int:
-        """Number of samples of a component that may matter little: two for each direction of a pose."""
-        return 2 * POSE_DOF
 
     @property
     def shape(self) -> int:

@@ -19,6 +19,7 @@ from .html.write import Run as Run
 from .html.write import report_page as report_page
 from .html.write import session_page as session_page
 from .html.write import write_report as write_report
+from .image_picture import draw_sight as draw_sight
 from .live.commands import Advance as Advance
 from .live.commands import AnswerNow as AnswerNow
 from .live.commands import Choose as Choose

@@ -28,14 +28,13 @@ from .outlines import Narrowed as Narrowed
 from .outlines import narrowed as narrowed
 from .outlines import outline_of_readings as outline_of_readings
 from .outlines import seen_outline as seen_outline
-from .picture import draw_sight as draw_sight
 from .regions import find_regions as find_regions
 from .regions import silhouette as silhouette
-from .rendering import Look as Look
+from .rendering import Appearance as Appearance
+from .rendering import RenderedObject as RenderedObject
 from .rendering import Stage as Stage
-from .rendering import Thing as Thing
 from .rendering import render as render
-from .rendering import thing as thing
+from .rendering import rendered_part as rendered_part
 from .segments import Corners as Corners
 from .segments import Segments as Segments
 from .sight import Sight as Sight

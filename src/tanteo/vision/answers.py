@@ -1,4 +1,4 @@
-"""What is told of a mode: pose with covariance, fit and verdict; and the touch that would settle what stays open."""
+"""The answer of an image: hypotheses with pose and covariance, the status, and the touch that decides between two."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Surface
 from tanteo.posterior import (
+    DEFAULTS,
     Answer,
     Hypothesis,
     Misfit,
@@ -24,6 +25,7 @@ from tanteo.posterior import (
 from tanteo.vision.image_edges import ImageEdges, standing
 from tanteo.vision.models import VisionModel
 from tanteo.vision.posterior import ImagePosterior
+from tanteo.vision.settings import EVIDENCE
 from tanteo.words import Finding, touch_words
 from tanteo.words.findings import (  # fmt: skip
     DecidingTouch,
@@ -34,21 +36,15 @@ from tanteo.words.findings import (  # fmt: skip
     UnknownInImage,
 )
 
-_MAY_MISS = 0.05
-"""Probability of parts that were not looked for from which it is said."""
-
-_MISFIT = 1e-6
-"""Below this probability a fit is said to be bad."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageMode:
-    """A part at a pose.
+    """A part at a pose, with its probability.
 
     Attributes:
         model: the part.
         T_camera_part: pose ``(4, 4)``.
-        probability: posterior.
+        probability: posterior probability.
     """
 
     model: VisionModel
@@ -57,9 +53,9 @@ class ImageMode:
 
 
 def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothesis:
-    """Return the answer of a mode: pose and covariance in the world, what is free, how well its edges fit.
+    """Return the hypothesis of a mode: pose and covariance in the world, free directions, fit of the edges.
 
-    A part that lies on a table has three more equations.
+    A part on a table has three more equations.
 
     Args:
         mode: mode of the engine's posterior.
@@ -73,7 +69,7 @@ def hypothesis(mode: Mode, image: ImageEdges, *, lying: bool = False) -> Hypothe
     fit = goodness_of_fit(mode)
     T_camera_part = SE3.inverse(standing(image.camera)) @ mode.T_world_part
     distance = float(SE3.apply(T_camera_part, part.centroid)[2])
-    off = float(np.sqrt(sums.squares[0] / max(float(sums.met[0]), 1.0)))
+    off = float(np.sqrt(sums.squares[0] / max(float(sums.matched[0]), 1.0)))
     return hypothesis_at(
         part,
         mode.T_world_part,
@@ -95,9 +91,9 @@ def judged(hypotheses: Sequence[Hypothesis], posterior: ImagePosterior) -> tuple
     if status == "unknown":
         unknown = posterior.unknown
         findings = (UnknownInImage(unknown) if best is None else UnknownInImage(unknown, best.part, best.probability),)
-    elif best is not None and best.p_value < _MISFIT:
+    elif best is not None and best.p_value < np.exp(-DEFAULTS.search.negligible):
         findings = (*findings, EdgesFitBadly(best.p_value))
-    if status != "recognized" and posterior.left_out > _MAY_MISS:
+    if status != "recognized" and posterior.left_out > EVIDENCE.missed:
         findings = (*findings, NotSearched(posterior.count, posterior.left_out))
     return status, findings
 
@@ -107,18 +103,14 @@ def too_many(parts: int) -> Answer:
     return Answer("insufficient", (OutlineCut(parts),), (), 1.0)
 
 
-_CELLS = 48
-"""Cells of the grid of heights along its longer side."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """A place to sense, from above.
+    """A place on the surface to touch from above, at which two answers have different heights.
 
     Attributes:
-        point: on the surface that the first answer predicts, world [m].
-        heights: ``(2,)``, where the first and the second answer have their surface there; 0 is the table [m].
-        answers: names of the two.
+        point: place on the surface that the first answer predicts, world ``(3,)`` [m].
+        heights: heights of the surface above the table by the first and the second answer ``(2,)`` [m].
+        answers: names of the parts of the two answers.
     """
 
     point: Vectors
@@ -127,7 +119,7 @@ class Question:
 
     @property
     def finding(self) -> DecidingTouch:
-        """The question as a finding."""
+        """The touch as a finding."""
         x, y = map(float, self.point[:2])
         first, second = map(float, self.heights)
         return DecidingTouch(self.answers, (x, y), (first, second))
@@ -139,7 +131,7 @@ class Question:
 
 
 def heights(surface: Surface, T_table_part: Transforms, places: FloatArray) -> FloatArray:
-    """Height of the part's surface over places ``(n, 2)`` of the table, 0 where it is not [m]."""
+    """Return the height of a part's surface over places ``(n, 2)`` of the table, 0 beside the part ``(n,)`` [m]."""
     T = SE3.inverse(T_table_part)
     top = 1.0 + float(np.abs(surface.vertices).max()) + float(np.abs(T_table_part[2, 3]))
     starts = np.concatenate([places, np.full((len(places), 1), top)], axis=1)
@@ -147,23 +139,28 @@ def heights(surface: Surface, T_table_part: Transforms, places: FloatArray) -> F
     return np.where(np.isfinite(hits.distances), top - hits.distances, 0.0)
 
 
-def ask(
+def deciding_touch(
     first: tuple[str, Surface, Transforms], second: tuple[str, Surface, Transforms], T_world_table: Transforms
 ) -> Question | None:
-    """Where the two answers differ most for a touch from above; each is a name, a surface and ``T_table_part``.
+    """Return the place at which the heights of two answers differ most.
+
+    Args:
+        first: name, surface and pose ``T_table_part`` of the first answer.
+        second: name, surface and pose of the second answer.
+        T_world_table: frame of the table ``(4, 4)``.
 
     Returns:
-        The middle of a patch where heights differ; None if they are the same everywhere.
+        The middle of a patch where the heights differ; None if they are the same everywhere.
     """
     corners = [SE3.apply(T, surface.vertices)[:, :2] for _, surface, T in (first, second)]
     low, high = np.concatenate(corners).min(axis=0), np.concatenate(corners).max(axis=0)
-    step = float((high - low).max()) / _CELLS
+    step = float((high - low).max()) * EVIDENCE.same_pose
     shape = tuple(int(n) for n in np.ceil((high - low) / step).astype(int) + 1)
     x, y = np.meshgrid(low[0] + step * np.arange(shape[0]), low[1] + step * np.arange(shape[1]), indexing="ij")
     places = np.stack([x, y], axis=-1).reshape(-1, 2)
     z = np.stack([heights(surface, T, places).reshape(shape) for _, surface, T in (first, second)])
     gap = np.pad(np.abs(z[0] - z[1]), 1)
-    # a touch is not placed to a cell: the smallest difference around counts
+    # a touch may be a cell off: the smallest difference of the neighbours counts
     safe = np.min([np.roll(gap, s, axis=(0, 1)) for s in ((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))], axis=0)
     safe = safe[1:-1, 1:-1]
     k = int(np.argmax(safe))

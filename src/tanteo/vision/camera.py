@@ -16,16 +16,17 @@ import numpy as np
 from tanteo.errors import InputError, MissingExtraError
 from tanteo.geometry import check_covariance, frozen_array
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
+from tanteo.vision.settings import EDGES, NEWTON_STEPS
 
 PIXELS = 64_000_000
-"""An image may have so many: half a gigabyte while it is looked at."""
+"""Numerical: largest number of pixels of an image, which take half a gigabyte of memory."""
 
 
 def opencv() -> ModuleType:
-    """The module, which refuses larger images before it takes memory for them, if nobody has loaded it yet.
+    """Return the module of OpenCV. Before it is loaded, its limit of the number of pixels is set.
 
     Raises:
-        MissingExtraError: it is not installed.
+        MissingExtraError: OpenCV is not installed.
     """
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(PIXELS))
     try:
@@ -37,14 +38,11 @@ def opencv() -> ModuleType:
     return cv2
 
 
-_ROUNDS, _NEWTON = 8, 4
-"""Fixed-point rounds, then Newton's, that take a distorted point back."""
-
-USUAL_EDGE_SD = 0.15
-"""By how much a usual calibration leaves whole edges misplaced [px]."""
+USUAL_EDGE_SD = EDGES.lens
+"""Standard deviation of the displacement of whole edges after a usual calibration [px]."""
 
 DISTORTION_COUNTS = (0, 4, 5, 8)
-"""How many distortion coefficients there may be: k1 k2 p1 p2, then k3, then k4 k5 k6."""
+"""Definition: numbers of distortion coefficients that a model has: k1 k2 p1 p2, then k3, then k4 k5 k6."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,21 +50,20 @@ class Camera:
     """A calibrated camera.
 
     Attributes:
-        K: ``(3, 3)``, focal lengths and principal point [px], no skew.
+        K: focal lengths and principal point ``(3, 3)`` [px], without skew.
         size: width and height [px].
-        distortion: ``k1 k2 p1 p2 [k3 [k4 k5 k6]]``; none for a camera without.
-        T_world_camera: where the camera stands ``(4, 4)``; None where that is not known.
-        covariance: of that ``(6, 6)``, camera frame, right [m, rad]; None where it is taken as exact.
-        edge_sd: by how much lens and calibration move a whole edge in the image, standard deviation [px].
-        notes: what was taken as something when it was read, one sentence each.
+        distortion: coefficients ``k1 k2 p1 p2 [k3 [k4 k5 k6]]``; empty for a camera without distortion.
+        T_world_camera: pose of the camera ``(4, 4)``; None if it is unknown.
+        covariance: covariance of that pose ``(6, 6)``, camera frame, right [m, rad]; None if the pose is exact.
+        edge_sd: standard deviation of the displacement of a whole edge by lens and calibration [px].
+        notes: assumptions that were made when the camera was read, one sentence each.
 
     Raises:
-        InputError: for a matrix that is no camera's, a number of coefficients that no model has, or a deviation
-            below zero.
+        InputError: the matrix is not that of a camera, no model has so many coefficients, or a deviation is negative.
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
-        >>> camera.T_world_camera is None  # where it stands is not known
+        >>> camera.T_world_camera is None  # the pose of the camera is unknown
         True
     """
 
@@ -88,14 +85,14 @@ class Camera:
         if len(distortion) not in DISTORTION_COUNTS or not np.all(np.isfinite(distortion)):
             raise InputError(
                 f"distortion: expected 0, 4, 5 or 8 coefficients (k1 k2 p1 p2 k3 k4 k5 k6), got {distortion.tolist()}. "
-                "Fisheye models are not known here: rectify the image first."
+                "Fisheye models are not supported: rectify the image first."
             )
         if min(self.size) < 1:
             raise InputError(f"size: expected width and height in pixels, got {self.size}. Give the image's own.")
         if not 0 <= self.edge_sd < np.inf:
             raise InputError(
                 f"edge_sd (edge_sd_px): expected a standard deviation in pixels, 0 or more, got {self.edge_sd}. "
-                f"Leave it out if it is not known: {USUAL_EDGE_SD} px is taken."
+                f"Omit it if it is unknown: the default is {USUAL_EDGE_SD} px."
             )
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "distortion", distortion)
@@ -106,7 +103,7 @@ class Camera:
 
     @property
     def numbers(self) -> FloatArray:
-        """Focal lengths, centre, and the eight coefficients of the lens ``(12,)``, for the core."""
+        """Focal lengths, principal point and the eight coefficients of the lens ``(12,)``, for the core."""
         return np.array([*self.focal, *self.centre, *_all_terms(self.distortion)])
 
     @property
@@ -121,10 +118,10 @@ class Camera:
 
 
 def rigid(name: str, T: Transforms) -> Transforms:
-    """The motion, read-only.
+    """Return a rigid motion as a read-only array.
 
     Raises:
-        InputError: if it is none.
+        InputError: the matrix is not a rigid motion.
     """
     out = frozen_array(T)
     R = out[:3, :3] if out.shape == (4, 4) else np.zeros((3, 3))
@@ -138,7 +135,7 @@ def rigid(name: str, T: Transforms) -> Transforms:
 
 
 def project(camera: Camera, points: Vectors) -> FloatArray:
-    """Pixels ``(*batch, 2)`` of points ``(*batch, 3)`` in the camera's frame [m]; NaN for those not in front."""
+    """Return the pixels ``(*batch, 2)`` of points ``(*batch, 3)``, camera frame [m]; NaN behind the camera."""
     z = points[..., 2]
     ahead = np.where(z > 0, z, np.nan)
     x, y = points[..., 0] / ahead, points[..., 1] / ahead
@@ -148,7 +145,7 @@ def project(camera: Camera, points: Vectors) -> FloatArray:
 
 
 def project_linearized(camera: Camera, points: Vectors) -> tuple[FloatArray, FloatArray]:
-    """Pixels and their derivative by the point ``(*batch, 2, 3)`` [px/m]."""
+    """Return the pixels of points, and their derivative by the point ``(*batch, 2, 3)`` [px/m]."""
     z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
     x, y = points[..., 0] / z, points[..., 1] / z
     rows: tuple[tuple[FloatArray, ...], ...] = (
@@ -165,7 +162,7 @@ def project_linearized(camera: Camera, points: Vectors) -> tuple[FloatArray, Flo
 
 
 def rays(camera: Camera, pixels: FloatArray) -> Vectors:
-    """Directions ``(*batch, 3)`` with z = 1, camera frame, of pixels ``(*batch, 2)``: distortion taken away."""
+    """Return the rays ``(*batch, 3)`` of pixels ``(*batch, 2)`` without distortion, camera frame, z = 1."""
     x, y = np.moveaxis((np.asarray(pixels, dtype=np.float64) - camera.centre) / camera.focal, -1, 0)
     if len(camera.distortion):
         x, y = _undistort(camera.distortion, x, y)
@@ -173,17 +170,17 @@ def rays(camera: Camera, pixels: FloatArray) -> Vectors:
 
 
 def without_distortion(camera: Camera, pixels: FloatArray) -> FloatArray:
-    """Where the pixels would be without distortion ``(*batch, 2)`` [px]: straight edges become straight lines."""
+    """Return the pixels without distortion ``(*batch, 2)`` [px], in which straight edges are straight lines."""
     return np.asarray(rays(camera, pixels)[..., :2] * camera.focal + camera.centre)
 
 
 def on_plane(camera: Camera, pixels: FloatArray, T_camera_plane: Transforms) -> Vectors:
-    """Where the pixels' rays meet the plane z = 0 of a frame: points in that frame [m]; NaN where they do not."""
+    """Return where rays of pixels intersect the plane z = 0 of a frame, in that frame [m]; NaN where they do not."""
     return meet_plane(rays(camera, pixels), T_camera_plane)
 
 
 def meet_plane(rays_camera: Vectors, T_camera_plane: Transforms) -> Vectors:
-    """Where rays ``(*batch, 3)`` from the camera's centre meet the plane z = 0 of a frame: points in that frame [m]."""
+    """Return where rays ``(*batch, 3)`` intersect the plane z = 0 of a frame, in that frame [m]; else NaN."""
     directions = rays_camera @ T_camera_plane[:3, :3]
     origin = -T_camera_plane[:3, :3].T @ T_camera_plane[:3, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -193,12 +190,12 @@ def meet_plane(rays_camera: Vectors, T_camera_plane: Transforms) -> Vectors:
 
 
 def _all_terms(k: FloatArray) -> tuple[float, ...]:
-    """All eight coefficients, those that are not given being 0."""
+    """Return all eight coefficients, with 0 for those that are not given."""
     return *k.tolist(), *(0.0,) * (8 - len(k))
 
 
 def _terms(k: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Radial factor, its derivative by ``r^2``, and the tangential shifts."""
+    """Return the radial factor, its derivative by ``r^2``, and the tangential shifts."""
     k1, k2, p1, p2, k3, k4, k5, k6 = _all_terms(k)
     r2 = x * x + y * y
     up, down = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
@@ -213,7 +210,7 @@ def _distort(k: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, F
 
 
 def _distortion_derivatives(k: FloatArray, x: FloatArray, y: FloatArray) -> tuple[tuple[FloatArray, ...], ...]:
-    """Of the distorted point by the ideal one: two rows of two, each ``(*batch,)``."""
+    """Return the derivatives of the distorted point by the ideal point: two rows of two, each ``(*batch,)``."""
     radial, slope, _, _ = _terms(k, x, y)
     p1, p2 = k[2], k[3]
     cross = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
@@ -224,10 +221,10 @@ def _distortion_derivatives(k: FloatArray, x: FloatArray, y: FloatArray) -> tupl
 
 def _undistort(k: FloatArray, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
     x, y = u, v
-    for _ in range(_ROUNDS):
+    for _ in range(NEWTON_STEPS):
         radial, _, dx, dy = _terms(k, x, y)
         x, y = (u - dx) / radial, (v - dy) / radial
-    for _ in range(_NEWTON):
+    for _ in range(NEWTON_STEPS):
         (xx, xy), (yx, yy) = _distortion_derivatives(k, x, y)
         a, b = _distort(k, x, y)
         a, b, det = u - a, v - b, xx * yy - xy * yx

@@ -10,33 +10,17 @@ import numpy as np
 from tanteo import _core
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms
+from tanteo.posterior import DEFAULTS
 from tanteo.vision.camera import opencv
 from tanteo.vision.edges import EdgeMap
-from tanteo.vision.fit import REACHES, beside, pixel_length, refine
-from tanteo.vision.image_edges import SAME_SHIFT, ImageEdges
+from tanteo.vision.fit import beside, pixel_length, refine
+from tanteo.vision.image_edges import ImageEdges
 from tanteo.vision.models import VisionModel, lay
 from tanteo.vision.propose import propose, slides, small_distances
 from tanteo.vision.regions import Region
+from tanteo.vision.settings import EVIDENCE, SEARCH
 from tanteo.vision.table import TableErrors, lying_information
 from tanteo.vision.wireframe import in_camera
-
-_KEPT = 144
-"""Number of poses of all parts that are refined to the end."""
-
-_QUICK = (12.0, 12.0, 9.0, 7.0, 5.0)
-"""Reaches of the first refinement, round by round [px]."""
-
-_LIKELY = 6.0
-"""Log density below the best of all from which a pose gets others beside it (decision 40)."""
-
-FAINT = 14.0
-"""Log density below the best of all from which a pose is not proposed; the best of each part always is."""
-
-_NEAR = (1.5, 1.0, 0.8, 0.8)
-"""Reaches of the refinement that starts beside a pose, round by round [px]."""
-
-_ONE = 0.2
-"""Poses beside each other are one if no point of the part moves by more between them [px]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +41,7 @@ class PoseCandidates:
 
 
 def own_edges(region: Region, edges: EdgeMap) -> BoolArray:
-    """Return which edge points belong to a region ``(n,)``: in it or at its border."""
+    """Return which edge points are in a region or at its border ``(n,)``."""
     mask = opencv().dilate(region.mask.astype(np.uint8), np.ones((5, 5), np.uint8))
     at = np.rint(edges.points.pixels).astype(np.int64)
     return np.asarray(mask[at[:, 1].clip(0, mask.shape[0] - 1), at[:, 0].clip(0, mask.shape[1] - 1)] > 0)
@@ -75,26 +59,26 @@ def candidates_in(
 
     Args:
         models: parts.
-        image: the edges of the image, of the object in the region.
+        image: edges of the image in the region.
         T_camera_table: frame of the table ``(4, 4)``.
-        region: where the object is.
-        table: errors of the table as the camera sees it.
+        region: region of the object.
+        table: errors of the table, those of the camera's pose included.
         ways: numbers of the stable poses of each part that are tried; all of them if not given.
     """
     camera, edges = image.camera, image.edges
     ways = ways or [np.arange(len(model.rests)) for model in models]
-    looks = _first_poses(models, ways, image, T_camera_table, region, table)
-    scores = np.concatenate([score for _, _, score in looks])
-    least = max(np.sort(scores)[-_KEPT:][0], -1e9) if len(scores) else 0.0
+    proposals = _first_poses(models, ways, image, T_camera_table, region, table)
+    scores = np.concatenate([score for _, _, score in proposals])
+    least = max(np.sort(scores)[-3 * SEARCH.kept :][0], -1e9) if len(scores) else 0.0
     out = []
-    for model, (T, rests, score) in zip(models, looks, strict=True):
-        # the best of each part stays, so that every part has an evidence
+    for model, (T, rests, score) in zip(models, proposals, strict=True):
+        # the best pose of each part is kept, so that every part has an evidence
         keep = (score >= least) | (score >= score.max(initial=-np.inf))
         if not keep.any():
             continue
         start = lie_down(model, rests[keep], T[keep], T_camera_table)
         prior = _lying(model, T_camera_table, start, table)
-        found = refine(model.frame, camera, edges, start, prior=prior, reaches=REACHES[3:])
+        found = refine(model.frame, camera, edges, start, prior=prior, reaches=SEARCH.last_reaches)
         log = image.sums(model, found).there + _log_priors(model, rests[keep])
         out.append(PoseCandidates(model, found, rests[keep], log))
     best = max((float(c.log.max()) for c in out), default=0.0)
@@ -116,7 +100,14 @@ def _first_poses(
     for model, own in zip(models, ways, strict=True):
         proposal = propose(model, own, camera, T_camera_table, distances, places)
         prior = _lying(model, T_camera_table, proposal.T_camera_part, table)
-        T = refine(model.coarse, camera, edges, proposal.T_camera_part, prior=prior, reaches=_QUICK)
+        T = refine(
+            model.coarse,
+            camera,
+            edges,
+            proposal.T_camera_part,
+            prior=prior,
+            reaches=SEARCH.first_reaches,
+        )
         score = image.sums(model, T, coarse=True).there + _log_priors(model, proposal.rests)
         out.append((T, proposal.rests, np.where(_distinct(model, T, score), score, -np.inf)))
     return out
@@ -130,13 +121,13 @@ def _log_priors(model: VisionModel, which: IntArray) -> FloatArray:
 def _with_beside(
     c: PoseCandidates, image: ImageEdges, T_camera_table: Transforms, table: TableErrors, best: float
 ) -> PoseCandidates:
-    """Return the likely candidates, with poses beside those that may be the best.
+    """Return the likely candidates, and poses next to those that may be the best.
 
-    Where a shadow or a second edge runs beside an edge, edges meet at several poses a millimetre apart.
+    Where a shadow or a second edge is next to an edge, edges match at several poses a millimetre apart.
     """
-    keep = np.flatnonzero((c.log > best - FAINT) | (c.log == c.log.max()))
+    keep = np.flatnonzero((c.log > best - DEFAULTS.search.drop_gap) | (c.log == c.log.max()))
     Ts, rests = [c.T_camera_part[keep]], [c.rests[keep]]
-    for k in np.flatnonzero(c.log > best - _LIKELY):
+    for k in np.flatnonzero(c.log > best - SEARCH.likely):
         near = _poses_beside(c.model, int(c.rests[k]), image, T_camera_table, c.T_camera_part[k], table)
         Ts.append(near)
         rests.append(np.full(len(near), c.rests[k]))
@@ -152,21 +143,21 @@ def _poses_beside(
     T_camera_part: Transforms,
     table: TableErrors,
 ) -> Transforms:
-    """Return a pose of a part on the table and others near it, each at its own best ``(k, 4, 4)``, without repeats."""
+    """Return a pose of a part on the table and distinct poses next to it, each refined ``(k, 4, 4)``."""
     camera = image.camera
     start = lie_down(model, np.array([rest]), T_camera_part[None], T_camera_table)
     prior = _lying(model, T_camera_table, start, table)
     Ts = beside(camera, T_camera_part, T_camera_table, model.part.centroid)
-    Ts = refine(model.frame, camera, image.edges, Ts, prior=prior, start=start, reaches=_NEAR)
+    Ts = refine(model.frame, camera, image.edges, Ts, prior=prior, start=start, reaches=SEARCH.reaches(SEARCH.beside))
     points = in_camera(Ts, model.inner)
-    slack = _ONE * pixel_length(camera, T_camera_part, model.part.centroid)
+    slack = EVIDENCE.spread * pixel_length(camera, T_camera_part, model.part.centroid)
     return np.asarray(Ts[_core.far_apart(points, np.arange(len(Ts)), slack)])
 
 
 def _distinct(model: VisionModel, Ts: Transforms, scores: FloatArray) -> BoolArray:
     """Return which poses ``(B,)`` are not equal to a better one; symmetries are not considered."""
     points = in_camera(Ts, model.inner)
-    kept = _core.far_apart(points, np.argsort(-scores, kind="stable"), SAME_SHIFT * model.part.diagonal)
+    kept = _core.far_apart(points, np.argsort(-scores, kind="stable"), EVIDENCE.same_pose * model.part.diagonal)
     return np.isin(np.arange(len(Ts)), kept)
 
 

@@ -1,9 +1,9 @@
-"""A circle behind an ellipse: two, each with centre, axis and covariance; one where they cannot be discriminated.
+"""The two circles that project to an ellipse, with centre, axis and covariance; one if they cannot be discriminated.
 
 The camera's centre and the ellipse span a cone. Planes of two directions cut circles out of it (Young and others 1992,
-Kanatani and Liu 1993); the radius says where along the cone. Seen along its axis both are one, whose tilt is anything
-but normal; on a short arc centre and axis follow the ellipse along a bend. So ellipses are drawn as they are told, each
-is made both circles exactly, and mean and covariance are those of the circles (``math.md`` section 8).
+Kanatani and Liu 1993); the radius decides where along the cone. A circle that the camera views along its axis gives one
+solution, whose tilt is not normal. On a short arc centre and axis depend nonlinearly on the ellipse. So samples of the
+ellipse give both circles exactly, and mean and covariance are those of the circles (``math.md`` section 8).
 """
 
 from __future__ import annotations
@@ -17,25 +17,21 @@ from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
 from tanteo.vision.ellipse_fit import Ellipse
+from tanteo.vision.settings import NEWTON_STEPS, SEARCH
 
 _DRAWS = 500
-"""Pairs of ellipses that are drawn, one on either side of the estimate: covariances are told to a few per cent."""
-
-_APART = 2.4
-"""Of the mean tilt to one side over its standard deviation: from there on the density falls by e^3 between both."""
-
-_CENTRED = 2
-"""Steps to the pose from which the mean motion is none: the first leaves what is of second order."""
+"""Numerical: pairs of ellipses that are drawn, one on either side of the estimate.
+Standard deviations are exact to 2 %."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CirclePose:
-    """A circle that looks like an ellipse.
+    """A circle with the covariance of its pose and radius.
 
     Attributes:
         T_camera_circle: origin at the centre, z along the axis, towards the camera ``(4, 4)`` [m].
-        covariance: of ``x, y, z, rx, ry`` and the radius ``(6, 6)`` [m, rad].
-        radius: [m].
+        covariance: covariance of ``x, y, z, rx, ry`` and the radius ``(6, 6)`` [m, rad].
+        radius: radius of the circle [m].
     """
 
     T_camera_circle: Transforms
@@ -44,16 +40,16 @@ class CirclePose:
 
 
 def circle_poses(camera: Camera, ellipse: Ellipse, radius: float, radius_sd: float = 0.0) -> tuple[CirclePose, ...]:
-    """The circles of a radius that an ellipse may be: two, or one where these cannot be discriminated.
+    """Return the circles of a radius that project to an ellipse: two, or one if they cannot be discriminated.
 
     Args:
-        camera: that took the image.
-        ellipse: of :func:`tanteo.vision.find_ellipses`.
-        radius: of the circle [m].
-        radius_sd: its standard deviation [m].
+        camera: camera of the image.
+        ellipse: ellipse of :func:`tanteo.vision.find_ellipses`.
+        radius: radius of the circle [m].
+        radius_sd: standard deviation of the radius [m].
 
     Raises:
-        InputError: a radius that is none.
+        InputError: the radius is not positive.
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
@@ -73,24 +69,24 @@ def circle_poses(camera: Camera, ellipse: Ellipse, radius: float, radius_sd: flo
 
 
 def circle_frames(camera: Camera, ellipse: Ellipse, radius: float) -> Transforms:
-    """Frames of the two circles of a radius that an ellipse may be, without covariance ``(2, 4, 4)``, camera frame [m].
+    """Return frames of the two circles of a radius that project to an ellipse ``(2, 4, 4)``, camera frame [m].
 
-    The two are about one where a circle is seen along its axis.
+    The two are about equal for a circle that the camera views along its axis.
     """
     both = zip(*_closed_form(_dual(camera, ellipse.centre[None], ellipse.shape[None])), strict=True)
     return np.stack([SE3.from_parts(SO3.frame_from_axis(n[0], 2), radius * c[0]) for c, n in both])
 
 
 def project_circle(camera: Camera, T_camera_circle: Transforms, radius: float) -> Ellipse:
-    """The ellipse of a circle, in pixels without distortion, without error.
+    """Return the ellipse to which a circle projects, in pixels without distortion, without error.
 
     Args:
-        camera: that looks at it.
-        T_camera_circle: origin at its centre, z along its axis ``(4, 4)`` [m].
-        radius: [m].
+        camera: camera of the image.
+        T_camera_circle: frame with its origin at the centre and z along the axis ``(4, 4)`` [m].
+        radius: radius of the circle [m].
 
     Raises:
-        DegenerateError: a part of the circle is not in front of the camera, or it is seen from the side.
+        DegenerateError: some of the circle is not in front of the camera, or the camera is in its plane.
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
@@ -101,16 +97,16 @@ def project_circle(camera: Camera, T_camera_circle: Transforms, radius: float) -
     """
     D = _dual_of(camera, T_camera_circle, radius)
     if T_camera_circle[2, 3] <= radius * np.hypot(*T_camera_circle[2, :2]) or D[2, 2] >= 0:
-        raise DegenerateError("circle: expected all of it in front of the camera, got one that is not. Move it away.")
+        raise DegenerateError("circle: expected all of it in front of the camera, got some of it behind. Move it away.")
     m, S = D[:2, 2] / D[2, 2], np.outer(D[:2, 2], D[:2, 2]) / D[2, 2] ** 2 - D[:2, :2] / D[2, 2]
     values, axes = np.linalg.eigh(S)
     if values[0] < 1e-9 * values[1]:
-        raise DegenerateError("circle: expected one that looks like an ellipse, got one seen from the side. Turn it.")
+        raise DegenerateError("circle: expected a camera outside of its plane, got one inside of it. Turn the circle.")
     return Ellipse(m, (axes * np.sqrt(values)) @ axes.T, np.zeros((5, 5)), 0.0, 1.0, 2 * np.pi, 0)
 
 
 def _dual(camera: Camera, centres: FloatArray, shapes: FloatArray) -> FloatArray:
-    """Dual conics in rays ``(N, 3, 3)``: lines ``l`` with ``l D l = 0`` touch the ellipse; ``D[2, 2] = -1``."""
+    """Return dual conics in rays ``(N, 3, 3)``: lines ``l`` with ``l D l = 0`` touch the ellipse; ``D[2, 2] = -1``."""
     A = np.diag(1 / camera.focal)
     m, S = (centres - camera.centre) @ A, A @ shapes @ shapes @ A
     D = np.full((len(m), 3, 3), -1.0)
@@ -119,13 +115,13 @@ def _dual(camera: Camera, centres: FloatArray, shapes: FloatArray) -> FloatArray
 
 
 def _dual_of(camera: Camera, T: Transforms, radius: float) -> FloatArray:
-    """The dual conic of a circle in the image ``(3, 3)``."""
+    """Return the dual conic of a circle in the image ``(3, 3)``."""
     H = camera.K @ np.column_stack([radius * T[:3, 0], radius * T[:3, 1], T[:3, 3]])
     return np.asarray(H @ np.diag([1.0, 1.0, -1.0]) @ H.T)
 
 
 def _closed_form(D: FloatArray) -> tuple[Vectors, Vectors]:
-    """Centres and axes, towards the camera, of both circles of unit radius behind dual conics ``(2, N, 3)``."""
+    """Return centres and axes, towards the camera, of both unit circles of dual conics ``(2, N, 3)``."""
     values, axes = np.linalg.eigh(np.linalg.inv(D))
     low, middle, high = values.T[..., None]  # low < 0 < middle <= high
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -139,9 +135,9 @@ def _closed_form(D: FloatArray) -> tuple[Vectors, Vectors]:
 
 
 def _drawn(camera: Camera, ellipse: Ellipse) -> list[tuple[Transforms, Covariances]]:
-    """Circles of unit radius and their covariances, rows x y z rx ry: two, or one where these cannot be discriminated.
+    """Return unit circles and covariances, rows x y z rx ry: two, or one if they cannot be discriminated.
 
-    Draws of the ellipse are weighed so that beforehand all places and axes are as likely.
+    Samples of the ellipse have weights by which all positions and axes have the same prior density.
     """
     values, vectors = np.linalg.eigh(ellipse.covariance)
     z = np.random.default_rng(0).normal(size=(_DRAWS, 5)) @ (vectors * np.sqrt(values.clip(0))).T
@@ -156,14 +152,15 @@ def _drawn(camera: Camera, ellipse: Ellipse) -> list[tuple[Transforms, Covarianc
     weights[:, 0] = 0.0  # the estimate itself is no draw
     mean = float(np.sum(weights * np.abs(tilts)) / weights.sum())
     spread = float(np.sqrt(np.sum(weights * (np.abs(tilts) - mean) ** 2) / weights.sum()))
-    halves = [tilts > 0, tilts <= 0] if mean > _APART * spread else [np.ones_like(tilts, dtype=bool)]
+    # the log density in the middle is mean^2 / (2 spread^2) lower than on either side
+    halves = [tilts > 0, tilts <= 0] if mean > np.sqrt(SEARCH.likely) * spread else [np.ones_like(tilts, dtype=bool)]
     return [_moments(c[on], n[on], weights[on] / weights[on].sum()) for on in halves]
 
 
 def _weights(camera: Camera, shapes: FloatArray, c: Vectors, n: Vectors) -> FloatArray:
-    """How large a set of circles about each is for a set of ellipses ``(N,)``, up to a factor.
+    """Return the volume of circles for a volume of ellipses about each sample ``(N,)``, up to a factor.
 
-    From the derivatives of centre ``m`` and ``S = P^2`` of the ellipse, in rays, by those of the circle.
+    It follows from the derivatives of centre ``m`` and ``S = P^2`` of the ellipse, in rays, by those of the circle.
     """
     D = np.eye(3) - _outer(n, n) - _outer(c, c)
     last, m = D[:, 2, 2, None, None], D[:, :2, 2] / D[:, 2, 2, None]
@@ -182,10 +179,10 @@ def _weights(camera: Camera, shapes: FloatArray, c: Vectors, n: Vectors) -> Floa
 
 
 def _moments(c: Vectors, n: Vectors, w: FloatArray) -> tuple[Transforms, Covariances]:
-    """Mean and covariance of weighed circles: of the motions to them, which turn about no axis of the circle."""
+    """Return mean and covariance of weighted circles, from motions that do not turn about the axis of a circle."""
     mean = w @ n
     T = SE3.from_parts(SO3.frame_from_axis(mean / np.linalg.norm(mean), 2), w @ c)
-    for _ in range(_CENTRED):
+    for _ in range(NEWTON_STEPS):
         xi = _motions(T, c, n)
         T = T @ SE3.exp(w @ xi)
     xi = _motions(T, c, n)
@@ -193,7 +190,7 @@ def _moments(c: Vectors, n: Vectors, w: FloatArray) -> tuple[Transforms, Covaria
 
 
 def _motions(T: Transforms, c: Vectors, n: Vectors) -> FloatArray:
-    """From one circle to others ``(N, 6)``; the last column is 0."""
+    """Return the motions from one circle to others ``(N, 6)``; the last column is 0."""
     R = T[:3, :3]
     z = n @ R
     sine = np.maximum(np.hypot(z[:, 0], z[:, 1]), 1e-300)
@@ -202,7 +199,7 @@ def _motions(T: Transforms, c: Vectors, n: Vectors) -> FloatArray:
 
 
 def _scaled(T: Transforms, P: Covariances, radius: float, radius_sd: float) -> CirclePose:
-    """A circle of unit radius at a scale that is known so well."""
+    """Return a unit circle scaled to a radius with its standard deviation."""
     by_radius = np.r_[T[:3, :3].T @ T[:3, 3], 0, 0]
     units = np.r_[np.full(3, radius), np.ones(2)]
     C = np.zeros((6, 6))

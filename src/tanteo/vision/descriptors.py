@@ -1,7 +1,7 @@
 """Shape descriptors of an outline: area, perimeter, centre, axes, Hu's invariants, with covariance.
 
-Moments are integrals along the polygon (Green), exact for straight sides; derivatives by the complex step, exact to
-rounding. Every point of the outline errs along its normal by its own deviation, and all of them together by a bias.
+Moments are integrals along the polygon (Green), exact for straight sides. The complex step gives derivatives that are
+exact to rounding. Every point of the outline has an own error along its normal, and all points share a bias.
 """
 
 from __future__ import annotations
@@ -17,13 +17,16 @@ from tanteo.geometry import freeze
 from tanteo.geometry.typing import Covariances, FloatArray
 
 DESCRIPTOR_NAMES = ("area", "perimeter", "x", "y", "long_axis", "short_axis", *(f"hu{k}" for k in range(1, 8)))
-"""The order of a vector of descriptors. The axes are standard deviations of the area along its principal directions."""
+"""Definition: order of the descriptors. The axes are standard deviations of the area along its principal directions."""
 
 _NODES, _WEIGHTS = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0]), np.array([5.0, 8.0, 5.0]) / 18
+"""Numerical: Gauss-Legendre nodes on a side, exact for the polynomials of fifth degree that occur."""
+
 _POWERS = [(p, q) for p in range(4) for q in range(4 - p)]
+"""Definition: powers of x and y of the moments up to third order."""
 
 _TINY = 1e-30
-"""The complex step: nothing is subtracted, so none is too small."""
+"""Numerical: complex step. Nothing is subtracted, so no step is too small."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +35,7 @@ class Descriptors:
 
     Attributes:
         values: ``(13,)`` in the order of :data:`DESCRIPTOR_NAMES`.
-        covariance: ``(13, 13)``.
+        covariance: covariance of the values ``(13, 13)``.
     """
 
     values: FloatArray
@@ -45,18 +48,18 @@ class Descriptors:
         return float(self.values[DESCRIPTOR_NAMES.index(name)])
 
     def sd(self, name: str) -> float:
-        """Standard deviation of one of them."""
+        """Return the standard deviation of a descriptor."""
         k = DESCRIPTOR_NAMES.index(name)
         return float(np.sqrt(max(self.covariance[k, k], 0.0)))
 
 
 def describe(outline: FloatArray, normals: FloatArray, sds: FloatArray, bias: float = 0.0) -> Descriptors:
-    """Descriptors of a closed outline.
+    """Return the descriptors of a closed outline.
 
     Args:
         outline: corners in order ``(n, 2)``, either sense.
-        normals: unit, outward ``(n, 2)``.
-        sds: of each corner along its normal ``(n,)``, independent.
+        normals: outward unit normals ``(n, 2)``.
+        sds: independent standard deviations of the corners along their normals ``(n,)``.
         bias: standard deviation of an error along the normal that all corners share.
 
     Raises:
@@ -70,7 +73,7 @@ def describe(outline: FloatArray, normals: FloatArray, sds: FloatArray, bias: fl
 
 
 def descriptor_values(outline: Any) -> Any:
-    """The descriptors of outlines ``(*batch, n, 2)`` as ``(*batch, 13)``; may be complex.
+    """Return the descriptors ``(*batch, 13)`` of outlines ``(*batch, n, 2)``, which may be complex.
 
     Raises:
         InputError: fewer than three corners, or no area.
@@ -82,14 +85,14 @@ def descriptor_values(outline: Any) -> Any:
     start = points - middle
     sums = _of_sides(start, np.roll(start, -1, axis=-2)).sum(axis=-2)
     if np.any(np.abs(sums[..., 0].real) < 1e-12 * np.ptp(points.real, axis=-2).max() ** 2):
-        raise InputError("outline: expected an area, got points on a line. Take more of the outline.")
+        raise InputError("outline: expected an area, got points on a line. Give more of the outline.")
     out = _of_sums(sums)
     out[..., 2:4] += middle[..., 0, :]
     return out
 
 
 def _of_sides(start: FloatArray, end: FloatArray) -> FloatArray:
-    """What each side ``(*batch, 2)`` adds to the moments (:data:`_POWERS`) and to the perimeter ``(*batch, 11)``.
+    """Return the terms of sides ``(*batch, 2)`` of the moments (:data:`_POWERS`) and the perimeter ``(*batch, 11)``.
 
     ``m_pq = integral of x^(p + 1) y^q / (p + 1) dy`` along the sides.
     """
@@ -102,7 +105,7 @@ def _of_sides(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def _of_sums(sums: FloatArray) -> FloatArray:
-    """The descriptors ``(*batch, 13)`` of moments and perimeter ``(*batch, 11)``, either sense."""
+    """Return the descriptors ``(*batch, 13)`` of moments and perimeter ``(*batch, 11)``, either sense."""
     sign = np.sign(sums[..., 0].real)
     m = {power: sign * sums[..., k] for k, power in enumerate(_POWERS)}
     cx, cy = m[1, 0] / m[0, 0], m[0, 1] / m[0, 0]
@@ -114,7 +117,7 @@ def _of_sums(sums: FloatArray) -> FloatArray:
 
 
 def _about(m: dict[tuple[int, int], FloatArray], p: int, q: int, x: FloatArray, y: FloatArray) -> FloatArray:
-    """A moment about another point, from those about the origin."""
+    """Return a moment about another point, from moments about the origin."""
     out = np.zeros_like(x)
     for i in range(p + 1):
         for j in range(q + 1):
@@ -123,7 +126,7 @@ def _about(m: dict[tuple[int, int], FloatArray], p: int, q: int, x: FloatArray, 
 
 
 def _hu(mu: dict[tuple[int, int], FloatArray]) -> list[FloatArray]:
-    """Hu's seven invariants under turning, shift and scale (Hu 1962); the last changes sign in a mirror."""
+    """Return the seven invariants under rotation, shift and scale (Hu 1962); the last one changes sign in a mirror."""
     n = {(p, q): v / mu[0, 0] ** (1 + 0.5 * (p + q)) for (p, q), v in mu.items() if p + q >= 2}
     a, b = n[3, 0] + n[1, 2], n[2, 1] + n[0, 3]
     c, d = n[3, 0] - 3 * n[1, 2], 3 * n[2, 1] - n[0, 3]
@@ -140,7 +143,7 @@ def _hu(mu: dict[tuple[int, int], FloatArray]) -> list[FloatArray]:
 
 
 def _gradient(outline: FloatArray) -> FloatArray:
-    """Derivatives by every coordinate ``(13, n, 2)``: of the sums by the two sides that it moves, then of the rest."""
+    """Return the derivatives by every coordinate ``(13, n, 2)``, by the chain rule over the sums of sides."""
     points = np.asarray(outline, dtype=np.float64)
     start = points - points.mean(axis=0)
     before, after = np.roll(start, 1, axis=0), np.roll(start, -1, axis=0)

@@ -15,46 +15,22 @@ from tanteo.errors import InputError
 from tanteo.geometry import freeze
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray
 from tanteo.vision.camera import opencv
-
-SMOOTHING = 1.2
-"""Standard deviation of the Gaussian that the image is smoothed with [px]."""
-
-CORRELATION = 2 * np.sqrt(np.pi) * SMOOTHING
-"""Length of edge over which smoothed noise is one draw [px]: the integral of its correlation."""
-
-STRONG, WEAK = 9.0, 4.5
-"""An edge has a point with this gradient, and goes on while it has the other, in standard deviations of its noise."""
-
-LEAST_STEP = 3.0
-"""A step of fewer grey levels is no edge, whatever the noise: rounding and compression make some. One that is strong
-somewhere has twice as much there."""
-
-SHORTEST = 6
-"""Fewer connected points than this are no edge."""
-
-COARSER = 2.0
-"""The image is smoothed so much more to see which edge points move [px]."""
-
-BY_DRIFT = 0.25
-"""Standard deviation that each pixel of an edge point's drift adds to it; the fit of decision 32 chose it."""
-
-FLOOR = 0.01
-"""What interpolation between pixels adds to the standard deviation [px]."""
+from tanteo.vision.settings import EDGES, EVIDENCE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgePoints:
-    """Points of edges, in the pixels of the image that they were found in.
+    """Edge points of an image, in its pixels.
 
     Attributes:
-        pixels: ``(n, 2)``, x and y [px].
-        normals: ``(n, 2)``, unit, from dark to bright.
-        sds: ``(n,)``, standard deviation along the normal [px]; neighbours along an edge share their noise over
-            :data:`CORRELATION`.
-        drifts: ``(n,)``, how far the point moves along the normal if the image is smoothed with :data:`COARSER`;
-            nothing for a straight step that stands alone, much where another edge, a corner or a bend is near [px].
-        contrasts: ``(n,)``, gradient in standard deviations of its noise.
-        widths: ``(n,)``, standard deviation of the Gaussian that a step was blurred with, smoothing included [px].
+        pixels: x and y ``(n, 2)`` [px].
+        normals: unit normals from dark to bright ``(n, 2)``.
+        sds: standard deviations along the normal ``(n,)`` [px]. Neighbours along an edge share their noise over
+            ``EdgeSettings.correlation``.
+        drifts: distance ``(n,)`` by which the point moves along the normal in the coarser image;
+            zero for a lone straight step, large near another edge, a corner or a bend [px].
+        contrasts: gradients in standard deviations of their noise ``(n,)``.
+        widths: standard deviations of the Gaussian that blurs each step, smoothing included ``(n,)`` [px].
         noise: standard deviation of one pixel of the image [grey levels].
         shape: rows and columns of the image.
     """
@@ -76,10 +52,10 @@ class EdgePoints:
 
 
 def check_image(image: FloatArray) -> FloatArray:
-    """The image as floats.
+    """Return an image as floats.
 
     Raises:
-        InputError: unless it is a grey image of some size with finite values.
+        InputError: the array is not a grey image with finite values, of 16 rows and columns or more.
     """
     out = np.asarray(image, dtype=np.float64)
     if out.ndim != 2 or min(out.shape) < 16:
@@ -90,10 +66,10 @@ def check_image(image: FloatArray) -> FloatArray:
 
 
 def image_noise(image: FloatArray) -> float:
-    """Standard deviation of one pixel, from a filter that sees neither slopes nor edges much [grey levels].
+    """Return the standard deviation of the noise of one pixel [grey levels] (Immerkaer 1996).
 
-    The median of its response is taken, so that texture on a small part of the image counts little; at least what
-    rounding to whole levels makes.
+    The filter responds little to slopes and edges. The median of its response makes texture on a small share of the
+    image count little. The result is at least the error of rounding to whole levels.
     """
     cv2 = opencv()
     kernel = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
@@ -105,31 +81,31 @@ def find_edges(image: FloatArray) -> EdgePoints:
     """Find the edge points of an image.
 
     Args:
-        image: rows x columns, grey levels, 255 for white (the scale matters only for :data:`LEAST_STEP`).
+        image: grey levels ``(rows, columns)``, 255 for white. The scale matters for ``EdgeSettings.least_step`` only.
 
     Raises:
-        InputError: it is no grey image.
-        MissingExtraError: without OpenCV.
+        InputError: the array is not a grey image.
+        MissingExtraError: OpenCV is not installed.
     """
     image = check_image(image)
     gx, gy = _gradient(image)
     size = np.hypot(gx, gy)
     noise = image_noise(image)
     slope_sd, top_sd, bend_sd = noise * _SLOPE, noise * _TOP, noise * _BEND
-    least = LEAST_STEP / (np.sqrt(2 * np.pi) * np.hypot(SMOOTHING, 0.7))
-    rows, columns = _maxima(gx, gy, size, max(WEAK * slope_sd, least))
-    kept = _lasting(image.shape, rows, columns, size[rows, columns] > max(STRONG * slope_sd, 2 * least))
+    least = EDGES.least_step / (np.sqrt(2 * np.pi) * np.hypot(EDGES.smoothing, 0.7))
+    rows, columns = _maxima(gx, gy, size, max(EDGES.weak * slope_sd, least))
+    kept = _lasting(image.shape, rows, columns, size[rows, columns] > max(EDGES.strong * slope_sd, 2 * least))
     rows, columns = rows[kept], columns[kept]
     g = size[rows, columns]
     normals = np.stack([gx[rows, columns], gy[rows, columns]], axis=-1) / g[:, None]
     slope, curvature = _along(np.log(np.maximum(size, 1e-3 * slope_sd)), rows, columns, normals)
-    # where the grid calls a maximum flat, nothing is claimed
+    # a maximum that is flat on the grid has no place
     curvature = np.minimum(curvature, -1e-2)
     shift = np.clip(-slope / curvature, -0.75, 0.75)
     pixels = np.stack([columns, rows], axis=-1) + shift[:, None] * normals
-    # the logarithm is taken of the values on either side, which are lower than the top
+    # the parabola goes through the logarithms of the values on either side, which are lower than the top
     sides = g * np.exp(0.5 * np.maximum(curvature, -2.0))
-    sds = np.minimum(np.hypot(np.hypot(top_sd, shift * bend_sd) / (sides * np.abs(curvature)), FLOOR), 0.5)
+    sds = np.minimum(np.hypot(np.hypot(top_sd, shift * bend_sd) / (sides * np.abs(curvature)), EDGES.floor), 0.5)
     drifts = np.abs(_moved(image, rows, columns, normals) - shift)
     widths = 1 / np.sqrt(-curvature)
     shape = image.shape[0], image.shape[1]
@@ -137,13 +113,13 @@ def find_edges(image: FloatArray) -> EdgePoints:
 
 
 def _moved(image: FloatArray, i: IntArray, j: IntArray, normals: FloatArray) -> FloatArray:
-    """Where the edge is along the normals from its pixels, in the coarser image [px]."""
-    size = np.hypot(*_gradient(image, COARSER))
+    """Return the place of the edge along the normals from its pixels in the coarser image ``(n,)`` [px]."""
+    size = np.hypot(*_gradient(image, EDGES.coarser))
     slope, curvature = _along(np.log(np.maximum(size, 1e-6)), i, j, normals)
     return np.asarray(np.clip(-slope / np.minimum(curvature, -1e-2), -2.0, 2.0))
 
 
-def _gradient(image: FloatArray, smoothing: float = SMOOTHING) -> tuple[FloatArray, FloatArray]:
+def _gradient(image: FloatArray, smoothing: float = EDGES.smoothing) -> tuple[FloatArray, FloatArray]:
     cv2 = opencv()
     smooth = cv2.GaussianBlur(image, (0, 0), smoothing, borderType=cv2.BORDER_REPLICATE)
     gx, gy = np.zeros_like(smooth), np.zeros_like(smooth)
@@ -153,9 +129,9 @@ def _gradient(image: FloatArray, smoothing: float = SMOOTHING) -> tuple[FloatArr
 
 
 def _noise_gains() -> tuple[float, float, float]:
-    """Standard deviations of the slope and of its first and second difference, for unit noise."""
+    """Return the standard deviations of the slope and of its first and second difference, for unit noise."""
     x = np.arange(-12, 13)
-    g = np.exp(-0.5 * (x / SMOOTHING) ** 2)
+    g = np.exp(-0.5 * (x / EDGES.smoothing) ** 2)
     g /= g.sum()
     slope = np.convolve(g, [0.5, 0.0, -0.5])
     across = float(np.linalg.norm(g))
@@ -168,7 +144,7 @@ _SLOPE, _TOP, _BEND = _noise_gains()
 
 
 def _maxima(gx: FloatArray, gy: FloatArray, size: FloatArray, least: float) -> tuple[IntArray, IntArray]:
-    """Pixels whose gradient is the largest along itself."""
+    """Return rows and columns of the pixels whose gradient is a maximum along its direction."""
     inner = np.zeros(size.shape, dtype=np.bool_)
     inner[3:-3, 3:-3] = size[3:-3, 3:-3] > least
     rows, columns = np.nonzero(inner)
@@ -180,7 +156,7 @@ def _maxima(gx: FloatArray, gy: FloatArray, size: FloatArray, least: float) -> t
 
 
 def _along(f: FloatArray, i: IntArray, j: IntArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """First and second derivative along the normals, from the nine values around (Steger 1998)."""
+    """Return the first and second derivative along the normals, from nine values (Steger 1998)."""
     mid = f[i, j]
     dx, dy = 0.5 * (f[i, j + 1] - f[i, j - 1]), 0.5 * (f[i + 1, j] - f[i - 1, j])
     xx, yy = f[i, j + 1] - 2 * mid + f[i, j - 1], f[i + 1, j] - 2 * mid + f[i - 1, j]
@@ -190,7 +166,7 @@ def _along(f: FloatArray, i: IntArray, j: IntArray, normals: FloatArray) -> tupl
 
 
 def _between(values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Bilinear interpolation."""
+    """Interpolate values at pixels bilinearly."""
     j, i = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     u, v = x - j, y - i
     low = (1 - u) * values[i, j] + u * values[i, j + 1]
@@ -198,20 +174,16 @@ def _between(values: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _lasting(shape: tuple[int, ...], rows: IntArray, columns: IntArray, strong: BoolArray) -> BoolArray:
-    """Points of connected edges that are long enough and strong somewhere."""
+    """Return which points are on connected edges that are long enough and strong somewhere."""
     cv2 = opencv()
     mask = np.zeros(shape, dtype=np.uint8)
     mask[rows, columns] = 1
     count, labels = cv2.connectedComponents(mask, connectivity=8)
     label = labels[rows, columns]
     length = np.bincount(label, minlength=count)
-    return np.asarray((length[label] >= SHORTEST) & (np.bincount(label, weights=strong, minlength=count)[label] > 0))
-
-
-CHANNELS = 8
-"""Directions that are discriminated; a channel holds the edges within one step of its own direction."""
-
-_FAR = 1e3
+    return np.asarray(
+        (length[label] >= EVIDENCE.shortest) & (np.bincount(label, weights=strong, minlength=count)[label] > 0)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,9 +191,9 @@ class EdgeMap:
     """Nearest edge points by direction.
 
     Attributes:
-        points: the edge points.
-        nearest: ``(CHANNELS, rows, columns)``, index of the nearest point; -1 where a channel is empty; 32 bits.
-        distances: ``(CHANNELS, rows, columns)``, how far it is, single precision [px].
+        points: edge points.
+        nearest: index of the nearest point ``(channels, rows, columns)``, 32 bits; -1 where a channel is empty.
+        distances: distance of that point ``(channels, rows, columns)``, single precision [px].
     """
 
     points: EdgePoints
@@ -230,21 +202,21 @@ class EdgeMap:
 
 
 def map_edges(points: EdgePoints, used: BoolArray | None = None) -> EdgeMap:
-    """Tabulate the nearest edge points.
+    """Tabulate the nearest edge points by direction.
 
     Args:
-        points: of the image.
-        used: which of them count ``(n,)``; all if not given.
+        points: edge points of the image.
+        used: whether each point counts ``(n,)``; all count if not given.
     """
     cv2 = opencv()
     rows, columns = points.shape
     at = np.clip(np.rint(points.pixels).astype(np.int64), 0, [columns - 1, rows - 1])
     angle = np.arctan2(points.normals[:, 1], points.normals[:, 0]) % np.pi
-    nearest = np.full((CHANNELS, rows, columns), -1, dtype=np.int32)
-    distances = np.full((CHANNELS, rows, columns), _FAR, dtype=np.float32)
-    for k in range(CHANNELS):
-        turn = np.abs((angle - k * np.pi / CHANNELS + np.pi / 2) % np.pi - np.pi / 2)
-        members = np.flatnonzero((turn <= np.pi / CHANNELS) & (True if used is None else used))
+    nearest = np.full((EDGES.channels, rows, columns), -1, dtype=np.int32)
+    distances = np.full((EDGES.channels, rows, columns), np.inf, dtype=np.float32)
+    for k in range(EDGES.channels):
+        turn = np.abs((angle - k * EDGES.direction + np.pi / 2) % np.pi - np.pi / 2)
+        members = np.flatnonzero((turn <= EDGES.direction) & (True if used is None else used))
         if not len(members):
             continue
         free = np.ones((rows, columns), dtype=np.uint8)
@@ -257,13 +229,13 @@ def map_edges(points: EdgePoints, used: BoolArray | None = None) -> EdgeMap:
 
 
 def channel_of(normals: FloatArray) -> IntArray:
-    """The channel ``(*batch,)`` of edges with normals ``(*batch, 2)``, either sign."""
-    angle = np.arctan2(normals[..., 1], normals[..., 0]) * (CHANNELS / np.pi)
-    return np.asarray(np.rint(angle).astype(np.int64) % CHANNELS)
+    """Return the channel ``(*batch,)`` of edges with normals ``(*batch, 2)``, either sign."""
+    angle = np.arctan2(normals[..., 1], normals[..., 0]) / EDGES.direction
+    return np.asarray(np.rint(angle).astype(np.int64) % EDGES.channels)
 
 
 def cell_of(shape: tuple[int, int], pixels: FloatArray) -> tuple[IntArray, IntArray, BoolArray]:
-    """Row and column of pixels ``(*batch, 2)``, and whether they are in the image; NaN is not."""
+    """Return row and column of pixels ``(*batch, 2)``, and whether they are in the image; NaN is not."""
     x, y = pixels[..., 0], pixels[..., 1]
     inside = (x > -0.5) & (y > -0.5) & (x < shape[1] - 0.5) & (y < shape[0] - 0.5)
     column = np.where(inside, x, 0.0)

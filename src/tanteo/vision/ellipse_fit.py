@@ -1,8 +1,8 @@
-"""An ellipse through edge points by maximum likelihood: geometric distances, covariance, refusal of short arcs.
+"""Maximum-likelihood fit of an ellipse to edge points: geometric distances, covariance, refusal of short arcs.
 
-The ellipse is ``c + P (cos t, sin t)`` with a symmetric, positive ``P``: five numbers, regular at circles, where
-an angle of the axes means nothing. Distances are along its normal; their derivative by the five numbers needs
-the foot only (``math.md`` section 8). The start is the direct fit of Fitzgibbon, Pilu and Fisher (1999) in OpenCV.
+The ellipse is ``c + P (cos t, sin t)`` with a symmetric, positive ``P``. These five numbers are regular at
+circles, whose axes have no angle. Distances are along its normal, and their derivative needs the foot only
+(``math.md`` section 8). The fit starts at the direct fit of Fitzgibbon, Pilu and Fisher (1999) in OpenCV.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from tanteo.errors import DegenerateError, InputError
 from tanteo.geometry import freeze
 from tanteo.geometry.typing import Covariances, FloatArray
 from tanteo.vision.camera import opencv
-from tanteo.vision.edges import FLOOR
+from tanteo.vision.settings import EDGES, NEWTON_STEPS, SEARCH
 
-FEWEST = 6
-"""Points that make an ellipse and one to spare."""
+NUMBERS = ("cx", "cy", "Pxx", "Pyy", "Pxy")
+"""Definition: numbers of an ellipse, in the order of its covariance."""
 
-LOOSE = 0.08
-"""An ellipse is refused where its size in some direction is known worse than this, 1 sd: there its errors are no longer
-normal, and short arcs fit small ellipses as well as large ones."""
+_STEPS, _DONE = 40, 1e-9
+"""Numerical: limit of the Levenberg-Marquardt steps, which end before, and squared length of the last step [sd^2]."""
 
-_ROUNDS, _NEWTON, _DONE = 40, 8, 1e-9
+FEWEST = len(NUMBERS) + 1
+"""Least number of points of a fit: one more than the ellipse has numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,14 +32,14 @@ class Ellipse:
     """An ellipse in pixels without distortion: ``c + P (cos t, sin t)``.
 
     Attributes:
-        centre: ``c`` ``(2,)`` [px].
-        shape: ``P`` ``(2, 2)``, symmetric, positive [px]; its eigenvalues are the semi-axes.
-        covariance: of ``cx, cy, Pxx, Pyy, Pxy`` ``(5, 5)`` [px^2].
-        chi2: of the distances.
-        dof: of these.
-        arc: how much of the ellipse has points, in the angle ``t``: 360 degrees for all of it [rad].
+        centre: centre ``c`` ``(2,)`` [px].
+        shape: symmetric, positive matrix ``P`` ``(2, 2)`` [px]; its eigenvalues are the semi-axes.
+        covariance: covariance of ``cx, cy, Pxx, Pyy, Pxy`` ``(5, 5)`` [px^2].
+        chi2: chi-square of the distances.
+        dof: degrees of freedom of the distances.
+        arc: angle ``t`` of the ellipse that has points, a full turn for all of it [rad].
         count: number of points.
-        dark: whether it is darker inside; None where nothing told.
+        dark: whether the inside is darker; None if it is unknown.
     """
 
     centre: FloatArray
@@ -61,19 +61,19 @@ class Ellipse:
 
     @property
     def semi_axes(self) -> FloatArray:
-        """The longer and the shorter ``(2,)`` [px]."""
+        """The longer and the shorter semi-axis ``(2,)`` [px]."""
         return np.asarray(np.linalg.eigvalsh(self.shape)[::-1], dtype=np.float64)
 
     @property
     def semi_axis_sds(self) -> FloatArray:
-        """Standard deviations of the two ``(2,)`` [px]."""
+        """Standard deviations of the two semi-axes ``(2,)`` [px]."""
         axes = np.linalg.eigh(self.shape)[1][:, ::-1]
         rows = np.stack([[0, 0, v[0] ** 2, v[1] ** 2, 2 * v[0] * v[1]] for v in axes.T])
         return np.asarray(np.sqrt(np.einsum("ki,ij,kj->k", rows, self.covariance, rows)))
 
     @property
     def angle(self) -> float:
-        """Of the longer axis from x towards y, -90 to 90 degrees [rad]; without meaning for a circle."""
+        """Angle of the longer axis from x towards y, from -90 to 90 degrees [rad]; meaningless for a circle."""
         x, y = np.linalg.eigh(self.shape)[1][:, 1]
         return float(np.arctan(y / x)) if x else 0.5 * np.pi
 
@@ -81,19 +81,19 @@ class Ellipse:
 def fit_ellipse(
     pixels: FloatArray, sds: FloatArray, *, share: float = 1.0, blur: float = 0.0, common: float = 0.0
 ) -> Ellipse:
-    """The ellipse through points with a standard deviation across it each.
+    """Fit an ellipse to points with standard deviations across it.
 
     Args:
-        pixels: ``(n, 2)``, without distortion [px].
-        sds: ``(n,)`` [px].
-        share: of a point that is information of its own: neighbours of :func:`tanteo.vision.find_edges` share noise.
-        blur: standard deviation of what blurred the edge [px]. A blurred edge moves by ``blur^2 / 2`` over its radius
-            of curvature towards the centre of that (Bouma and others 2005), which is put right.
-        common: standard deviation of what moves the whole edge out or in [px].
+        pixels: points without distortion ``(n, 2)`` [px].
+        sds: standard deviations of the points across the ellipse ``(n,)`` [px].
+        share: share of a point that is independent, because neighbours of :func:`tanteo.vision.find_edges` share noise.
+        blur: standard deviation of the blur of the edge [px]. A blurred edge moves by ``blur^2 / 2`` over its radius of
+            curvature towards the centre of curvature (Bouma and others 2005). The fit corrects it.
+        common: standard deviation of an error that moves the whole edge out or in [px].
 
     Raises:
-        InputError: fewer than six points, or deviations that are none.
-        DegenerateError: they do not determine an ellipse; the message says why.
+        InputError: there are fewer than six points, or a deviation is negative.
+        DegenerateError: the points do not determine an ellipse; the message has the reason.
 
     Example:
         >>> t = np.radians(np.arange(0, 200, 5.0))
@@ -104,7 +104,7 @@ def fit_ellipse(
     """
     pixels, sds = np.asarray(pixels, dtype=np.float64), np.asarray(sds, dtype=np.float64)
     _check(pixels, sds)
-    weights = share / (sds**2 + FLOOR**2)
+    weights = share / (sds**2 + EDGES.floor**2)
     x = _fit(pixels, weights, _start(pixels))
     if blur:
         for _ in range(2):
@@ -124,12 +124,12 @@ def fit_ellipse(
 
 
 def _excess(chi2: float, dof: float) -> float:
-    """By how much points scatter more than they say, where that is no chance: factor of the covariance."""
+    """Return the factor of the covariance for points that scatter significantly more than stated."""
     return chi2 / dof if chi2 > dof + 3 * np.sqrt(2 * dof) else 1.0
 
 
 def offsets_from(ellipse: Ellipse, pixels: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Signed distances of pixels ``(n, 2)`` (outside is positive), outward normals there, radii of curvature [px]."""
+    """Return signed distances of pixels ``(n, 2)``, positive outside, outward normals and radii of curvature [px]."""
     t, normals, radii = _feet(pixels, ellipse.numbers)
     return _offsets(pixels, ellipse.numbers, t, normals), normals, radii
 
@@ -139,7 +139,7 @@ def _check(pixels: FloatArray, sds: FloatArray) -> None:
         raise InputError(f"ellipse: expected {FEWEST} or more pixels (n, 2), got shape {pixels.shape}. Give more.")
     if sds.shape != (len(pixels),) or not (np.all(np.isfinite(sds)) and np.all(sds >= 0) and np.isfinite(pixels).all()):
         raise InputError(
-            "ellipse: expected finite pixels with a standard deviation of 0 or more each [px], got others."
+            "ellipse: expected finite pixels with standard deviations of 0 or more [px], got others. Correct them."
         )
 
 
@@ -148,7 +148,7 @@ def _matrix(x: FloatArray) -> FloatArray:
 
 
 def _start(pixels: FloatArray) -> FloatArray:
-    """The direct algebraic fit."""
+    """Return the numbers of the direct algebraic fit."""
     middle = pixels.mean(axis=0)
     size = float(np.abs(pixels - middle).max())
     if np.linalg.svd(pixels - middle, compute_uv=False)[1] < 1e-6 * size * np.sqrt(len(pixels)) or not size:
@@ -163,12 +163,12 @@ def _start(pixels: FloatArray) -> FloatArray:
 
 
 def _fit(pixels: FloatArray, weights: FloatArray, x: FloatArray) -> FloatArray:
-    """Levenberg-Marquardt on the distances."""
+    """Return the numbers of the ellipse that fits best, by Levenberg-Marquardt on the distances."""
     cost, damping = np.inf, 1e-3
     t, normals, _ = _feet(pixels, x)
     off = _offsets(pixels, x, t, normals)
     cost = float(weights @ off**2)
-    for _ in range(_ROUNDS):
+    for _ in range(_STEPS):
         J = _derivatives(t, normals)
         A, g = (J.T * weights) @ J, J.T @ (weights * off)
         step = np.linalg.solve(A + damping * np.diag(np.diagonal(A)), g)
@@ -190,13 +190,13 @@ def _fit(pixels: FloatArray, weights: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _feet(pixels: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The angles ``t`` of the nearest points of the ellipse, outward normals and radii of curvature there."""
+    """Return the angles ``t`` of the nearest points of the ellipse, outward normals and radii of curvature."""
     values, axes = np.linalg.eigh(_matrix(x))
     a, b = values[1], values[0]
     local = (pixels - x[:2]) @ axes[:, ::-1]
     t = np.arctan2(local[:, 1] * a, local[:, 0] * b)
     # Newton on (p - x(t)) x'(t) = 0, in the ellipse's own axes
-    for _ in range(_NEWTON):
+    for _ in range(NEWTON_STEPS):
         c, s = np.cos(t), np.sin(t)
         dx, dy = local[:, 0] - a * c, local[:, 1] - b * s
         f = -dx * a * s + dy * b * c
@@ -207,7 +207,7 @@ def _feet(pixels: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, Fl
     n = np.stack([b * c, a * s], axis=1)
     length = np.linalg.norm(n, axis=1)
     n = (n / length[:, None]) @ axes[:, ::-1].T
-    # the same angle about the image's axes: u = P^-1 (x - c)
+    # the same angle about the axes of the image: u = P^-1 (x - c)
     u = np.stack([c, s], axis=1) @ axes[:, ::-1].T
     return np.arctan2(u[:, 1], u[:, 0]), n, length**3 / (a * b)
 
@@ -218,7 +218,7 @@ def _offsets(pixels: FloatArray, x: FloatArray, t: FloatArray, normals: FloatArr
 
 
 def _derivatives(t: FloatArray, n: FloatArray) -> FloatArray:
-    """How the ellipse moves along its normal with the five numbers ``(k, 5)``; the foot's own motion is along it."""
+    """Return the derivative of the motion along the normal by the five numbers ``(k, 5)``; the foot moves along it."""
     c, s = np.cos(t), np.sin(t)
     return np.stack([n[:, 0], n[:, 1], n[:, 0] * c, n[:, 1] * s, n[:, 0] * s + n[:, 1] * c], axis=1)
 
@@ -231,7 +231,7 @@ def _inverse(A: FloatArray) -> FloatArray:
 
 
 def _arc(t: FloatArray) -> float:
-    """All around less the largest gap, beyond what neighbours leave between them."""
+    """Return the angle that has points [rad]: a full turn, less the largest gap if it exceeds those of neighbours."""
     turns = np.sort(t % (2 * np.pi))
     gaps = np.diff(np.r_[turns, turns[0] + 2 * np.pi])
     usual = float(np.median(gaps))
@@ -239,15 +239,15 @@ def _arc(t: FloatArray) -> float:
 
 
 def _refuse_loose(ellipse: Ellipse) -> None:
-    """Refuse what the points do not determine.
+    """Refuse an ellipse that the points do not determine.
 
     Raises:
-        DegenerateError: the size in some direction is known worse than :data:`LOOSE`, or the arc is about straight.
+        DegenerateError: the standard deviation of the size in some direction exceeds ``SearchSettings.loose``.
     """
     sds = ellipse.semi_axis_sds / ellipse.semi_axes
-    if sds.max() > LOOSE or not np.isfinite(sds).all():
+    if sds.max() > SEARCH.loose or not np.isfinite(sds).all():
         known = f"{100 * sds.max():.0f} %" if sds.max() < 10 else "nothing"
         raise DegenerateError(
-            f"ellipse: expected an arc that determines it, got {np.degrees(ellipse.arc):.0f} degrees of one: a "
-            f"semi-axis is known to {known}, {100 * LOOSE:.0f} % is asked for. Show more of the rim, or closer."
+            f"ellipse: expected an arc that determines it, got {np.degrees(ellipse.arc):.0f} degrees of one. A "
+            f"semi-axis is known to {known}, at most {100 * SEARCH.loose:.0f} % is accepted. Show more of the rim."
         )

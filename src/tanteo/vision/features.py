@@ -1,10 +1,9 @@
 """Edges, corners and ellipses of an image as sensed features, for ``localization``.
 
 An edge in the image is a plane through the camera's centre that holds the model edge (relation ``plane_has_edge``, two
-equations); a corner is a line through the centre that holds the model vertex (``edge_has_vertex``, two equations).
-How far away they are, the camera does not say: neither fixes a pose alone. An ellipse is one of two circles where the
-radius is known, and says on which of two lines the centre lies where it is not. What lens and calibration add to
-each is ``Camera.edge_sd``.
+equations). A corner is a line through the centre that holds the model vertex (``edge_has_vertex``, two equations). An
+image does not measure depth, so neither fixes a pose alone. An ellipse is one of two circles if the radius is known. If
+it is unknown, the centre is on one of two lines. Lens and calibration add ``Camera.edge_sd`` to each.
 """
 
 from __future__ import annotations
@@ -23,23 +22,23 @@ from tanteo.vision.ellipse_fit import Ellipse
 from tanteo.vision.segments import Corners, Segments
 
 CENTRE_SD = 1e-6
-"""Standard deviation of the camera's centre across a plane or line through it [m]: its place is taken as exact."""
+"""Numerical: standard deviation of the camera's centre across a plane or line through it [m]. Its position is exact."""
 
 
 def image_edge(camera: Camera, segments: Segments, index: int, T_world_camera: Transforms | None = None) -> Feature:
-    """The plane through the camera's centre and a segment, as a sensed plane to be paired with a model edge.
+    """Return the plane through the camera's centre and a segment, as a sensed plane to be paired with a model edge.
 
-    Its frame sits at the camera's centre: x along the ray to the middle of the segment, z across; the plane turns about
-    y with the offset of the segment and about x with its direction.
+    The origin of its frame is the camera's centre. x is along the ray to the middle of the segment, z is the normal.
+    The plane turns about y with the offset of the segment and about x with its direction.
 
     Args:
-        camera: that took the image.
-        segments: of the image.
-        index: which of them.
-        T_world_camera: where the camera stands; that of ``camera`` if not given.
+        camera: camera of the image.
+        segments: segments of the image.
+        index: number of the segment.
+        T_world_camera: pose of the camera ``(4, 4)``; that of ``camera`` if not given.
 
     Raises:
-        InputError: the camera's place is not known.
+        InputError: the pose of the camera is unknown.
     """
     T = standing(camera, T_world_camera)
     middle, direction = segments.middles[index], segments.directions[index]
@@ -63,16 +62,16 @@ def image_edge(camera: Camera, segments: Segments, index: int, T_world_camera: T
 
 
 def image_corner(camera: Camera, corners: Corners, index: int, T_world_camera: Transforms | None = None) -> Feature:
-    """The line through the camera's centre and a corner, as a sensed edge to be paired with a model vertex.
+    """Return the line through the camera's centre and a corner, as a sensed edge to be paired with a model vertex.
 
     Args:
-        camera: that took the image.
-        corners: of the image.
-        index: which of them.
-        T_world_camera: where the camera stands; that of ``camera`` if not given.
+        camera: camera of the image.
+        corners: corners of the image.
+        index: number of the corner.
+        T_world_camera: pose of the camera ``(4, 4)``; that of ``camera`` if not given.
 
     Raises:
-        InputError: the camera's place is not known.
+        InputError: the pose of the camera is unknown.
     """
     T = standing(camera, T_world_camera)
     covariance = corners.covariances[index] + camera.edge_sd**2 * np.eye(2)
@@ -88,22 +87,21 @@ def image_circle(
     T_world_camera: Transforms | None = None,
     label: str = "image circle",
 ) -> Sides:
-    """The circle of a radius behind an ellipse, or the two that it may be, to be paired with one of the model.
+    """Return the two circles of a radius that project to an ellipse, to be paired with a circle of the model.
 
-    One is told where it is seen so nearly along its axis that the two cannot be discriminated.
-
-    Lens and calibration (``Camera.edge_sd``) move the whole ellipse.
+    There is one circle if the two cannot be discriminated. Lens and calibration (``Camera.edge_sd``) move the whole
+    ellipse.
 
     Args:
-        camera: that took the image.
-        ellipse: of :func:`tanteo.vision.find_ellipses`.
-        radius: of the circle, as the part has it [m].
-        radius_sd: its standard deviation [m].
-        T_world_camera: where the camera stands; that of ``camera`` if not given.
-        label: of the features.
+        camera: camera of the image.
+        ellipse: ellipse of :func:`tanteo.vision.find_ellipses`.
+        radius: radius of the circle of the part [m].
+        radius_sd: standard deviation of the radius [m].
+        T_world_camera: pose of the camera ``(4, 4)``; that of ``camera`` if not given.
+        label: label of the features.
 
     Raises:
-        InputError: the camera's place is not known, or a radius that is none.
+        InputError: the pose of the camera is unknown, or the radius is not positive.
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
@@ -135,19 +133,19 @@ def image_centre(
     T_world_camera: Transforms | None = None,
     label: str = "image centre",
 ) -> Feature:
-    """The line through the camera's centre on which the circle's centre lies, whatever its radius.
+    """Return the line through the camera's centre and the centre of a circle of unknown radius.
 
-    It is a sensed edge, to be paired with a model vertex at the circle's centre: two equations, no depth. Which of both
-    circles it is moves the line a little, which is in its covariance.
+    It is a sensed edge, to be paired with a model vertex at the centre of the circle: two equations, no depth. The
+    covariance includes the distance between the lines of the two circles.
 
     Args:
-        camera: that took the image.
-        ellipse: of :func:`tanteo.vision.find_ellipses`.
-        T_world_camera: where the camera stands; that of ``camera`` if not given.
-        label: of the features.
+        camera: camera of the image.
+        ellipse: ellipse of :func:`tanteo.vision.find_ellipses`.
+        T_world_camera: pose of the camera ``(4, 4)``; that of ``camera`` if not given.
+        label: label of the feature.
 
     Raises:
-        InputError: the camera's place is not known.
+        InputError: the pose of the camera is unknown.
 
     Example:
         >>> camera = tanteo.read_camera("images/camera.yaml")
@@ -169,7 +167,7 @@ def image_centre(
 
 
 def with_lens(camera: Camera, ellipse: Ellipse) -> Ellipse:
-    """The ellipse with what lens and calibration add to its covariance: half of the variance shifts it, half widens."""
+    """Return an ellipse with the error of lens and calibration: half of the variance shifts it, half widens it."""
     C = ellipse.covariance.copy()
     C[:2, :2] += 0.5 * camera.edge_sd**2 * np.eye(2)
     C[2:4, 2:4] += 0.5 * camera.edge_sd**2
@@ -191,12 +189,12 @@ def _ray_feature(camera: Camera, pixel: FloatArray, C: Covariances, T: Transform
 
 
 def standing(camera: Camera, T_world_camera: Transforms | None) -> Transforms:
-    """Where the camera stands.
+    """Return the pose of the camera.
 
     Raises:
-        InputError: that is not known.
+        InputError: the pose is unknown.
     """
     T = camera.T_world_camera if T_world_camera is None else T_world_camera
     if T is None:
-        raise InputError("camera: expected where it stands (T_world_camera), got none. Fit it with fit_camera.")
+        raise InputError("camera: expected its pose (T_world_camera), got none. Fit it with fit_camera.")
     return T

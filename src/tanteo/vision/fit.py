@@ -1,11 +1,12 @@
-"""Edges of the part at its pose against edge points of the image: which meet, and the pose at which they meet best.
+"""Matching of a part's edges with edge points of the image, and the pose at which they match best.
 
-A sample of the part's edge at pixel ``u`` with normal ``n`` meets the nearest edge point ``e`` that runs the same way;
-``d = n (e - u)`` is what the pose is fitted to. All poses of one part are worked on together.
+A sample of the part's edge at pixel ``u`` with normal ``n`` matches the nearest edge point ``e`` of the same direction.
+The pose minimizes the offsets ``d = n (e - u)``. One call refines all poses of a part.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,37 +15,26 @@ from tanteo import _core
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.vision.camera import Camera
-from tanteo.vision.edges import CORRELATION, EdgeMap
+from tanteo.vision.edges import EdgeMap
+from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
 from tanteo.vision.wireframe import Seen, Wireframe, see_edges
-
-BIAS = 0.1
-"""Standard deviation of what moves a whole edge: shading, blur, wear [px]."""
-
-REACHES = (12.0, 9.0, 7.0, 5.0, 4.0, 3.0, 2.5, 2.0, 1.5, 1.2, 1.0)
-"""How far off an edge point may be to be taken for the sample's own, round by round [px]."""
-
-BESIDE, WAYS = 1.5, 8
-"""How far beside a pose others are started [px], and in how many directions of the table."""
-
-_ASKED = (0, 3, 6)
-"""Rounds in which the part is asked again what of it is hidden."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeMatches:
-    """Samples of a wireframe at some poses and the edge points they meet.
+    """Samples of a wireframe at poses, and the edge points that they match.
 
     Attributes:
         seen: which samples make edges.
-        inside: ``(*batch, N)``, those of them in the image.
-        pixels: ``(*batch, N, 2)``, of the samples [px].
-        normals: ``(*batch, N, 2)``, unit, across the edges in the image.
-        spans: ``(*batch, N)``, length of image edge that a sample stands for [px].
-        hits: ``(*batch, N)``, whether an edge point is within reach.
-        offsets: ``(*batch, N)``, its distance along the normal [px]; 0 without.
-        sds: ``(*batch, N)``, its standard deviation [px]; 1 without.
-        points: ``(*batch, N)``, its index; -1 without.
-        jacobian: ``(*batch, N, 6)``, ``offset(T exp(xi)) ~ offset - jacobian xi`` [px/m, px/rad].
+        inside: whether a visible sample is in the image ``(*batch, N)``.
+        pixels: pixels of the samples ``(*batch, N, 2)`` [px].
+        normals: unit normals of the edges in the image ``(*batch, N, 2)``.
+        spans: length of image edge for each sample ``(*batch, N)`` [px].
+        hits: whether an edge point is within reach ``(*batch, N)``.
+        offsets: distance of that point along the normal ``(*batch, N)`` [px]; 0 without a point.
+        sds: standard deviation of that point ``(*batch, N)`` [px]; 1 without a point.
+        points: index of that point ``(*batch, N)``; -1 without a point.
+        jacobian: derivative ``(*batch, N, 6)``: ``offset(T exp(xi)) ~ offset - jacobian xi`` [px/m, px/rad].
     """
 
     seen: Seen
@@ -62,7 +52,7 @@ class EdgeMatches:
 def meet(
     frame: Wireframe, camera: Camera, edges: EdgeMap, T_camera_part: Transforms, reach: float, seen: Seen | None = None
 ) -> EdgeMatches:
-    """Find the edge points within reach [px] that the part's edges meet at poses ``(*batch, 4, 4)``."""
+    """Find the edge points within reach [px] that match the part's edges at poses ``(*batch, 4, 4)``."""
     seen = see_edges(frame, T_camera_part) if seen is None else seen
     batch, N = T_camera_part.shape[:-2], len(frame.points)
     numbers, points, inside = _core.meet_edges(
@@ -85,38 +75,40 @@ def refine(
     *,
     prior: FloatArray | None = None,
     start: Transforms | None = None,
-    reaches: tuple[float, ...] = REACHES,
+    reaches: Sequence[float] | FloatArray | None = None,
 ) -> Transforms:
-    """Better poses, by robust Gauss-Newton on the offsets.
+    """Refine poses by robust Gauss-Newton on the offsets.
 
     Args:
-        frame: of the part.
-        camera: that took the image.
-        edges: of the image.
+        frame: wireframe of the part.
+        camera: camera of the image.
+        edges: edges of the image.
         T_camera_part: pose proposals ``(B, 4, 4)``.
         prior: information on ``Log(T_start^-1 T)`` ``(B, 6, 6)``; none if not given.
-        start: where the prior puts the part ``(B, 4, 4)``; the pose proposals if not given.
-        reaches: how far to look, round by round [px].
+        start: mean of the prior ``(B, 4, 4)``; the pose proposals if not given.
+        reaches: largest distance of an edge point in each round [px]; all rounds if not given.
     """
+    reaches = SEARCH.reaches(EVIDENCE.stretch) if reaches is None else reaches
     T, scale = np.ascontiguousarray(T_camera_part), frame.scale
-    held = np.zeros((6, 6)) if prior is None else scale.T @ prior @ scale
-    held, first = (
-        np.ascontiguousarray(np.broadcast_to(a, (len(T), *a.shape[-2:]))) for a in (held, T if start is None else start)
+    information = np.zeros((6, 6)) if prior is None else scale.T @ prior @ scale
+    mean = T if start is None else start
+    information, first = (
+        np.ascontiguousarray(np.broadcast_to(a, (len(T), *a.shape[-2:]))) for a in (information, mean)
     )
     return _core.refine_edges(
-        frame.compiled, camera.numbers, edges.nearest, edges.points.pixels, edges.points.sds, T, first, held,
-        np.array(reaches), np.isin(np.arange(len(reaches)), _ASKED), BIAS, CORRELATION,
+        frame.compiled, camera.numbers, edges.nearest, edges.points.pixels, edges.points.sds, T, first, information,
+        np.asarray(reaches), np.arange(len(reaches)) % 3 == 0, EDGES.bias, EDGES.correlation,
     )  # fmt: skip
 
 
 def beside(camera: Camera, T_camera_part: Transforms, T_camera_table: Transforms, centre: Vectors) -> Transforms:
-    """A pose and :data:`WAYS` of the same part moved over the table by :data:`BESIDE` ``(1 + WAYS, 4, 4)``."""
-    ways = 2 * np.pi * np.arange(WAYS) / WAYS
-    flat = np.stack([np.cos(ways), np.sin(ways), np.zeros(WAYS)], axis=-1) @ T_camera_table[:3, :3].T
-    moves = np.concatenate([np.zeros((1, 3)), flat * BESIDE * pixel_length(camera, T_camera_part, centre)])
+    """Return a pose, and poses of the part moved over the table, in one direction for each channel ``(k, 4, 4)``."""
+    ways = 2 * EDGES.direction * np.arange(EDGES.channels)
+    flat = np.stack([np.cos(ways), np.sin(ways), np.zeros(len(ways))], axis=-1) @ T_camera_table[:3, :3].T
+    moves = np.concatenate([np.zeros((1, 3)), flat * SEARCH.beside * pixel_length(camera, T_camera_part, centre)])
     return np.asarray(SE3.from_parts(np.eye(3), moves) @ T_camera_part)
 
 
 def pixel_length(camera: Camera, T_camera_part: Transforms, centre: Vectors) -> float:
-    """What a pixel is long at a part's ``centre`` [m]."""
+    """Return the length of a pixel at the centre of a part [m]."""
     return float(SE3.apply(T_camera_part, centre)[2] / camera.focal.mean())

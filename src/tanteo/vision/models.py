@@ -1,4 +1,4 @@
-"""A part made ready to be looked for: its edges, points of its surface, its stable poses."""
+"""A part prepared for images: its edges, points of its surface, its stable poses."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from tanteo.catalogue import StablePose, known_stable_poses
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Transforms, Vectors
 from tanteo.parts import Part
-from tanteo.vision.regions import area_from_above
+from tanteo.vision.settings import SEARCH
 from tanteo.vision.wireframe import Wireframe, wireframe
 
 
 def lay(part: Part, rest: StablePose, T_table_part: Transforms) -> Transforms:
-    """The pose ``(*batch, 4, 4)`` at which the part lies exactly, nearest to a given one in place and yaw."""
+    """Return the pose in a stable pose that is nearest to a given pose in position and yaw ``(*batch, 4, 4)``."""
     M = T_table_part[..., :3, :3] @ rest.T_table_part[:3, :3].T
     yaw = np.arctan2(M[..., 1, 0] - M[..., 0, 1], M[..., 0, 0] + M[..., 1, 1])
     middle = SE3.apply(T_table_part, part.centroid)
@@ -24,30 +24,22 @@ def lay(part: Part, rest: StablePose, T_table_part: Transforms) -> Transforms:
     return np.asarray(SE3.from_parts(SO3.axis_rotation(2, yaw), middle) @ rest.T_table_part)
 
 
-COARSE = 80
-"""About how many samples of edges the first search uses."""
-
-
 COVER = 400
-"""Places of the surface by which the image factor measures how much of the silhouette lies on bare table: a part of
-100 px has one for 25 px^2, a sixth of a square stretch."""
-
-INNER = 48
-"""How many points of the surface are asked whether they lie on bare table."""
+"""Numerical: places of the surface that integrate the area of the silhouette on bare table. A part of 100 px has a
+place for 25 px^2, a sixth of a square stretch."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisionModel:
-    """Computed once from the CAD.
+    """Data of a part for images, computed once from the CAD.
 
     Attributes:
         part: the part.
         frame: samples of its edges.
-        coarse: fewer of them, for the first search.
-        inner: points all over its surface ``(INNER, 3)``, which are within its silhouette, part frame [m].
+        coarse: few samples of its edges, for the first rounds.
+        inner: evenly dense points of its surface ``(k, 3)``, part frame [m].
         rests: its stable poses on a table.
-        area: from straight above, of the middle one of them [m^2].
-        seen: the part as the image factor sees it.
+        seen: the part compiled for the image factor.
         seen_coarsely: the same with few samples of its edges.
     """
 
@@ -56,20 +48,16 @@ class VisionModel:
     coarse: Wireframe
     inner: Vectors
     rests: tuple[StablePose, ...]
-    area: float
     seen: _core.EdgePart
     seen_coarsely: _core.EdgePart
 
 
 def prepare_vision(part: Part) -> VisionModel:
-    """Make a part ready; what was made is kept with the part, for further images."""
+    """Prepare a part for images. The result stays with the part."""
     if "vision" not in part.derived:
-        frame, coarse, ways = wireframe(part), wireframe(part, COARSE), known_stable_poses(part)
-        area = float(np.median([area_from_above(frame.surface, rest.T_table_part) for rest in ways]))
+        frame, coarse, ways = wireframe(part), wireframe(part, SEARCH.coarse), known_stable_poses(part)
         inner, _ = spread(part)
-        part.derived["vision"] = VisionModel(
-            part, frame, coarse, inner, ways, area, _seen(frame, part), _seen(coarse, part)
-        )
+        part.derived["vision"] = VisionModel(part, frame, coarse, inner, ways, _seen(frame, part), _seen(coarse, part))
     model: VisionModel = part.derived["vision"]
     return model
 
@@ -92,7 +80,7 @@ def _marks(part: Part) -> Vectors:
     return np.ascontiguousarray(part.centroid + size * np.concatenate([np.zeros((1, 3)), np.eye(3)]))
 
 
-def spread(part: Part, count: int = INNER) -> tuple[Vectors, Vectors]:
+def spread(part: Part, count: int = SEARCH.coarse) -> tuple[Vectors, Vectors]:
     """Return evenly dense places of a surface, with their normals (Kronecker's sequence; Roberts 2018)."""
     a, b, c = np.moveaxis(part.vertices[part.triangles], 1, 0)
     upto = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))

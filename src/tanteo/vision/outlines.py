@@ -1,6 +1,6 @@
-"""The outline of a region on the table, by which very many parts are narrowed before any is looked for.
+"""The outline of a region on the table, which selects candidates among very many parts.
 
-What is left out counts, as it does for readings (decisions 76 and 83).
+The posterior includes the parts that it excludes, as it does for readings (decisions 76 and 83).
 """
 
 from __future__ import annotations
@@ -15,29 +15,18 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray, Transforms, Vectors
-from tanteo.posterior import MISLEADING, SeenOutline
+from tanteo.posterior import DEFAULTS, MISLEADING, SeenOutline
 from tanteo.vision.camera import Camera, on_plane, opencv, project
 from tanteo.vision.edges import EdgePoints, find_edges
 from tanteo.vision.image_edges import standing
 from tanteo.vision.regions import Region, find_regions
-
-FEW = 64
-"""So many parts are looked for without being narrowed."""
-
-MOST, _REST = 200, 5e-3
-"""So many are looked for at most; fewer where all others together have less than this share of the likelihood."""
-
-_CUT = 0.5
-"""A corner lies between points of an outline and is cut by about so much [px]."""
-
-_BESIDE = 25.0
-"""Readings that are farther from every region are of none [px]."""
+from tanteo.vision.settings import EVIDENCE, SEARCH
 
 
 def seen_outline(
     camera: Camera, region: Region, T_camera_table: Transforms, T_world_table: Transforms | None = None
 ) -> SeenOutline | None:
-    """The convex outline of a region where its rays meet the table; None of one that leaves the image or the table."""
+    """Return the convex outline of a region on the table; None if the region leaves the image or the table."""
     points, beside = (
         on_plane(camera, pixels, T_camera_table)[:, :2] for pixels in (region.contour, region.contour + region.normals)
     )
@@ -46,74 +35,75 @@ def seen_outline(
     pixel = float(np.linalg.norm(beside - points, axis=1).mean())
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     turns = 2 * np.pi * np.arange(32) / 32
-    reach = ((points - middle) @ np.stack([np.cos(turns), np.sin(turns)])).max(axis=0) + _CUT * pixel
+    # a corner lies between two points of the outline
+    reach = ((points - middle) @ np.stack([np.cos(turns), np.sin(turns)])).max(axis=0) + 0.5 * pixel
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     return SeenOutline(reach, middle, SE3.inverse(T_camera_table)[:3, 3], pixel, T_world_table)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Narrowed:
-    """Which parts are looked for in a region, and what the others may be.
+    """Candidate parts of a region, and the likelihood of the excluded parts.
 
     Attributes:
-        rows: of the parts that are looked for, the likeliest first.
-        alike: rows of parts by their outlines, the likeliest first; a few.
-        rests: of each row the stable poses that are looked for; all of them where none is given.
-        left_out: how many are not looked for.
-        shares: likelihoods of the rows by their outlines, over that of the best ``(m,)``.
-        rest: the same of all that are not looked for, together.
-        otherwise: probability beforehand that the object is one of them and its outline misleads.
+        rows: rows of the candidate parts, the likeliest first.
+        similar: rows of the parts with the likeliest outlines, the likeliest first.
+        rests: stable poses of each row that are tried; all of them if none is given.
+        left_out: number of excluded parts.
+        shares: likelihoods of the rows by their outlines, over the best likelihood ``(m,)``.
+        rest: sum of the same likelihoods of all excluded parts.
+        misled: prior probability that the object is an excluded part with a misleading outline.
     """
 
     rows: IntArray
-    alike: IntArray
+    similar: IntArray
     rests: tuple[IntArray, ...] = ()
     left_out: int = 0
     shares: FloatArray = field(default_factory=lambda: np.zeros(0))
     rest: float = 0.0
-    otherwise: float = 0.0
+    misled: float = 0.0
 
     def log_left_out(self, evidence: FloatArray, mislead: float) -> float:
-        """Log evidence of all that were not looked for.
+        """Return the log evidence of all excluded parts.
 
-        Where their outlines fit, they are taken to explain the edges as the less promising half of those that were
-        looked for do on average; where outlines mislead, as an unknown object does.
+        If their outlines fit, they are assumed to explain the edges like the less likely half of the candidates. If
+        their outlines mislead, they are assumed to explain the edges like an unknown object.
 
         Args:
             evidence: log evidence of each row ``(m,)``.
-            mislead: of a part that explains no edge, its prior left out.
+            mislead: log evidence of a part that explains no edge, without its prior.
         """
         if not self.left_out:
             return -np.inf
         half = slice(len(self.rows) // 2, None)
         as_these = float(log_sum(evidence[half])) + float(np.log(max(self.rest, 1e-300) / self.shares[half].sum()))
-        return float(log_sum([as_these, mislead + np.log(self.otherwise)]))
+        return float(log_sum([as_these, mislead + np.log(self.misled)]))
 
 
 def narrowed(outline: SeenOutline | None, parts: Sequence[Any]) -> Narrowed:
-    """The parts that are worth a look: all of few; none of many, if there is no outline to narrow them by."""
+    """Return the candidate parts of an outline: all if they are few, none if they are many and there is no outline."""
     none = np.zeros(0, dtype=np.int64)
     if outline is None:
-        return Narrowed(np.arange(len(parts)) if len(parts) <= FEW else none, none)
+        return Narrowed(np.arange(len(parts)) if len(parts) <= DEFAULTS.pruning.budget else none, none)
     log = outline.log_likelihood(parts)
     order = np.argsort(-log, kind="stable")
-    alike = order[:10]
-    if len(log) <= FEW:
-        return Narrowed(np.arange(len(log)), alike)
+    similar = order[:10]
+    if len(log) <= DEFAULTS.pruning.budget:
+        return Narrowed(np.arange(len(log)), similar)
     shares = np.exp(log[order] - log[order[0]])
-    rest = np.cumsum(shares[::-1])[::-1]  # of each and all behind it
-    count = min(max(int(np.searchsorted(-rest, -_REST * rest[0])), 1), MOST)
+    rest = np.cumsum(shares[::-1])[::-1]  # of each and of all after it
+    count = min(max(int(np.searchsorted(-rest, -np.exp(-SEARCH.likely) * rest[0])), 1), DEFAULTS.pruning.least)
     left = len(log) - count
     out = float(rest[count]) if left else 0.0
     rests = tuple(outline.likely(parts, int(row)) for row in order[:count])
-    return Narrowed(order[:count], alike, rests, left, shares[:count], out, MISLEADING * left / len(log))
+    return Narrowed(order[:count], similar, rests, left, shares[:count], out, MISLEADING * left / len(log))
 
 
 def check_size(image: FloatArray, camera: Camera) -> None:
-    """An image has the size of its camera.
+    """Check that an image has the size of its camera.
 
     Raises:
-        InputError: it has not.
+        InputError: the sizes differ.
     """
     if np.shape(image) != (camera.size[1], camera.size[0]):
         raise InputError(
@@ -124,13 +114,13 @@ def check_size(image: FloatArray, camera: Camera) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutlineOfReadings:
-    """The outline of the object that readings are of.
+    """The outline of the object of readings.
 
     Attributes:
-        outline: on the table.
-        pixels: where the middle of its region is ``(2,)`` [px].
-        regions: how many there are in the image.
-        beside: of how many readings the pixels are off the region.
+        outline: outline on the table.
+        pixels: middle of its region ``(2,)`` [px].
+        regions: number of regions in the image.
+        beside: number of readings whose pixels are off the region.
     """
 
     outline: SeenOutline
@@ -142,18 +132,18 @@ class OutlineOfReadings:
 def outline_of_readings(
     image: FloatArray, camera: Camera, points: Vectors, *, T_world_table: Transforms | None = None
 ) -> OutlineOfReadings:
-    """The outline of what readings were taken of, in an image of it on a table: that region on which most of them are.
+    """Return the outline of the object of readings in an image: that of the region with most readings.
 
     Args:
-        image: rows x columns, grey levels from 0 to 255.
-        camera: calibrated, standing at ``camera.T_world_camera``.
-        points: sensed, in the same world ``(n, 3)`` [m].
-        T_world_table: the table is z = 0 of this frame; the world's own if not given.
+        image: grey levels from 0 to 255 ``(rows, columns)``.
+        camera: calibrated camera with its pose ``camera.T_world_camera``.
+        points: sensed points in the same world ``(n, 3)`` [m].
+        T_world_table: frame whose plane z = 0 is the table; the world if not given.
 
     Raises:
-        InputError: it is not known where the camera stands, the readings are not in the image, nothing lies where they
-            are, or what lies there leaves the image.
-        MissingExtraError: without OpenCV.
+        InputError: the pose of the camera is unknown, the readings are not in the image, no object is at their place,
+            or the object leaves the image.
+        MissingExtraError: OpenCV is not installed.
 
     Example:
         >>> from dataclasses import replace
@@ -186,18 +176,18 @@ def region_of_readings(
     """Return the region of an image on which most readings are, the number of regions, and of readings off it.
 
     Args:
-        image: rows x columns, grey levels from 0 to 255.
-        camera: calibrated, standing at ``camera.T_world_camera``.
-        points: sensed, in the same world ``(n, 3)`` [m].
+        image: grey levels from 0 to 255 ``(rows, columns)``.
+        camera: calibrated camera with its pose ``camera.T_world_camera``.
+        points: sensed points in the same world ``(n, 3)`` [m].
         edges: edge points of the image.
 
     Raises:
-        InputError: it is not known where the camera stands, the readings are not in the image, or nothing lies where
-            they are.
+        InputError: the pose of the camera is unknown, the readings are not in the image, or no object is at their
+            place.
     """
     check_size(image, camera)
     if camera.T_world_camera is None:
-        raise InputError("camera: expected where it stands (T_world_camera), got none. Say --marks, or fit_camera.")
+        raise InputError("camera: expected its pose (T_world_camera), got none. Give --marks, or call fit_camera.")
     pixels = project(camera, SE3.apply(SE3.inverse(camera.T_world_camera), points))
     inside = np.all((pixels >= 0) & (pixels <= np.array(camera.size) - 1.0), axis=1)
     if inside.sum() < 0.5 * len(points) or not len(points):
@@ -207,7 +197,7 @@ def region_of_readings(
         )
     regions = find_regions(image, edges)
     away = np.array([_away(region, pixels[inside]) for region in regions]).reshape(len(regions), int(inside.sum()))
-    near = away < _BESIDE
+    near = away < 2 * EVIDENCE.stretch
     if not near.any():
         raise InputError(
             f"image: expected an object where the readings are, got {len(regions)} elsewhere. Was it taken before the "
@@ -218,7 +208,7 @@ def region_of_readings(
 
 
 def _away(region: Region, pixels: FloatArray) -> FloatArray:
-    """How far pixels ``(n, 2)`` are from a region [px]."""
+    """Return the distances of pixels ``(n, 2)`` from a region [px]."""
     away = opencv().distanceTransform((~region.mask).astype(np.uint8), 2, 3)
     at = np.rint(pixels).astype(np.int64)
     return np.asarray(away[at[:, 1], at[:, 0]], dtype=np.float64)

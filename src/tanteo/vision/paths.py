@@ -1,6 +1,6 @@
-"""Poses from corners: a corner of the image with the far ends of its two segments, and the same of the part.
+"""Poses from corners: a corner of the image and the far ends of its two segments, matched with a corner of the part.
 
-Three points give two poses under weak perspective (Alter 1994); Newton's method makes them perspective.
+Three points give two poses under weak perspective (Alter 1994). Newton's method refines them under perspective.
 """
 
 from __future__ import annotations
@@ -12,21 +12,16 @@ from tanteo.geometry.typing import FloatArray, Transforms, Vectors
 from tanteo.parts import Part, near_groups
 from tanteo.vision.camera import Camera
 from tanteo.vision.segments import Corners, Segments
+from tanteo.vision.settings import EVIDENCE, NEWTON_STEPS, SEARCH
 
 _SAME_END = 1e-6
-_NEWTON = 6
-
-FAR_ENDS = 5
-"""Places where one segment may end that are tried."""
-
-_ALIGNED, _APART = 3.0, 3.0
-"""A place this near to a segment's line is on it; places this near to each other are one [px]."""
+"""Numerical: distance within which two ends are one, as a share of the diagonal. CAD files have more digits."""
 
 
 def model_paths(part: Part) -> Vectors:
-    """Corners of the part with the far ends of two edges that meet there ``(P, 3, 3)``: corner, end, end [m].
+    """Return corners of the part with the far ends of two edges at each ``(P, 3, 3)``: corner, end, end [m].
 
-    Both orders of the two are listed; of paths that the symmetry of the part maps onto each other, one.
+    The result has both orders of the two ends, and one of the paths that the symmetry of the part maps onto each other.
     """
     ends = part.edges.ends
     slack = _SAME_END * part.diagonal
@@ -45,7 +40,7 @@ def model_paths(part: Part) -> Vectors:
 
 
 def _without_images(part: Part, paths: Vectors) -> Vectors:
-    """One path of every orbit of the symmetry group."""
+    """Return one path of every orbit of the symmetry group."""
     kept: list[FloatArray] = []
     for path in paths:
         images = SE3.apply(part.symmetry.Ts[:, None], path)
@@ -55,10 +50,10 @@ def _without_images(part: Part, paths: Vectors) -> Vectors:
 
 
 def image_paths(segments: Segments, corners: Corners) -> FloatArray:
-    """Corners of the image with places where their two segments may end ``(L, 3, 2)``, without distortion [px].
+    """Return corners of the image with possible ends of their two segments ``(L, 3, 2)``, without distortion [px].
 
-    An edge may be interrupted: besides the segment's own end, any end or corner farther along its line will do, the
-    nearest :data:`FAR_ENDS` of them.
+    An edge may be interrupted. So the ends and corners farther along its line are possible ends, too: the nearest
+    ``SearchSettings.far_ends`` of them.
     """
     places = np.concatenate([segments.ends.reshape(-1, 2), corners.pixels])
     out = []
@@ -72,39 +67,39 @@ def image_paths(segments: Segments, corners: Corners) -> FloatArray:
 
 
 def _far_ends(segments: Segments, places: FloatArray, corner: FloatArray, s: int, near: int) -> FloatArray:
-    """Places ``(k, 2)`` along a segment from a corner at its end ``near``, its own far end first."""
+    """Return places ``(k, 2)`` along a segment from a corner at its end ``near``, the far end of the segment first."""
     end = segments.ends[s, 1 - near]
     way = end - corner
     length = float(np.linalg.norm(way))
     way = way / max(length, 1e-9)
     local = places - corner
     along, off = local @ way, np.abs(local[:, 0] * way[1] - local[:, 1] * way[0])
-    good = np.flatnonzero((off < _ALIGNED) & (along > 0.6 * length))
+    good = np.flatnonzero((off < EVIDENCE.reach) & (along > 0.6 * length))
     kept = [end]
     for k in good[np.argsort(along[good], kind="stable")]:
-        if len(kept) == FAR_ENDS:
+        if len(kept) == SEARCH.far_ends:
             break
-        if all(np.linalg.norm(places[k] - other) > _APART for other in kept):
+        if all(np.linalg.norm(places[k] - other) > EVIDENCE.reach for other in kept):
             kept.append(places[k])
     return np.array(kept)
 
 
 def poses_from_paths(camera: Camera, images: FloatArray, models: Vectors) -> Transforms:
-    """Poses ``T_camera_part`` that put a model path on an image path, for all pairs; two each, where there are any.
+    """Return poses ``T_camera_part`` that put a model path on an image path, up to two for each pair.
 
     Args:
-        camera: that took the image.
-        images: ``(L, 3, 2)``, pixels without distortion.
-        models: ``(P, 3, 3)``, part frame [m].
+        camera: camera of the image.
+        images: paths of the image ``(L, 3, 2)``, without distortion [px].
+        models: paths of the part ``(P, 3, 3)``, part frame [m].
 
     Returns:
-        ``(k, 4, 4)``, with the three points in front of the camera.
+        Poses ``(k, 4, 4)`` with the three points in front of the camera.
     """
     rays = np.concatenate([(images - camera.centre) / camera.focal, np.ones((*images.shape[:-1], 1))], axis=-1)
     L, P = len(rays), len(models)
     if not L or not P:
         return np.zeros((0, 4, 4))
-    # a camera that looks at the corner: weak perspective is best there
+    # a camera that points at the corner: weak perspective is best there
     axis = rays[:, 0] / np.linalg.norm(rays[:, 0], axis=1, keepdims=True)
     R_view = SO3.inverse(SO3.frame_from_axis(axis, 2))
     local = np.einsum("lij,lkj->lki", R_view, rays)
@@ -133,7 +128,7 @@ def poses_from_paths(camera: Camera, images: FloatArray, models: Vectors) -> Tra
 
 
 def _alter(a: FloatArray, b: FloatArray, A: Vectors, B: Vectors) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weak-perspective scale, and heights of the two far ends over the corner, for one of the two mirrored poses."""
+    """Return weak-perspective scale and heights of both far ends over the corner, for one of two mirrored poses."""
     d01, d02, d12 = (np.sum(x * x, axis=-1) for x in (a, b, b - a))
     R01, R02, R12 = (np.sum(x * x, axis=-1) for x in (A, B, B - A))
     qa = 2 * (R01 * R02 + R02 * R12 + R12 * R01) - R01**2 - R02**2 - R12**2
@@ -154,9 +149,9 @@ def _frame(first: Vectors, second: Vectors) -> FloatArray:
 
 
 def _newton(T: Transforms, rays: Vectors, models: Vectors) -> Transforms:
-    """Six equations, six unknowns: the three points on their rays."""
+    """Return the poses that put the three points on their rays: six equations for six unknowns."""
     wanted, middle = rays[:, None, :, :2], models.mean(axis=1)
-    T_part_middle = SE3.from_parts(np.eye(3), middle)  # the part's own origin may lie far from it
+    T_part_middle = SE3.from_parts(np.eye(3), middle)  # the origin of the part may be far from it
     T, models = T @ T_part_middle, models - middle[:, None]
     size = float(np.linalg.norm(models[:, 1] - models[:, 0], axis=-1).mean())
     scale = np.r_[np.full(3, size), np.ones(3)]
@@ -179,4 +174,4 @@ def _newton(T: Transforms, rays: Vectors, models: Vectors) -> Transforms:
         step = step * np.minimum(1.0, 0.5 / np.maximum(np.linalg.norm(step, axis=-1), 1e-12))[..., None]
         return np.asarray(T @ SE3.exp(step * scale))
 
-    return np.asarray(maximize(T, linearize, moved, _NEWTON)[0] @ SE3.inverse(T_part_middle))
+    return np.asarray(maximize(T, linearize, moved, NEWTON_STEPS)[0] @ SE3.inverse(T_part_middle))

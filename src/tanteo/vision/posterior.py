@@ -1,8 +1,8 @@
-"""The posterior of what an image shows, asked of the one engine (``inference``).
+"""The posterior of an object of an image, by the engine of ``posterior``.
 
-An image proposes poses; the engine maximizes, samples and weighs them with the image's factor. An unknown object has
-edges, too: its log evidence is the log density that they have without a model (``Weights.unknown``, ``Weights.base``).
-Neither it nor a part pays for how sharply the image fixes the pose (decision 87).
+An image proposes poses. The engine maximizes, samples and weights them with the factor of the image. An unknown object
+has edges, too: its log evidence is their log density without a model (``Weights.unknown``, ``Weights.base``). How
+exactly the image fixes the pose changes no probability of a part (decision 87).
 """
 
 from __future__ import annotations
@@ -18,11 +18,9 @@ from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
 from tanteo.posterior import Mode, OnTable, PartSearch, Posterior, Priors, Problem, prepare, search_about, sized, weigh
-from tanteo.vision.image_edges import SAME_SHIFT, SAME_TURN, ImageEdges, Sums, standing
+from tanteo.vision.image_edges import ImageEdges, Sums, standing
 from tanteo.vision.models import VisionModel
-
-MISSED = 0.04
-"""Probability that the true pose is not among those proposed: 3 of 74 (``python benchmarks/vision_fit.py 102``)."""
+from tanteo.vision.settings import EVIDENCE
 
 _SEED = 0
 """Seed of the samples: the same image gives the same answer."""
@@ -33,11 +31,11 @@ class ImagePosterior:
     """Posterior of one object of an image.
 
     Attributes:
-        modes: modes of the engine's posterior, best first.
-        unknown: probability of the unknown object, and of parts that were not looked for. What is missing to 1 belongs
-            to the parts in poses that were not proposed.
-        left_out: probability of the parts that were not looked for, at most.
-        count: number of these.
+        modes: modes of the posterior, best first.
+        unknown: probability of the unknown object and of the excluded parts. The remainder to 1 is that of the parts in
+            poses that were not proposed.
+        left_out: upper bound on the probability of the excluded parts.
+        count: number of excluded parts.
         log_unknown: log density of the image if the object is unknown.
         log_known: log density of the image if the object is one of the parts.
         image: the edges of the image with the constants about its poses; None without proposed poses.
@@ -62,8 +60,8 @@ def levelled(
 
     Args:
         images: edges of images of the object.
-        proposals: parts that are looked for, with poses ``T_world_part`` from which maximizations start.
-        priors: what is assumed beforehand.
+        proposals: candidate parts, with poses ``T_world_part`` from which maximizations start.
+        priors: prior probabilities and scales.
         lying: prior of the pose on a table; any pose if not given.
     """
     images, problem, searches = searched(images, proposals, priors, lying)
@@ -74,7 +72,7 @@ def levelled(
 def corrected(
     images: Sequence[ImageEdges], found: Posterior, lying: OnTable | None, prior: float
 ) -> tuple[ImageEdges, ...]:
-    """Return images whose constants make the integral by samples about each pose the density that edges are there.
+    """Return images whose constants make the integral about each pose equal to the density that edges are there.
 
     The constants of a search are those of a normal density about each maximum; the difference to the integral by
     samples is added to them.
@@ -83,7 +81,7 @@ def corrected(
         images: edges of images of the object.
         found: the posterior of the images alone.
         lying: prior of the pose on a table; any pose if not given.
-        prior: log probability of each part beforehand.
+        prior: log prior probability of each part.
     """
     levels = dict(images[0].levels or {})
     for part in dict.fromkeys(mode.prepared.part for mode in found.modes):
@@ -107,12 +105,12 @@ def searched(
     priors: Priors,
     lying: OnTable | None = None,
 ) -> tuple[tuple[ImageEdges, ...], Problem, list[PartSearch]]:
-    """Return images with the levels of their parts, their question, and the maxima of parts to which poses lead.
+    """Return images with the constants of their parts, their problem, and the maxima of parts to which poses lead.
 
     Args:
         images: edges of images of the object.
-        proposals: parts that are looked for, with poses ``T_world_part`` from which maximizations start.
-        priors: what is assumed beforehand.
+        proposals: candidate parts, with poses ``T_world_part`` from which maximizations start.
+        priors: prior probabilities and scales.
         lying: prior of the pose on a table; any pose if not given.
     """
     others = () if lying is None else (lying,)
@@ -176,7 +174,7 @@ def _are_near(part: Part, T: Transforms, other: Transforms) -> bool:
     gap = SE3.inverse(T) @ other
     shift = float(np.linalg.norm(SE3.apply(gap, part.centroid) - part.centroid))
     turn = float(np.linalg.norm(gap[:3, :3] - np.eye(3)))  # 2 sqrt(2) times the sine of half the turn
-    return shift < SAME_SHIFT * part.diagonal and turn < np.sqrt(8) * np.sin(SAME_TURN / 2)
+    return shift < EVIDENCE.same_pose * part.diagonal and turn < np.sqrt(8) * np.sin(EVIDENCE.same_turn / 2)
 
 
 def infer(
@@ -191,13 +189,13 @@ def infer(
     """Return the posterior of the object that an image shows.
 
     Args:
-        image: the edges of the image; their ``log_unknown`` is that of an unknown object.
-        proposals: parts that are looked for, with poses ``T_camera_part`` from which maximizations start.
+        image: edges of the image; their ``log_unknown`` is that of an unknown object.
+        proposals: candidate parts, with poses ``T_camera_part`` from which maximizations start.
         count: number of all parts.
         lying: prior of the pose on a table; any pose if not given.
-        log_left_out: log evidence of parts that are not looked for, from that of each part that is, priors included,
-            and that of a part that explains no edge.
-        left_out: number of parts that are not looked for.
+        log_left_out: log evidence of the excluded parts, as a function of the log evidence of each candidate, prior
+            included, and of a part that explains no edge.
+        left_out: number of excluded parts.
     """
     if not any(len(Ts) for _, Ts in proposals):
         return ImagePosterior(count=left_out)
@@ -217,8 +215,8 @@ def infer(
     log_left = float(np.log(found.unsearched)) + found.log_evidence if found.unsearched else -np.inf
     left = float(np.exp(log_left - log_evidence))
     none = float(np.exp(np.log(found.unknown) + found.log_evidence - log_evidence)) if found.unknown else 0.0
-    # that none of the poses holds is a strange part's doing, or of the proposals that missed the true one
-    strange = problem.priors.unknown / (problem.priors.unknown + (1 - problem.priors.unknown) * MISSED)
+    # if none of the poses holds, the object is unknown, or the proposals missed the true pose
+    strange = problem.priors.unknown / (problem.priors.unknown + (1 - problem.priors.unknown) * EVIDENCE.missed)
     log_known = float(log_sum([mode.log_mass for mode in modes])) - known
     (image,) = corrected((image,), found, lying, prior)
     proposed = {part: at for part, (at, _) in (image.levels or {}).items()}
@@ -239,7 +237,7 @@ def _weighed(
         image: the edges of the image.
         found: the posterior.
         lying: prior of the pose on a table; any pose if not given.
-        prior: log probability of each part beforehand.
+        prior: log prior probability of each part.
     """
     masses: dict[int, float] = {}
     for part in dict.fromkeys(mode.prepared.part for mode in found.modes):

@@ -1,7 +1,7 @@
-"""Where on the table something lies: regions that do not look like the table; and what a part at a pose covers.
+"""Regions of an image that differ from the table, and the silhouette of a part at a pose.
 
-The table is taken to be the most of the image, its brightness a smooth function of place. A shadow is not table; it
-belongs to the region of what throws it, and what the region holds besides the part is found out when the part is known.
+Most of the image is assumed to show the table, whose brightness is a smooth function of the place. A region includes
+the shadow of its object, which recognition explains.
 """
 
 from __future__ import annotations
@@ -15,34 +15,21 @@ from tanteo.geometry import SE3, freeze
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Surface
 from tanteo.vision.camera import Camera, opencv, project
-from tanteo.vision.edges import CORRELATION, EdgePoints, check_image, image_noise
-
-_COARSE = 4
-_ROUNDS = 12
-_DIFFERS = 6.0
-"""A pixel this many standard deviations off the table's brightness is not table."""
-
-_LEAST_CONTRAST = 5.0
-"""Nor is one by fewer grey levels than this told from the table."""
-
-LEAST_AREA = 200
-"""Regions smaller than this are dirt [px]."""
-
-_SNAP = 3.0
-"""A contour runs through the edge points within this of it [px]."""
+from tanteo.vision.edges import EdgePoints, check_image, image_noise
+from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Region:
-    """Something that is not the table.
+    """A region of an image that differs from the table.
 
     Attributes:
-        mask: rows x columns, the pixels of it; holes are part of it.
+        mask: pixels of the region with its holes ``(rows, columns)``.
         box: first and last column, first and last row [px].
-        contour: ``(n, 2)``, its outline, a point every correlation length, mathematically positive on the screen [px].
-        normals: ``(n, 2)``, unit, outward.
-        sds: ``(n,)``, standard deviation of each point along its normal [px].
-        cut: whether it leaves the image.
+        contour: outline ``(n, 2)``, a point every correlation length, mathematically positive on the screen [px].
+        normals: outward unit normals ``(n, 2)``.
+        sds: standard deviations of the points along their normals ``(n,)`` [px].
+        cut: whether the region leaves the image.
     """
 
     mask: BoolArray
@@ -63,15 +50,15 @@ class Region:
 
 
 def table_brightness(image: FloatArray) -> FloatArray:
-    """Brightness of the table where nothing lies on it: a quadratic in x and y that most pixels follow."""
+    """Return the brightness of the bare table: a quadratic in x and y, fitted robustly to all pixels."""
     rows, columns = image.shape
     y, x = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
     X = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    coarse, target = X[::_COARSE, ::_COARSE].reshape(-1, 6), image[::_COARSE, ::_COARSE].ravel()
+    coarse, target = X[:: EDGES.cell, :: EDGES.cell].reshape(-1, 6), image[:: EDGES.cell, :: EDGES.cell].ravel()
     weights = np.ones(len(target))
-    # start from the middle of the brightness, as things may cover much of the image
+    # start from the median, because objects may cover much of the image
     beta = np.r_[np.median(target), np.zeros(5)]
-    for k in range(_ROUNDS):
+    for k in range(SEARCH.rounds):
         off = target - coarse @ beta
         scale = max(1.4826 * float(np.median(np.abs(off))), 1.0) * (4.0 if k < 4 else 3.0)
         weights = np.clip(1 - (off / scale) ** 2, 0.0, None) ** 2
@@ -81,20 +68,22 @@ def table_brightness(image: FloatArray) -> FloatArray:
 
 
 def find_regions(image: FloatArray, edges: EdgePoints) -> tuple[Region, ...]:
-    """Find what lies on the table, largest first.
+    """Find the regions of objects on the table, largest first.
 
     Args:
-        image: rows x columns, grey levels.
-        edges: its edge points.
+        image: grey levels ``(rows, columns)``.
+        edges: edge points of the image.
     """
     cv2 = opencv()
     image = check_image(image)
     off = np.abs(cv2.GaussianBlur(image - table_brightness(image), (0, 0), 1.0))
-    differs = (off > max(_DIFFERS * image_noise(image) * 0.3, _LEAST_CONTRAST)).astype(np.uint8)
+    differs = (off > max(EDGES.strong * image_noise(image) * 0.3, 2 * EDGES.least_step)).astype(np.uint8)
     differs = cv2.morphologyEx(differs, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     differs = cv2.morphologyEx(differs, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
     outlines, _ = cv2.findContours(differs, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    regions = [_region(image.shape, outline, edges) for outline in outlines if cv2.contourArea(outline) > LEAST_AREA]
+    regions = [
+        _region(image.shape, outline, edges) for outline in outlines if cv2.contourArea(outline) > EVIDENCE.stretch**2
+    ]
     return tuple(sorted(regions, key=lambda region: -int(region.mask.sum())))
 
 
@@ -110,12 +99,12 @@ def _region(shape: tuple[int, ...], outline: FloatArray, edges: EdgePoints) -> R
 
 
 def _snapped(points: FloatArray, edges: EdgePoints) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Contour points at equal steps, each moved along its normal onto the edge that runs there."""
+    """Return contour points at equal steps, each moved along its normal onto the nearest edge."""
     if opencv().contourArea(points.astype(np.float32), oriented=True) < 0:
         points = points[::-1]
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     upto = np.r_[0.0, np.cumsum(steps)]
-    count = max(8, int(upto[-1] / CORRELATION))
+    count = max(8, int(upto[-1] / EDGES.correlation))
     at = np.arange(count) * upto[-1] / count
     closed = np.concatenate([points, points[:1]])
     even = np.stack([np.interp(at, upto, closed[:, k]) for k in (0, 1)], axis=-1)
@@ -124,7 +113,7 @@ def _snapped(points: FloatArray, edges: EdgePoints) -> tuple[FloatArray, FloatAr
     normals = np.stack([tangents[:, 1], -tangents[:, 0]], axis=-1)
     sds = np.full(count, 1.0)
     if len(edges):
-        which = _core.nearest_pixels(edges.pixels, even, _SNAP)
+        which = _core.nearest_pixels(edges.pixels, even, EVIDENCE.reach)
         found = which >= 0
         index = which[found]
         aligned = np.abs(np.sum(edges.normals[index] * normals[found], axis=1)) > 0.5
@@ -137,17 +126,13 @@ def _snapped(points: FloatArray, edges: EdgePoints) -> tuple[FloatArray, FloatAr
     return even, normals, sds
 
 
-MARGIN = 3
-"""A silhouette may reach this far over a region before that counts [px]."""
-
-
 def silhouette(surface: Surface, camera: Camera, T_camera_part: Transforms) -> BoolArray:
-    """The pixels that a part covers, rows x columns.
+    """Return the pixels that a part covers ``(rows, columns)``.
 
     Args:
-        surface: of the part, closed.
-        camera: that would take the image.
-        T_camera_part: pose ``(4, 4)``.
+        surface: closed surface of the part.
+        camera: camera of the image.
+        T_camera_part: pose of the part ``(4, 4)``.
     """
     cv2 = opencv()
     width, height = camera.size
@@ -163,25 +148,7 @@ def silhouette(surface: Surface, camera: Camera, T_camera_part: Transforms) -> B
     return mask.view(np.bool_)
 
 
-_ACROSS = 600
-"""Pixels of a drawing across a part."""
-
-
-def area_from_above(surface: Surface, T_table_part: Transforms) -> float:
-    """Area [m^2] of the silhouette of a part on the table, seen from straight above; holes are filled."""
-    cv2 = opencv()
-    flat = SE3.apply(T_table_part, surface.vertices)[:, :2]
-    low = flat.min(axis=0)
-    step = float(np.ptp(flat, axis=0).max()) / _ACROSS
-    up = SE3.apply(T_table_part[:3, :3], surface.normals)[:, 2] > 0
-    scaled = (flat - low) / step + 2.0
-    mask = np.zeros((_ACROSS + 5, _ACROSS + 5), dtype=np.uint8)
-    for polygon in np.rint(scaled[surface.triangles[up]] * 16).astype(np.int32):
-        cv2.fillConvexPoly(mask, polygon, 1, lineType=cv2.LINE_8, shift=4)
-    found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_TC89_KCOS)
-    return float(max(map(cv2.contourArea, found)) * step**2)
-
-
 def bare_table(mask: BoolArray) -> BoolArray:
-    """Where bare table is seen, some pixels off what is not ``mask``, rows x columns."""
-    return np.asarray(opencv().dilate(mask.astype(np.uint8), np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), np.uint8)) == 0)
+    """Return the pixels of bare table ``(rows, columns)``: those farther from a mask than the reach of edges."""
+    side = 2 * int(np.ceil(EVIDENCE.reach)) + 1
+    return np.asarray(opencv().dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) == 0)

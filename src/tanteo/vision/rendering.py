@@ -1,7 +1,7 @@
-"""What a camera would see of things on a table, by rays: Lambert shading, cast shadows, blur, noise.
+"""Rendered images of objects on a table, by ray casting: Lambert shading, cast shadows, blur, noise.
 
-A picture is drawn once a pixel, and again with sixteen rays a pixel where neighbours differ in what they show. Beside
-:func:`see_table` this is what ``emit`` is beside ``measure``: images whose truth is known.
+One ray is cast for each pixel, and sixteen rays where neighbouring pixels show different faces. The images are scenes
+with known truth for :func:`see_table`.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from tanteo.parts import Part, Surface
 from tanteo.vision.camera import Camera, opencv, project, rays
 
 FINE = 4
-"""Rays along a pixel's side where neighbours differ."""
+"""Numerical: rays along the side of a pixel where neighbours differ."""
 
 _PLANE = 1e-5
-"""Triangles whose planes agree so far are of one face [1, m]."""
+"""Numerical: tolerance within which the planes of two triangles are one face [1, m]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """Light, paint and lens.
+class Appearance:
+    """Light, paint and lens of a rendered image.
 
     Attributes:
         light: direction to the light in the world.
-        ambient: share of light that comes from everywhere.
+        ambient: share of ambient light.
         table: brightness of the table [grey levels].
         slope: change of the table's brightness across a metre, along x and y [grey levels/m].
-        blur: standard deviation of the lens's spread [px].
+        blur: standard deviation of the blur by the lens [px].
         noise: standard deviation of a pixel [grey levels].
     """
 
@@ -44,13 +44,13 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Thing:
-    """A mesh in the world.
+class RenderedObject:
+    """A mesh in the world, with its paint.
 
     Attributes:
-        vertices: ``(V, 3)`` [m].
-        triangles: ``(T, 3)``, seen from outside counter-clockwise.
-        labels: number of the face of each triangle ``(T,)``; where faces meet, more rays are cast.
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: indices of the vertices ``(T, 3)``, counter-clockwise from outside.
+        labels: number of the face of each triangle ``(T,)``; more rays are cast at borders of faces.
         paint: brightness [grey levels].
     """
 
@@ -60,8 +60,8 @@ class Thing:
     paint: float
 
     @classmethod
-    def of_mesh(cls, vertices: FloatArray, triangles: IntArray, paint: float = 120.0) -> Thing:
-        """A mesh whose faces are not known: triangles in one plane are one."""
+    def of_mesh(cls, vertices: FloatArray, triangles: IntArray, paint: float = 120.0) -> RenderedObject:
+        """Return a mesh without faces as an object: the triangles in one plane make a face."""
         a, b, c = np.moveaxis(vertices[triangles], 1, 0)
         n = np.cross(b - a, c - a)
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
@@ -70,58 +70,58 @@ class Thing:
         return cls(vertices, triangles, labels.reshape(-1), paint)
 
 
-def thing(part: Part, T_world_part: Transforms, paint: float = 120.0) -> Thing:
-    """A part at a pose."""
-    return Thing(SE3.apply(T_world_part, part.vertices), part.triangles, part.triangle_face, paint)
+def rendered_part(part: Part, T_world_part: Transforms, paint: float = 120.0) -> RenderedObject:
+    """Return a part at a pose as an object."""
+    return RenderedObject(SE3.apply(T_world_part, part.vertices), part.triangles, part.triangle_face, paint)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """Things on a table z = 0, seen by a camera that stands in the world.
+    """Objects on the table z = 0, and a camera with its pose.
 
     Attributes:
-        camera: the camera, with its place.
-        things: at least one.
-        look: light, paint and lens.
-        surface: of all things.
-        labels: number of the face of every triangle, of all things.
-        owner: number of its thing.
-        paints: its brightness.
+        camera: camera with its pose in the world.
+        objects: one object or more.
+        appearance: light, paint and lens.
+        surface: surface of all objects.
+        labels: number of the face of every triangle of all objects.
+        owner: number of the object of every triangle.
+        paints: brightness of every triangle.
     """
 
     camera: Camera
-    things: list[Thing]
-    look: Look = field(default_factory=Look)
+    objects: list[RenderedObject]
+    appearance: Appearance = field(default_factory=Appearance)
     surface: Surface = field(init=False)
     labels: IntArray = field(init=False)
     owner: IntArray = field(init=False)
     paints: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        things = self.things
-        starts = np.cumsum([0, *[len(t.vertices) for t in things]])
-        first = np.cumsum([0, *[t.labels.max() + 1 for t in things]])
+        objects = self.objects
+        starts = np.cumsum([0, *[len(t.vertices) for t in objects]])
+        first = np.cumsum([0, *[t.labels.max() + 1 for t in objects]])
         values = {
             "surface": Surface(
-                np.concatenate([t.vertices for t in things]),
-                np.concatenate([t.triangles + s for t, s in zip(things, starts, strict=False)]),
+                np.concatenate([t.vertices for t in objects]),
+                np.concatenate([t.triangles + s for t, s in zip(objects, starts, strict=False)]),
             ),
-            "labels": np.concatenate([t.labels + s for t, s in zip(things, first, strict=False)]),
-            "owner": np.concatenate([np.full(len(t.triangles), k) for k, t in enumerate(things)]),
-            "paints": np.concatenate([np.full(len(t.triangles), t.paint) for t in things]),
+            "labels": np.concatenate([t.labels + s for t, s in zip(objects, first, strict=False)]),
+            "owner": np.concatenate([np.full(len(t.triangles), k) for k, t in enumerate(objects)]),
+            "paints": np.concatenate([np.full(len(t.triangles), t.paint) for t in objects]),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @property
     def T_world_camera(self) -> Transforms:
-        """Where the camera stands."""
+        """Pose of the camera."""
         assert self.camera.T_world_camera is not None
         return self.camera.T_world_camera
 
     def extent(self) -> tuple[int, int, int, int]:
-        """First and last columns, first and last rows that the things and their shadows are in."""
-        light = np.array(self.look.light)
+        """Return the first and last columns, and the first and last rows, of the objects and their shadows."""
+        light = np.array(self.appearance.light)
         vertices = self.surface.vertices
         shadows = vertices - vertices[:, 2:] / light[2] * light
         local = SE3.apply(SE3.inverse(self.T_world_camera), np.concatenate([vertices, shadows]))
@@ -131,44 +131,46 @@ class Stage:
         return int(x0), int(x1), int(y0), int(y1)
 
     def bare(self, pixels: FloatArray) -> FloatArray:
-        """Brightness of the table without anything on it."""
+        """Return the brightness of the bare table at pixels."""
         T = self.T_world_camera
         way = rays(self.camera, pixels) @ T[:3, :3].T
         where = T[:3, 3] - T[2, 3] / np.minimum(way[..., 2:], -1e-9) * way
-        return np.asarray(np.clip(self.look.table + where[..., :2] @ np.array(self.look.slope), 0, 255))
+        return np.asarray(np.clip(self.appearance.table + where[..., :2] @ np.array(self.appearance.slope), 0, 255))
 
     def shade(self, pixels: FloatArray) -> tuple[FloatArray, IntArray, IntArray]:
-        """Brightness of pixels ``(n, 2)``, what they show (a label; -1 table, -2 table in shadow), and whose."""
+        """Return brightness, label (-1 for the table, -2 for its shadow) and object of pixels ``(n, 2)``."""
         T = self.T_world_camera
         eye, way = T[:3, 3], rays(self.camera, pixels) @ T[:3, :3].T
         way = way / np.linalg.norm(way, axis=-1, keepdims=True)
         hits = self.surface.cast(np.broadcast_to(eye, way.shape), way)
-        met = hits.triangles >= 0
-        light = np.array(self.look.light) / np.linalg.norm(self.look.light)
+        hit = hits.triangles >= 0
+        light = np.array(self.appearance.light) / np.linalg.norm(self.appearance.light)
         table = np.where(way[:, 2] < 0, -eye[2] / np.minimum(way[:, 2], -1e-9), 50.0)
-        where = eye + np.where(met, hits.distances, table)[:, None] * way
-        normals = np.where(met[:, None], self.surface.normals[hits.triangles], [0.0, 0.0, 1.0])
+        where = eye + np.where(hit, hits.distances, table)[:, None] * way
+        normals = np.where(hit[:, None], self.surface.normals[hits.triangles], [0.0, 0.0, 1.0])
         normals = np.where(np.sum(normals * way, axis=1, keepdims=True) > 0, -normals, normals)
         facing = np.maximum(normals @ light, 0.0)
         lit: BoolArray = facing > 0
         lit[lit] = (
             self.surface.cast(where[lit] + 1e-5 * normals[lit], np.broadcast_to(light, way[lit].shape)).triangles < 0
         )
-        paint = np.where(met, self.paints[hits.triangles], self.look.table + where[:, :2] @ np.array(self.look.slope))
-        share = self.look.ambient + (1 - self.look.ambient) * facing / light[2] * lit
-        what = np.where(met, 2 * self.labels[hits.triangles] + lit, np.where(lit, -1, -2))
-        return np.clip(paint * share, 0, 255), what, np.where(met, self.owner[hits.triangles], -1)
+        paint = np.where(
+            hit, self.paints[hits.triangles], self.appearance.table + where[:, :2] @ np.array(self.appearance.slope)
+        )
+        share = self.appearance.ambient + (1 - self.appearance.ambient) * facing / light[2] * lit
+        what = np.where(hit, 2 * self.labels[hits.triangles] + lit, np.where(lit, -1, -2))
+        return np.clip(paint * share, 0, 255), what, np.where(hit, self.owner[hits.triangles], -1)
 
 
 def render(stage: Stage, rng: np.random.Generator) -> tuple[FloatArray, IntArray]:
-    """The picture ``(rows, columns)``, and which thing each pixel shows (-1 for the table).
+    """Render an image ``(rows, columns)``, and the number of the object at each pixel (-1 for the table).
 
     Args:
-        stage: what is there, and the camera.
-        rng: of the noise.
+        stage: objects and camera.
+        rng: generator of the noise.
 
     Raises:
-        MissingExtraError: without OpenCV.
+        MissingExtraError: OpenCV is not installed.
     """
     cv2 = opencv()
     width, height = stage.camera.size
@@ -188,6 +190,6 @@ def render(stage: Stage, rng: np.random.Generator) -> tuple[FloatArray, IntArray
         offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         fine, _, _ = stage.shade((inner[border][:, None] + offsets).reshape(-1, 2))
         value[y0:y1, x0:x1][border] = fine.reshape(-1, FINE * FINE).mean(axis=1)
-    value = cv2.GaussianBlur(value, (0, 0), stage.look.blur, borderType=cv2.BORDER_REPLICATE)
-    value = value + rng.normal(0.0, stage.look.noise, value.shape)
+    value = cv2.GaussianBlur(value, (0, 0), stage.appearance.blur, borderType=cv2.BORDER_REPLICATE)
+    value = value + rng.normal(0.0, stage.appearance.noise, value.shape)
     return np.clip(np.rint(value), 0, 255), whose

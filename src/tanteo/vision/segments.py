@@ -1,7 +1,7 @@
 """Straight segments and corners of an image, with covariance.
 
-OpenCV's detector (von Gioi and others 2010) proposes segments; each is fitted again to the sub-pixel edge points along
-it, in pixels without distortion, where straight edges are straight.
+OpenCV's detector (von Gioi and others 2010) proposes segments. A line is fitted to the sub-pixel edge points along
+each, in pixels without distortion, where straight edges are straight.
 """
 
 from __future__ import annotations
@@ -13,19 +13,8 @@ import numpy as np
 from tanteo.geometry import freeze
 from tanteo.geometry.typing import BoolArray, Covariances, FloatArray, IntArray
 from tanteo.vision.camera import Camera, opencv, without_distortion
-from tanteo.vision.edges import CORRELATION, EdgeMap, cell_of, channel_of
-from tanteo.vision.fit import BIAS
-
-SHORTEST = 12.0
-"""Shorter segments are not kept [px]."""
-
-NEAR = 1.5
-"""Edge points within this of a proposed segment are its own [px]."""
-
-_FEW = 6
-_TURN = np.radians(3.0)
-_GAP = 25.0
-"""Two segments on one line are also taken as one if no more than this is missing between them [px]."""
+from tanteo.vision.edges import EdgeMap, cell_of, channel_of
+from tanteo.vision.settings import EDGES, EVIDENCE, SEARCH
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +22,11 @@ class Segments:
     """Straight segments, in pixels without distortion.
 
     Attributes:
-        ends: ``(n, 2, 2)``: the feet of the first and last edge point on the line [px].
-        middles: ``(n, 2)``, of the edge points [px].
-        directions: ``(n, 2)``, unit, from the first end to the second.
-        covariances: ``(n, 2, 2)``, of offset across the line at the middle and of direction [px, rad].
-        counts: ``(n,)``, edge points that each was fitted to.
+        ends: feet of the first and the last edge point on the line ``(n, 2, 2)`` [px].
+        middles: means of the edge points ``(n, 2)`` [px].
+        directions: unit vectors from the first end to the second ``(n, 2)``.
+        covariances: covariances of offset at the middle and direction ``(n, 2, 2)`` [px, rad].
+        counts: numbers of edge points of the fits ``(n,)``.
     """
 
     ends: FloatArray
@@ -54,19 +43,19 @@ class Segments:
 
     @property
     def lengths(self) -> FloatArray:
-        """``(n,)`` [px]."""
+        """Lengths of the segments ``(n,)`` [px]."""
         return np.asarray(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Places where two segments end together.
+    """Corners, at which two segments end.
 
     Attributes:
-        pixels: ``(m, 2)``, where their lines meet, without distortion [px].
-        covariances: ``(m, 2, 2)`` [px^2].
-        segments: ``(m, 2)``, the two, by index.
-        ends: ``(m, 2)``, which end of each is there: 0 or 1.
+        pixels: intersections of the lines of the segments ``(m, 2)``, without distortion [px].
+        covariances: covariances of the pixels ``(m, 2, 2)`` [px^2].
+        segments: numbers of the two segments ``(m, 2)``.
+        ends: end of each segment at the corner ``(m, 2)``, 0 or 1.
     """
 
     pixels: FloatArray
@@ -82,15 +71,15 @@ def find_segments(image: FloatArray, camera: Camera, edges: EdgeMap) -> Segments
     """Find the straight segments of an image.
 
     Args:
-        image: rows x columns, grey levels.
-        camera: that took it, for its distortion.
-        edges: its edges.
+        image: grey levels ``(rows, columns)``.
+        camera: camera of the image, for its distortion.
+        edges: edges of the image.
     """
     cv2 = opencv()
     picture = np.clip(np.rint(image), 0, 255).astype(np.uint8)
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(picture)[0]
     lines = np.zeros((0, 2, 2)) if found is None else np.asarray(found, dtype=np.float64).reshape(-1, 2, 2)
-    lines = lines[np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) >= SHORTEST]
+    lines = lines[np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) >= EVIDENCE.stretch]
     # the detector counts from pixel corners
     fitted = [_fitted(camera, edges, line - 0.5) for line in lines]
     return _joined([row for row in fitted if row is not None])
@@ -100,7 +89,7 @@ _Row = tuple[FloatArray, FloatArray, FloatArray, FloatArray, int]
 
 
 def _fitted(camera: Camera, edges: EdgeMap, line: FloatArray) -> _Row | None:
-    """The line through the edge points along a proposed segment; None if there are few."""
+    """Return the line through the edge points along a proposed segment; None if they are few."""
     way = line[1] - line[0]
     length = float(np.linalg.norm(way))
     way = way / length
@@ -110,16 +99,16 @@ def _fitted(camera: Camera, edges: EdgeMap, line: FloatArray) -> _Row | None:
     which = edges.nearest[channel_of(normal), row, column]
     which = np.unique(which[inside & (which >= 0)])
     off = (edges.points.pixels[which] - line[0]) @ normal
-    which = which[np.abs(off) < NEAR]
-    if len(which) < _FEW:
+    which = which[np.abs(off) < EVIDENCE.reach]
+    if len(which) < EVIDENCE.shortest:
         return None
     return fit_line(without_distortion(camera, edges.points.pixels[which]), edges.points.sds[which], way)
 
 
 def fit_line(points: FloatArray, sds: FloatArray, way: FloatArray) -> _Row:
-    """Weighted line through points ``(n, 2)``: ends, middle, direction, covariance of offset and direction, count.
+    """Fit a line to points ``(n, 2)``: ends, middle, direction, covariance of offset and direction, count.
 
-    Neighbouring points share noise over a correlation length, and all of them a bias (:data:`~tanteo.vision.fit.BIAS`).
+    Neighbouring points share noise over a correlation length, and all points share a bias (``EdgeSettings.bias``).
     """
     w = 1 / (sds**2 + 0.05**2)
     w = w * np.clip(1 - ((points - np.median(points, axis=0)) @ np.array([-way[1], way[0]]) / 6.0) ** 2, 0.05, 1.0)
@@ -129,16 +118,18 @@ def fit_line(points: FloatArray, sds: FloatArray, way: FloatArray) -> _Row:
     direction = vectors[:, 1] * np.sign(vectors[:, 1] @ way)
     along = centred @ direction
     spacing = max(float(np.ptp(along)) / len(points), 0.3)
-    share = min(spacing / CORRELATION, 1.0)
+    share = min(spacing / EDGES.correlation, 1.0)
     off = centred @ np.array([-direction[1], direction[0]])
     inflate = max(1.0, float(np.mean(w * off**2)))
-    covariance = np.diag([inflate / (w.sum() * share) + BIAS**2, inflate / max(float(w @ along**2) * share, 1e-12)])
+    covariance = np.diag(
+        [inflate / (w.sum() * share) + EDGES.bias**2, inflate / max(float(w @ along**2) * share, 1e-12)]
+    )
     ends = middle + np.array([[along.min()], [along.max()]]) * direction
     return ends, middle, direction, covariance, len(points)
 
 
 def _joined(rows: list[_Row]) -> Segments:
-    """The segments, and those that pieces of one line make together."""
+    """Return the segments, and the unions of two segments on one line."""
     out = list(rows)
     for i in range(len(rows)):
         for j in range(i + 1, len(rows)):
@@ -149,7 +140,7 @@ def _joined(rows: list[_Row]) -> Segments:
 
 
 def _join(a: _Row, b: _Row) -> _Row | None:
-    if abs(a[2] @ b[2]) < np.cos(_TURN):
+    if abs(a[2] @ b[2]) < np.cos(SEARCH.sharp):
         return None
     ends = np.concatenate([a[0], b[0]])
     apart = np.linalg.norm(a[0][:, None] - b[0][None], axis=2)
@@ -157,11 +148,11 @@ def _join(a: _Row, b: _Row) -> _Row | None:
     whole = b[0][1 - j] - a[0][1 - i]
     length = float(np.linalg.norm(whole))
     lengths = np.linalg.norm(a[0][1] - a[0][0]) + np.linalg.norm(b[0][1] - b[0][0])
-    if apart[i, j] > min(_GAP, 0.5 * lengths) or length < 0.9 * lengths:
+    if apart[i, j] > min(2 * EVIDENCE.stretch, 0.5 * lengths) or length < 0.9 * lengths:
         return None
     way = whole / max(length, 1e-9)
     off = (ends - a[0][1 - i]) @ np.array([-way[1], way[0]])
-    if np.abs(off).max() > NEAR:
+    if np.abs(off).max() > EVIDENCE.reach:
         return None
     # both pieces as points on the common line
     sds = np.sqrt(np.repeat([a[3][0, 0], b[3][0, 0]], 2))
@@ -169,13 +160,13 @@ def _join(a: _Row, b: _Row) -> _Row | None:
     return joint[0], joint[1], joint[2], joint[3], a[4] + b[4]
 
 
-def find_corners(segments: Segments, reach: float = 7.0, least: float = np.radians(12.0)) -> Corners:
-    """Places where two segments end together, not farther than ``reach`` px from where their lines meet.
+def find_corners(segments: Segments, reach: float = EVIDENCE.shortest, least: float = SEARCH.sharp) -> Corners:
+    """Find the corners of an image: pairs of segments that end near the intersection of their lines.
 
     Args:
-        segments: of the image.
-        reach: how much of a segment may be missing, or run over [px].
-        least: smallest angle between the two [rad].
+        segments: segments of the image.
+        reach: largest distance of an end from the intersection [px].
+        least: smallest angle between the two segments [rad].
     """
     n = len(segments)
     i, j = (index.ravel() for index in np.triu_indices(n, 1))
@@ -200,7 +191,7 @@ def _nearest_end(segments: Segments, index: IntArray, where: FloatArray) -> tupl
 
 
 def _meeting_covariance(segments: Segments, i: IntArray, j: IntArray, where: FloatArray) -> Covariances:
-    """Of the point where two lines meet: each moves across itself by offset and turn there."""
+    """Return the covariances of intersections of lines ``(m, 2, 2)`` from those of offset and direction [px^2]."""
     rows, variances = [], []
     for k in (i, j):
         d = segments.directions[k]

@@ -1,4 +1,4 @@
-"""What an image of a table shows: every object, which part it may be, where, and what the camera cannot tell."""
+"""Recognition of the objects on a table in an image: part, pose, and the touch that decides what the image cannot."""
 
 from __future__ import annotations
 
@@ -16,33 +16,27 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import BoolArray, FloatArray, Transforms
 from tanteo.parts import Part, StoredParts, as_parts
 from tanteo.posterior import Answer, OnTable
-from tanteo.vision.answers import ImageMode, Question, ask, hypothesis, judged, too_many
+from tanteo.vision.answers import ImageMode, Question, deciding_touch, hypothesis, judged, too_many
 from tanteo.vision.camera import Camera, on_plane
 from tanteo.vision.candidates import candidates_in, own_edges
 from tanteo.vision.descriptors import Descriptors, describe
 from tanteo.vision.edges import EdgeMap, EdgePoints, find_edges, map_edges
 from tanteo.vision.ellipses import Ellipses, find_ellipses
-from tanteo.vision.fit import BIAS
-from tanteo.vision.image_edges import STRETCH, ImageEdges, Weights, chance_hits, standing
+from tanteo.vision.image_edges import ImageEdges, Weights, chance_hits, standing
 from tanteo.vision.models import VisionModel, prepare_vision
 from tanteo.vision.outlines import check_size, narrowed, seen_outline
 from tanteo.vision.posterior import ImagePosterior, infer
 from tanteo.vision.regions import Region, bare_table, find_regions
 from tanteo.vision.rims import name_ellipses
+from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.table import TableErrors, seen_table
-
-_POSSIBLE = 0.01
-"""Answers less probable than this raise no question."""
-
-_FARTHEST = 200.0
-"""A camera that stands more diagonals of the largest part above the table is told in a wrong unit."""
 
 
 def check_sight(image: FloatArray, camera: Camera, parts: Any) -> Sequence[Any]:
-    """The parts, stored ones unopened, if there are any and the image is of the camera.
+    """Check that there are parts and that the image has the size of the camera; return the parts, stored ones unopened.
 
     Raises:
-        InputError: it does not.
+        InputError: there are no parts, or the sizes differ.
     """
     parts = as_parts("parts", parts)
     if not len(parts):
@@ -52,38 +46,38 @@ def check_sight(image: FloatArray, camera: Camera, parts: Any) -> Sequence[Any]:
 
 
 def prepared(one: Part | VisionModel) -> VisionModel:
-    """A part made ready, if it is not."""
+    """Return a part prepared for images."""
     return one if isinstance(one, VisionModel) else prepare_vision(one)
 
 
 def part_of(one: Any) -> Part:
-    """A part, of what may be prepared of it."""
+    """Return the part of a prepared part."""
     found: Part = getattr(one, "part", one)
     return found
 
 
 def check_place(camera: Camera, T_camera_table: Transforms, parts: Sequence[Any]) -> None:
-    """The camera is above the table, not far away for parts of this size, and looks at it.
+    """Check that the camera is above the table, not too far for parts of this size, and points at the table.
 
     Raises:
-        InputError: it does not.
+        InputError: it is not, or it does not.
     """
     height = float(SE3.inverse(T_camera_table)[2, 3])
     size = _largest(parts)
     corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * (np.array(camera.size) - 1.0)
     if height <= 0:
-        got = f"one {-1e3 * height:.0f} mm below. Are x and y of the marks exchanged or mirrored, or its pose inverted?"
-    elif height > _FARTHEST * size:
-        got = f"one {height:.4g} m above, for parts of {size:.2g} m. Are its pose or the marks in another unit?"
+        got = f"a camera {-1e3 * height:.0f} mm below. Are x and y of the marks exchanged, or its pose inverted?"
+    elif size * camera.focal.mean() / height < EVIDENCE.stretch:
+        got = f"a camera {height:.4g} m above, for parts of {size:.2g} m. Are its pose or the marks in another unit?"
     elif not np.any(np.isfinite(on_plane(camera, corners, T_camera_table))):
-        got = "one that looks away. Is its pose inverted, or written column by column?"
+        got = "a camera that points away. Is its pose inverted, or written column by column?"
     else:
         return
-    raise InputError(f"camera: expected it above the table, looking at it, got {got}")
+    raise InputError(f"camera: expected a camera above the table that points at it, got {got}")
 
 
 def _largest(parts: Sequence[Any]) -> float:
-    """The longest diagonal of a box about one of them [m]."""
+    """Return the largest diagonal of the parts [m]."""
     if isinstance(parts, StoredParts):
         return float(np.linalg.norm(parts.numbers[:, 11:14] - parts.numbers[:, 8:11], axis=1).max())
     return max(float(part_of(one).diagonal) for one in parts)
@@ -94,14 +88,13 @@ class Sighting:
     """One object in an image.
 
     Attributes:
-        answer: the answer, as from touches: ready for the same result document.
-        modes: the poses behind its hypotheses, as many and in the same order.
-        question: what a touch should settle first; None if the image leaves nothing open that a touch from above would.
-        region: the pixels it was seen in; None where none was asked for.
-        outline: descriptors of the region's outline as if it were drawn on the table, shadow and all [m]; None without
-            a region.
-        alike: names of parts whose outlines from there are the likest, the likest first: a first look.
-        rims: of each ellipse of the image, of which hole or boss of the best answer it is a rim; empty if of none.
+        answer: answer, in the form of answers from readings.
+        modes: modes of the hypotheses, in the same order.
+        question: most useful touch; None if no touch from above decides between answers.
+        region: region of the object; None without a table.
+        outline: descriptors of the outline of the region on the table, shadow included [m]; None without a region.
+        similar: names of the parts with the likeliest outlines, the likeliest first.
+        rims: for each ellipse of the image the hole or boss of the best answer whose rim it is; empty for none.
         factors: the image as factors of a posterior, with the prior of a part on a table if there is one; none without
             an answer.
         log_known: log density of the image if the object is one of the parts.
@@ -112,7 +105,7 @@ class Sighting:
     question: Question | None
     region: Region | None
     outline: Descriptors | None = None
-    alike: tuple[str, ...] = ()
+    similar: tuple[str, ...] = ()
     rims: tuple[str, ...] = ()
     factors: tuple[PoseFactor, ...] = ()
     log_known: float = -np.inf
@@ -120,14 +113,14 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """All that was made of one image.
+    """The objects of one image, with its edges and ellipses.
 
     Attributes:
-        objects: largest first.
-        edges: the edge points.
-        T_world_camera: where the camera stands; the world is the camera's frame where that is not known.
-        frame: of poses, ``"world"``, or ``"camera"`` where its place is not known.
-        ellipses: of the image, and arcs that determine none.
+        objects: objects, largest first.
+        edges: edge points.
+        T_world_camera: pose of the camera; the identity if it is unknown.
+        frame: frame of the poses, ``"world"``, or ``"camera"`` if the pose of the camera is unknown.
+        ellipses: ellipses of the image, and refused arcs.
     """
 
     objects: tuple[Sighting, ...]
@@ -148,29 +141,29 @@ def see_table(
     top: int = TOP,
     ignore: BoolArray | None = None,
 ) -> Sight:
-    """Recognize what lies on a table.
+    """Recognize the objects on a table.
 
     Args:
-        image: rows x columns, grey levels from 0 to 255.
-        camera: calibrated, standing at ``camera.T_world_camera``.
-        parts: candidates, as parts or prepared (``prepare_vision(part)``, which is kept with the part). More than 64
-            are narrowed by their outlines first, and the answer says where what was left out decides.
-        T_world_table: the table is z = 0 of this frame, things lie on its upper side; the world's own if not given.
-        table: how well that is known.
-        weights: of the evidence.
-        top: how many hypotheses to report for each object.
-        ignore: pixels of what is known to stand there ``(rows, columns)``: a region that is mostly of it is left out.
+        image: grey levels from 0 to 255 ``(rows, columns)``.
+        camera: calibrated camera with its pose ``camera.T_world_camera``.
+        parts: candidates, as parts or prepared by ``prepare_vision``. Outlines select among more than 64 parts, and
+            the answer states where the excluded parts decide.
+        T_world_table: frame whose plane z = 0 is the table; the world if not given.
+        table: errors of the table.
+        weights: weights of the evidence.
+        top: number of hypotheses for each object.
+        ignore: pixels of known objects ``(rows, columns)``. A region that is mostly theirs is excluded.
 
     Returns:
-        One sighting for each region that is not the table; none if nothing lies there.
+        One sighting for each region that differs from the table.
 
     Raises:
-        InputError: no parts, an image of another size, or a camera whose place is not known or cannot be.
-        MissingExtraError: without OpenCV.
+        InputError: there are no parts, the image has another size, or the pose of the camera is unknown or impossible.
+        MissingExtraError: OpenCV is not installed.
     """
     parts = check_sight(image, camera, parts)
     if camera.T_world_camera is None:
-        raise InputError("camera: expected where it stands (T_world_camera), got none. Fit it with fit_camera.")
+        raise InputError("camera: expected its pose (T_world_camera), got none. Fit it with fit_camera.")
     start = time.perf_counter()
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     T_camera_table = SE3.inverse(camera.T_world_camera) @ T_world_table
@@ -202,10 +195,10 @@ def see_table(
             left_out=chosen.left_out,
         )
         seen = _sighting(posterior, image_edges, region, T_world_table, top)
-        names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.alike))
+        names = tuple(dict.fromkeys(part_of(parts[int(row)]).name for row in chosen.similar))
         factors = () if posterior.image is None else (posterior.image, lying)
         seen = replace(seen, factors=factors, log_known=posterior.log_known)
-        objects.append(replace(seen, outline=drawn, alike=names))
+        objects.append(replace(seen, outline=drawn, similar=names))
     ellipses = find_ellipses(camera, points)
     seconds = {"total": time.perf_counter() - start}
     timed = [replace(o, answer=replace(o.answer, elapsed=seconds)) for o in objects]
@@ -214,7 +207,7 @@ def see_table(
 
 
 def with_rims(seen: Sighting, camera: Camera, ellipses: Ellipses) -> Sighting:
-    """The same, with the names of the ellipses that are rims of its best answer."""
+    """Return a sighting with the names of the ellipses that are rims of its best answer."""
     if not seen.modes:
         return seen
     best = seen.modes[0]
@@ -222,20 +215,20 @@ def with_rims(seen: Sighting, camera: Camera, ellipses: Ellipses) -> Sighting:
 
 
 def outline_on_table(camera: Camera, region: Region, T_camera_table: Transforms) -> Descriptors | None:
-    """Descriptors of a region's outline where its rays meet the table [m]; None if some do not."""
+    """Return descriptors of the outline of a region on the table [m]; None if the region leaves the table."""
     points, beside = (
         on_plane(camera, pixels, T_camera_table)[:, :2] for pixels in (region.contour, region.contour + region.normals)
     )
     if not np.all(np.isfinite(points)):
         return None
     scale = np.linalg.norm(beside - points, axis=1)
-    return describe(points, (beside - points) / scale[:, None], region.sds * scale, BIAS * float(scale.mean()))
+    return describe(points, (beside - points) / scale[:, None], region.sds * scale, EDGES.bias * float(scale.mean()))
 
 
 def image_of_region(camera: Camera, edges: EdgeMap, region: Region, weights: Weights) -> ImageEdges:
     """Return the edges of an image as a measurement of the object in a region."""
     used = own_edges(region, edges)
-    log_unknown = weights.unknown * float(used.sum()) / STRETCH + weights.base
+    log_unknown = weights.unknown * float(used.sum()) / EVIDENCE.stretch + weights.base
     chance = np.array([chance_hits(edges.points, used)])
     return ImageEdges(camera, edges, chance, bare_table(region.mask), weights, log_unknown)
 
@@ -271,15 +264,15 @@ def _sighting(
 
 
 def _question(modes: Sequence[ImageMode], T_world_table: Transforms, T_world_camera: Transforms) -> Question | None:
-    """Between the best answer and the most probable one whose surface is elsewhere."""
+    """Return the touch that decides between the best answer and the most probable one with another surface."""
     T_table_camera = SE3.inverse(T_world_table) @ T_world_camera
     answers = [
         (mode.model.part.name, mode.model.frame.surface, T_table_camera @ mode.T_camera_part)
         for mode in modes
-        if mode.probability > _POSSIBLE
+        if mode.probability > EVIDENCE.missed
     ]
     for other in answers[1:]:
-        question = ask(answers[0], other, T_world_table)
+        question = deciding_touch(answers[0], other, T_world_table)
         if question is not None:
             return question
     return None

@@ -1,9 +1,8 @@
-"""The pose of parts from one image, without a table and without a first guess; following a part through images.
+"""The pose of parts from one image, without a table or an initial pose; tracking of a part through images.
 
-Every corner of the image is tried on every corner of the part (``paths.py``), every ellipse on every rim of a hole or
-boss (``rims.py``); poses are compared with all edges, the
-better ones refined, and what remains is a posterior over modes; poses that the part's symmetry maps onto each other are
-one.
+Every corner of the image is matched with every corner of the part (``paths.py``), every ellipse with every rim of a
+hole or boss (``rims.py``). All edges score these poses. The best are refined, and the posterior has their modes.
+Poses that the symmetry of the part maps onto each other are one.
 """
 
 from __future__ import annotations
@@ -18,29 +17,22 @@ from tanteo.errors import InputError
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.parts import Part
-from tanteo.posterior import Answer, box_corners
+from tanteo.posterior import DEFAULTS, Answer, box_corners
 from tanteo.vision.answers import hypothesis, judged
 from tanteo.vision.camera import Camera, project
-from tanteo.vision.candidates import FAINT
 from tanteo.vision.edges import EdgeMap, cell_of, channel_of, find_edges, map_edges
 from tanteo.vision.ellipse_fit import Ellipse
 from tanteo.vision.ellipses import find_ellipses
-from tanteo.vision.fit import REACHES, refine
+from tanteo.vision.fit import refine
 from tanteo.vision.image_edges import ImageEdges, Weights, chance_map, standing
 from tanteo.vision.models import VisionModel
-from tanteo.vision.outlines import MOST
 from tanteo.vision.paths import image_paths, model_paths, poses_from_paths
 from tanteo.vision.posterior import infer
 from tanteo.vision.rims import poses_from_ellipses
 from tanteo.vision.segments import find_corners, find_segments
+from tanteo.vision.settings import EVIDENCE, SEARCH
 from tanteo.vision.sight import Sight, Sighting, check_sight, image_modes, prepared, see_table, with_rims
 from tanteo.vision.wireframe import Wireframe, in_camera, see_edges
-
-TRIED, KEPT = 240, 48
-"""Poses of each part that are refined a little, and of these to the end."""
-
-_QUICK = (12.0, 9.0, 6.0, 4.0)
-_LAST = (2.5, 1.5, 1.0, 1.0)
 
 
 def see_anywhere(
@@ -51,27 +43,27 @@ def see_anywhere(
     weights: Weights | None = None,
     top: int = TOP,
 ) -> Sight:
-    """Find a part that may lie or be held in any pose: one object, no table.
+    """Recognize one object in any pose, without a table.
 
     Args:
-        image: rows x columns, grey levels from 0 to 255.
-        camera: calibrated; the world is its own frame unless it says where it stands.
-        parts: candidates with corners, holes or bosses (others have nothing to start from and are not found).
-        weights: of the evidence.
-        top: how many hypotheses to report.
+        image: grey levels from 0 to 255 ``(rows, columns)``.
+        camera: calibrated camera; without a pose the world is its own frame.
+        parts: candidates with corners, holes or bosses; parts without them are not found.
+        weights: weights of the evidence.
+        top: number of hypotheses.
 
     Returns:
-        One object with its modes, or none where no corner or ellipse of the image fits any part.
+        One object with its modes, or none if no corner or ellipse of the image fits a part.
 
     Raises:
-        InputError: no parts, more than 200, or an image of another size than the camera's.
-        MissingExtraError: without OpenCV.
+        InputError: there are no parts, more than 200 parts, or the image has another size than the camera.
+        MissingExtraError: OpenCV is not installed.
     """
     parts = check_sight(image, camera, parts)
-    if len(parts) > MOST:
+    if len(parts) > DEFAULTS.pruning.least:
         raise InputError(
-            f"parts: expected at most {MOST} where the camera's place is not known, as nothing narrows them, got "
-            f"{len(parts):,}. Say where the camera stands over the table (--marks, T_world_camera), or give fewer."
+            f"parts: expected at most {DEFAULTS.pruning.least} where the pose of the camera is unknown, got "
+            f"{len(parts):,}. Give the pose of the camera over the table (--marks, T_world_camera), or fewer parts."
         )
     models = [prepared(one) for one in parts]
     points = find_edges(image)
@@ -79,7 +71,7 @@ def see_anywhere(
     ellipses = find_ellipses(camera, points)
     seen = ImageEdges(camera, edges, chance_map(edges), weights=weights or Weights())
     proposals, tried = propose_anywhere(image, seen, ellipses.found, models)
-    # the best of many tries is better than chance by about the logarithm of their number
+    # the best of many poses exceeds chance by about the logarithm of their number
     seen = replace(seen, log_unknown=float(np.log(tried)))
     posterior = infer(seen, proposals, len(models))
     hypotheses = tuple(hypothesis(mode, seen) for mode in posterior.modes[:top])
@@ -95,7 +87,7 @@ def see_anywhere(
 
 
 def _ahead(part: Part, T_camera_part: Transforms) -> Transforms:
-    """Those poses that have the whole part in front of the camera."""
+    """Return the poses at which the whole part is in front of the camera."""
     corners = box_corners(part)
     depths = T_camera_part[:, 2, :3] @ corners.T + T_camera_part[:, 2, 3:]
     return T_camera_part[np.all(depths > 0, axis=1)]
@@ -107,9 +99,9 @@ def propose_anywhere(
     """Return poses of each part from the corners and ellipses of the image, and the number of poses that were tried.
 
     Args:
-        image: rows x columns, grey levels.
-        seen: its edges.
-        ellipses: ellipses of it.
+        image: grey levels ``(rows, columns)``.
+        seen: edges of the image.
+        ellipses: ellipses of the image.
         models: parts.
     """
     camera, edges = seen.camera, seen.edges
@@ -123,15 +115,27 @@ def propose_anywhere(
         tried += len(T)
         if len(T):
             score = coarse_scores(model.coarse, camera, edges, T)
-            T = refine(model.coarse, camera, edges, T[np.argsort(-score)[:TRIED]], reaches=_QUICK)
+            T = refine(
+                model.coarse,
+                camera,
+                edges,
+                T[np.argsort(-score)[: SEARCH.tried]],
+                reaches=SEARCH.first_reaches,
+            )
             T = _ahead(model.part, T)
             score = coarse_scores(model.frame, camera, edges, T)
-            T = refine(model.frame, camera, edges, T[np.argsort(-score)[:KEPT]], reaches=REACHES[2:])
+            T = refine(
+                model.frame,
+                camera,
+                edges,
+                T[np.argsort(-score)[: SEARCH.kept]],
+                reaches=SEARCH.last_reaches,
+            )
             T = _ahead(model.part, T)
         out.append((model, T))
         logs.append(seen.sums(model, T).there)
     best = max((float(log.max()) for log in logs if len(log)), default=0.0)
-    kept = [np.flatnonzero((log > best - FAINT) | (log == log.max(initial=-np.inf))) for log in logs]
+    kept = [np.flatnonzero((log > best - DEFAULTS.search.drop_gap) | (log == log.max(initial=-np.inf))) for log in logs]
     return [(model, T[rows]) for (model, T), rows in zip(out, kept, strict=True)], tried
 
 
@@ -146,30 +150,30 @@ def follow(
     turn: float = np.radians(8.0),
     starts: int = 300,
 ) -> Transforms:
-    """The pose in the next image, near the one in the last.
+    """Track a part: return its pose in the next image.
 
     Args:
-        image: rows x columns, grey levels.
-        camera: that took it.
-        model: of the part.
-        T_camera_part: pose in the image before ``(4, 4)``.
-        rng: where to look around it.
-        shift: standard deviation of the motion of its middle between two images [m].
-        turn: the same of its rotation about each axis [rad].
-        starts: how many poses around the last to begin from.
+        image: grey levels ``(rows, columns)``.
+        camera: camera of the image.
+        model: part prepared for images.
+        T_camera_part: pose in the previous image ``(4, 4)``.
+        rng: generator of the initial poses.
+        shift: standard deviation of the motion of the part's middle between two images [m].
+        turn: standard deviation of the rotation about each axis between two images [rad].
+        starts: number of initial poses.
     """
     edges = map_edges(find_edges(image))
     about = SE3.from_parts(np.eye(3), model.part.centroid)
     moves = rng.normal(size=(starts, 6)) * np.r_[np.full(3, shift), np.full(3, turn)]
     moves[0] = 0.0
     first = T_camera_part @ about @ SE3.exp(moves) @ SE3.inverse(about)
-    T = refine(model.coarse, camera, edges, first, reaches=REACHES[:8])
+    T = refine(model.coarse, camera, edges, first, reaches=SEARCH.reaches(EVIDENCE.stretch, EVIDENCE.reach))
     best = T[np.argmax(coarse_scores(model.frame, camera, edges, T, cap=3.0))]
-    return np.asarray(refine(model.frame, camera, edges, best[None], reaches=_LAST)[0])
+    return np.asarray(refine(model.frame, camera, edges, best[None], reaches=SEARCH.reaches(EVIDENCE.reach))[0])
 
 
 def coarse_scores(frame: Wireframe, camera: Camera, edges: EdgeMap, Ts: Transforms, cap: float = 8.0) -> FloatArray:
-    """How well the part's edges fall on edges: one minus the mean capped distance ``(B,)``; hidden ones count."""
+    """Return one minus the mean capped distance of the part's edges from edges, hidden edges included ``(B,)``."""
     out = []
     for k in range(0, len(Ts), 512):
         T = Ts[k : k + 512]
@@ -185,22 +189,22 @@ def coarse_scores(frame: Wireframe, camera: Camera, edges: EdgeMap, Ts: Transfor
 
 
 def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[VisionModel], *, top: int = TOP) -> Sight:
-    """Which parts an image shows, where they are, and what a touch should settle.
+    """Recognize the parts that an image shows: part, pose, and the touch that decides between answers.
 
     Args:
         image: grey levels from 0 to 255 ``(rows, columns)``; see :func:`tanteo.read_image`.
-        camera: calibrated. Where it says where it stands (``T_world_camera``), parts lie on the table z = 0 of the
-            world (:func:`tanteo.vision.see_table`); where it does not, one part in any pose is looked for, in the
-            frame of the camera (:func:`tanteo.vision.see_anywhere`).
+        camera: calibrated camera. With its pose ``T_world_camera`` parts lie on the table z = 0 of the world
+            (:func:`tanteo.vision.see_table`). Without it one part may have any pose in the frame of the camera
+            (:func:`tanteo.vision.see_anywhere`).
         parts: candidates.
         top: number of hypotheses for each object.
 
     Returns:
-        The objects that were seen, each with its answer: part, pose with covariance, probability.
+        The objects of the image with their answers: part, pose with covariance, probability.
 
     Raises:
-        InputError: no parts, or an image of another size than the camera's.
-        MissingExtraError: without OpenCV (the extra ``vision``).
+        InputError: there are no parts, or the image has another size than the camera.
+        MissingExtraError: OpenCV (the extra ``vision``) is not installed.
 
     Example:
         >>> image = tanteo.read_image("images/twins.png")
@@ -209,5 +213,5 @@ def see(image: FloatArray, camera: Camera, parts: Sequence[Part] | Sequence[Visi
         >>> sight.frame, [seen.answer.status for seen in sight.objects]
         ('camera', ['ambiguous'])
     """
-    look = see_anywhere if camera.T_world_camera is None else see_table
-    return look(image, camera, parts, top=top)
+    recognize = see_anywhere if camera.T_world_camera is None else see_table
+    return recognize(image, camera, parts, top=top)

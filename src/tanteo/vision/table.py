@@ -1,4 +1,4 @@
-"""The table: how well it is known, and where it is, from points whose places on it and in the image are known."""
+"""The table: its errors, and the pose of the camera from marks whose positions on it are known."""
 
 from __future__ import annotations
 
@@ -10,21 +10,16 @@ from tanteo.errors import DegenerateError, InputError
 from tanteo.geometry import SE3, SO3
 from tanteo.geometry.typing import Covariances, FloatArray, Transforms, Vectors
 from tanteo.vision.camera import Camera, opencv, project, project_linearized, rays
-
-_CONTRADICT = 0.01
-"""Points that are farther off than this share of the image's width (rms) are not those of one camera."""
-
-_TRUST = 2.0
-"""How many residuals the stated deviation of a pixel counts for."""
+from tanteo.vision.settings import SEARCH
 
 
 @dataclass(frozen=True, slots=True)
 class TableErrors:
-    """How far a part that lies on the table may be from where the table says.
+    """Errors of the height and tilt of parts on the table.
 
     Attributes:
-        height: standard deviation of its height [m].
-        tilt: standard deviation of its tilt about each direction of the table [rad].
+        height: standard deviation of the height of a part [m].
+        tilt: standard deviation of the tilt of a part about each direction of the table [rad].
     """
 
     height: float = 2e-4
@@ -36,9 +31,9 @@ class TableErrors:
 
 
 def lying_information(T_table_part: Transforms, centre: Vectors, errors: TableErrors) -> FloatArray:
-    """Information ``(*batch, 6, 6)`` on ``Log(T_lying^-1 T)`` of a part that lies on the table.
+    """Return the information on ``Log(T_lying^-1 T)`` of a part on the table ``(*batch, 6, 6)``.
 
-    Height is that of the part's ``centre``; yaw and place on the table are free.
+    The height is that of the ``centre`` of the part. Yaw and position on the table are free.
     """
     up, first, second = (T_table_part[..., k, :3] for k in (2, 0, 1))
     zero = np.zeros_like(up)
@@ -54,11 +49,11 @@ def lying_information(T_table_part: Transforms, centre: Vectors, errors: TableEr
 
 
 def seen_table(errors: TableErrors, camera: Camera, T_world_table: Transforms) -> TableErrors:
-    """The table's errors as the camera sees it: those of where the camera stands are added."""
+    """Return the errors of the table in the frame of the camera, with those of the camera's pose."""
     if camera.covariance is None or camera.T_world_camera is None:
         return errors
     T = SE3.inverse(T_world_table) @ camera.T_world_camera
-    # what the camera's error does to the table about where the camera looks
+    # the effect of the camera's error on the table about the point on the optical axis
     middle = np.array([0.0, 0.0, abs(T[2, 3] / min(T[2, 2], -0.1))])
     up, first, second = T[2, :3], T[0, :3], T[1, :3]
     height = np.concatenate([up, np.cross(middle, up)])
@@ -71,12 +66,12 @@ def seen_table(errors: TableErrors, camera: Camera, T_world_table: Transforms) -
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraPose:
-    """Where the camera stands, from known points.
+    """The pose of a camera from known points.
 
     Attributes:
-        T_world_camera: its pose ``(4, 4)``.
-        covariance: ``(6, 6)``, camera frame, right [m, rad].
-        offs: how far each point is from where it is seen ``(n,)`` [px].
+        T_world_camera: pose of the camera ``(4, 4)``.
+        covariance: covariance of the pose ``(6, 6)``, camera frame, right [m, rad].
+        offs: distances of the points from their pixels ``(n,)`` [px].
     """
 
     T_world_camera: Transforms
@@ -85,18 +80,18 @@ class CameraPose:
 
     @property
     def rms(self) -> float:
-        """Of the points in the image [px]."""
+        """Root mean square of the distances [px]."""
         return float(np.sqrt(np.mean(self.offs**2)))
 
 
 def fit_camera(camera: Camera, pixels: FloatArray, points: Vectors, sd: float = 0.5) -> CameraPose:
-    """Pose of the camera from points of the table (or off it) whose pixels are known.
+    """Fit the pose of the camera to points whose pixels are known.
 
     Args:
-        camera: with its lens; its own pose is not looked at.
-        pixels: ``(n, 2)`` [px].
-        points: ``(n, 3)``, in the world [m]; four or more, not on a line.
-        sd: of a pixel, as far as known beforehand: it counts as much as one mark's residuals.
+        camera: camera with its lens; its pose is not used.
+        pixels: pixels of the points ``(n, 2)`` [px].
+        points: four or more points in the world, not on a line ``(n, 3)`` [m].
+        sd: prior standard deviation of a pixel, which counts like the residuals of one mark [px].
 
     Raises:
         InputError: too few points, or points that contradict each other.
@@ -112,37 +107,38 @@ def fit_camera(camera: Camera, pixels: FloatArray, points: Vectors, sd: float = 
     centred = points - points.mean(axis=0)
     spread = np.linalg.svd(centred, compute_uv=False)
     if spread[1] < 1e-6 * max(spread[0], 1e-12):
-        raise DegenerateError("points: expected places that span the table, got a line. Mark one beside it.")
+        raise DegenerateError("points: expected points that span the table, got a line. Mark a point beside it.")
     best: tuple[float, Transforms, FloatArray] | None = None
     for T in _starts(rays(camera, pixels), points):
         T, information, chi2 = _improve(camera, pixels, points, T)
         if np.isfinite(chi2) and (best is None or chi2 < best[0]):
             best = chi2, T, information
     if best is None:
-        raise DegenerateError("points: expected places in front of a camera, got none that are. Check their order.")
+        raise DegenerateError("points: expected points in front of the camera, got none. Check their order.")
     chi2, T, information = best
     offs = np.linalg.norm(pixels - project(camera, SE3.apply(T, points)), axis=1)
-    if chi2 > len(points) * (_CONTRADICT * camera.size[0]) ** 2:
+    if chi2 > len(points) * (SEARCH.contradict * camera.size[0]) ** 2:
         far = int(np.argmax(offs))
         raise InputError(
-            f"points: expected places that agree, got {np.sqrt(chi2 / len(points)):.1f} px rms; farthest off is number "
+            f"points: expected points that agree, got {np.sqrt(chi2 / len(points)):.1f} px rms; farthest off is number "
             f"{far + 1}, by {offs[far]:.0f} px. Check it, the order of the others, and the camera."
         )
     dof = 2 * len(points) - 6
-    covariance = np.linalg.inv(information) * (_TRUST * sd**2 + chi2) / (_TRUST + dof)
-    # the errors are of T_camera_world, right, in the world: those of the inverse are minus these, in the camera
+    stated = pixels.shape[1]  # residuals that the stated deviation counts for: those of one mark
+    covariance = np.linalg.inv(information) * (stated * sd**2 + chi2) / (stated + dof)
+    # the errors are those of T_camera_world, right, in the world; those of the inverse are minus these, in the camera
     Ad = SE3.adjoint(T)
     return CameraPose(SE3.inverse(T), Ad @ covariance @ Ad.T, offs)
 
 
 def _starts(directions: Vectors, points: Vectors) -> list[Transforms]:
-    """Pose proposals ``T_camera_world`` (Terzakis and Lourakis 2020, by OpenCV), nearly mirrored ones too."""
+    """Return pose proposals ``T_camera_world`` (Terzakis and Lourakis 2020, by OpenCV), and mirrored ones."""
     cv2 = opencv()
     found = cv2.solvePnPGeneric(points, directions[:, :2].copy(), np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
     out = [SE3.from_parts(SO3.exp(w.ravel()), t.ravel()) for w, t in zip(found[1], found[2], strict=True)]
     normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
     for T in list(out):
-        # a plane seen from the mirrored side fits about as well where perspective is weak
+        # the mirrored pose of a plane fits about as well under weak perspective
         middle = SE3.apply(T, points.mean(axis=0))
         way, across = middle / np.linalg.norm(middle), T[:3, :3] @ normal
         turn = SO3.exp(2 * np.cross(across, way * np.sign(across @ way)))

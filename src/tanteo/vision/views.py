@@ -1,4 +1,4 @@
-"""Images of the object that readings are of, as factors beside the readings: any number of views, one answer."""
+"""Images of the object of readings, as factors of one posterior with the readings."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from tanteo.vision.table import TableErrors, seen_table
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """One image and the camera that took it.
+    """One image and its camera.
 
     Attributes:
         pixels: grey levels from 0 to 255 ``(rows, columns)``; see :func:`tanteo.read_image`.
-        camera: calibrated, standing in the world of the readings (``T_world_camera``).
+        camera: calibrated camera with its pose in the world of the readings (``T_world_camera``).
     """
 
     pixels: FloatArray
@@ -42,19 +42,19 @@ def view_factors(
     *,
     T_world_table: Transforms | None = None,
 ) -> tuple[ImageEdges, ...]:
-    """Return views of the object that readings are of as factors of one posterior.
+    """Return views of the object of readings as factors of one posterior.
 
     The images propose poses of parts that lie on a table; the factors hold whether the part lies there or not.
 
     Args:
         views: images with their cameras.
-        points: places of the readings in the world ``(n, 3)`` [m].
+        points: sensed points of the readings in the world ``(n, 3)`` [m].
         parts: candidates.
-        priors: what is assumed beforehand, with the radius of the workspace.
-        T_world_table: the table is z = 0 of this frame; the world's own if not given.
+        priors: prior probabilities and scales, with the radius of the workspace.
+        T_world_table: frame whose plane z = 0 is the table; the world if not given.
 
     Raises:
-        InputError: it is not known where a camera stands, the readings are not in its image, or nothing lies there.
+        InputError: the pose of a camera is unknown, or the readings or their object are not in its image.
     """
     T_world_table = np.eye(4) if T_world_table is None else T_world_table
     models = [prepared(part) for part in parts]

@@ -1,4 +1,4 @@
-"""What of a part makes edges in an image: sharp edges, and the rims where the surface turns away from the camera.
+"""Edges of a part in an image: sharp edges, and silhouette edges of curved faces.
 
 Samples of the rims of holes and bosses are on their circles, not on the chords of the mesh.
 """
@@ -13,24 +13,11 @@ from tanteo import _core
 from tanteo.fitting import motion_scale
 from tanteo.geometry.typing import BoolArray, FloatArray, IntArray, Transforms, Vectors
 from tanteo.parts import Part, Rim, Surface, mesh_edges, round_features
+from tanteo.vision.settings import SEARCH
 
-SHARP = np.radians(12.0)
-"""Two faces that meet at more than this make an edge that may be seen [rad]."""
-
-FLAT = 1e-3
-"""Triangles that meet at less than this are one plane: their common side is never seen [rad]."""
-
-SAMPLES = 220
-"""About how many samples a part's sharp edges get; rims of curved faces as many again."""
-
-AROUND = 18
-"""The rim of a hole or boss gets at least one sample for so many of all: where a hole is discriminates twins."""
-
-_ON_RIM = 1e-4
-"""Ends of a mesh edge that are so near to a circle are on it, in diagonals."""
-
-_LIFT = 2e-4
-"""How far a sample is lifted off the surface when it is asked whether it is hidden, in diagonals."""
+_EXACT = 1e-4
+"""Numerical: sine of the angle between triangles of one plane; distance of a vertex from the circle that it is on, as a
+share of the part's diagonal. Meshes have more digits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,20 +25,20 @@ class Wireframe:
     """Samples of a part's edges.
 
     Attributes:
-        points: ``(N, 3)``, part frame [m].
-        tangents: ``(N, 3)``, unit, along the edge.
-        bends: ``(N, 3)``, from the sample to the middle of the rim that it is on, over the square of its radius; zero
-            elsewhere [1/m].
-        normals: ``(N, 2, 3)``, of the two faces that meet there, outward.
-        lengths: ``(N,)``, how much edge each sample stands for [m].
-        sharp: ``(N,)``, False for the smooth ones, seen only where they are a rim.
-        groups: ``(N,)``, which edge or rim of the part each belongs to: the pair of faces, numbered.
-        surface: of the part.
-        diagonal: of its box [m].
-        middle: its centroid, about which it is moved ``(3,)``, part frame [m].
-        scale: motions by its diagonal, or by a radian about its middle, as columns ``(6, 6)`` [m, rad].
-        to_unit: the inverse of that.
-        compiled: all of it for the core.
+        points: samples ``(N, 3)``, part frame [m].
+        tangents: unit vectors along the edge ``(N, 3)``.
+        bends: vectors from the samples to the centre of their rim, over the square of its radius ``(N, 3)`` [1/m]; zero
+            elsewhere.
+        normals: outward normals of the two adjacent faces ``(N, 2, 3)``.
+        lengths: lengths of edge that the samples represent ``(N,)`` [m].
+        sharp: whether the edge is sharp ``(N,)``. A smooth edge is visible only as a silhouette.
+        groups: number of the pair of faces of the edge ``(N,)``.
+        surface: surface of the part.
+        diagonal: diagonal of the box of the part [m].
+        middle: centroid of the part, about which it moves ``(3,)``, part frame [m].
+        scale: motions by the diagonal, or by a radian about the middle, as columns ``(6, 6)`` [m, rad].
+        to_unit: inverse of the scale.
+        compiled: the wireframe for the core.
     """
 
     points: Vectors
@@ -71,7 +58,7 @@ class Wireframe:
     def __post_init__(self) -> None:
         compiled = _core.make_edge_frame(
             self.points, self.tangents, self.normals, self.lengths, self.sharp,
-            self.surface.vertices[self.surface.triangles], self.diagonal, self.middle, _LIFT * self.diagonal,
+            self.surface.vertices[self.surface.triangles], self.diagonal, self.middle, 2 * _EXACT * self.diagonal,
         )  # fmt: skip
         scale = motion_scale(self.diagonal, self.middle)
         for name, value in (("scale", scale), ("to_unit", np.linalg.inv(scale)), ("compiled", compiled)):
@@ -81,16 +68,16 @@ class Wireframe:
         return len(self.points)
 
 
-def wireframe(part: Part, samples: int = SAMPLES) -> Wireframe:
-    """Sample the edges of a part, about so many times its sharp ones."""
+def wireframe(part: Part, samples: int = SEARCH.samples) -> Wireframe:
+    """Sample the edges of a part, with about ``samples`` samples on its sharp edges."""
     edges = mesh_edges(part.triangles)
     surface = Surface(part.vertices, part.triangles)
     normals = np.stack([surface.normals[edges.left], surface.normals[edges.right]], axis=1)
     turn = np.arccos(np.clip(np.sum(normals[:, 0] * normals[:, 1], axis=1), -1.0, 1.0))
     faces = np.sort(np.stack([part.triangle_face[edges.left], part.triangle_face[edges.right]], axis=1), axis=1)
-    sharp = (turn > SHARP) & (faces[:, 0] != faces[:, 1]) | edges.rims
+    sharp = (turn > SEARCH.sharp) & (faces[:, 0] != faces[:, 1]) | edges.rims
     rims = _rims_of(part, edges.ends, sharp)
-    pieces = [_sampled(part, edges.ends, chosen, samples, rims) for chosen in (sharp, ~sharp & (turn > FLAT))]
+    pieces = [_sampled(part, edges.ends, chosen, samples, rims) for chosen in (sharp, ~sharp & (turn > _EXACT))]
     edge = np.concatenate([piece[0] for piece in pieces])
     _, groups = np.unique(faces[edge], axis=0, return_inverse=True)
     a, b = part.vertices[edges.ends[edge, 0]], part.vertices[edges.ends[edge, 1]]
@@ -112,7 +99,7 @@ def wireframe(part: Part, samples: int = SAMPLES) -> Wireframe:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Rims:
-    """Rims of holes and bosses, and on which of them each mesh edge is ``(E,)``; -1 on none."""
+    """Rims of holes and bosses, and the number of the rim of each mesh edge ``(E,)``, -1 for none."""
 
     rims: tuple[Rim, ...]
     which: IntArray
@@ -125,13 +112,13 @@ def _rims_of(part: Part, ends: IntArray, sharp: BoolArray) -> _Rims:
         local = part.vertices - rim.centre
         height = local @ rim.axis
         out = np.linalg.norm(local - height[:, None] * rim.axis, axis=1) - rim.radius
-        on = np.hypot(height, out) < _ON_RIM * part.diagonal
+        on = np.hypot(height, out) < _EXACT * part.diagonal
         which[on[ends].all(axis=1) & sharp] = k
     return _Rims(rims, which)
 
 
 def _rounded(chords: Vectors, tangents: Vectors, rims: _Rims, edge: IntArray) -> tuple[Vectors, Vectors, Vectors]:
-    """Samples of chords of a rim, put on its circle: points, tangents and bends."""
+    """Return points, tangents and bends of samples, those on chords of a rim moved to its circle."""
     points, tangents, bends = chords.copy(), tangents.copy(), np.zeros_like(chords)
     for k, rim in enumerate(rims.rims):
         own = np.flatnonzero(rims.which[edge] == k)
@@ -147,15 +134,17 @@ def _rounded(chords: Vectors, tangents: Vectors, rims: _Rims, edge: IntArray) ->
 def _sampled(
     part: Part, ends: IntArray, chosen: BoolArray, samples: int, rims: _Rims
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Places at equal steps along the chosen mesh edges, as edge, share of it and length that it stands for."""
+    """Return samples at equal steps along mesh edges: edge, position along it, and length of edge for each."""
     index = np.flatnonzero(chosen)
     lengths = np.linalg.norm(part.vertices[ends[index, 1]] - part.vertices[ends[index, 0]], axis=1)
     total = float(lengths.sum())
     if not total:
         return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
-    around = np.array([2 * np.pi * rim.radius for rim in rims.rims] + [np.inf]) / max(samples // AROUND, 1)
-    step = np.minimum(total / samples, around[rims.which[index]])
-    # long edges have whole numbers of samples, chords of curves have every so many of them one
+    spacing = np.array([2 * np.pi * rim.radius for rim in rims.rims] + [np.inf]) / max(
+        samples * SEARCH.rim_samples // SEARCH.samples, 1
+    )
+    step = np.minimum(total / samples, spacing[rims.which[index]])
+    # a long edge has a whole number of samples; of short chords of a curve every n-th has one
     whole = np.where(lengths > step, np.ceil(lengths / step), lengths / step)
     upto = np.cumsum(whole)
     at = np.arange(0.5, upto[-1])
@@ -165,17 +154,17 @@ def _sampled(
 
 
 def in_camera(T_camera_part: Transforms, points: Vectors) -> Vectors:
-    """Points ``(N, 3)`` of a part in the camera's frame at every pose ``(*batch, N, 3)``."""
+    """Return points ``(N, 3)`` of a part in the camera's frame at every pose ``(*batch, N, 3)``."""
     return np.asarray(points @ np.swapaxes(T_camera_part[..., :3, :3], -1, -2) + T_camera_part[..., None, :3, 3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """Samples of a wireframe as seen at some poses.
+    """Visibility of the samples of a wireframe at poses.
 
     Attributes:
-        shown: ``(*batch, N)``, whether each makes an edge in the image.
-        rims: ``(*batch, N)``, whether the part ends there: one of the two faces looks away.
+        shown: whether a sample makes an edge in the image ``(*batch, N)``.
+        rims: whether the part ends there, because one of the two faces is turned away ``(*batch, N)``.
     """
 
     shown: BoolArray
@@ -183,7 +172,13 @@ class Seen:
 
 
 def see_edges(frame: Wireframe, T_camera_part: Transforms, *, hidden: bool = True) -> Seen:
-    """Which samples make edges in the image at poses ``(*batch, 4, 4)``; what the part itself hides only if asked."""
+    """Return which samples make edges in the image at poses ``(*batch, 4, 4)``.
+
+    Args:
+        frame: wireframe of the part.
+        T_camera_part: poses ``(*batch, 4, 4)``.
+        hidden: whether the part hides its own edges.
+    """
     poses = np.ascontiguousarray(T_camera_part.reshape(-1, 4, 4))
     shape = *T_camera_part.shape[:-2], len(frame)
     shown, rims = (a.reshape(shape) for a in _core.see_edges(frame.compiled, poses, hidden))

@@ -11,7 +11,7 @@ from tanteo.geometry import SE3
 from tanteo.hand import ForbiddenBox, Rules, Workspace
 from tanteo.parts import signed_distance
 from tanteo.planning import FreeSpace, PossiblePoses, approach_poses, around, begin, hand_probe, propose, reachable
-from tanteo.planning.execution.approach import back, route, way
+from tanteo.planning.execution.approach import approach_path, back, route
 
 RULES = Rules(clearance=0.012, workspace=Workspace.above(0.0))
 LYING = SE3.from_parts(np.eye(3), [0.0, 0.0, 0.03])
@@ -92,11 +92,11 @@ def test_a_way_leads_over_obstacles_or_is_none(targets):
     a, b = (SE3.from_parts(down, [x, 0.0, 0.14]) for x in (-0.2, 0.2))
     possible = PossiblePoses.of(believed(targets, 1e-4))
     room = FreeSpace(hand.body, RULES.workspace, possible, RULES.clearance)
-    assert not room.along(way(hand, a, b))
+    assert not room.along(approach_path(hand, a, b))
     stops = route(hand, room, a, b, probe.retreat)
     assert stops is not None
     np.testing.assert_array_equal(stops[-1], b)
-    legs = [way(hand, p, q) for p, q in zip([a, *stops], stops, strict=False)]
+    legs = [approach_path(hand, p, q) for p, q in zip([a, *stops], stops, strict=False)]
     assert max(T[2, 3] for leg in legs for T in leg) > 0.19
     gaps = [exact_gap(hand.body, possible, T) for leg in legs for T in leg[::3]]
     assert min(gaps) > RULES.clearance - 1e-3
@@ -115,8 +115,8 @@ def test_from_a_narrow_place_there_is_way_out_but_not_further_in(targets):
     gaps = np.array([exact_gap(hand.body, possible, T) for T in stands])
     narrow = stands[int(np.flatnonzero(gaps > 0.5 * RULES.clearance)[0])]
     assert not room.allows(narrow[None])[0]
-    assert room.along(way(hand, narrow, back(narrow, 0.05)))
-    assert not room.along(way(hand, narrow, back(narrow, -0.01)))
+    assert room.along(approach_path(hand, narrow, back(narrow, 0.05)))
+    assert not room.along(approach_path(hand, narrow, back(narrow, -0.01)))
 
 
 def test_the_probe_is_a_frontal_sensor(targets):

@@ -1,4 +1,4 @@
-// The door for beams: what they meet on a part at many poses, and how well that is known.
+// Bindings of beams: their hits on a part at many poses, with the variance of the ranges.
 #include <nanobind/stl/tuple.h>
 
 #include <limits>
@@ -76,7 +76,7 @@ Out spreads(Doubles derivatives, Doubles covariances) {
             for (size_t c = 0; c < C; ++c)
                 for (size_t s = 0; s < S; ++s) {
                     const double* g = derivatives.data() + 6 * (c * S + s);
-                    if (g[0] == 0 && g[1] == 0 && g[2] == 0) continue;  // nothing is met
+                    if (g[0] == 0 && g[1] == 0 && g[2] == 0) continue;  // no hit
                     out[(k * C + c) * S + s] = variance(g, covariances.data() + 36 * (k * S + s));
                 }
     }

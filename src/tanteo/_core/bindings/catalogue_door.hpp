@@ -50,7 +50,7 @@ inline std::vector<SensedPlane> sensed_planes(const Doubles& rows) {
     return out;
 }
 
-// Nats of a plane of no compared face: one point with its normal may be of a face that is not compared, by the share of
+// Nats of a plane of no compared face: one point with its normal may lie on a face that is not compared, by the share of
 // the part that these faces are.
 inline double most_of(const SensedPlane& plane, double unseen) {
     constexpr double LOOSE = 1.5;

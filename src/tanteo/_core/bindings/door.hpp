@@ -1,4 +1,4 @@
-// What every door to Python needs: arrays in and out, and what is said of those that cannot be meant.
+// Common parts of all bindings: arrays in and out, and errors on invalid arrays.
 #pragma once
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -47,7 +47,7 @@ inline std::string as_text(const std::vector<size_t>& sizes) {
     return out + (sizes.size() == 1 ? ",)" : ")");
 }
 
-// The door of every array of numbers: it has the shape that is asked for, or is as empty, and all of it is finite.
+// Checks every array of numbers: it has the required shape, or is equally empty, and is finite.
 // Returns its rows.
 inline size_t expect(const Doubles& a, const char* name, std::initializer_list<size_t> sizes) {
     const size_t rows = *sizes.begin() == ANY && a.ndim() ? a.shape(0) : *sizes.begin();
@@ -78,7 +78,7 @@ inline double expect(double value, const char* name, double least, double most) 
     return value;
 }
 
-// Whole numbers between two limits, and as many as are asked for.
+// Checks an array of integers: limits and required length.
 inline std::vector<int> expect(const Ints& a, const char* name, size_t count, int64_t least, int64_t most) {
     if (count != ANY && a.size() != count)
         refuse(name, "expected " + std::to_string(count) + " numbers, got " + std::to_string(a.size()));

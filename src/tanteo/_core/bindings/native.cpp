@@ -1,4 +1,4 @@
-// The door to Python: arrays in, arrays out; every loop runs without the interpreter's lock.
+// Python bindings: arrays in, arrays out; every loop runs without the interpreter's lock.
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>

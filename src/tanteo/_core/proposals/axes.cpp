@@ -1,4 +1,4 @@
-// What centres need of a part, whatever its pose: axes of their kind, side and size, as far apart as they are.
+// Necessary conditions of centres on a part at any pose: axes of their kind, side and size, at matching distances.
 #include "proposals/axes.hpp"
 
 #include <algorithm>
@@ -8,7 +8,7 @@ namespace tanteo {
 
 namespace {
 
-constexpr double TURNED = 0.004;    // and so much more [rad]: axes are not made, nor meshed, as they are drawn
+constexpr double TURNED = 0.004;    // and so much more [rad]: made and meshed axes differ from the drawing
 constexpr double PARALLEL = 1e-3;   // sine below which two axes are
 constexpr double LOOSE = 1.5;       // nats of a centre on an axis that is not among those of a part, beside their share
 constexpr double LEFT_OUT = 1e-3;   // least share that counts
@@ -103,7 +103,7 @@ bool AxisFits::agree(int i, int a, int j, int b) const {
 
 double AxisFits::lacking() const {
     const int n = static_cast<int>(centres.size()), N = static_cast<int>(axes.all.size());
-    std::vector<double> more(n);  // what each costs beyond the least, if it is of no axis
+    std::vector<double> more(n);  // additional cost of each centre without an axis
     double sum = 0;
     for (int i = 0; i < n; ++i) {
         double least = most(i);

@@ -9,8 +9,8 @@ namespace tanteo {
 struct SensedCentre {
     Vec3 at, axis;                 // of an apex the axis leads into the cone; zero where it was not sensed
     double sd = 0, tilt = 0;       // of the place [m], of the axis [rad]
-    double size = 0, size_sd = 1;  // radius [m] or half angle [rad], 0 if nobody knows
-    double most = 8;               // nats that it costs if it is of no axis
+    double size = 0, size_sd = 1;  // radius [m] or half angle [rad], 0 if unknown
+    double most = 8;               // cost without an axis [nats]
     int side = 0, kind = 0;        // 1 of a hole, -1 of a boss, 0 if unknown; code of its landmarks
 
     bool oriented() const { return squared(axis) > 0; }
@@ -39,7 +39,7 @@ struct SensedScene {
     std::vector<SensedPlane> planes;
 };
 
-// What was sensed beside a part, whatever the pose.
+// Sensed centres against a part at any pose.
 class AxisFits {
   public:
     AxisFits(const ModelAxes& axes, const std::vector<SensedCentre>& centres);

@@ -13,11 +13,11 @@ constexpr double SHORT = 1e-6;     // at which steps end
 constexpr double HOPELESS = 100, NEARLY = 2;  // of what a pose may cost, the cost of a seed at which it is given up
 constexpr double SHARP = 0.05;  // least sine of two directions that fix an attitude
 constexpr double PI = 3.14159265358979323846;
-constexpr int TURNS = 3;  // about a direction, where nothing says how
+constexpr int TURNS = 3;  // about a direction with an unknown rotation
 constexpr int LATE = 4, STEPS = 12, REFINED = 12;
 constexpr int TRIED = 4000;  // poses of a part that are tried
 
-// An axis or face that an item of a seed may be of; of planes whose side nobody knows, the other way round.
+// An axis or face that an item of a seed may be of; planes of unknown side also with the opposite normal.
 struct Partner {
     int which = 0;
     double sign = 1;
@@ -40,7 +40,7 @@ class Search {
         chosen(0);
     }
 
-    // A pose that planes proposed: what it is near to says how well it is known.
+    // A pose that planes proposed, with its uncertainty.
     void start(const Pose& pose) {
         Spread known;
         PoseEquations at;
@@ -222,7 +222,7 @@ class Search {
         return both;
     }
 
-    // Three centres: places of the axes that are as far apart as they are, if these are parallel, seen from either side.
+    // Three centres: parallel axes at the distances of the centres, from either side.
     void of_three(const Vec3* world, Vec3* part) {
         const ModelAxis* axis[3];
         for (int k = 0; k < 3; ++k) axis[k] = &axes[of[k].which];
@@ -259,7 +259,7 @@ class Search {
         }
     }
 
-    // How much higher along their axes one of two centres is than the other, for them to be as far apart as they are.
+    // How much higher along their axes one of two centres is than the other, so that their distance agrees.
     struct Rise {
         double least, about, most;
         bool may_be(double from, double to) const { return from <= most && to >= least; }

@@ -77,7 +77,7 @@ CoarsePoints coarse_points(const std::vector<CoarsePoint>& points);
 // How far apart places are at which points are tried in a part [m].
 double coarse_cell(const CoarsePart& part);
 
-// Nats of points where they are in a part, as well as they are known there; stops beyond the limit.
+// Cost of points on a part with their uncertainty [nats]; stops beyond the limit.
 double coarse_score(const CoarsePart& part, const CoarsePoints& points, const CoarseView& view, double most, double limit);
 
 // The best of views that are even over all attitudes and over where the points are in the box of a part, best first.

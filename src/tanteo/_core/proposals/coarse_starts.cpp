@@ -131,7 +131,7 @@ class Starts {
         if (one.cost < limit) keep(one);
     }
 
-    // In order; of those that are turned and placed nearly alike only the best.
+    // Sorted; of nearly equal rotations and positions only the best.
     void keep(const Kept& one) {
         const auto like = std::find_if(kept.begin(), kept.end(), [&](const Kept& other) { return alike(other, one); });
         if (like != kept.end()) {

@@ -8,7 +8,7 @@ namespace tanteo {
 
 namespace {
 
-constexpr double PARALLEL = 1e-3;  // sine up to which faces of a part are of one line
+constexpr double PARALLEL = 1e-3;  // sine up to which faces of a part share one line
 constexpr double ONE = 1e-6;       // heights nearer than this are one [m]
 
 double sine(const Vec3& a, const Vec3& b) { return norm(cross(a, b)); }

@@ -41,7 +41,7 @@ struct ModelLine {
     double blur = 0;  // variance of the heights, where faces are only nearly parallel
 };
 
-// The lines of a part's planes; faces that are within a small angle of each other are of the lines of both.
+// The lines of a part's planes; faces within a small angle of each other are on the lines of both.
 void model_lines(const ModelFaces& faces, double within, std::vector<ModelLine>& out);
 
 // The walls of cylinders alone, whose normals may look along the line's direction.
@@ -53,7 +53,7 @@ struct Shift {
 };
 
 // The ways to put the planes of a line on a part's line, along it or against it (turn: 1, -1), that cost less than the
-// limit; the least costly first. Most: nats of each plane that is of no face.
+// limit; the least costly first. Most: cost of each plane without a face [nats].
 void shifts(const SensedLine& line, const ModelLine& faces, int turn, const std::vector<double>& most, double limit,
             std::vector<Shift>& out);
 

@@ -1,4 +1,4 @@
-// What a reading is expected to tell about which group its sample is of, by the overlaps of pairs of samples.
+// Expected information of a reading about the group of its sample, from overlaps of pairs of samples.
 #pragma once
 #include <cstddef>
 #include <vector>

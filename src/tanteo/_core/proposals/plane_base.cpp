@@ -62,7 +62,7 @@ PlaneBase of_walls(const std::vector<SensedPlane>& sensed, const std::vector<Sen
     return out;
 }
 
-// What is known of each plane once the attitude is told. An error of it is of three numbers, which all planes share: with
+// Remaining uncertainty of each plane at a given attitude. An error of it is of three numbers, which all planes share: with
 // a third of as many of its variances as there are planes for each, they cost no more by it.
 void tell_planes(const std::vector<SensedPlane>& sensed, PlaneBase& base) {
     const double share = std::max(sensed.size() / 3.0, 1.0);

@@ -1,4 +1,4 @@
-// What of sensed planes tells a pose, and how well it is known by that: nothing of it depends on the part.
+// Seeds of poses from sensed planes, with their uncertainty, independent of the part.
 #pragma once
 #include <vector>
 
@@ -9,7 +9,7 @@ namespace tanteo {
 struct PlaneBase {
     struct Known {
         double variance, tilt2;  // of a plane's height [m^2], of its normal [rad^2]
-        double near, reach;      // cosine up to which a face looks its way; how far it may be beyond the face [m]
+        double near, reach;      // cosine up to which the normal of a face agrees; how far it may be beyond the face [m]
     };
     bool walls;                // the first line and two planes, points of walls along it; else three lines
     int first, second, third;  // the third is -1 where there is none
@@ -22,7 +22,7 @@ struct PlaneBase {
 };
 
 // Of triples of planes, each once, the last one of a triple being -1 where there is no third; and of triples of a plane and
-// two points that may be of the walls of two cylinders across it.
+// two points that may lie on the walls of two cylinders across it.
 std::vector<PlaneBase> plane_bases(const std::vector<SensedPlane>& sensed, const std::vector<SensedLine>& lines,
                                    const std::vector<int>& triples, const std::vector<int>& walls);
 

@@ -74,7 +74,7 @@ std::vector<PlanePose> PlaneSearch::on(const ModelFaces& all, const std::vector<
     return out;
 }
 
-// Whether two poses are nearer than what is known: a turn, and where the middle of what was sensed is.
+// Whether two poses agree within their uncertainty: rotation, and position of the middle of the sensed points.
 bool PlaneSearch::are_one(const Pose& one, const Pose& other, double turn) const {
     double squares = 0;
     for (int m = 0; m < 9; ++m) squares += (one.R.m[m] - other.R.m[m]) * (one.R.m[m] - other.R.m[m]);
@@ -137,7 +137,7 @@ void PlaneSearch::place(int m, int line, const Vec3& direction) {
 }
 
 // The least that another line costs at the attitude, and along which direction of the part it is then, if along any. All
-// of its ways to be along that, if they are asked for.
+// of its ways to be along that, if requested.
 double PlaneSearch::other(int line, std::vector<Shift>* all) {
     const Vec3 n = into * lines[line].normal;
     double best = none(line), nearest = base->near[line];

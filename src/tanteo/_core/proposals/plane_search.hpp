@@ -11,12 +11,12 @@ namespace tanteo {
 
 class PlaneSearch {
   public:
-    // Each triple has three numbers of planes, whose lines tell the pose; the last one is -1 where there is no third. Walls
+    // Each triple has three numbers of planes, whose lines determine the pose; the last one is -1 where there is no third. Walls
     // are triples of a plane and two points that may be of cylinders across it.
     PlaneSearch(const std::vector<SensedPlane>& sensed, const std::vector<int>& triples, const std::vector<int>& walls);
 
     // Poses that cost less than the limit, or than so much more than the best, in nats, best first. Most: what each
-    // plane costs that is of no face.
+    // plane costs without a face.
     std::vector<PlanePose> on(const ModelFaces& faces, const std::vector<double>& most, double limit, double behind,
                               int keep);
 
@@ -44,7 +44,7 @@ class PlaneSearch {
     double apart = 0, known = 0;  // distance and turn from which poses are two
     Vec3 middle;
 
-    // of the part that is asked about
+    // of the part in question
     const ModelFaces* faces = nullptr;
     const std::vector<double>* most = nullptr;
     double limit = 0, behind = 0;

@@ -1,4 +1,4 @@
-// Two points of the walls of cylinders along a line: with their normals they tell where two axes are.
+// Two points on walls of cylinders along a line: with their normals they determine two axes.
 #include <cmath>
 
 #include "proposals/plane_search.hpp"
@@ -8,7 +8,7 @@ namespace tanteo {
 namespace {
 
 constexpr double ALONG = 0.01;  // sine up to which a cylinder is along a line
-constexpr int TURNS = 8;        // about an axis where nothing tells the turn
+constexpr int TURNS = 8;        // about an axis with an unknown rotation
 constexpr double PI = 3.14159265358979;
 
 Vec3 across(const Vec3& x, const Vec3& way) { return x - dot(x, way) * way; }
@@ -25,8 +25,8 @@ void PlaneSearch::on_walls() {
     }
 }
 
-// Both axes in the part have to be as far apart as they are where the points have them. Where they are one, nothing tells
-// how the part is turned about it.
+// The distance of both axes in the part must agree with that of the points. If both are one axis, the rotation of the part
+// about it is unknown.
 void PlaneSearch::on_two_walls(size_t i, const ModelRound& one, const ModelRound& other) {
     const SensedPlane &a = sensed[base->second], &b = sensed[base->third];
     const Vec3 &normal = lines[base->first].normal, v = way(i);

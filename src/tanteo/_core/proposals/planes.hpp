@@ -7,7 +7,7 @@
 namespace tanteo {
 
 constexpr double SDS = 4;       // within which angles agree
-constexpr double MADE = 0.004;  // and so much more [rad]: faces are not made, nor meshed, as they are drawn
+constexpr double MADE = 0.004;  // and so much more [rad]: made and meshed faces differ from the drawing
 
 // How far two normals whose tilts are known so well may be from the angle that they have.
 inline double agreement(double first, double second) { return SDS * std::hypot(first, second) + MADE; }
@@ -17,7 +17,7 @@ struct SensedPlane {
     double sd = 0;        // of its height there [m]
     double tilt = 0;      // of its normal [rad]
     double span = 0;      // how far it was felt around there [m]
-    double most = 8;      // nats that it costs if it is of no face
+    double most = 8;      // cost without a face [nats]
     bool sided = false;
     bool alone = false;   // one point with its normal: of a cylinder, it may be
 };

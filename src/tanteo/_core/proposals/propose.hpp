@@ -21,7 +21,7 @@ struct Random {  // splitmix64: the same numbers everywhere
 
 struct Effort {
     int per_pair = 250;       // pairs of samples for each pair of points
-    int spins = 24;           // about their line, where no normal says how
+    int spins = 24;           // about their line, without a normal
     double tolerance = 4e-3;  // of their distance [m]
     double blur = 4e-3;       // distance from the surface that costs one [m]
     double tilt = 0.25;       // of a sensed normal that costs one [rad]

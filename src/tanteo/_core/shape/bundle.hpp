@@ -1,4 +1,4 @@
-// Rays one after another, many of them beside each other: what these may meet is looked up once.
+// Casts bundles of neighbouring rays: the candidate triangles of a bundle are collected once.
 #pragma once
 #include <vector>
 

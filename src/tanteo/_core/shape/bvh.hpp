@@ -103,7 +103,7 @@ class Bvh {
         return best;
     }
 
-    // hit(item, nearest) returns how far along a ray an item is met, or anything larger than nearest; the least of all.
+    // hit(item, nearest) returns the range of an item along a ray, or a value above nearest; the smallest is returned.
     // Boxes are grown by a margin: then of all rays that are no farther beside this one
     template <class Hit>
     double cast(const Vec3& origin, const Vec3& direction, double nearest, Hit&& hit, double margin = 0) const {

@@ -1,4 +1,4 @@
-// A part as the likelihood sees it: flat pieces with their outlines, the round surfaces behind them, edges, corners.
+// A part for the likelihood: flat pieces with their outlines, the round surfaces behind them, edges, corners.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -61,7 +61,7 @@ struct Segment {  // a straight sharp edge of the part
 };
 
 // A landmark of the part for sensed centres: the axis of a hole or boss from end to end, or without length a point with
-// an axis (the centre of a sphere, the apex of a cone). Its code says of which kind of factor (factors/registry.hpp), its
+// an axis (the centre of a sphere, the apex of a cone). Its code states the kind of factor (factors/registry.hpp), its
 // sizes are those that it has; the weight is its share among all of its kind.
 struct RoundAxis {
     Vec3 a, direction;

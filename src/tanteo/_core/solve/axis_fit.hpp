@@ -9,7 +9,7 @@
 
 namespace tanteo {
 
-constexpr double AXIS_TURNED = 0.004;  // and so much more [rad]: parts are not made, nor meshed, as they are drawn
+constexpr double AXIS_TURNED = 0.004;  // and so much more [rad]: made and meshed parts differ from the drawing
 
 // Normal equations of a pose from lengths and angles, each as a residual along one direction. Its weak prior is how far a
 // step may lead [m, rad].

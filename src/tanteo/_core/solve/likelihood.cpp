@@ -120,7 +120,7 @@ double Likelihood::combine() {
 }
 
 // The elements that a label may name, how probable each is beforehand, and how dense each factor is on each of them. A
-// factor may contradict its label as often as it is an outlier.
+// factor may contradict its label at the outlier rate.
 void Likelihood::find_elements(size_t g) {
     const std::vector<int>& rows = problem.groups[g];
     LabelGroup& group = labels[g];
@@ -143,7 +143,7 @@ void Likelihood::find_elements(size_t g) {
     for (const int element : group.elements) {
         const double share = shape.measure_of(element);
         group.log_prior.push_back(element >= 0 && !by_area ? 0.0 : std::log(share));
-        group.factor.push_back(1 / share);  // a density over all of them is that much larger over this one
+        group.factor.push_back(1 / share);  // ratio of the density on this element to that on all elements
     }
     group.on_element.assign(rows.size() * E, 0.0);
     for (size_t r = 0; r < rows.size(); ++r) {
@@ -159,7 +159,7 @@ void Likelihood::find_elements(size_t g) {
 
 // Log density of the factors of a group: the sum over elements of the product, that the label means nothing, and that
 // the labelled surface is not of the part. Such labels, and outliers among labelled points, are as rare as stated: a
-// sensor may make many outliers, but nobody gives many labels that contradict each other.
+// sensor may make many outliers, but labels seldom contradict each other.
 double Likelihood::log_group(size_t g, bool anywhere) {
     const std::vector<int>& rows = problem.groups[g];
     LabelGroup& group = labels[g];
@@ -187,7 +187,7 @@ double Likelihood::labelled_density(const LabelGroup& group, size_t r, size_t e,
     return (1 - rare) * (on + rare * density) + rare + problem.furniture[row];
 }
 
-// How much each factor counts by element, then whatever the element; after log_group.
+// Weight of each factor by element, then over all elements; after log_group.
 void Likelihood::weigh_elements(size_t g) {
     const std::vector<int>& rows = problem.groups[g];
     LabelGroup& group = labels[g];

@@ -42,7 +42,7 @@ class Likelihood {
     std::vector<Evaluated> evaluated;
     Components components;
 
-    // log density of a label group if its element is of the part, over that of as many outliers; after at()
+    // log density of a label group if its element is on the part, over that of as many outliers; after at()
     double log_on_part(size_t g) { return log_group(g, false); }
 
   private:

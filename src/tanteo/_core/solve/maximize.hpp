@@ -7,7 +7,7 @@
 //     (H + d diag(H) + W) step = g,     x' = retract(x, step)
 //
 // A caller that compares values rejects a step that does not raise the function; the damping then grows, and W only limits
-// steps. A caller whose function changes at every step, because a kernel shrinks or features are matched anew, takes
+// steps. A caller whose function changes at every step, because a kernel shrinks or features are matched again, takes
 // every step: this is Gauss-Newton.
 #pragma once
 #include <algorithm>
@@ -17,7 +17,7 @@
 
 namespace tanteo {
 
-// The information of a weak prior on state i of a pose: standard deviations of a shift and of a turn [rad]. It says nothing
+// The information of a weak prior on state i of a pose: standard deviations of a shift and of a turn [rad]. It carries no information
 // about states that are not the pose's.
 inline double weak_prior(int i, double shift, double turn) {
     if (i > 5) return 0;
@@ -57,7 +57,7 @@ enum class Attempt { REJECTED, TAKEN, LAST };
 // Runs at most so many steps from `at`, which has the information (row-major, lower triangle) and the gradient at the state.
 // Returns whether they ended before: at the last one, or since no step was taken even at the largest damping.
 //     damped(i, diagonal, damping)    what is added to H_ii, which is `diagonal`: damping and weak prior
-//     attempt(step, predicted, L)     takes the step and writes `at` anew, or rejects it. A quadratic function would gain
+//     attempt(step, predicted, L)     takes the step and recomputes `at`, or rejects it. A quadratic function would gain
 //                                     half of `predicted`; L is the Cholesky factor.
 template <class Linear, class Damped, class Try>
 bool maximize(Linear& at, int steps, const Damping& rule, Damped&& damped, Try&& attempt) {

@@ -18,7 +18,7 @@ struct PlaneMatch {
     double bend;
 };
 
-// One sensed plane at a pose whose attitude is known so well about a point [rad]. Most: nats if it is of no face.
+// One sensed plane at a pose whose attitude is known so well about a point [rad]. Most: cost without a face [nats].
 PlaneMatch match_plane(const ModelFaces& faces, const SensedPlane& plane, double most, const Pose& pose, double turned,
                        const Vec3& about);
 

@@ -1,4 +1,4 @@
-// What does not depend on where single points were met: free-space rays, shared errors, the pose, a table.
+// Terms that do not depend on single points: free-space rays, shared errors, the pose, a table.
 #include "factors/normal_poses.hpp"
 #include "solve/likelihood.hpp"
 
@@ -13,7 +13,7 @@ constexpr double LEAST_TOLD = 0.74;     // one over its variance
 
 }  // namespace
 
-// Paths on which nothing was met; no gradient: a pose is in their way or it is not.
+// Free-space rays; without a gradient, because a pose blocks them or not.
 double Likelihood::add_rays(const State& state) {
     double log = 0;
     const int D = problem.shared;

@@ -8,7 +8,7 @@
 
 namespace tanteo {
 
-// A straight path on which nothing was met.
+// A free-space ray.
 struct FreeRay {
     Vec3 origin, direction;
     double length = 0, slope = 0, least_cosine = 0;
@@ -44,7 +44,7 @@ struct Problem {
     std::vector<PosePrior> priors;
     bool has_table = false;
     Table table;
-    std::vector<std::shared_ptr<const PoseTerm>> terms;  // of images and others: added to the log density as they are
+    std::vector<std::shared_ptr<const PoseTerm>> terms;  // of images and others: added to the log density
 
     int size() const { return 6 + shared + (scale_sd > 0); }
     const double* place_jacobian(int j) const { return &shared_jacobian[static_cast<size_t>(j) * 3 * shared]; }

@@ -105,7 +105,7 @@ bool elsewhere(const RoundTask& task, const RoundState& own, const RoundState& o
     return std::acos(std::min(std::fabs(dot(u, v)), 1.0)) > std::max(ELSEWHERE, 5 * largest(m - 2, m));
 }
 
-// The size of another fit that the points do not rule out: of the one whose size is most unlike, which says most.
+// The size of another fit that the points do not rule out: of the one with the most different size.
 double rival_of(const RoundTask& task, const RoundFit& fit, const std::vector<Trial>& trials) {
     const int M = fit.at.M, m = static_cast<int>(task.rows.size());
     std::vector<double> sd(m + 1, 0.0);

@@ -10,7 +10,7 @@ namespace tanteo {
 namespace {
 
 constexpr int FEET = 4;           // passes to the true places of points that are not as well known in all directions
-constexpr double NEAR = 1e-2;     // a step so small, squared and in standard deviations, is taken as it is
+constexpr double NEAR = 1e-2;     // a step so small, squared and in standard deviations, is taken in full
 constexpr double UPHILL = 1e-6;   // share by which the sum of squares may grow: weights are held during a step
 constexpr double ROUNDING = 1e-13;  // share of an information that keeps a singular one positive definite
 constexpr double TINY = 1e-300;

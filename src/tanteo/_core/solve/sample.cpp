@@ -15,7 +15,7 @@ Mixture::Mixture(std::vector<Pose> bases_, std::vector<MixtureComponent> compone
     reach_turn.assign(bases.size(), 0.0);
     for (const MixtureComponent& c : components) {
         weights.push_back(std::exp(c.log_weight + log));
-        // the scale is L L' with L the inverse of what is given; its trace by columns of L
+        // the scale is L L' with L the inverse of the argument; its trace by columns of L
         double L[36] = {0}, shift = 0, turn = 0;
         for (int k = 0; k < 6; ++k)
             for (int i = k; i < 6; ++i) {

@@ -1,4 +1,4 @@
-// Student-t components of poses: where samples fall, and how dense a mixture of them is.
+// Student-t components of poses: samples, and the density of a mixture.
 #pragma once
 #include <vector>
 

@@ -10,7 +10,7 @@ namespace tanteo {
 namespace {
 
 constexpr double LARGEST_TURN = 0.2;  // of one step [rad]
-constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more of them tell no more about which maximum is near
+constexpr size_t ROUGH_POINTS = 24;   // in blurred noise: more points do not improve the choice of a maximum
 constexpr int FIRST_STEPS = 6;        // until maxima are compared
 constexpr double HOPELESS = 16;       // cost of a pose over the best one, four outliers more, at which it is given up
 constexpr double COARSE = 1;          // cells of the grid: at a larger scale the triangle next to a cell will do
@@ -112,7 +112,7 @@ std::vector<Settled> settle(const Shape& shape, const Problem& problem, const st
 // half a radian.
 static double weak_prior(int i, const Shape& shape) { return weak_prior(i, 0.25 * shape.diagonal, 0.5); }
 
-// How many of the other states the points tell, of those that the noise scale scales: the integral over them is in
+// Number of other states that the points determine, among those that the noise scale affects: the integral over them is in
 // proportion to so many powers of the scale. Their joint maximum has it too small, and of few points at nothing.
 static double told_by_points(const Likelihood& likelihood, const std::vector<double>& information, const Shape& shape,
                              const Problem& problem) {

@@ -130,7 +130,8 @@ def _placed(targets: dict[str, PreparedPart], truth: str, T: Transforms) -> Star
 
 def _image_start(folder: Path, parts: Sequence[Part], targets: dict[str, PreparedPart]) -> tuple[Start, Seen]:
     """Return the prior that the camera gives, with pictures."""
-    from tanteo.vision import draw_sight, fit_camera, prepare_vision, see_table
+    from tanteo.render import draw_sight
+    from tanteo.vision import fit_camera, prepare_vision, see_table
 
     camera = read_camera(folder / "camera.yaml")
     placed = fit_camera(camera, *read_marks(folder / "marks.csv"))
@@ -172,15 +173,17 @@ def _likenesses(
     image: FloatArray, camera: Camera, parts: Sequence[tuple[Part, Transforms]], window: tuple[slice, slice]
 ) -> np.ndarray:
     """Return the image beside renderings of each part; differences are tinted in the last one."""
-    from tanteo.vision import Look, render, thing
+    from tanteo.vision import Appearance, render, rendered_part
     from tanteo.vision import Stage as Table
 
     rows, columns = window
     K = camera.K.copy()
     K[:2, 2] -= columns.start, rows.start
     near = replace(camera, K=K, size=(columns.stop - columns.start, rows.stop - rows.start))
-    appearance = Look(noise=0.0)
-    shown = [render(Table(near, [thing(part, T)], appearance), np.random.default_rng(0))[0] for part, T in parts]
+    appearance = Appearance(noise=0.0)
+    shown = [
+        render(Table(near, [rendered_part(part, T)], appearance), np.random.default_rng(0))[0] for part, T in parts
+    ]
     pictures = [np.repeat(np.asarray(p)[..., None], 3, axis=2) for p in (image[rows, columns], *shown)]
     if len(shown) > 1:
         pictures[-1][np.abs(shown[0] - shown[1]) > _DIFFERS] = _TINT

@@ -17,7 +17,7 @@ from tanteo.io.poses.images import read_image
 from tanteo.io.readings.marks_csv import read_marks
 from tanteo.parts import Part
 from tanteo.planning import HYPOTHESES, Start, part_seen
-from tanteo.vision import Camera, CameraPose, Sighting, Stage, Thing, fit_camera, render, see_table, silhouette
+from tanteo.vision import Camera, CameraPose, RenderedObject, Sighting, Stage, fit_camera, render, see_table, silhouette
 
 RENDER = "render"
 """Image argument for a rendering of the scene by the simulator, instead of a file."""
@@ -114,7 +114,7 @@ def _rendered(scene: SceneFile, camera: Camera, T_world_table: Transforms) -> Fl
     assert camera.T_world_camera is not None
     to_table = SE3.inverse(T_world_table)
     things = [
-        Thing.of_mesh(SE3.apply(to_table, solid.vertices), solid.triangles)
+        RenderedObject.of_mesh(SE3.apply(to_table, solid.vertices), solid.triangles)
         for solid in scene.scene.solids
         if solid.name != "table"
     ]

@@ -116,8 +116,8 @@ def _triangles(vertices: FloatArray, rings: list[IntArray], label: str) -> IntAr
 def _of_polygons(vertices: FloatArray, rings: IntArray) -> list[IntArray]:
     """Return the triangles of each of some polygons with the same number of corners ``(m, n)``.
 
-    Each is a fan from one of its first two corners if that corner sees all others, otherwise a general triangulation.
-    In a convex polygon every corner sees all others, in a quadrangle one of the first two does.
+    Each is a fan from one of its first two corners if it is star-shaped about it, otherwise a general triangulation.
+    A convex polygon is star-shaped about every corner, a quadrangle about one of its first two.
     """
     points = vertices[rings]
     normals = np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)

@@ -50,5 +50,6 @@ class Density:
         log += self.log_constant
         if is_held(prepared, named=objective.named):
             log += log_gauge(prepared, Ts, self.T)
-        log[~in_box(objective.problem.priors.pose, prepared.part, Ts)] = -np.inf
+        if (pose := objective.problem.priors.pose) is not None:
+            log[~in_box(pose, prepared.part, Ts)] = -np.inf
         return log, zs

@@ -9,6 +9,7 @@ import numpy as np
 from tanteo.geometry.special import log_sum
 from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.posterior.sampling.sampler import Sampler
+from tanteo.posterior.settings import POSE_DOF
 
 
 def sample(samplers: Sequence[Sampler], log_none: float) -> None:
@@ -39,7 +40,7 @@ def _first(sampler: Sampler, log_p: FloatArray) -> IntArray:
     """
     own = sampler.settings
     log_p = log_p - min(log_p.max(), 0.0) if log_p.max() < -own.full_gap else log_p
-    return np.where(log_p > -own.full_gap, own.first, np.where(log_p > -own.few_gap, own.few, 0))
+    return np.where(log_p > -own.full_gap, own.first, np.where(log_p > -own.few_gap, 2 * POSE_DOF, 0))
 
 
 def _spread(samplers: Sequence[Sampler], log_none: float) -> None:

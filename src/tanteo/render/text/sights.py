@@ -29,8 +29,8 @@ def sight_lines(sight: Sight, *, verbose: bool = False, layout: Layout = PLAIN) 
         lines += [""] if lines else []
         lines.append(_heading(k, len(sight.objects), seen))
         lines += answer_lines(seen.answer, frame=sight.frame, verbose=verbose, layout=layout)
-        if verbose and seen.alike:
-            lines.append(f"By the outline alone: {printable(', '.join(seen.alike[:3]))}.")
+        if verbose and seen.similar:
+            lines.append(f"By the outline alone: {printable(', '.join(seen.similar[:3]))}.")
         if any(seen.rims):
             lines.append(f"Visible rims: {printable(', '.join(dict.fromkeys(filter(None, seen.rims))))}.")
         if seen.question is not None and seen.answer.status != "ambiguous":

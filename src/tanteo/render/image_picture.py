@@ -9,7 +9,7 @@ from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.vision.camera import Camera, opencv, project
 from tanteo.vision.edges import check_image, map_edges
 from tanteo.vision.fit import meet
-from tanteo.vision.image_edges import REACH
+from tanteo.vision.settings import EVIDENCE
 from tanteo.vision.sight import Sight, Sighting
 
 MET, MISSED, OUTLINE = (86, 200, 255), (255, 140, 0), (125, 18, 217)
@@ -49,7 +49,7 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
             cv2.polylines(picture, [_at(seen.region.contour)], True, OUTLINE, 1, cv2.LINE_AA, _SHIFT)
         if seen.modes:
             best = seen.modes[0]
-            met = meet(best.model.frame, camera, edges, best.T_camera_part, REACH)
+            met = meet(best.model.frame, camera, edges, best.T_camera_part, EVIDENCE.reach)
             for pixel, inside, hit in zip(met.pixels, met.inside, met.hits, strict=True):
                 if inside:
                     _mark(picture, _at(pixel), hit=bool(hit))
