@@ -240,7 +240,7 @@ def _cross_again(
 def _off_face(face: Feature, edge: Feature) -> EdgeOffFace | None:
     """Return that an edge is not in its face, or None.
 
-    Over a narrow bevel the ranges grow too little to leave the face, so the sensors cross the far end of the bevel.
+    Over a narrow bevel the ranges grow too little to be off the face, so that the sensors cross its far end.
     """
     found = relate_all([face, edge]).column("edge_plane_coplanarity")
     off = found.value[0]

@@ -58,7 +58,7 @@ class Acquired:
 
     @property
     def message(self) -> str:
-        """Return the reason for the status in words."""
+        """Return the reason for the status as text."""
         return self.finding.message
 
     @property

@@ -44,11 +44,11 @@ _SQUARE = np.radians(1.5)
 """Tilt to the scanned plane above which the hand is aligned and scans again [rad]."""
 
 _FLAT = np.radians(6.0)
-"""Rotation of the hand during a scan above which it has left the face; over a ridge its fingers would come near to it
-[rad]."""
+"""A scan along which the hand has to turn by more than this has left the face: over a ridge its fingers would come near
+to it [rad]."""
 
 _SURE = np.radians(3.0)
-"""Standard deviation of the tilt above which a plane is not acquired [rad]."""
+"""A plane whose tilt is known no better than this is not acquired [rad]."""
 
 _NO_TURN = Motion("turn", "limit", NoRoom("to turn it square to the face"), ())
 

@@ -43,7 +43,7 @@ class Motion:
 
     @property
     def message(self) -> str:
-        """Return the reason for the ending in words."""
+        """Return the reason for the ending as text."""
         return self.finding.message
 
     @property

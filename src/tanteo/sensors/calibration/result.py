@@ -18,7 +18,7 @@ from tanteo.words.findings import Finding, Undetermined
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BeamFit:
-    """Calibrated sensor.
+    """One sensor.
 
     Attributes:
         name: name of the sensor.
@@ -126,7 +126,7 @@ class Calibration:
 
     @property
     def message(self) -> str:
-        """The findings in words."""
+        """Findings as text."""
         return message_of(self.findings)
 
     def number_of(self, plane: str) -> int:
