@@ -72,7 +72,7 @@ def test_beams_that_end_on_the_table_were_free_until_there(target):
     lowered = altered(points, points=places, directions=directions)
     table = PosePrior(table=Table(np.array([0.0, 0.0, top]), np.array([0.0, 0.0, 1.0]), 1e-3))
     around = Problem(lowered, FreeRays.none(), Priors(radius=target.part.radius, pose=table)).furniture
-    assert np.array_equal(np.flatnonzero(around.on_it), np.arange(8))
+    assert np.array_equal(np.flatnonzero(around.on_furniture), np.arange(8))
     assert len(around.paths) == 8
     ends = around.paths.origins + (around.paths.lengths - around.paths.margin)[:, None] * around.paths.directions
     assert np.all((ends[:, 2] > top) & (ends[:, 2] < top + 0.01))

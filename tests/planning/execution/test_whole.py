@@ -54,7 +54,7 @@ def test_where_no_reading_can_be_made_the_bore_is_asked_for(plates, tmp_path):
     assert isinstance(action, Action)
     assert (action.acquires, action.face) == ("circle", "rim of hole 0")
     assert "as a circle" in action.words
-    with pytest.raises(InputError, match="acquired whole"):
+    with pytest.raises(InputError, match="all of rim of hole"):
         action.read(0.05)
     write_record(session, tmp_path / "s.json")
     again = read_record(tmp_path / "s.json", plates, whole=session.whole)

@@ -78,11 +78,11 @@ def test_an_error_that_all_readings_share_is_not_in_distances(wedge, answer):
     rng = np.random.default_rng(3)
     exact = touches(wedge, rng)
     hands = np.broadcast_to(np.eye(4), (len(exact), 4, 4)).copy()
-    hands[:, :3, 2] = exact.directions  # the tip's z is along the touch
-    hands[:, :3, 0] = np.linalg.svd(exact.directions[:, None])[2][:, 1]
+    hands[:, :3, 2] = exact.directions.values  # the tip's z is along the touch
+    hands[:, :3, 0] = np.linalg.svd(exact.directions.values[:, None])[2][:, 1]
     hands[:, :3, 1] = np.cross(hands[:, :3, 2], hands[:, :3, 0])
     long = Readings.from_columns(
-        points=exact.points + 3e-4 * exact.directions, directions=exact.directions, sds=exact.sds,
+        points=exact.points.values + 3e-4 * exact.directions.values, directions=exact.directions, sds=exact.sds,
         features=exact.features, kinds=exact.kinds, Ts_world_hand=hands,
     )  # fmt: skip
     h = at_truth(answer, pairings=tuple((i, "") for i in exact.ids))

@@ -58,7 +58,7 @@ def test_its_words_table_and_curves_say_the_same(planned, wedge):
     last = planned.readings[-1]
     assert "All corners within the tolerance then, over all placements" in page
     assert f"<dd>{percent(last.within)}</dd>" in page
-    assert f"as in {percent(planned.all_meet)} of the placements" in page
+    assert f"as at {percent(planned.all_meet)} of the placements" in page
     assert f"<td>{percent(last.within_if_met)}</td>" in page
 
 
