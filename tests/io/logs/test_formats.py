@@ -91,7 +91,7 @@ def test_what_was_left_out_is_said(tmp_path, case, notes):
         ("grbl", {}, "Use --radius 1.5mm (of the tip's ball; 0mm of a sharp tip)"),
         ("ply", {}, "expected --units with a PLY point cloud, got none. Use --units mm."),
         ("csv without units", {}, "Add it, or use --units mm."),
-        ("qif", {"units": "in"}, "expected lengths in mm, as the file says, got --units in"),
+        ("qif", {"units": "in"}, "expected lengths in mm, as the file states, got --units in"),
         ("fusion", {"units": "mm", "radius": 0.001}, "got 1.5 mm in the file and --radius"),
         ("pcd", {"units": "mm", "direction": "ijk"}, "expected vectors I J K"),
         ("bcnc", {"units": "mm", "direction": "up"}, "got it in the file and --direction"),
