@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tanteo.catalogue import spread
+from tanteo.catalogue import run_tasks
 
 
 def options(arguments: list[str]) -> tuple[list[str], Path | None, int | str]:
@@ -67,7 +67,7 @@ def _run(run, cases, processes, settle):
     if isinstance(processes, str):
         source = Path(sys.modules[run.__module__].__file__)  # a program is a module, too, for a worker
         tasks = {k: (source.stem, run.__name__, case) for k, case in enumerate(cases)}
-        spread(processes, one_case, tasks, lambda k, row: settle(cases[k], row), modules=str(Path(__file__).parent))
+        run_tasks(processes, one_case, tasks, lambda k, row: settle(cases[k], row), modules=str(Path(__file__).parent))
         return
     if processes <= 1:
         for case in cases:

@@ -17,9 +17,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 import grey_cube
 from tanteo.geometry import SE3
-from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, see_anywhere
+from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, refine, see_anywhere
 from tanteo.vision.camera import project_linearized
-from tanteo.vision.fit import refine
 
 
 def first_image(model):

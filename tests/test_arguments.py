@@ -61,7 +61,7 @@ MISUSES = [
     (lambda r, p: tanteo.identify(r, p, seed=-1), r"seed: expected 0 or more, got -1"),
     (lambda r, p: tanteo.identify(r, p, seed="a"), r"seed: .*got 'a'"),
     (lambda r, p: tanteo.identify(r, p, priors=PosePrior()), r"priors: expected Priors, .*Priors\(pose="),
-    (lambda r, p: tanteo.locate(r, [p, p]), r"part: expected one part, got 2\. tanteo\.identify"),
+    (lambda r, p: tanteo.locate(r, [p, p]), r"part: expected one part, got 2\. Use tanteo\.identify"),
     (lambda r, p: tanteo.read_parts(None), r"paths: expected Iterable, got one of type NoneType"),
     (lambda r, p: tanteo.read_readings(None), r"path: expected str, got one of type NoneType"),
     (lambda r, p: Readings.from_columns(3), r"readings: expected columns"),

@@ -714,7 +714,7 @@ def test_what_fails_later_is_named_too(install, tmp_path):
     [
         ("level", "as NAME=FILE"),
         ("level=", "as NAME=FILE"),
-        ("level=nowhere.txt", "which is not there"),
+        ("level=nowhere.txt", "which does not exist"),
         ("levle={file}", "Did you mean 'level'?"),
     ],
 )

@@ -126,16 +126,18 @@ worker.main()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit it")
-def test_a_file_that_needs_too_much_memory_costs_itself_only(folder):
+@pytest.mark.parametrize(("memory", "size"), [(2 << 30, "2.15"), (None, "1.07")])
+def test_a_file_that_needs_too_much_memory_costs_itself_only(folder, memory, size):
+    """Without a stated limit it follows from the size of the file."""
     from tanteo.catalogue import pool
 
     names = ["a", "much", "b"]
     (folder / "much.off").write_text(TETRAHEDRON.format(10))
     requests = {i: pool.Request(str(folder / f"{name}.off"), "mm", name) for i, name in enumerate(names)}
     found = {}
-    pool.read_in_processes(requests, found.__setitem__, workers=1, time_limit=30.0, command=GREEDY, memory=2 << 30)
+    pool.read_in_processes(requests, found.__setitem__, workers=1, time_limit=30.0, command=GREEDY, memory=memory)
     assert [getattr(found[i], "name", None) for i in range(3)] == ["a", None, "b"]
-    assert found[1] == "much.off: expected to be read with 2.15 GB of memory, needs more. Simplify the part."
+    assert found[1] == f"much.off: expected to be read with {size} GB of memory, needs more. Simplify the part."
 
 
 PARENT = """
@@ -209,11 +211,3 @@ def test_a_busy_machine_does_not_shorten_the_time_limit(folder, monkeypatch):
     request = {0: pool.Request(str(folder / "busy.off"), "mm", "busy")}
     pool.read_in_processes(request, found.__setitem__, workers=1, command=BUSY, time_limit=120.0)
     assert "s of processor time, got no end. Simplify the part." in found[0]
-
-
-def test_memory_grows_with_the_size_of_a_file(folder):
-    from tanteo.catalogue.worker import LEAST_MEMORY, MEMORY_PER_BYTE, memory_of
-
-    (folder / "large.off").write_text(" " * 1000)
-    assert memory_of(str(folder / "large.off")) == LEAST_MEMORY + 1000 * MEMORY_PER_BYTE
-    assert memory_of(str(folder / "none.off")) == LEAST_MEMORY

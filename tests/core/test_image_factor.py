@@ -14,12 +14,10 @@ from tanteo.factors import ContactPoints, FreeRays
 from tanteo.geometry import SE3
 from tanteo.parts import read_part
 from tanteo.posterior import OnTable, Priors, Problem, prepare
-from tanteo.vision import find_regions
+from tanteo.vision import EDGES, EVIDENCE, find_regions, meet
 from tanteo.vision.candidates import own_edges
-from tanteo.vision.fit import meet
 from tanteo.vision.image_edges import ImageEdges, Sums, Weights, chance_hits
 from tanteo.vision.regions import bare_table
-from tanteo.vision.settings import EDGES, EVIDENCE
 from tanteo.vision.wireframe import see_edges
 from vision_scenes import PARTS, bracket, seen_alone
 
@@ -98,7 +96,7 @@ def where_edges_are(groups, met, sds, commons):
     for g in np.unique(groups[clear]):
         rows = np.flatnonzero(clear & met.hits & (groups == g))
         if not len(rows):
-            totals += np.log(EVIDENCE.astray)
+            totals += np.log(EVIDENCE.outlying)
             continue
         d, sd, b = met.offsets[rows], sds[met.points[rows]], commons[met.points[rows]]
         with_the_rest = np.abs(d - np.median(d)) < 4 * np.sqrt(sd**2 + b**2 + 0.15**2)
@@ -109,7 +107,7 @@ def where_edges_are(groups, met, sds, commons):
             common = np.sqrt(b**2 + more**2)
             covariance = np.diag(sd**2 / shares) + np.outer(common, common)
             log = (shares.sum() - d @ np.linalg.solve(covariance, d) + stated - np.linalg.slogdet(covariance)[1]) / 2
-            totals[k] += np.log((1 - EVIDENCE.astray) * np.exp(log) + EVIDENCE.astray)
+            totals[k] += np.log((1 - EVIDENCE.outlying) * np.exp(log) + EVIDENCE.outlying)
     return np.logaddexp.reduce(totals)
 
 

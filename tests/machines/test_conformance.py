@@ -69,7 +69,7 @@ def test_a_touch_of_nothing_is_no_error(machine):
 def test_a_way_that_meets_something_ends_there(machine):
     assert machine.facts.guarded
     machine.move(at(-20, 20, 10), FAST, SECONDS)
-    with pytest.raises(ContactError, match="free path"):
+    with pytest.raises(ContactError, match="clear path"):
         machine.move(at(100, 20, 10), FAST, SECONDS)
     assert machine.status().place[0] == pytest.approx(-0.001, abs=5e-6)
     machine.back(at(-20, 20, 10), FAST, SECONDS)  # it may still move

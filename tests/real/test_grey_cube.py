@@ -7,8 +7,7 @@ import pytest
 
 import grey_cube
 from tanteo.geometry import SE3
-from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, see_anywhere
-from tanteo.vision.fit import refine
+from tanteo.vision import find_edges, follow, map_edges, prepare_vision, project, refine, see_anywhere
 
 pytestmark = pytest.mark.skipif(not grey_cube.FOLDER.is_dir(), reason="the folder of real measurements is not there")
 

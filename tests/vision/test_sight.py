@@ -20,12 +20,13 @@ from tanteo.vision import (
     find_edges,
     find_regions,
     map_edges,
+    meet,
     prepare_vision,
+    refine,
     see_anywhere,
     see_table,
 )
 from tanteo.vision.answers import deciding_touch, heights, judged
-from tanteo.vision.fit import meet, refine
 from tanteo.vision.posterior import ImagePosterior
 from tanteo.vision.rendering import Appearance, Stage, render, rendered_part
 from tanteo.words import message_of

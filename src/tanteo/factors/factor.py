@@ -92,7 +92,7 @@ class Factor(ABC):
 
     @property
     def free_path(self) -> float:
-        """Return the length of the straight free path before the place [m]; 0 if unknown."""
+        """Return the length of the straight free-space ray before the place [m]; 0 if unknown."""
         return 0.0
 
     @property

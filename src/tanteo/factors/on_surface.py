@@ -20,7 +20,7 @@ class OnSurface(Factor):
         ball_radius: radius of the tip's ball, 0 for a point of the surface itself [m].
         approach: unit direction of the beam or of the tip's motion, into the material ``(3,)``; None if unknown.
         outward: approximate outward direction if only the material side is known ``(3,)``; None otherwise.
-        free_path: length of the straight free path before the point [m]; 0 if unknown.
+        free_path: length of the straight free-space ray before the point [m]; 0 if unknown.
     """
 
     ball_radius: float = 0.0

@@ -45,7 +45,7 @@ class DirectMachine:
         """
         goal = T_world_probe[:3, 3]
         if self._go(goal, speed, until_contact=True) == "contact":
-            raise ContactError("simulated tip: expected a free path, got a contact. Give the part more clearance.")
+            raise ContactError("simulated tip: expected a clear path, got a contact. Give the part more clearance.")
 
     def back(self, T_world_probe: Transforms, speed: float, seconds: float) -> None:
         """Retract straight to a pose without watching for contacts.

@@ -109,7 +109,7 @@ class Latch:
             place: position of the contact ``(3,)`` [m].
         """
         return ContactError(
-            f"{self.name}: expected a free path, got a contact at {in_mm(place)}. Give the part more clearance."
+            f"{self.name}: expected a clear path, got a contact at {in_mm(place)}. Give the part more clearance."
         )
 
     def in_contact(self) -> ContactError:

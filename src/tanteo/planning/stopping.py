@@ -81,7 +81,9 @@ class Stop:
             raise InputError("least_gain: expected no negative information [nats].")
 
     def reached(self, state: SensingState) -> GoalReached | None:
-        """Return what is known if the goal is reached, or None."""
+        """Return what is known if the goal is reached, or None; there is no goal without probability and tolerance."""
+        if self.probability is None and self.tolerance is None:
+            return None
         if state.touches is None or not len(state.touches) or not len(state.weights):
             return None
         P = state.of_parts()

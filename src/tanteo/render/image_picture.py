@@ -6,11 +6,7 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
-from tanteo.vision.camera import Camera, opencv, project
-from tanteo.vision.edges import check_image, map_edges
-from tanteo.vision.fit import meet
-from tanteo.vision.settings import EVIDENCE
-from tanteo.vision.sight import Sight, Sighting
+from tanteo.vision import EVIDENCE, Camera, Sight, Sighting, check_image, map_edges, meet, opencv, project
 
 MET, MISSED, OUTLINE = (86, 200, 255), (255, 140, 0), (125, 18, 217)
 """Edges of the part that the image has, and has not; outlines of what is not table (tests/test_colours.py)."""

@@ -11,6 +11,7 @@ from .circles import circle_poses as circle_poses
 from .circles import project_circle as project_circle
 from .descriptors import DESCRIPTOR_NAMES as DESCRIPTOR_NAMES
 from .edges import EdgePoints as EdgePoints
+from .edges import check_image as check_image
 from .edges import find_edges as find_edges
 from .edges import map_edges as map_edges
 from .ellipse_fit import Ellipse as Ellipse
@@ -20,6 +21,8 @@ from .features import image_centre as image_centre
 from .features import image_circle as image_circle
 from .features import image_corner as image_corner
 from .features import image_edge as image_edge
+from .fit import meet as meet
+from .fit import refine as refine
 from .image_edges import ImageEdges as ImageEdges
 from .image_edges import Weights as Weights
 from .image_edges import chance_map as chance_map
@@ -37,6 +40,9 @@ from .rendering import render as render
 from .rendering import rendered_part as rendered_part
 from .segments import Corners as Corners
 from .segments import Segments as Segments
+from .settings import EDGES as EDGES
+from .settings import EVIDENCE as EVIDENCE
+from .settings import SEARCH as SEARCH
 from .sight import Sight as Sight
 from .sight import Sighting as Sighting
 from .sight import see_table as see_table

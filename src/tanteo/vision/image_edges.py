@@ -61,7 +61,7 @@ class Weights:
         return np.array([
             e.stretch, e.whole, e.rim_shows, e.crease_shows, e.reach, e.spread, e.displaced, e.displaced_sd,
             self.hits, self.misses, self.spilled, e.same_place, e.same_direction, e.most_pulled, EDGES.correlation,
-            e.astray if located else 0.0, near, e.inexact,
+            e.outlying if located else 0.0, near, e.inexact,
         ])  # fmt: skip
 
 

@@ -83,7 +83,7 @@ class EvidenceSettings:
         displaced: probability that a shadow, an occluder or a rounding displaces an edge. Decision 23.
         displaced_sd: standard deviation of that displacement [px]. Decision 23.
         spread: standard deviation of the offsets of other edges from a pose that is about right [px]. Decision 23.
-        astray: density of an edge that is not the part's, relative to the density of the part's own edge. Three in ten
+        outlying: density of an edge that is not the part's, relative to that of the part's own edge. Three in ten
             edges are not the part's, a pixel off (decision 32); own edges are some hundredths of a pixel off
             (``python benchmarks/vision_poses.py 12``).
         inexact: probability that all edges of an image are less exact than stated, each by half of ``displaced_sd``.
@@ -103,7 +103,7 @@ class EvidenceSettings:
     displaced: float = 0.3
     displaced_sd: float = 0.8
     spread: float = 0.15
-    astray: float = 0.02
+    outlying: float = 0.02
     inexact: float = 0.02
     same_place: float = 4.0
     same_direction: float = 0.9

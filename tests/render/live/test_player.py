@@ -142,7 +142,7 @@ def test_in_a_contest_the_places_are_the_persons(targets, went):
     person, (_, mine, planned) = play(maker(targets, tolerance=1e-5), *wants)
     assert arrows == [0, 0, 0, 0]
     assert [step.action.reason for step in mine.steps] == [ChosenByUser()] * 2
-    assert any("the places are yours: click" in said for said in person.said)
+    assert any("you choose all places: click" in said for said in person.said)
     assert any("The planner has sensed 1 place: " in said and "sure, largest corner sd" in said for said in person.said)
     _, (alone,) = play(maker(targets, tolerance=1e-5), Go(), Quit())
     np.testing.assert_array_equal(planned.readings.points, alone.readings.points)

@@ -1,1 +1,1 @@
-"""Pose of a part from pairings of sensed with model features: estimate, covariance, free motions."""
+"""Pose of a part from pairings of sensed with model features: estimate, covariance, unobserved directions."""

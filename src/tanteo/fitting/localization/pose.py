@@ -1,4 +1,4 @@
-"""Pose of a part from paired features: estimate, covariance, and free motions."""
+"""Pose of a part from paired features: estimate, covariance, and unobserved directions."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _AGREE = PairingsAgree()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
-    """Estimated pose with covariance and free motions.
+    """Estimated pose with covariance and unobserved directions.
 
     Attributes:
         T_world_part: pose ``(4, 4)``.
@@ -45,7 +45,7 @@ class PoseEstimate:
         covariance_relative: covariance given the shared errors. If these are the robot's base alone, it is the
             repeatability with the same robot.
         free: motions ``(k, 6)`` that no pairing constrains, part frame, pure translations first [m, rad].
-        unobserved: the free motions in words.
+        unobserved: the unobserved directions in words.
         chi2: joint squared Mahalanobis distance of the pairings, and of the prior if there is one.
         dof: degrees of freedom of ``chi2``: equations of the pairings, six more with a prior, less the six of the pose
             without the free ones.
@@ -145,7 +145,7 @@ def _best(
     prior: tuple[Transforms, FloatArray] | None,
     scale: FloatArray,
 ) -> tuple[Solution, Tangents]:
-    """Iterate from every start, with the free motions held."""
+    """Iterate from every start, with the unobserved directions held."""
     solution = gauss_newton(
         blocks, starts, n_shared, prior=prior, iterations=15, hold=hold_motions(np.eye(6), scale, 1e-6)
     )

@@ -166,7 +166,7 @@ def gauss_newton(
 
     ``S`` is re-evaluated at every pose and constant during the step. The last linearization is at the returned pose.
     ``hold`` ``(6, 6)`` is information that damps the steps but not the answer: it keeps the pose from drifting along
-    free motions.
+    unobserved directions.
     """
     inverses = [SE3.inverse(block.Ts_part_model) for block in blocks]
     damping = np.zeros((6 + n_shared, 6 + n_shared))

@@ -235,7 +235,7 @@ _SHELL /= np.linalg.norm(_SHELL, axis=1, keepdims=True)
 
 
 def _along_beams(hand: Hand, log: Sequence[HandReading]) -> Vectors:
-    """Return points along the free paths of all beams ``(n, 3)``."""
+    """Return points along the clear paths of all beams ``(n, 3)``."""
     farthest, (starts, beams, states, ranges) = error_model(hand.rig).max_range, _beams(hand, log)
     reach = np.where(states == HIT, ranges, np.where((states == FREE) & np.isfinite(farthest), farthest, 0.0))
     steps = np.arange(0.0, reach.max(initial=0.0), _PACE)

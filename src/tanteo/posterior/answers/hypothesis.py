@@ -1,4 +1,4 @@
-"""Hypotheses from poses with covariance: free motions, symmetry, and advice on what to sense next."""
+"""Hypotheses from poses with covariance: unobserved directions, symmetry, and advice on what to sense next."""
 
 from __future__ import annotations
 

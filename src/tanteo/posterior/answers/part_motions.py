@@ -139,7 +139,7 @@ def where_to_sense(part: Part, T_world_part: Transforms, free: Tangents) -> str:
     Args:
         part: the part.
         T_world_part: estimated pose of the part ``(4, 4)``.
-        free: a free motion, over :func:`part_scale` ``(6,)``.
+        free: an unobserved direction, over :func:`part_scale` ``(6,)``.
     """
     if not len(part.planes):
         return ""

@@ -28,7 +28,8 @@ class Seeds:
     def chosen(self) -> tuple[Indices, Indices, bool]:
         """Return seeds of which no item is in all, further seeds so that no two are, and whether these fix a pose.
 
-        If none fixes a pose, two centres and a plane still discriminate parts: the free motion moves none of them.
+        If none fixes a pose, two centres and a plane still discriminate parts: the unobserved direction moves none
+        of them.
         """
         known = sorted((error, seed) for seed in self._all() if (error := self._error(seed)) is not None)
         seeds = [seed for _, seed in known]
