@@ -210,7 +210,7 @@ def test_a_part_that_changed_is_said(recorded, tmp_path):
     _, path = recorded
     same(recorded[0], read_record(path))
     block(tmp_path / "block.stl", 1.01)
-    with pytest.raises(InputError, match=r"'block' as it was .* another content in .*block.stl"):
+    with pytest.raises(InputError, match=r"'block' unchanged .* another content in .*block.stl"):
         read_record(path)
     (tmp_path / "block.stl").unlink()
     with pytest.raises(InputError, match="nothing there"):
@@ -237,7 +237,7 @@ def test_a_part_without_a_file_is_known_by_its_mesh(recorded, tmp_path):
     assert part_file(part).file is None
     write_record(Session(at_pose(prepare(part), np.eye(4), np.eye(6)), LASER), path)
     read_record(path, [part])
-    with pytest.raises(InputError, match="as it was"):
+    with pytest.raises(InputError, match="unchanged"):
         read_record(path, [other])
     with pytest.raises(InputError, match="Pass it"):
         read_record(path)
