@@ -6,6 +6,7 @@ is judged here by NumPy alone: errors of a pose are right perturbations in the p
 
 from __future__ import annotations
 
+import importlib.util
 import inspect
 import json
 import sys
@@ -39,12 +40,10 @@ def options(scene, folder):
     if scene.rig:
         found["rig"] = _rig(scene.rig, folder)
     if scene.prior:
-        try:
-            from tanteo.posterior import PosePrior, Priors
-        except ModuleNotFoundError:  # before the room was there
-            from tanteo.matching import PosePrior, Priors
-
-        found["priors"] = Priors(pose=PosePrior(*scene.prior))
+        names = ("posterior", "inference", "matching")  # of the same package, the newest first
+        package = next(name for name in names if importlib.util.find_spec(f"tanteo.{name}") is not None)
+        module = importlib.import_module(f"tanteo.{package}")
+        found["priors"] = module.Priors(pose=module.PosePrior(*scene.prior))
     return found
 
 
