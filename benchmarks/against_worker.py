@@ -40,9 +40,10 @@ def options(scene, folder):
     if scene.rig:
         found["rig"] = _rig(scene.rig, folder)
     if scene.prior:
-        names = ("posterior", "inference", "matching")  # of the same package, the newest first
-        package = next(name for name in names if importlib.util.find_spec(f"tanteo.{name}") is not None)
-        module = importlib.import_module(f"tanteo.{package}")
+        names = ("posterior", "measurements", "inference", "matching")  # where priors were, the newest first
+        there = (name for name in names if importlib.util.find_spec(f"tanteo.{name}") is not None)
+        modules = (importlib.import_module(f"tanteo.{name}") for name in there)
+        module = next(one for one in modules if hasattr(one, "Priors"))
         found["priors"] = module.Priors(pose=module.PosePrior(*scene.prior))
     return found
 
