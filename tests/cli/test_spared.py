@@ -71,7 +71,7 @@ def test_a_link_to_nowhere_in_folder_is_part_that_cannot_be_read(run, parts, tmp
 def test_a_terminal_that_has_gone_does_not_lose_what_was_told(tmp_path):
     scene, record = EXAMPLES / "scenes" / "part_unknown.toml", tmp_path / "session.json"
     parts = [str(EXAMPLES / "parts" / f"bracket_{side}.step") for side in ("left", "right")]
-    words = ["sense", "part", "--scene", str(scene), "--parts", *parts, "--tolerance", "1mm", "--record", str(record)]
+    words = ["sense", "part", "--scene", str(scene), "--parts", *parts, "--tolerance", "0.1mm", "--record", str(record)]
     with subprocess.Popen([*PROGRAM, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         for line in process.stderr:  # of the first visit that read something
