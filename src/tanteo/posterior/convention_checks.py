@@ -1,7 +1,7 @@
 """Checks of conventions: if the readings fit no part, undo usual mistakes one by one and search again.
 
-A mistake of convention moves everything far, so only one interpretation of the numbers fits. The finding names it and
-never applies it: only the author of the file knows what the numbers mean.
+A mistake of convention displaces all readings, so only one interpretation of the numbers fits. The finding names the
+mistake but does not correct it: only the author of the file can confirm what the numbers mean.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ _AIMED = 3
 
 
 class Search(Protocol):
-    """Function that searches again; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
+    """Function that repeats the search; ``bias_sd`` is the sd of a shared error along all approach directions [m]."""
 
     def __call__(self, readings: Readings, parts: Sequence[Part], *, bias_sd: float | None = None) -> Answer:
-        """Return the answer."""
+        """Return the answer for these readings and parts."""
 
 
 def about_conventions(
     answer: Answer,
     readings: Readings,
     parts: Sequence[Part],
-    ask: Search,
+    search: Search,
     *,
     placed: bool = False,
     settings: Settings = DEFAULTS,
@@ -54,23 +54,23 @@ def about_conventions(
     """Return the usual mistake that explains readings that fit no part, or fit badly; None if there is none.
 
     Args:
-        answer: answer from the readings as they were read.
+        answer: answer from the unchanged readings.
         readings: the readings.
         parts: the candidates.
-        ask: function that searches again, with the options of the answer.
+        search: function that repeats the search, with the options of the answer.
         placed: whether the pose has a prior, which a mirrored part would not satisfy.
         settings: settings of the inference.
     """
     if not is_bad(answer, settings):
-        return None if placed else _about_image(answer, readings, parts, ask)
-    others = [way for way in OTHERS if not (placed and way.finding in (MirrorConvention, UnitsConvention))]
-    if _is_of_size(readings, parts, settings):  # in another unit they would be of a small patch, which fits anywhere
-        others = [way for way in others if way.finding is not UnitsConvention]
+        return None if placed else _about_image(answer, readings, parts, search)
+    others = [one for one in OTHERS if not (placed and one.finding in (MirrorConvention, UnitsConvention))]
+    if _is_of_size(readings, parts, settings):  # in a smaller unit they would cover a small patch, which fits anywhere
+        others = [one for one in others if one.finding is not UnitsConvention]
     some = thinned(readings, settings.search.few_points)
     found = (
-        _about_ways(HANDS, some, parts, ask, settings)
-        or _about_offset(some, parts, ask, settings)
-        or _about_ways(others, some, parts, ask, settings)
+        _first_that_fits(HANDS, some, parts, search, settings)
+        or _about_offset(some, parts, search, settings)
+        or _first_that_fits(others, some, parts, search, settings)
     )
     if found is None or len(some) == len(readings):
         return found
@@ -78,28 +78,28 @@ def about_conventions(
 
 
 def _is_of_size(readings: Readings, parts: Sequence[Part], settings: Settings) -> bool:
-    """Whether points, where there are some, lie as far apart as those of one of the parts do."""
+    """Return whether the extent of the points is that of one of the parts; True without points."""
     points = readings.points.values
     scale = scale_of(points, parts)
     return not len(points) or fits_size(scale.span, scale.sizes, settings.checks)
 
 
-def _about_ways(
-    ways: Sequence[Mistake], readings: Readings, parts: Sequence[Part], ask: Search, settings: Settings
+def _first_that_fits(
+    conventions: Sequence[Mistake], readings: Readings, parts: Sequence[Part], search: Search, settings: Settings
 ) -> Convention | None:
     """Return the first interpretation of the numbers that fits; None if there is none."""
-    for way in ways:
-        meant = way.undo(readings)
-        if meant is not None and way.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
+    for one in conventions:
+        meant = one.undo(readings)
+        if meant is not None and one.finding is UnitsConvention and not _is_of_size(meant, parts, settings):
             continue
-        found = None if meant is None else _asked(ask, meant, parts)
+        found = None if meant is None else _searched(search, meant, parts)
         if found is not None and fits(found, settings):
-            return way.finding(*_fitting(found), way.mistake)
+            return one.finding(*_fitting(found), one.mistake)
     return None
 
 
 def is_bad(answer: Answer, settings: Settings = DEFAULTS) -> bool:
-    """Whether no part explains the readings, or one does but leaves many aside or far off."""
+    """Return whether no part explains the readings, or the best part leaves many outliers or large residuals."""
     best = answer.best or (answer.hypotheses[0] if answer.hypotheses else None)
     if answer.status == "unknown" or best is None:
         return answer.status == "unknown"
@@ -108,17 +108,17 @@ def is_bad(answer: Answer, settings: Settings = DEFAULTS) -> bool:
 
 
 def fits(answer: Answer, settings: Settings = DEFAULTS) -> bool:
-    """Whether a part explains the readings as well as can be expected."""
+    """Return whether a part explains the readings with no more outliers and noise than expected."""
     if answer.status not in ("recognized", "ambiguous", "insufficient") or not answer.hypotheses:
         return False
     best = answer.hypotheses[0]
     return answer.unknown_probability < 0.5 and not is_bad(answer, settings) and best.dof > 0
 
 
-def _asked(ask: Search, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
-    """Return the answer; None for an invalid question, which leaves the first answer as it is."""
+def _searched(search: Search, readings: Readings, parts: Sequence[Part], bias_sd: float | None = None) -> Answer | None:
+    """Return the answer; None if the search rejects the changed readings."""
     try:
-        return ask(readings, parts) if bias_sd is None else ask(readings, parts, bias_sd=bias_sd)
+        return search(readings, parts) if bias_sd is None else search(readings, parts, bias_sd=bias_sd)
     except TanteoError:
         return None
 
@@ -129,27 +129,29 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
     return best.part, len(best.pairings), len(best.pairings) + len(best.outliers)
 
 
-def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], ask: Search) -> MirrorQuestion | None:
-    """Return that all readings fit the mirror image of a part, if some do not fit the part; None if not."""
+def _about_image(answer: Answer, readings: Readings, parts: Sequence[Part], search: Search) -> MirrorQuestion | None:
+    """Return the finding that all readings fit the mirror image of a part, but not the part; None if they do not."""
     if readings.Ts_world_hand.given.any() or answer.best is None or not answer.best.outliers:
         return None
     part = part_named(parts, answer.best.part)
     if part is None:
         return None
     image = mirror_part(part)
-    found = _asked(ask, readings, [part, image])
+    found = _searched(search, readings, [part, image])
     best = found.best if found is not None else None
     if best is None or best.part != image.name or best.outliers or best.probability < 1 - NOTABLE:
         return None
     return MirrorQuestion(part.name, best.probability)
 
 
-def _about_offset(readings: Readings, parts: Sequence[Part], ask: Search, settings: Settings) -> OffsetQuestion | None:
-    """Return that all readings fit if the surface is nearer to the sensor or farther by one distance."""
+def _about_offset(
+    readings: Readings, parts: Sequence[Part], search: Search, settings: Settings
+) -> OffsetQuestion | None:
+    """Return the finding that all readings fit if one distance is added along all directions; None if they do not."""
     sd = _OFFSET * max(sizes_of(parts))
-    found = _asked(ask, readings, parts, sd)
+    found = _searched(search, readings, parts, sd)
     for _ in range(_AIMED if _is_bare(readings).any() else 0):
-        found = None if found is None else _asked(ask, _aimed(found, readings, parts), parts, sd)
+        found = None if found is None else _searched(search, _aimed(found, readings, parts), parts, sd)
         if found is not None and fits(found, settings):
             break
     if found is None or not fits(found, settings):
@@ -165,7 +167,7 @@ def _about_offset(readings: Readings, parts: Sequence[Part], ask: Search, settin
 
 
 def _is_bare(readings: Readings) -> BoolArray:
-    """Return which touches have neither direction nor normal ``(n,)``: for them an offset is noise at first."""
+    """Return which touches have neither direction nor normal ``(n,)``, so that an offset has no direction yet."""
     return np.asarray(readings.points.given & ~readings.directions.given & ~readings.normals.given)
 
 
