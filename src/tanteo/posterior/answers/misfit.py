@@ -64,7 +64,7 @@ class Misfit:
         Args:
             rest: sum of the further squares.
             dof: their degrees of freedom.
-            noise_dof: number of states that these residuals determine, so that the noise keeps these degrees of freedom.
+            noise_dof: number of states that these residuals determine, in place of the noise residuals.
         """
         return replace(self, rest=self.rest + rest, dof=self.dof + dof, noise_dof=self.noise_dof + noise_dof)
 
