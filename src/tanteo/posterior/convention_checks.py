@@ -57,7 +57,7 @@ def about_conventions(
     explains them a search is made.
 
     Args:
-        answer: answer from the readings as they were read.
+        answer: answer from the unchanged readings.
         readings: the readings.
         parts: the candidates.
         question: the question of the answer with all its options.
@@ -141,7 +141,7 @@ def _fitting(answer: Answer) -> tuple[str, int, int]:
 def _about_image(
     answer: Answer, readings: Readings, parts: Sequence[Part], question: Question, settings: Settings
 ) -> MirrorQuestion | None:
-    """Return that all readings fit the mirror image of a part, if some do not fit the part; None if not."""
+    """Return the question of a mirror image that fits all readings where the part does not; None if none does."""
     if readings.Ts_world_hand.given.any() or answer.best is None or not answer.best.outliers:
         return None
     part = part_named(parts, answer.best.part)
@@ -158,7 +158,7 @@ def _about_image(
 def _about_offset(
     readings: Readings, parts: Sequence[Part], question: Question, settings: Settings
 ) -> OffsetQuestion | None:
-    """Return that all readings fit if the surface is nearer to the sensor or farther by one distance."""
+    """Return the question of one common offset with which all readings fit; None if there is none."""
     sd = _OFFSET * max(sizes_of(parts))
     try:
         trial = trial_fit(*question.problem(readings, parts), offset_sd=sd)

@@ -1,7 +1,7 @@
 """Coarse evaluation of points on distance fields of parts: scores of all, then refined poses of the best.
 
-Each part is evaluated at uniform attitudes, wherever its box contains the turned points. Parts of similar boxes share
-the best few hundred of these poses, and each refines its own best of them.
+Each part is evaluated at uniform attitudes, at all positions at which its box contains the points. Parts of similar
+boxes share the best few hundred of these poses, and each refines its own best of them.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def evaluate_fields(
         scores, found, Ts = evaluation.at_parts(table, (rows[here] - start).astype(np.int32), best)
         best = min(best, float(scores.min(initial=best)))
         costs[here] = found[:, 0]
-        poses |= {int(rows[here[k]]): Ts[k] for k in np.flatnonzero(scores <= best + evaluation.behind)}
+        poses |= {int(rows[here[k]]): Ts[k] for k in np.flatnonzero(scores <= best + evaluation.gap)}
     return costs, poses
 
 
@@ -70,7 +70,7 @@ class _Evaluation:
         self.sds = np.hypot(factor * points.sd[spread], np.hypot(shared, offset_sd))
         self.tilts = np.where(points.oriented[spread], points.normal_sds[spread], 1.0)
         self.radii = np.ascontiguousarray(points.radii[spread] + offset)
-        self.behind = np.inf if thorough else own.negligible
+        self.gap = np.inf if thorough else own.negligible
         more = own.few_points / len(spread)  # few points discriminate poses less well
         self.stepped = int(min(more, 3.0) * own.few_points) * (own.thorough if thorough else 1)
 
@@ -82,13 +82,13 @@ class _Evaluation:
         Args:
             table: arrays of a catalogue.
             rows: rows of parts in it; parts of similar boxes follow one another.
-            best: best score so far; parts far behind it get no poses and the largest cost.
+            best: best score so far; parts with far worse scores get no poses and the largest cost.
         """
         numbers, kinds = np.asarray(table["numbers"]), np.asarray(table["kind"])
         return _core.coarse(
             np.asarray(table["field"]), np.asarray(table["field_start"]), np.asarray(table["grid"]),
             np.sqrt(numbers[:, 0] / self.own.coarse_areas), np.ascontiguousarray(numbers[:, 5:8]),
             np.ascontiguousarray(numbers[:, 8:14]), float(LEVELS), rows, np.ascontiguousarray(kinds[rows]), best,
-            self.behind, self.at, self.normals, self.sds, self.tilts, self.radii, self.own.cost_point, self.stepped,
+            self.gap, self.at, self.normals, self.sds, self.tilts, self.radii, self.own.cost_point, self.stepped,
             self.own.kept // 2,
         )  # fmt: skip
