@@ -52,8 +52,10 @@ class MachineLimits:
             here: start of the path ``(3,)`` [m].
             goal: end of the path ``(3,)`` [m].
         """
+        if not np.isfinite([*here, *goal]).all():
+            return "a finite position"
         margins = self.workspace.clearances(goal)[0] - self.clearance
         crossed = [box.name for box in self.workspace.forbidden if box.crossed(here, goal, self.clearance)]
         if crossed:
             return f"the forbidden box '{crossed[0]}'"
-        return self.workspace.limits[int(np.argmin(margins))] if (margins < 0).any() else ""
+        return self.workspace.limits[int(np.argmin(margins))] if not (margins >= 0).all() else ""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent import futures
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 import numpy as np
 
@@ -60,6 +60,7 @@ class SafeMachine:
     _stopped: str = field(init=False, default="")
     _last: Transforms | None = field(init=False, default=None)
     _at: Vectors | None = field(init=False, default=None)
+    _rest: Vectors | None = field(init=False, default=None)
 
     @property
     def facts(self) -> Facts:
@@ -79,7 +80,11 @@ class SafeMachine:
         """Return the position of the tip ``(3,)`` [m]; in a dry run the position that it would have."""
         if self.dry_run and self._at is not None:
             return self._at
-        return place_of(self.machine)
+        try:
+            return place_of(self.machine)
+        except StoppedError as error:
+            self.abort(str(error))
+            raise
 
     def move(self, T_world_probe: Transforms) -> None:
         """Move straight to a pose, at the travel speed.
@@ -97,6 +102,7 @@ class SafeMachine:
         if self._only_shown(goal):
             return
         came = SE3.from_parts(T_world_probe[:3, :3], here)
+        self._rest = None  # until the motion has ended
         try:
             self._watched(lambda s: self.machine.move(T_world_probe, speed, s), here, goal, speed)
         except ContactError:
@@ -118,6 +124,8 @@ class SafeMachine:
             StoppedError: the machine does not move any more.
         """
         contact = self.facts.contact
+        if not (np.shape(direction) == (3,) and abs(float(np.linalg.norm(direction)) - 1) < 1e-6):
+            raise RefusedError(f"direction: expected a unit vector, got {direction}. Nothing was sent.")
         if not 0 < reach <= (self.limits.reach if contact else np.inf):
             raise RefusedError(
                 f"reach: expected up to {1e3 * self.limits.reach:g} mm, got {1e3 * reach:.3g} mm. "
@@ -129,10 +137,10 @@ class SafeMachine:
         self._allow(here, goal, f"{what} along {in_words(direction)}, {1e3 * reach:.2f} mm at most")
         if self._only_shown(here):
             return Sensed(here, direction, np.inf, reach)
-        speed = self.limits.touch
+        speed, self._rest = self.limits.touch, None  # until the motion has ended
         sensed = self._watched(lambda s: self.machine.sense(direction, reach, speed, s), here, goal, speed)
-        if sensed.hit and not 0 <= sensed.distance <= reach + self.limits.arrival:
-            self._stop(f"a contact {1e3 * sensed.distance:.3f} mm away, beyond the commanded {1e3 * reach:.3f} mm")
+        self._check_reading(sensed, here, direction, reach)
+        self._rest = None if self.facts.recorded else self.place()
         return sensed
 
     @contextmanager
@@ -155,8 +163,16 @@ class SafeMachine:
         Args:
             why: reason of the stop.
         """
-        self._stopped = self._stopped or why
+        self.forbid(why)
         self.machine.abort()
+
+    def forbid(self, why: str) -> None:
+        """Send no further motion; the machine, which is at rest, receives nothing.
+
+        Args:
+            why: reason of the stop.
+        """
+        self._stopped = self._stopped or why
 
     def write_frame(self, text: str) -> None:
         """Send the lines that set a work frame to the controller.
@@ -186,12 +202,52 @@ class SafeMachine:
         self._check_running()
         if not np.isfinite(goal).all():
             raise RefusedError(f"{what}: expected finite numbers, got others. Nothing was sent.")
+        self._check_rest(here)
         if past := self.limits.violation(here, goal):
             raise RefusedError(f"{what}: expected a path within the limits, got one past {past}. Nothing was sent.")
         if self.confirm is not None and not self.dry_run and not self.confirm(what):
             self._refused(what)
         if self.show is not None:
             self.show(what)
+
+    def _check_rest(self, here: Vectors) -> None:
+        """Check that nothing has moved the machine since its last motion ended."""
+        if self._rest is None or self.dry_run:
+            return
+        off = float(np.linalg.norm(here - self._rest))
+        if not off <= self.limits.arrival:
+            self.forbid(f"another sender moved it by {1e3 * off:.3f} mm")
+            self._check_running()
+
+    def _check_reading(self, sensed: Sensed, here: Vectors, direction: Vectors, reach: float) -> None:
+        """Check that a reading lies on the commanded line, and that the tip rests where the reading reports it."""
+        if not (np.isfinite([*sensed.start, *sensed.direction]).all() and not np.isnan(sensed.distance)):
+            self._stop("a reading with numbers that are not finite", "readings")
+        if self.facts.recorded:
+            return
+        near = self.limits.arrival
+        if not np.linalg.norm(sensed.start - here) <= near:
+            self._stop(f"a reading that begins at {in_mm(sensed.start)} in place of {in_mm(here)}", "readings")
+        if not self.facts.contact:
+            return
+        if not np.linalg.norm(sensed.direction - direction) <= near / reach:
+            self._stop(f"a reading along {in_words(sensed.direction)}", "readings")
+        if sensed.hit and not 0 <= sensed.distance <= reach + near:
+            self._stop(f"a contact {1e3 * sensed.distance:.3f} mm away on a motion of {1e3 * reach:.3f} mm", "readings")
+        end = here + min(sensed.distance, reach) * direction
+        if sensed.reported is not None and not np.linalg.norm(sensed.reported - end) <= near:
+            self._stop(f"a report of {in_mm(sensed.reported)}, beside the line to {in_mm(end)}", "readings")
+        self._check_stand(end, direction, hit=sensed.hit)
+
+    def _check_stand(self, end: Vectors, direction: Vectors, *, hit: bool) -> None:
+        """Check that the tip rests at the end of a reading: at its goal, or a braking distance beyond a contact."""
+        near, stand = self.limits.arrival, self.place() - end
+        along = float(stand @ direction)
+        beside = float(np.linalg.norm(stand - along * direction))
+        brake = 0.5 * self.limits.touch**2 / self.facts.deceleration if hit else 0.0
+        if not (beside <= near and -near <= along <= near + brake):
+            what = "a contact" if hit else "no contact"
+            self._stop(f"{what} up to {in_mm(end)}, but a tip that rests at {in_mm(self.place())}", "readings")
 
     def _refused(self, what: str) -> None:
         """Refuse a declined touch; stop at a declined path, because every other reading begins with a path."""
@@ -243,9 +299,12 @@ class SafeMachine:
             if self._stopped:  # another thread has aborted; the driver ends its motion
                 futures.wait([motion], 1.0)
                 self._check_running()
-            if (age := self.machine.status().age) > self.limits.stale and passed > self.limits.stale:
-                self._late(f"the controller has sent nothing for {min(age, passed):.1f} s")
-            if passed > seconds:
+            status = self.machine.status()
+            if not status.age <= self.limits.stale and passed > self.limits.stale:
+                self._late(f"the controller has sent nothing for {np.fmin(status.age, passed):.1f} s")
+            if status.place is not None and not np.isfinite(status.place).all():
+                self._stop(f"a position of {status.place.tolist()}", "positions")
+            if not passed <= seconds:
                 self._late(f"a motion did not end within {seconds:.1f} s")
 
     def _late(self, why: str) -> None:
@@ -263,14 +322,17 @@ class SafeMachine:
     def _arrived(self, goal: Vectors) -> None:
         here = self.place()
         off = float(np.linalg.norm(here - goal))
-        if off > self.limits.arrival:
-            self._stop(f"a motion that ended {1e3 * off:.3f} mm from its goal, at {in_mm(here)}")
+        if not off <= self.limits.arrival:
+            self._stop(f"a motion that ended {1e3 * off:.3f} mm from its goal, at {in_mm(here)}", "motions")
+        self._rest = here
 
-    def _stop(self, got: str) -> None:
+    def _stop(self, got: str, what: str) -> NoReturn:
         self.abort(got)
-        raise StoppedError(
-            f"{self.facts.name}: expected its motions to end at their goals, got {got}. Check the machine."
-        )
+        expected = {
+            "motions": "its motions to end at their goals", "positions": "positions of three finite numbers",
+            "readings": "readings on the commanded line, where the tip rests",
+        }  # fmt: skip
+        raise StoppedError(f"{self.facts.name}: expected {expected[what]}, got {got}. Check the machine.")
 
     def _go_back(self, T: Transforms) -> None:
         here, goal, speed = self.place(), T[:3, 3], self.limits.travel
