@@ -10,7 +10,19 @@ from contextlib import contextmanager
 import numpy as np
 
 from tanteo.geometry import SE3
-from tanteo.machines import Faults, GrblFake, GrblMachine, Machine, SerialLink, World, opened, parse_machine
+from tanteo.machines import (
+    Faults,
+    GrblFake,
+    GrblMachine,
+    Machine,
+    SerialLink,
+    TcpLink,
+    UrFake,
+    UrMachine,
+    World,
+    opened,
+    parse_machine,
+)
 from tanteo.parts import Surface
 from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
 
@@ -48,6 +60,21 @@ def grbl_on_a_port(there: World, start: np.ndarray, faults: Faults, speedup: flo
         yield machine
     finally:
         machine.close()
+        fake.close()
+
+
+@contextmanager
+def robot(start=START, **how):
+    """A Universal Robot and its fake."""
+    fake = UrFake(world(), start, **how)
+    try:
+        links = [TcpLink("127.0.0.1", port) for port in fake.ports]
+        machine = UrMachine(*links)
+        try:
+            yield machine, fake
+        finally:
+            machine.close()
+    finally:
         fake.close()
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
-from machines.cells import DOWN, START, at, world
+from machines.cells import DOWN, START, at, robot, world
 from tanteo.hand import Workspace
 from tanteo.machines import (
     GrblFake,
@@ -158,5 +159,37 @@ def test_linuxcnc_in_another_mode_gets_no_motion():
         safe.move(at(30, 20, 60))
         fake._mode = "MANUAL"
         with pytest.raises(StoppedError, match="MODE MANUAL in place of MDI"):
+            safe.move(at(40, 20, 50))
+        assert len(fake.tip.travelled) == 1
+
+
+def longer(fake):
+    fake.tcp = fake.tcp + np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
+
+
+def rotated(fake):
+    fake.tcp = fake.tcp + np.array([0.0, 0.0, 0.0, 0.02, 0.0, 0.0])
+
+
+def moved(fake):
+    fake.tip.place = fake.tip.place + np.array([0.0, 0.0, 0.003])
+
+
+def playing(fake):
+    fake._playing = True
+
+
+SEEN = [(longer, 0), (rotated, 0), (moved, 0), (longer, 0.1), (rotated, 0.1), (moved, 0.1), (playing, 0.1)]
+
+
+@pytest.mark.parametrize(("change", "wait"), SEEN)
+def test_a_foreign_change_stops_a_robot(change, wait):
+    """The driver compares its last package; the program compares again before it moves."""
+    with robot() as (machine, fake):
+        safe = SafeMachine(machine, LIMITS)
+        safe.move(at(30, 20, 60))
+        change(fake)
+        time.sleep(wait)
+        with pytest.raises(StoppedError, match=r"expected the state|moved it|stopped one"):
             safe.move(at(40, 20, 50))
         assert len(fake.tip.travelled) == 1

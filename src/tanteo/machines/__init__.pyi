@@ -34,6 +34,9 @@ from .run import Probed as Probed
 from .run import Turn as Turn
 from .run import probe_part as probe_part
 from .safe import SafeMachine as SafeMachine
+from .signals import Interrupted as Interrupted
+from .signals import stop_on_signals as stop_on_signals
+from .ur import UrMachine as UrMachine
 from .ur_fake import UrFake as UrFake
 from .ways import Ways as Ways
 from .world import World as World

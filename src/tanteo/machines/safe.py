@@ -61,6 +61,7 @@ class SafeMachine:
     _last: Transforms | None = field(init=False, default=None)
     _at: Vectors | None = field(init=False, default=None)
     _rest: Vectors | None = field(init=False, default=None)
+    _away: Vectors | None = field(init=False, default=None)
 
     @property
     def facts(self) -> Facts:
@@ -71,6 +72,11 @@ class SafeMachine:
     def stopped(self) -> str:
         """Reason for which no further motion is sent; empty if motions are possible."""
         return self._stopped
+
+    @property
+    def away(self) -> Vectors | None:
+        """Unit direction that leads the tip away from a touch that did not end with a retreat; None otherwise."""
+        return self._away
 
     def status(self) -> MachineStatus:
         """Return the status of the driver."""
@@ -138,6 +144,7 @@ class SafeMachine:
         if self._only_shown(here):
             return Sensed(here, direction, np.inf, reach)
         speed, self._rest = self.limits.touch, None  # until the motion has ended
+        self._away = -direction if contact else None
         sensed = self._watched(lambda s: self.machine.sense(direction, reach, speed, s), here, goal, speed)
         self._check_reading(sensed, here, direction, reach)
         self._rest = None if self.facts.recorded else self.place()
@@ -338,3 +345,4 @@ class SafeMachine:
         here, goal, speed = self.place(), T[:3, 3], self.limits.travel
         self._watched(lambda s: self.machine.back(T, speed, s), here, goal, speed)
         self._arrived(goal)
+        self._away = None
