@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from importlib import import_module
 from pathlib import Path
@@ -129,3 +130,43 @@ def test_a_signal_stops_the_machine_and_keeps_the_readings(run, cell, name, tmp_
     Journal(record).rows()  # has whole lines
     result = run(*typed, *more, "--resume")
     assert result.code == 0, result.err
+
+
+def press(fake, seconds: float = 0.5) -> None:
+    """Push the stylus once, some time after the command has begun to ask for it."""
+    while not fake.received:
+        time.sleep(0.01)
+    time.sleep(1.0)
+    fake.tip.pressed.set()
+    time.sleep(seconds)
+    fake.tip.pressed.clear()
+
+
+def test_the_user_triggers_the_probe_first(run, cell, tmp_path):
+    fake, address = cell("grbl")
+    hand = threading.Thread(target=press, args=(fake,), daemon=True)
+    hand.start()
+    more = ("--record", tmp_path / "run.json", "--travel", "200mm/s", "--feed", "10mm/s", "--check-probe", "hand")
+    result = probe(run, address, *PROBE, *more)
+    assert result.code == 0, result.err
+    assert result.err.index("push the stylus") < result.err.index("The probe reports contacts")
+
+
+def test_a_height_checks_the_probe(run, cell, tmp_path):
+    fake, address = cell("grbl")
+    fake.tip.place = np.array([0.12, 0.12, 0.09])
+    record = ("--record", tmp_path / "run.json")
+    result = probe(run, address, *PROBE, *record, "--check-probe", "5mm")
+    assert result.code == 1
+    assert "its probe does not work: a known surface is" in " ".join(result.err.split())
+    assert fake.motions == 2
+
+
+def test_a_check_that_is_none_is_refused(run):
+    assert "expected hand, off or the height" in probe(run, "fake:grbl", "--check-probe", "foot").err
+
+
+def test_a_robot_needs_the_size_of_its_tool(run):
+    typed = ("--tip-radius", "1mm", "--workspace", "0,0,0,1,1,1m")
+    assert "--tool: expected" in probe(run, "ur://127.0.0.1", *typed).err
+    assert "--tool: expected" in probe(run, "ur://127.0.0.1", *typed, "--tool", "1,2mm").err

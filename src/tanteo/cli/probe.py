@@ -174,11 +174,26 @@ def _moved(start: Start, session: Session, options: Options, machine: MachineOpt
         safe = SafeMachine(driver, machine.limits(), machine.confirmation(), machine.dry_run, show)
         try:
             with stop_on_signals(safe):
+                _check_probe(safe, machine)
                 yield safe
         except Interrupted as stop:
             stored = "" if options.record is None else " The readings so far are stored: continue with --resume."
             complain("warning", f"{stop}: a stop was sent and the motion cancelled.{_by_hand(safe)}{stored}")
             sys.exit(128 + stop.number)
+
+
+def _check_probe(safe: SafeMachine, machine: MachineOptions) -> None:
+    """Check the probe before the first motion: by the user's hand, or on a known surface."""
+    way = machine.check_of_probe()
+    if way == "hand":
+        print_text(
+            "Check of the probe: push the stylus with a finger for a second, then release it (--check-probe).",
+            sys.stderr,
+        )
+        safe.check_by_hand()
+        print_text("The probe reports contacts.", sys.stderr)
+    elif not isinstance(way, str):
+        safe.check_on_surface(way + machine.radius)
 
 
 def _by_hand(safe: SafeMachine) -> str:

@@ -10,6 +10,7 @@ from .grbl import GrblMachine as GrblMachine
 from .grbl_fake import GrblFake as GrblFake
 from .journal import Journal as Journal
 from .limits import MachineLimits as MachineLimits
+from .limits import tool_body as tool_body
 from .link import SerialLink as SerialLink
 from .link import TcpLink as TcpLink
 from .linuxcnc import LinuxCncMachine as LinuxCncMachine

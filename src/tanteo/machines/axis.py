@@ -31,6 +31,7 @@ class Tip:
         travelled: positions at which the motions ended, in order.
         moving: whether a motion is under way.
         hold: event of a feed hold, which pauses the motion until it is cleared.
+        pressed: event of a hand that triggers the probe.
         cancel: event that cancels the motion, also a paused one.
         emergency: event of an emergency stop, which ends the motion.
     """
@@ -42,7 +43,13 @@ class Tip:
     moving: bool = False
     hold: threading.Event = field(default_factory=threading.Event)
     cancel: threading.Event = field(default_factory=threading.Event)
+    pressed: threading.Event = field(default_factory=threading.Event)
     emergency: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def tripped(self) -> bool:
+        """Whether the probe is triggered, by the body or by a hand."""
+        return self.pressed.is_set() or self.world.tripped(self.place)
 
     def go(
         self, goal: Vectors, speed: float, *, until_contact: bool, half_way: Callable[[], None] | None = None

@@ -59,7 +59,7 @@ class Fake(ABC):
             self._drop()
             return "unreported", start
         self._silent = self._silent or n == faults.silent
-        if guarded and self.tip.world.tripped(start):
+        if guarded and self.tip.tripped:
             return "tripped", start
         if guarded and n == faults.stuck:
             self.tip.go(0.5 * (start + goal), speed, until_contact=False)

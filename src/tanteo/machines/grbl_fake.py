@@ -156,7 +156,7 @@ class GrblFake(Fake):
         where = f"MPos:{self._shown(self.tip.place)}"
         if self._work_positions:
             where = f"WPos:{self._shown(self.tip.place - self.modal.offset)}"
-        tripped = "|Pn:P" if self.tip.world.tripped(self.tip.place) else ""
+        tripped = "|Pn:P" if self.tip.tripped else ""
         has_offset = self._work_positions or self._reports % _WITH_OFFSET == 1
         wco = f"|WCO:{self._shown(self.modal.offset)}" if has_offset else ""
         return f"<{state}|{where}|FS:0,0{tripped}{wco}>"

@@ -89,7 +89,7 @@ class LinuxCncFake(Fake):
         fixed: dict[str, Callable[[], str]] = {
             "ESTOP": lambda: _on(self._estop), "MACHINE": lambda: _on(self._on), "MODE": lambda: self._mode,
             "ENABLE": lambda: _on(client.enabled),
-            "PROBE_VALUE": lambda: str(int(self.tip.world.tripped(self.tip.place))),
+            "PROBE_VALUE": lambda: str(int(self.tip.tripped)),
             "PROGRAM_STATUS": lambda: "RUNNING" if self._running or not self._blocks.empty() else "IDLE",
             "ABS_ACT_POS": lambda: " ".join(f"{v:.6f}" for v in (*(self.tip.place / self._unit + 0.0), 0.0, 0.0, 0.0)),
             "USER_LINEAR_UNITS": lambda: "MM" if self._unit == _MM else "INCH",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from tanteo import io
+from tanteo.machines.contact_watch import ContactWatch
 from tanteo.machines.journal import Journal, reading_of, take_up_rows
 from tanteo.machines.protocol import ContactError, RefusedError, Sensed, StoppedError
 from tanteo.machines.safe import SafeMachine
@@ -82,6 +83,7 @@ def probe_part(
         except StoppedError as error:
             stopped, turn = str(error), Turn(action, run.sensed, None, str(error))
         turns.append(turn)
+        stopped = stopped or run.missed
         watch(turn)
         in_vain = in_vain + 1 if turn.step is None else 0
         if stopped or in_vain >= _REFUSED:
@@ -97,6 +99,8 @@ class _Run:
     record: str | Path | None
     before: Action | None = None
     sensed: Sensed | None = None
+    missed: str = ""
+    contacts: ContactWatch = field(default_factory=ContactWatch)
 
     def take_up(self) -> int:
         """Pass the stored readings of an earlier run to the session; return their number."""
@@ -131,6 +135,10 @@ class _Run:
         return Turn(action, sensed, self._report(action, sensed), "" if sensed.hit else BeamsFree().message)
 
     def _report(self, action: Action, sensed: Sensed) -> Step:
+        if self.machine.facts.contact and not self.machine.facts.recorded and not self.machine.dry_run:
+            self.missed = self.missed or self.contacts.missed(self.session, sensed)
+            if self.missed:
+                self.machine.forbid(self.missed)
         step = self.session.tell(reading_of(action, sensed), action)
         if not sensed.hit or not step.ids:  # the session would choose the same question again without a refusal
             self.session.refuse(action)

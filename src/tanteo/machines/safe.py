@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,8 +14,8 @@ import numpy as np
 
 from tanteo.errors import TanteoError
 from tanteo.geometry import SE3
-from tanteo.geometry.typing import Transforms, Vectors
-from tanteo.machines.limits import MachineLimits
+from tanteo.geometry.typing import Rotations, Transforms, Vectors
+from tanteo.machines.limits import DOWN, MachineLimits
 from tanteo.machines.protocol import (
     ContactError,
     Facts,
@@ -34,6 +34,8 @@ from tanteo.machines.protocol import (
 _T = TypeVar("_T")
 _TICK = 0.02
 """Period of the watchdog [s]."""
+KNOWN = 2e-3
+"""Accepted error of the height of a known surface [m]: the least overtravel of a touch."""
 
 
 @dataclass(slots=True, eq=False)
@@ -60,6 +62,7 @@ class SafeMachine:
     _stopped: str = field(init=False, default="")
     _last: Transforms | None = field(init=False, default=None)
     _at: Vectors | None = field(init=False, default=None)
+    _at_axes: Rotations | None = field(init=False, default=None)
     _rest: Vectors | None = field(init=False, default=None)
     _away: Vectors | None = field(init=False, default=None)
 
@@ -104,10 +107,11 @@ class SafeMachine:
             StoppedError: the machine does not move any more.
         """
         goal, here, speed = T_world_probe[:3, 3], self.place(), self.limits.travel
-        self._allow(here, goal, f"move to {in_mm(goal)}")
-        if self._only_shown(goal):
+        axes = self._axes(), T_world_probe[:3, :3] if self.facts.turns else DOWN
+        self._allow(here, goal, f"move to {in_mm(goal)}", axes)
+        if self._only_shown(goal, axes[1]):
             return
-        came = SE3.from_parts(T_world_probe[:3, :3], here)
+        came = SE3.from_parts(axes[0], here)
         self._rest = None  # until the motion has ended
         try:
             self._watched(lambda s: self.machine.move(T_world_probe, speed, s), here, goal, speed)
@@ -140,8 +144,9 @@ class SafeMachine:
         here = self.place()
         goal = here + reach * direction if contact else here
         what = "touch" if contact else "range"
-        self._allow(here, goal, f"{what} along {in_words(direction)}, {1e3 * reach:.2f} mm at most")
-        if self._only_shown(here):
+        axes = self._axes()
+        self._allow(here, goal, f"{what} along {in_words(direction)}, {1e3 * reach:.2f} mm at most", (axes, axes))
+        if self._only_shown(here, axes):
             return Sensed(here, direction, np.inf, reach)
         speed, self._rest = self.limits.touch, None  # until the motion has ended
         self._away = -direction if contact else None
@@ -149,6 +154,65 @@ class SafeMachine:
         self._check_reading(sensed, here, direction, reach)
         self._rest = None if self.facts.recorded else self.place()
         return sensed
+
+    def check_by_hand(self, seconds: float = 60.0) -> None:
+        """Wait until the user triggers the probe by hand and releases it; nothing moves.
+
+        Args:
+            seconds: largest time to wait [s].
+
+        Raises:
+            StoppedError: the probe reported no contact, or reported one before or after; no motion is possible.
+        """
+        self._check_running()
+        end = time.monotonic() + seconds
+        if self._tripped() is not False:
+            self._forbid_probe("it reports a contact before it is triggered: its circuit is closed, or inverted")
+        for wanted, why in (
+            (True, f"it reported no contact within {seconds:g} s: its circuit is open, or it is on another input"),
+            (False, "it still reports a contact after it was triggered: its circuit stays closed"),
+        ):
+            while self._tripped() is not wanted:
+                if not time.monotonic() <= end:
+                    self._forbid_probe(why)
+                time.sleep(_TICK)
+            end = time.monotonic() + seconds
+
+    def check_on_surface(self, height: float) -> None:
+        """Touch a known surface straight below the tip, and retract.
+
+        Args:
+            height: height of the ball's centre at the contact, in the machine's frame [m]; the tip moves at most one
+                :data:`KNOWN` below it.
+
+        Raises:
+            StoppedError: there was no contact, or one farther than :data:`KNOWN` from the height.
+        """
+        here = self.place()
+        self._last = SE3.from_parts(self._axes(), here)
+        with self.touching():
+            sensed = self.sense(np.array([0.0, 0.0, -1.0]), float(here[2]) - height + KNOWN)
+        if self.dry_run:
+            return
+        if not sensed.hit:
+            self._forbid_probe("it passed a known surface without a contact: its circuit is open")
+        if not abs(here[2] - sensed.distance - height) <= KNOWN:
+            off = 1e3 * (here[2] - sensed.distance - height)
+            self._forbid_probe(f"a known surface is {off:.3f} mm from its height")
+
+    def _tripped(self) -> bool | None:
+        """Return whether the probe reports a contact, from a status that is not old."""
+        status = self.machine.status()
+        if not status.age <= self.limits.stale:
+            self._late(f"the controller has sent nothing for {status.age:.1f} s")
+        if status.state != "idle":
+            self._forbid_probe(f"the machine is {status.state} while its probe is checked")
+        return status.tripped
+
+    def _forbid_probe(self, why: str) -> NoReturn:
+        self.forbid(f"its probe does not work: {why}")
+        self._check_running()
+        raise AssertionError("a stopped machine raises")
 
     @contextmanager
     def touching(self) -> Iterator[None]:
@@ -204,13 +268,26 @@ class SafeMachine:
                 "Check it, clear the stop at the machine, and start again."
             )
 
-    def _allow(self, here: Vectors, goal: Vectors, what: str) -> None:
+    def _axes(self) -> Rotations:
+        """Return the current axes of the tool ``(3, 3)``: reported ones, or those at the end of the last motion."""
+        if not self.facts.turns:
+            return DOWN
+        if self.dry_run and self._at_axes is not None:
+            return self._at_axes
+        axes = self.machine.status().axes
+        if axes is None:
+            axes = DOWN if self._last is None else self._last[:3, :3]
+        if not (np.shape(axes) == (3, 3) and np.isfinite(axes).all()):
+            self._stop(f"axes of the tool {np.asarray(axes).tolist()}", "positions")
+        return axes
+
+    def _allow(self, here: Vectors, goal: Vectors, what: str, axes: Sequence[Rotations]) -> None:
         """Check that a straight path may be sent; raise an error otherwise."""
         self._check_running()
         if not np.isfinite(goal).all():
             raise RefusedError(f"{what}: expected finite numbers, got others. Nothing was sent.")
         self._check_rest(here)
-        if past := self.limits.violation(here, goal):
+        if past := self.limits.violation(here, goal, axes):
             raise RefusedError(f"{what}: expected a path within the limits, got one past {past}. Nothing was sent.")
         if self.confirm is not None and not self.dry_run and not self.confirm(what):
             self._refused(what)
@@ -264,9 +341,9 @@ class SafeMachine:
         self._stopped = self._stopped or "the operator declined a motion"
         raise StoppedError(no)
 
-    def _only_shown(self, goal: Vectors) -> bool:
+    def _only_shown(self, goal: Vectors, axes: Rotations) -> bool:
         if self.dry_run:
-            self._at = goal
+            self._at, self._at_axes = goal, axes
         return self.dry_run
 
     def _watched(self, run: Callable[[float], _T], here: Vectors, goal: Vectors, speed: float) -> _T:

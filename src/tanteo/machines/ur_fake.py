@@ -193,7 +193,7 @@ class UrFake(Fake):
             vectors = {"actual_TCP_pose": (*self.tip.place, *self.turn), "tcp_offset": self.tcp}
             return [float(v) for v in vectors.get(name, (0.0,) * 6)]
         if name == "actual_digital_input_bits":
-            return int(self.tip.world.tripped(self.tip.place))
+            return int(self.tip.tripped)
         fixed = {
             "timestamp": time.monotonic() - self._begun, "runtime_state": 2 if self._playing else 1,
             "robot_mode": _MODES["running"], "safety_mode": self._safety,
