@@ -17,7 +17,7 @@ def of_rows(change: Change) -> Change:
     def apply(data: bytes) -> bytes:
         nonlocal rest
         *rows, rest = (rest + data).split(b"\n")
-        return b"".join(change(row.rstrip(b"\r")) + b"\r\n" for row in rows)
+        return b"".join(change(row.strip(b"\r")) + b"\r\n" for row in rows)
 
     return apply
 

@@ -305,7 +305,9 @@ class SafeMachine:
 
     def _check_reading(self, sensed: Sensed, here: Vectors, direction: Vectors, reach: float) -> None:
         """Check that a reading lies on the commanded line, and that the tip rests where the reading reports it."""
-        if not (np.isfinite([*sensed.start, *sensed.direction]).all() and not np.isnan(sensed.distance)):
+        if not (np.shape(sensed.start) == np.shape(sensed.direction) == (3,) and sensed.distance > -np.inf):
+            self._stop(f"a reading at {sensed.start} along {sensed.direction} of {sensed.distance} m", "readings")
+        if not np.isfinite([*sensed.start, *sensed.direction]).all():
             self._stop("a reading with numbers that are not finite", "readings")
         if self.facts.recorded:
             return
