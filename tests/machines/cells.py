@@ -11,6 +11,8 @@ import numpy as np
 
 from tanteo.geometry import SE3
 from tanteo.machines import (
+    Address,
+    DirectMachine,
     Faults,
     GrblFake,
     GrblMachine,
@@ -23,6 +25,7 @@ from tanteo.machines import (
     opened,
     parse_machine,
 )
+from tanteo.machines.address import machine_kind
 from tanteo.parts import Surface
 from tanteo.planning import Sensing, Session, Stop, at_pose, probe_of
 
@@ -94,6 +97,23 @@ def driver(
     else:
         with opened(parse_machine(name), there, start, speedup, faults) as machine:
             yield machine
+
+
+@contextmanager
+def cell(name: str, there: World | None = None, start=START, faults: Faults = NO_FAULTS, speedup: float = np.inf):
+    """A driver and its fake, which has the tip; the direct one is its own."""
+    there = world() if there is None else there
+    if name == "fake:direct":
+        machine = DirectMachine(there, start, speedup=speedup)
+        yield machine, machine
+        return
+    kind = name.removeprefix("fake:")
+    fake = machine_kind(kind).fake(there, start, speedup=speedup, faults=faults)
+    try:
+        with opened(Address(kind, host="127.0.0.1", ports=fake.ports)) as machine:
+            yield machine, fake
+    finally:
+        fake.close()
 
 
 def drivers() -> list[str]:

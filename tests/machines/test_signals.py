@@ -13,8 +13,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from machines.cells import START, world
-from tanteo.machines import GrblFake, LinuxCncFake, UrFake
+from machines.cells import ABOVE, START, at, session, world, world_of
+from tanteo.machines import (
+    DirectMachine,
+    GrblFake,
+    Interrupted,
+    LinuxCncFake,
+    MachineLimits,
+    SafeMachine,
+    StoppedError,
+    UrFake,
+    probe_part,
+    stop_on_signals,
+)
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="other systems have no such signals")
 
@@ -36,6 +47,60 @@ def started(kind: str, fake) -> subprocess.Popen:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until(lambda: fake.tip.moving)
     return process
+
+
+def test_a_program_that_handles_a_signal_keeps_its_handler():
+    received = []
+    before = signal.signal(signal.SIGUSR1, lambda number, frame: received.append(number))
+    ignored = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        safe = SafeMachine(DirectMachine(world(), START), MachineLimits(travel=0.2))
+        with stop_on_signals(safe):
+            signal.raise_signal(signal.SIGUSR1)
+            signal.raise_signal(signal.SIGHUP)
+            safe.move(at(30, 20, 60))
+        assert received == [signal.SIGUSR1]
+        assert not safe.stopped
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+        signal.signal(signal.SIGHUP, ignored)
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_signal_between_motions_ends_a_run(name):
+    """Handlers are restored, and nothing moves after it."""
+    number = getattr(signal, name)
+    before = signal.getsignal(number)
+    machine = DirectMachine(world(), START)
+    safe = SafeMachine(machine, MachineLimits(travel=0.2))
+    safe.move(at(30, 20, 60))
+
+    def run():
+        with stop_on_signals(safe), safe.touching():
+            signal.raise_signal(number)
+
+    with pytest.raises(Interrupted, match=name):
+        run()
+    assert signal.getsignal(number) == before
+    assert len(machine.tip.travelled) == 1
+    with pytest.raises(StoppedError, match=name):
+        safe.move(at(30, 20, 70))
+
+
+def test_a_session_is_ended_by_a_signal(parts):
+    """Without a context of the caller's: the record is on the disk, and the machine is closed."""
+    machine = DirectMachine(world_of(parts["block"]), ABOVE)
+    one, turns = session(parts["block"]), []
+
+    def watch(turn):
+        turns.append(turn)
+        signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(Interrupted):
+        probe_part(one, SafeMachine(machine, MachineLimits(travel=0.2)), watch=watch)
+    assert len(turns) == 1
+    assert one.count == 1
+    assert machine.status().state == "stopped"
 
 
 def resumed(kind: str, fake) -> None:

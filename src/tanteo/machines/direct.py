@@ -89,8 +89,11 @@ class DirectMachine:
         self.frames.append(text)
 
     def close(self) -> None:
-        """Stop permanently; there is nothing to disconnect."""
+        """Stop permanently, and wait until the tip rests; there is nothing to disconnect."""
         self.abort()
+        end = time.monotonic() + 1.0
+        while self.tip.moving and time.monotonic() < end:
+            time.sleep(0.002)
 
     def _check(self) -> None:
         if self._stopped:

@@ -14,6 +14,7 @@ from tanteo.machines.contact_watch import ContactWatch
 from tanteo.machines.journal import Journal, reading_of, take_up_rows
 from tanteo.machines.protocol import ContactError, RefusedError, Sensed, StoppedError
 from tanteo.machines.safe import SafeMachine
+from tanteo.machines.signals import stop_on_signals
 from tanteo.machines.ways import Ways
 from tanteo.planning import Action, Done, Session, Step, largest_corner_sd
 from tanteo.words.findings import BeamsFree, NoClearPath, Stated
@@ -66,7 +67,8 @@ def probe_part(
     """Sense a part with a machine until the session ends.
 
     The record stores every question before the machine moves, and a journal stores every reading before the session
-    uses it. After a power failure, :func:`tanteo.io.read_record` and this function continue the run.
+    uses it. After a power failure, :func:`tanteo.io.read_record` and this function continue the run. A signal that
+    would end the process stops and closes the machine (:func:`tanteo.machines.stop_on_signals`).
 
     Args:
         session: session that chooses the readings.
@@ -74,6 +76,11 @@ def probe_part(
         record: file of the session record; None to store nothing.
         watch: function that is called after every question.
     """
+    with stop_on_signals(machine):
+        return _probed(session, machine, record, watch)
+
+
+def _probed(session: Session, machine: SafeMachine, record: str | Path | None, watch: Callable[[Turn], None]) -> Probed:
     run = _Run(session, machine, record)
     resumed = run.take_up()
     turns, in_vain, stopped = list[Turn](), 0, ""

@@ -314,12 +314,12 @@ class SafeMachine:
         near = self.limits.arrival
         if not np.linalg.norm(sensed.start - here) <= near:
             self._stop(f"a reading that begins at {in_mm(sensed.start)} in place of {in_mm(here)}", "readings")
-        if not self.facts.contact:
-            return
-        if not np.linalg.norm(sensed.direction - direction) <= near / reach:
+        if self.facts.contact and not np.linalg.norm(sensed.direction - direction) <= near / reach:
             self._stop(f"a reading along {in_words(sensed.direction)}", "readings")
         if sensed.hit and not 0 <= sensed.distance <= reach + near:
             self._stop(f"a contact {1e3 * sensed.distance:.3f} mm away on a motion of {1e3 * reach:.3f} mm", "readings")
+        if not self.facts.contact:
+            return
         end = here + min(sensed.distance, reach) * direction
         if sensed.reported is not None and not np.linalg.norm(sensed.reported - end) <= near:
             self._stop(f"a report of {in_mm(sensed.reported)}, beside the line to {in_mm(end)}", "readings")

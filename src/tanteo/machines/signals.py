@@ -31,12 +31,12 @@ class Interrupted(KeyboardInterrupt):
 
 @contextmanager
 def stop_on_signals(machine: SafeMachine) -> Iterator[None]:
-    """Stop and close a machine when the process receives a signal; close it also at the end of the context.
+    """Stop and close a machine when the process receives a signal during the context.
 
     The first signal forbids further motions and raises :class:`Interrupted` in the main thread, which stops a running
     motion. The probe does not retract after a stop. Later signals have no effect until the controller has cancelled the
     motion and the machine is closed, at most about two seconds. Signals that the program ignores or handles itself,
-    and SIGKILL, are not changed. In other threads than the main one only the machine is closed.
+    and SIGKILL, are not changed; in other threads than the main one no signal is.
 
     Args:
         machine: machine that runs in the context.
@@ -61,11 +61,11 @@ def stop_on_signals(machine: SafeMachine) -> Iterator[None]:
         signal.signal(number, stop)
     try:
         yield
-    except BaseException:
+    except KeyboardInterrupt:
+        received.append(signal.SIGINT)  # later signals do not raise
         machine.abort("its run was interrupted")
+        machine.close()
         raise
     finally:
-        received.append(0)  # a signal no longer raises, because the machine is being closed
-        machine.close()
         for number in handled:
             signal.signal(number, before[number])
