@@ -230,6 +230,18 @@ def test_outputs_of_rtde_are_numbers(name, value):
         fake.close()
 
 
+@pytest.mark.parametrize("bad", [b"\0\0\0\0", b"\0\2V", b"\0\5V\0\0", b"\0\4V\2", b"x" * 100])
+def test_a_server_that_does_not_speak_rtde_is_refused(bad):
+    fake = UrFake(world(), START)
+    try:
+        dashboard, script, data = fake.ports
+        with bent(data, lambda got: bad) as proxy, pytest.raises(LinkLostError, match="RTDE"):
+            connected("ur", [dashboard, script, proxy.port])
+        assert fake.motions == 0
+    finally:
+        fake.close()
+
+
 def test_two_results_of_a_program_are_refused():
     fake = UrFake(world(), START)
     try:

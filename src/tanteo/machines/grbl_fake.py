@@ -227,7 +227,9 @@ class GrblFake(Fake):
         self._send_rows(f"ALARM:{alarm}", "[MSG:Reset to continue]")
 
     def _dollar(self, line: str) -> None:
-        if line == "$I":
+        if line in ("$$", "$#") and self.tip.hold.is_set():
+            self._send_rows("error:8")
+        elif line == "$I":
             self._send_rows("[VER:1.1h.20190825:]", "[OPT:V,15,128]", "ok")
         elif line == "$$":
             axes = [f"$12{k}={value}" for k, value in enumerate(("500.000", "500.000", "250.000"))]

@@ -114,7 +114,7 @@ class Sensed:
 
 @runtime_checkable
 class Machine(Protocol):
-    """Driver of a machine; ``docs/robots.md`` lists what a driver must never do.
+    """Driver of a machine; ``docs/machines_safety.md`` lists what a driver must never do.
 
     Motions block until the machine is at rest, at most for ``seconds``, and raise :class:`MachineError`. The other
     methods neither raise nor wait.

@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any
 
@@ -144,12 +145,18 @@ class RtdeClient:
         Raises:
             LinkLostError: the connection is lost, or a package is malformed.
         """
-        try:
-            self._buffer.extend(self._link.read(seconds))
+        self._buffer.extend(self._link.read(seconds))
+        with self._whole():
             for letter, payload in packages(self._buffer):
                 if letter == DATA:
                     self.values = self._values_of(payload)
                     self.at = time.monotonic()
+
+    @contextmanager
+    def _whole(self) -> Iterator[None]:
+        """Raise the error of a malformed package."""
+        try:
+            yield
         except (ValueError, struct.error) as error:
             raise LinkLostError(f"{self._link.name}: expected packages of RTDE, got {error}. Reconnect.") from None
 
@@ -166,8 +173,9 @@ class RtdeClient:
     def _requested(self, letter: bytes, payload: bytes, deadline: float) -> bytes:
         self._link.write(package(letter, payload))
         while time.monotonic() < deadline:
-            for got, body in packages(self._buffer):
-                if got == letter:
-                    return body
+            with self._whole():
+                for got, body in packages(self._buffer):
+                    if got == letter:
+                        return body
             self._buffer.extend(self._link.read(0.1))
         raise LinkLostError(f"{self._link.name}: expected an answer of RTDE, got none. Check the connection.")

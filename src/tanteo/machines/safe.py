@@ -219,11 +219,14 @@ class SafeMachine:
         """Retract the probe at the end of the context, also after an error.
 
         The context contains a guarded motion and the processing of its result. The probe retracts to the end of the
-        last motion, unless the machine has stopped.
+        last motion, unless the machine has stopped or the user has interrupted the program.
         """
         start = self._last
         try:
             yield
+        except KeyboardInterrupt:
+            self.abort("its run was interrupted")
+            raise
         finally:
             if start is not None and self.facts.contact and not self._stopped and not self.dry_run:
                 self._go_back(start)
