@@ -18,7 +18,7 @@ from tanteo.posterior.furniture_points import FurniturePoints, outlier_log_densi
 from tanteo.posterior.labels import LabelEvidence, groups_of, label_evidence
 from tanteo.posterior.outliers import outlier_rates
 from tanteo.posterior.prepared import PreparedPart
-from tanteo.posterior.settings import DEFAULTS, Settings
+from tanteo.posterior.settings import DEFAULTS, POSE_DOF, Settings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +80,14 @@ class Problem:
     def shared_errors(self) -> int:
         """Return the number of shared errors: of the points first, then of each pose factor."""
         return int(self.points.shared_jacobian.shape[2]) + sum(factor.states for factor in self.pose_factors)
+
+    def may_fix(self, part: Part) -> bool:
+        """Whether there are enough measurements for the pose of a part; with fewer, the answer is insufficient."""
+        if self.priors.pose is not None or self.pose_factors:
+            return True
+        symmetry = part.symmetry
+        free = POSE_DOF // 2 if symmetry.spherical else int(symmetry.continuous)
+        return self.points.held + 2 * int(self.points.oriented.sum()) + len(self.rays) >= POSE_DOF - free
 
     @property
     def states(self) -> int:

@@ -68,9 +68,9 @@ def modes_of(sampler: Sampler) -> list[Mode]:
     sampled = np.isfinite(mass)
     if not sampled.any():
         return []
-    W = np.exp(sampler.log_weights - sampler.log_weights.max())[:, None] * sampler.shares
+    W = sampler.weights(float(sampler.log_weights.max()))[:, None] * sampler.shares
     sums = W.sum(axis=0)
-    common = W.T @ sampler.shares
+    common = np.stack([W[rows, k] @ sampler.shares[rows] for k, rows in enumerate(map(np.flatnonzero, W.T))])
     together = (common > sampler.settings.min_fraction * np.minimum(sums[:, None], sums)) & sampled & sampled[:, None]
     inside = _inside(sampler)
     together |= inside & sampled & sampled[:, None]

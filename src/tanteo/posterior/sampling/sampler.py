@@ -24,6 +24,13 @@ from tanteo.posterior.truncated_normal import truncate_by_box
 _COMPARABLE = 30.0
 """Numerical: log of the ratio of two masses beyond which the smaller is lost by rounding, 1e-13."""
 
+_NEGLIGIBLE_SHARE = 1e-9
+"""Numerical: share of a component in the mixture density below which a sample is not of its region."""
+
+_NEGLIGIBLE_WEIGHT = -200.0
+"""Numerical: log of a weight over the largest below which it is zero: products of smaller numbers are subnormal, and
+processors multiply these a hundred times slower."""
+
 
 @dataclass(slots=True, eq=False)
 class Sampler:
@@ -108,9 +115,19 @@ class Sampler:
         self.shares = np.pad(self.shares, ((0, 0), (0, len(peaks))))
         self._fitted, self.local = np.concatenate([self._fitted, cut]), np.concatenate([self.local, np.zeros_like(cut)])
 
+    @property
+    def fixes_pose(self) -> bool:
+        """Whether there are enough measurements for the pose of the part."""
+        return self.objective.problem.may_fix(self.objective.prepared.part)
+
     def counts(self) -> IntArray:
         """Return the number of samples drawn from each component ``(m,)``."""
         return self._mixture.counts(len(self.peaks))
+
+    def weights(self, top: float) -> FloatArray:
+        """Return the importance weights over the number whose log is ``top``; negligible ones are zero ``(N,)``."""
+        log = self.log_weights - top
+        return np.where(log > _NEGLIGIBLE_WEIGHT, np.exp(np.maximum(log, _NEGLIGIBLE_WEIGHT)), 0.0)
 
     def spread(self, along: Peaks, count: int) -> None:
         """Add components at poses along a bent ridge that are no maxima, and draw samples from each."""
@@ -169,6 +186,7 @@ class Sampler:
 
     def _weigh(self) -> None:
         log_q, self.shares = self._mixture.log_density(self.peaks.Ts, self.Ts)
+        self.shares[self.shares < _NEGLIGIBLE_SHARE] = 0.0
         ok = np.isfinite(self.log_target) & np.isfinite(log_q)
         self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
         self.log_density = np.where(np.isfinite(log_q), log_q, np.inf)
@@ -180,7 +198,7 @@ class Sampler:
             which: indices of the components.
             top: log of the unit of the weights.
         """
-        w = np.exp(self.log_weights - top)
+        w = self.weights(top)
         centre = self.objective.prepared.shape.centre
         for k in which:
             rows = np.flatnonzero(self.shares[:, k] > 1e-3)
@@ -210,9 +228,11 @@ class Sampler:
         if not abs(mass) < _COMPARABLE:
             return ControlVariate.alone(weights, self.settings)
         H = self.objective.of_pose(self.peaks.information[k][None])[0]
-        gaps = self._squared_gaps(k, H)
-        log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps
-        own = np.exp(np.minimum(log - self.log_density, _COMPARABLE))
+        near = np.flatnonzero(self.shares[:, k])
+        gaps, own = np.zeros(len(weights)), np.zeros(len(weights))
+        gaps[near] = self._squared_gaps(k, H, near)
+        log = mass - 3 * np.log(2 * np.pi) + 0.5 * np.linalg.slogdet(H)[1] - 0.5 * gaps[near]
+        own[near] = np.exp(np.minimum(log - self.log_density[near], _COMPARABLE))
         outside = own[~np.isfinite(self.log_weights)].sum()
         if outside > self.settings.min_probability * own.sum():  # a box ends in the region
             return ControlVariate.alone(weights, self.settings)
@@ -226,7 +246,7 @@ class Sampler:
         top = float(self.log_weights.max())
         if not np.isfinite(top):
             return np.full(len(self.peaks), -np.inf), np.zeros(len(self.peaks))
-        W = np.exp(self.log_weights - top)[:, None] * self.shares
+        W = self.weights(top)[:, None] * self.shares
         sums, squares = W.sum(axis=0), np.sum(W * W, axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ess = np.nan_to_num(sums**2 / squares)
@@ -238,12 +258,13 @@ class Sampler:
     def is_normal(self, k: int) -> bool:
         """Return whether the region of a maximum is nearly normal, and its samples suffice to decide it."""
         top = max(float(self.log_weights.max()), np.finfo(np.float64).min)
-        return self.control_variate(k, np.exp(self.log_weights - top) * self.shares[:, k]).is_normal
+        return self.control_variate(k, self.weights(top) * self.shares[:, k]).is_normal
 
-    def _squared_gaps(self, k: int, information: FloatArray) -> FloatArray:
-        """Return squared distances from a maximum to the samples, or to the nearest of their images ``(N,)``."""
-        centre, out = self.objective.prepared.shape.centre, np.full(len(self.Ts), np.inf)
-        for turn in [np.eye(4), *self._mixture.images]:
-            x = _core.offsets(self.peaks.Ts[k], np.ascontiguousarray(self.Ts @ turn), centre)
+    def _squared_gaps(self, k: int, information: FloatArray, rows: IntArray) -> FloatArray:
+        """Return squared distances from a maximum to some samples, or to the nearest of their images ``(R,)``."""
+        centre, out = self.objective.prepared.shape.centre, np.full(len(rows), np.inf)
+        for turn in [None, *self._mixture.images]:
+            Ts = self.Ts[rows] if turn is None else np.ascontiguousarray(self.Ts[rows] @ turn)
+            x = _core.offsets(self.peaks.Ts[k], Ts, centre)
             out = np.minimum(out, np.sum((x @ information) * x, axis=1))
         return out

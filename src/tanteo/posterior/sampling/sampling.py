@@ -15,13 +15,16 @@ from tanteo.posterior.settings import POSE_DOF
 def sample(samplers: Sequence[Sampler], log_none: float) -> None:
     """Draw samples in rounds until every important mode has enough.
 
+    Where there are too few measurements for the pose of a part, the first samples give its probability, and no answer
+    needs the shape of its modes.
+
     Args:
         samplers: samplers of the parts.
         log_none: log-evidence of the unknown object, its prior included.
     """
     total = float(log_sum([log_none, *(float(log_sum(s.peaks.evidence)) + s.log_constant for s in samplers)]))
     wants = [_first(s, s.peaks.evidence + s.log_constant - total) for s in samplers]
-    rounds = samplers[0].settings.rounds if samplers else 0
+    rounds = samplers[0].settings.rounds if any(s.fixes_pose for s in samplers) else 0
     count = 0
     for k in range(rounds + 1):
         for sampler, want in zip(samplers, wants, strict=True):
@@ -33,7 +36,10 @@ def sample(samplers: Sequence[Sampler], log_none: float) -> None:
             _spread(samplers, log_none)
         masses = [s.masses() for s in samplers]
         total = float(log_sum([log_none, *(float(log_sum(m)) for m, _ in masses)]))
-        wants = [_wanted(s, mass - total, ess) for s, (mass, ess) in zip(samplers, masses, strict=True)]
+        wants = [
+            _wanted(s, mass - total, ess) if s.fixes_pose else np.zeros(len(mass), dtype=np.int64)
+            for s, (mass, ess) in zip(samplers, masses, strict=True)
+        ]
         if not any(want.any() for want in wants):
             break
 
@@ -54,7 +60,12 @@ def _spread(samplers: Sequence[Sampler], log_none: float) -> None:
     total = float(log_sum([log_none, *(float(log_sum(mass)) for mass in masses)]))
     for s, mass in zip(samplers, masses, strict=True):
         likely = mass > total + np.log(s.settings.region)
-        if s.along is not None and len(s.along) and not all(s.is_normal(int(k)) for k in np.flatnonzero(likely)):
+        if (
+            s.fixes_pose
+            and s.along is not None
+            and len(s.along)
+            and not all(s.is_normal(int(k)) for k in np.flatnonzero(likely))
+        ):
             # all components of a ridge together have as many samples as a mode needs
             s.spread(s.along, -(-s.settings.enough // s.objective.problem.settings.search.maximized))
 
