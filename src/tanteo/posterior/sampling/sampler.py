@@ -74,6 +74,7 @@ class Sampler:
     _slopes: FloatArray = field(init=False)
     local: BoolArray = field(init=False)
     _fitted: BoolArray = field(init=False)
+    _masses: tuple[FloatArray, FloatArray] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         D, peaks = self.objective.problem.states, self.peaks
@@ -108,7 +109,7 @@ class Sampler:
     def add(self, peaks: Peaks) -> None:
         """Add maxima, whose components follow the existing ones; they have no samples yet."""
         means, covariances, slopes, cut = self._about(peaks)
-        self.peaks = self.peaks.join(peaks)
+        self.peaks, self._masses = self.peaks.join(peaks), None
         self.covariances = np.concatenate([self.covariances, covariances])
         self.means = np.concatenate([self.means, means])
         self._slopes = np.concatenate([self._slopes, slopes])
@@ -189,7 +190,7 @@ class Sampler:
         self.shares[self.shares < _NEGLIGIBLE_SHARE] = 0.0
         ok = np.isfinite(self.log_target) & np.isfinite(log_q)
         self.log_weights = np.where(ok, self.log_target - np.where(ok, log_q, 0.0), -np.inf)
-        self.log_density = np.where(np.isfinite(log_q), log_q, np.inf)
+        self.log_density, self._masses = np.where(np.isfinite(log_q), log_q, np.inf), None
 
     def adapt(self, which: IntArray, top: float) -> None:
         """Fit components to the weighted samples of their maxima.
@@ -243,6 +244,11 @@ class Sampler:
 
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Return log mass and effective sample size of the region of each maximum ``(m,)``."""
+        if self._masses is None:
+            self._masses = self._region_masses()
+        return self._masses
+
+    def _region_masses(self) -> tuple[FloatArray, FloatArray]:
         top = float(self.log_weights.max())
         if not np.isfinite(top):
             return np.full(len(self.peaks), -np.inf), np.zeros(len(self.peaks))
