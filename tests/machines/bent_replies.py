@@ -228,11 +228,15 @@ def runs(kind: str, count: int, seed: int) -> tuple[collections.Counter, list[st
 
 
 def main() -> None:
+    """Print the ends of the runs; exit with 1 if one is neither a true reading nor a refusal."""
+    failed = False
     count, seed = (int(v) for v in [*sys.argv[1:], "200", "0"][:2])
     for kind in KINDS:
         ends, bad = runs(kind, count, seed)
         print(kind, dict(ends))
-        print(*bad, sep="\n")
+        print(*bad, sep="\n", end="\n" * bool(bad))
+        failed = failed or bool(bad)
+    sys.exit(failed)
 
 
 if __name__ == "__main__":
