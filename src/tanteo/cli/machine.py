@@ -204,7 +204,7 @@ class MachineOptions:
         """
         from tanteo.planning import probe_of
 
-        stylus: dict[str, Any] = {"stylus_behind": True} if turns else {"stylus": _UP}
+        stylus: dict[str, Any] = {"stylus_along_motion": True} if turns else {"stylus": _UP}
         where: dict[str, Any] = {
             "contact": True, "radius": self.radius, "approach": _DOWN, "cone": 0.5 * 3.141592653589793,
             "standoff": self.standoff, "clearance": self.clearance, "workspace": self._workspace(), **stylus,

@@ -59,5 +59,5 @@ def _chance_of_miss(state: SensingState, session: Session, sensed: Sensed) -> fl
         return 1.0
     found = predict(samples, sensed.start[None], sensed.direction[None], session.probe)
     sds = np.sqrt(np.maximum(found.variances[0], session.probe.law.sigma(np.asarray(sensed.reach)) ** 2))
-    hits = np.where(found.met[0], ndtr((sensed.reach - found.ranges[0]) / sds), 0.0)
+    hits = np.where(found.hit[0], ndtr((sensed.reach - found.ranges[0]) / sds), 0.0)
     return float(1.0 - samples.weights @ hits)
