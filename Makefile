@@ -6,7 +6,7 @@
 # make docs makes the site in build/docs; make core rebuilds the compiled core.
 # make oracles fetches other interpreters that some tests compare with, if available (Debian, PyPI).
 # make ros installs ROS 2 in an environment of its own, for the test of the node.
-# make fuzz reads ten thousand damaged files; COUNT and SEED choose others.
+# make fuzz reads ten thousand damaged files, and bends replies of controllers; COUNT and SEED choose others.
 # make wheel makes dist/tanteo-*.whl; make wheel-test installs and runs it elsewhere; make sanitize runs tests/core with sanitizers.
 PYTHON ?= python3
 VENV   ?= .venv
@@ -80,9 +80,11 @@ ros: $(VENV)/.test
 	PATH="$(ROS)/bin:$$PATH" AMENT_PREFIX_PATH=$(ROS) $(BIN)/cmake --build $(ROS)/tf2_msgs --target install >> $(ROS)/tf2_msgs.log
 
 COUNT ?= 10000
+BENDS ?= 500
 SEED  ?= 1
 fuzz: $(VENV)/.test
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(abspath $(BIN))/python -m fuzz $(COUNT) $(SEED)
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(abspath $(BIN))/python -m machines.bent_replies $(BENDS) $(SEED)
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx -W -q -j auto -c docs -b html . build/docs

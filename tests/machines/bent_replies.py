@@ -33,15 +33,15 @@ from tanteo.machines import (
 )
 
 KINDS = ("grbl", "linuxcnc", "ur")
-TRUE = 0.019
-"""Distance from (30, 20, 40) mm to the contact with the block [m]."""
+TRUE = 0.004
+"""Distance from (30, 20, 25) mm to the contact with the block [m]."""
 NEAR = 0.45e-3
 """Largest error of an accepted reading [m]: arrival, and braking distance of the drivers."""
 PATHS = Workspace(np.array([0.0295, 0.0195, 0.0195]), np.array([0.0305, 0.0205, 0.1005]))
 """The motions are on one vertical line."""
 LIMITS = MachineLimits(Workspace(np.array([-0.05, -0.05, 0.0]), np.full(3, 0.15)), travel=0.2, stale=0.4, grace=0.6)
-ENDS = 8.0
-"""Largest duration of a run [s]."""
+ENDS = 15.0
+"""Largest duration of a run [s]: a touch whose acknowledgement is lost waits for its deadline, 6.6 s."""
 
 NUMBERS = [
     b"nan", b"-nan", b"inf", b"-inf", b"1e400", b"-1e400", b"1e3", b"", b"-", b"+", b".", b"1.2.3", b"--1", b"0x10",
@@ -163,9 +163,9 @@ def connected(kind: str, ports):
 
 
 def scenario(safe: SafeMachine) -> float:
-    safe.move(at(30, 20, 40))
+    safe.move(at(30, 20, 25))
     with safe.touching():
-        sensed = safe.sense(DOWN, 0.03)
+        sensed = safe.sense(DOWN, 0.008)
     safe.move(at(30, 20, 90))
     return sensed.distance
 
@@ -208,10 +208,14 @@ def run(kind: str, bending: Bending) -> tuple[str, str]:
 
 
 def replies(kind: str) -> int:
-    """Number of replies of a run that nothing bends."""
-    bending = Bending(10**9, False, np.random.default_rng(0))
-    assert run(kind, bending)[0] == "read"
-    return bending.count
+    """Number of replies of a run that nothing bends; on a busy computer one may be refused as late."""
+    ends = []
+    for _ in range(3):
+        bending = Bending(10**9, False, np.random.default_rng(0))
+        ends.append(run(kind, bending))
+        if ends[-1][0] == "read":
+            return bending.count
+    raise AssertionError(ends)
 
 
 def runs(kind: str, count: int, seed: int) -> tuple[collections.Counter, list[str]]:
@@ -228,11 +232,15 @@ def runs(kind: str, count: int, seed: int) -> tuple[collections.Counter, list[st
 
 
 def main() -> None:
+    """Print the ends of the runs; exit with 1 if one is neither a true reading nor a refusal."""
+    failed = False
     count, seed = (int(v) for v in [*sys.argv[1:], "200", "0"][:2])
     for kind in KINDS:
         ends, bad = runs(kind, count, seed)
         print(kind, dict(ends))
-        print(*bad, sep="\n")
+        print(*bad, sep="\n", end="\n" * bool(bad))
+        failed = failed or bool(bad)
+    sys.exit(failed)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""A process that touches with a machine of loopback, for the tests of signals: ``python moving.py KIND PORT...``."""
+"""A process that touches with a machine of loopback, for the tests of signals.
+
+``python moving.py KIND PORT...``; KIND is ``grbl``, ``linuxcnc`` or ``ur``, or ``serial`` with the name of a port.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from tanteo.machines import (
     LinuxCncMachine,
     MachineLimits,
     SafeMachine,
+    SerialLink,
     TcpLink,
     UrMachine,
     stop_on_signals,
@@ -21,8 +25,12 @@ KINDS = {"grbl": GrblMachine, "linuxcnc": LinuxCncMachine, "ur": UrMachine}
 
 
 def main() -> None:
-    links = [TcpLink("127.0.0.1", int(port)) for port in sys.argv[2:]]
-    safe = SafeMachine(KINDS[sys.argv[1]](*links), MachineLimits(touch=2e-3))
+    kind, *ports = sys.argv[1:]
+    if kind == "serial":
+        machine = GrblMachine(SerialLink(ports[0]))
+    else:
+        machine = KINDS[kind](*(TcpLink("127.0.0.1", int(port)) for port in ports))
+    safe = SafeMachine(machine, MachineLimits(touch=2e-3))
     try:
         with stop_on_signals(safe):
             safe.sense(np.array([0.0, 0.0, -1.0]), 0.06)

@@ -184,3 +184,38 @@ def test_a_first_touch_without_contact_alone_does_not_stop(block):
     safe = SafeMachine(machine, LIMITS)
     assert not safe.sense(DOWN, 0.01).hit
     assert not safe.stopped
+
+
+@pytest.mark.parametrize("kind", CELLS)
+def test_a_closed_circuit_ends_a_run_at_once(kind, block):
+    """The probe reports a contact all the time."""
+    start_fake, connect = CELLS[kind]
+    fake = start_fake(world_of(block), ABOVE)
+    try:
+        machine = connect(*(TcpLink("127.0.0.1", port) for port in fake.ports))
+        try:
+            fake.tip.pressed.set()
+            time.sleep(0.4)
+            done = probe_part(session(block), SafeMachine(machine, LIMITS))
+            assert len(done.turns) == 1
+            assert "its circuit is closed" in done.stopped
+            assert all(np.allclose(place, ABOVE, atol=1e-6) for place in fake.tip.travelled)
+        finally:
+            machine.close()
+    finally:
+        fake.close()
+
+
+def test_a_probe_that_stays_closed_after_a_touch_ends_a_run():
+    machine = DirectMachine(world(), START)
+    safe = SafeMachine(machine, LIMITS)
+    safe.move(at(30, 20, 40))
+
+    def touch():
+        with safe.touching():
+            assert safe.sense(DOWN, 0.03).hit
+            machine.tip.pressed.set()
+
+    with pytest.raises(StoppedError, match="its circuit is closed"):
+        touch()
+    assert np.allclose(machine.tip.place, [0.03, 0.02, 0.04])

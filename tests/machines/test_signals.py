@@ -29,7 +29,7 @@ from tanteo.machines import (
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="other systems have no such signals")
 
-FAKES = {"grbl": GrblFake, "linuxcnc": LinuxCncFake, "ur": UrFake}
+FAKES = {"grbl": GrblFake, "serial": GrblFake, "linuxcnc": LinuxCncFake, "ur": UrFake}
 SIGNALS = ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGUSR1"]
 
 
@@ -43,7 +43,8 @@ def until(condition, seconds: float = 20.0) -> None:
 def started(kind: str, fake) -> subprocess.Popen:
     """A process that touches, once the tip moves."""
     script = Path(__file__).with_name("moving.py")
-    command = [sys.executable, str(script), kind, *map(str, fake.ports)]
+    ports = [fake.terminal()] if kind == "serial" else fake.ports
+    command = [sys.executable, str(script), kind, *map(str, ports)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until(lambda: fake.tip.moving)
     return process
@@ -105,7 +106,7 @@ def test_a_session_is_ended_by_a_signal(parts):
 
 def resumed(kind: str, fake) -> None:
     """What an operator does after a stop: press cycle start."""
-    if kind == "grbl":
+    if kind in ("grbl", "serial"):
         with socket.create_connection(("127.0.0.1", fake.ports[0])) as client:
             client.sendall(b"~")
             time.sleep(0.1)

@@ -428,3 +428,5 @@ class SafeMachine:
         self._watched(lambda s: self.machine.back(T, speed, s), here, goal, speed)
         self._arrived(goal)
         self._away = None
+        if self.facts.contact and self.machine.status().tripped:
+            self._forbid_probe("it still reports a contact after the retreat: its circuit is closed")
