@@ -49,7 +49,7 @@ def test_the_answer_is_given_again(run, session, record):
 
 def test_it_says_what_each_reading_told(run, session, record):
     spoken = run("replay", record, "--explain").out
-    assert "What each reading told" in spoken
+    assert "Information of each reading" in spoken
     assert "What the pose of my wedge rests on" in spoken
     for k in range(session.count):
         assert f"a{k + 1} " in spoken

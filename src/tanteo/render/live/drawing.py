@@ -1,4 +1,4 @@
-"""Primitives of a session at one moment: posterior, readings, next reading, hand, and real part."""
+"""Conversion of a session at one moment to primitives: posterior, readings, next reading, hand, and real part."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ARM = 0.14
 """Length of a beam with unknown start, as a fraction of the part's size."""
 
 _DASH, OPEN = 0.006, 0.12
-"""Length of a dash, and drawn length of a beam that met nothing [m]."""
+"""Length of a dash, and drawn length of a beam that hit nothing [m]."""
 
 LAYERS = {
     RIVAL_LAYERS[0]: "Second most probable part",
@@ -47,7 +47,7 @@ LAYERS = {
     "readings": "Readings, with 2 sd",
     "wrong": "Readings that do not fit",
     "beams": "Beams",
-    "free": "Beams that met nothing",
+    "free": "Beams that hit nothing",
     "features": "Features of labelled readings, with 2 sd magnified",
     "next": "Next reading",
     "hand": "Hand and its beams",
@@ -60,7 +60,7 @@ HIDDEN_AT_FIRST = RIVAL_LAYERS
 
 
 def state_primitives(now: Snapshot) -> list[Primitive]:
-    """Return parts at possible poses: the most probable one solid, others transparent in own colours."""
+    """Return the parts at their possible poses; the most probable one is opaque, others are transparent."""
     out: list[Primitive] = []
     b = now.state
     for k in now.drawn_modes().tolist():
@@ -74,7 +74,7 @@ def state_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def reading_primitives(now: Snapshot) -> list[Primitive]:
-    """Return readings with beams and uncertainty; misfits have another colour and shape."""
+    """Return the readings with beams and uncertainty; misfits have a different colour and shape."""
     b, out = now.state, list[Primitive]()
     if b.touches is not None and len(b.touches):
         t, wrong = b.touches, now.wrong()
@@ -127,11 +127,11 @@ def hand_primitives(hand: Hand, sensed: HandReading) -> list[Primitive]:
     T = sensed.T_world_hand
     vertices, triangles = _hand(hand.body)
     starts, axes = SE3.apply(T, hand.origins), hand.axes @ T[:3, :3].T
-    met, free = sensed.states == HIT, sensed.states == FREE
-    hits = starts[met] + sensed.ranges[met, None] * axes[met]
+    hit, free = sensed.states == HIT, sensed.states == FREE
+    hits = starts[hit] + sensed.ranges[hit, None] * axes[hit]
     return [
         Mesh("hand", vertices, triangles, colors.SOFT, 0.55, T, "hand"),
-        Lines("seen", np.stack([starts[met], hits], axis=1), colors.BEAM, 2.0, layer="hand"),
+        Lines("seen", np.stack([starts[hit], hits], axis=1), colors.BEAM, 2.0, layer="hand"),
         Lines(
             "not seen", dashed(starts[free], starts[free] + OPEN * axes[free], _DASH), colors.FREE, 1.5, layer="hand"
         ),

@@ -1,4 +1,4 @@
-"""Text beside the picture as escaped HTML: probabilities as bars, counts, steps, and legend."""
+"""Panels of the live page as escaped HTML: status, probabilities as bars, steps, and legend."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LINES = 8
 GRID = 0.05
 """Side length of a grid square [m]."""
 
-GRID_WORDS = f"A grid square is {1e3 * GRID:.0f} mm. Beams that met nothing are drawn {1e3 * OPEN:.0f} mm long."
+GRID_WORDS = f"A grid square is {1e3 * GRID:.0f} mm. Beams that hit nothing are drawn {1e3 * OPEN:.0f} mm long."
 
 STYLE = element(
     "style", Html(resources.files("tanteo.render.live").joinpath("page.css").read_text(encoding="utf-8"))
@@ -39,7 +39,7 @@ def _framed(*children: Html | str) -> str:
 
 
 def headline(now: Snapshot) -> str:
-    """Return the current belief in one sentence."""
+    """Return the most probable part and its probability as one sentence."""
     found = leader(now)
     return headline_of((found,)) or found.message
 
@@ -55,7 +55,14 @@ def leader(now: Snapshot) -> Finding:
 
 
 def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> str:
-    """Return the status panel: belief, number of places, the planner's state, and what the page waits for."""
+    """Return the status panel.
+
+    Args:
+        now: session at one moment.
+        note: remark on the last reading.
+        help_: instruction for the user.
+        rival: state of the policy in a contest.
+    """
     rows = [element("div", headline(now), class_="say"), element("div", counted(now))]
     rows += [element("div", rival)] if rival else []
     rows += [element("div", text, class_="soft") for text in (note, help_) if text]
@@ -63,13 +70,25 @@ def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> s
 
 
 def verdict(now: Snapshot, words: Sequence[str], table: str = "") -> str:
-    """Return the panel at the end: the first sentence large, further sentences, and a table."""
+    """Return the status panel at the end of a session.
+
+    Args:
+        now: session at its end.
+        words: sentences of the result; the first one is printed large.
+        table: comparison with the policy, as HTML.
+    """
     rows = [element("div", text, class_="say" if k == 0 else None) for k, text in enumerate([*words, counted(now)])]
     return _framed(*rows, Html(table))
 
 
 def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
-    """Return how certain the planner is, without its answer."""
+    """Return the certainty of the policy in a contest as a sentence, without its answer.
+
+    Args:
+        steps: steps of the policy so far.
+        places: number of steps of the user so far.
+        through: whether the policy has finished.
+    """
     if not steps:
         return PlannerResult(0).message
     last = steps[-1]
@@ -114,7 +133,7 @@ def _shown(value: str | float) -> str:
 
 
 def counted(now: Snapshot) -> str:
-    """Return the number of places, and who chose them."""
+    """Return the numbers of readings that the policy and the user chose, as a sentence."""
     return PlacesSensed(*now.places).message
 
 
@@ -151,7 +170,7 @@ def steps(lines: Sequence[str]) -> str:
     if not lines:
         return _framed(element("span", "No step yet.", class_="soft"))
     items = [element("li", line) for line in list(lines)[: -_LINES - 1 : -1]]
-    return _framed(element("ul", *items, class_="told"))
+    return _framed(element("ul", *items, class_="steps"))
 
 
 def step_line(now: Snapshot) -> str:

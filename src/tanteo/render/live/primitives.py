@@ -1,6 +1,6 @@
 """Primitives of a picture: meshes, lines, dots, arrows and labels, world frame [m].
 
-Each has a unique name, and a layer by which the user can hide it; without a layer it is always visible.
+Each primitive has a unique name, and a layer that the user can hide. Without a layer it is always visible.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Arrow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Label:
-    """Text at a place ``(3,)``."""
+    """Text at a point ``(3,)`` [m]."""
 
     name: str
     text: str
@@ -96,7 +96,7 @@ Primitive = Mesh | Lines | Dots | Arrow | Label
 
 
 _SHARP = np.cos(np.radians(25.0))
-"""Cosine of the least angle between triangles at an edge."""
+"""Cosine of the smallest angle between two triangles at a drawn edge."""
 
 _DASHES = 24
 """Largest number of dashes of a line."""
@@ -112,7 +112,13 @@ def ball(subdivisions: int = 2) -> tuple[FloatArray, IntArray]:
 
 
 def ellipsoids(points: Vectors, covariances: Covariances, sds: float) -> tuple[FloatArray, IntArray]:
-    """Return the ellipsoids of points at a number of standard deviations as one mesh."""
+    """Return the uncertainty ellipsoids of points as one mesh: vertices and triangles.
+
+    Args:
+        points: centres ``(n, 3)`` [m].
+        covariances: covariances of the points ``(n, 3, 3)`` [m^2].
+        sds: half axes in standard deviations.
+    """
     vertices, triangles = ball(1)
     variances, axes = np.linalg.eigh(covariances)
     stretched = axes * (sds * np.sqrt(np.maximum(variances, 1e-12)))[:, None, :]
@@ -137,7 +143,7 @@ def hand_mesh(body: Body) -> tuple[FloatArray, IntArray]:
 
 
 def joined(meshes: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
-    """Return meshes joined to one."""
+    """Return several meshes as one mesh."""
     if not meshes:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     starts = np.cumsum([0, *(len(v) for v, _ in meshes)])

@@ -1,4 +1,4 @@
-"""A session at one moment as a frozen value, and the result of a run."""
+"""Session at one moment as an immutable value, and result of a run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MODES, _PARTS = 6, 1 + len(RIVAL_LAYERS)
 """Largest numbers of drawn modes, and of parts with a drawn mode."""
 
 _SHOWN = 0.01
-"""Least probability of a drawn mode; the most probable one is always drawn."""
+"""Smallest probability of a drawn mode; the most probable one is always drawn."""
 
 _DECIDED = 0.5
 """Probability above which a part is more probable than all others."""
@@ -42,9 +42,9 @@ class Snapshot:
     """Session at one moment.
 
     Attributes:
-        state: posterior.
+        state: posterior of the session.
         steps: results of all steps.
-        action: next reading; None if there is none.
+        action: pending action; None if there is none.
         shapes: features of labelled readings; None without any.
     """
 
@@ -55,7 +55,7 @@ class Snapshot:
 
     @classmethod
     def of(cls, session: Session) -> Snapshot:
-        """Return the present moment of a session."""
+        """Return the present state of a session."""
         now = cls(session.state, session.steps, session.pending)
         return replace(now, shapes=sensed_shapes(session, now.size))
 
@@ -81,12 +81,12 @@ class Snapshot:
 
     @property
     def places(self) -> tuple[int, int]:
-        """Number of places that the policy chose, and that the user chose."""
+        """Numbers of steps whose action the policy chose, and the user chose."""
         own = sum(by_hand(step.action) for step in self.steps)
         return len(self.steps) - own, own
 
     def drawn_modes(self) -> IntArray:
-        """Return the modes to draw, most probable first, of the most probable parts."""
+        """Return the indices of the modes to draw, which belong to the most probable parts, most probable first."""
         b = self.state
         if not len(b.weights):
             return np.zeros(0, dtype=np.int64)
@@ -116,7 +116,7 @@ class Snapshot:
         return np.asarray(np.abs(self._distances()) > _FITS)
 
     def _distances(self) -> FloatArray:
-        """Return distances of the readings from the most probable mode in standard deviations ``(n,)``."""
+        """Return distances of the readings from the part at the most probable mode ``(n,)`` [standard deviations]."""
         b = self.state
         assert b.touches is not None
         k, touches = int(np.argmax(b.weights)), b.touches
@@ -137,7 +137,12 @@ def ending_words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterat
 
 
 def apart(session: Session, truth: Sequence[Solid]) -> float:
-    """Return the largest distance between the real surface and the most probable mode, at their corners [m]."""
+    """Return the largest distance between real surface and part at the most probable mode, over their vertices [m].
+
+    Args:
+        session: session with at least one mode.
+        truth: real parts, world frame.
+    """
     b = session.state
     k = int(np.argmax(b.weights))
     target, T = b.target(k), b.poses[k]
@@ -154,11 +159,11 @@ class Result:
     """Result of a run.
 
     Attributes:
-        places: number of sensed places.
-        part: name of the most probable part; empty if none explains the readings.
-        probability: its posterior.
+        places: number of steps.
+        part: name of the most probable part; empty if no part explains the readings.
+        probability: posterior probability of that part.
         corner_sd: largest corner sd [m].
-        off: distance from the real part [m].
+        off: largest distance between real and estimated surface [m]; NaN if the real part is unknown.
     """
 
     places: int
