@@ -39,12 +39,7 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/words",
     #
-    "src/tanteo/ros",
-    #
     "src/tanteo/recognition.py",
-    #
-    "src/tanteo/io",
-    #
     #
     "docs/notebooks",
     #

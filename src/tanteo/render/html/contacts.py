@@ -1,8 +1,8 @@
 """Measurements of a report, and their residuals for a part at the pose of a hypothesis.
 
 A reading has one or more rows ``r = d' (q - c)``: its point ``q`` in the part frame minus the nearest point ``c`` of
-the feature that it hit, along unit directions ``d``. A face has one row, an edge two, a corner three; a sensed normal adds
-two tilts.
+the feature that it hit, along unit directions ``d``. A face has one row, an edge two, a corner three; a sensed normal
+adds two tilts.
 """
 
 from __future__ import annotations
