@@ -45,8 +45,6 @@ PENDING: tuple[str, ...] = (
     #
     "docs/pictures",
     #
-    "examples",
-    #
     "benchmarks",
     #
     "tests",
