@@ -41,10 +41,6 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/recognition.py",
     #
-    "docs/notebooks",
-    #
-    "docs/pictures",
-    #
     "benchmarks",
     #
     "tests",

@@ -282,7 +282,7 @@ def make():
         "step_not_felt": probe(step, STEPS, 4, 0.05, 4, "the same stairs; the step that differs was not touched"),
         "square_post": probe(post, POST, 4, 0.05, 5, "a post with a four-fold axis of symmetry"),
         "unknown_part": probe(slab, SLAB, 4, 0.05, 6, "a part without a CAD file"),
-        "too_few": probe(rail, RAIL, 4, 0.05, 7, "three faces of a rail, whose position along its length is undetermined"),
+        "too_few": probe(rail, RAIL, 4, 0.05, 7, "three faces of a rail, whose position along its length is open"),
         "clamp_ball_tip": ball_tip(clamp, CLAMP, 5, 0.1, (0.0, 0.0, 150.0), 8, "a cobot with a ball on a stylus"),
         "bracket_bare": bare(left, BRACKET, 2, 0.05, 10, "twelve touches of the bracket, without labels of the faces"),
         "wedge_ranges": ranges(wedge, WEDGE, 5, 9, "a laser on the wrist; see laser_rig.toml"),
