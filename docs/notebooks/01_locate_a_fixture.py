@@ -183,4 +183,4 @@ optimistic = Readings.from_columns(readings.points, directions=readings.directio
 for name, factor in (("noise taken as exact", 1.0), ("known to a factor of two", None)):
     h = tanteo.locate(optimistic, clamp, priors=Priors(pose=prior, noise_factor=factor)).hypotheses[0]
     print(f"{name}: without {', '.join(h.outliers) or 'none'}, noise {h.noise_scale[0]:.1f} times the stated; "
-          f"corner sd {1e3 * h.corner_sd:.2f} mm, off {off(h)[0]:.2f} mm, squared distance {off(h)[1]:.0f}")  # fmt: skip
+          f"corner sd {1e3 * h.corner_sd:.2f}, off {off(h)[0]:.2f} mm, squared distance {off(h)[1]:.0f}")  # fmt: skip

@@ -107,5 +107,9 @@ def session_of(
 
 
 def furniture_of(scene: SceneFile) -> Furniture | None:
-    """Return the known furniture of the scene for the evaluation of readings, or None without any."""
+    """Return the known furniture of the scene for the evaluation of readings, or None without any.
+
+    Args:
+        scene: scene with its solids.
+    """
     return Furniture(Scene.of(scene.furniture).surface) if scene.furniture else None

@@ -98,7 +98,11 @@ def _entry(mark: str, words: str) -> Html:
 
 
 def times(enlarged: int) -> str:
-    """Return a magnification as text for a legend; empty if it is 1."""
+    """Return a magnification as text for a legend; empty if it is 1.
+
+    Args:
+        enlarged: magnification of a drawing.
+    """
     return "" if enlarged == 1 else f", {enlarged} × enlarged"
 
 

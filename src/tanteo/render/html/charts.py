@@ -16,7 +16,12 @@ _MOST_SDS = 5.0
 
 
 def bar(share: float, kind: str = "") -> Html:
-    """Return a bar whose filled part is a fraction from 0 to 1; ``kind`` is a class of its style."""
+    """Return a horizontal bar that is filled to a fraction.
+
+    Args:
+        share: fraction, from 0 to 1.
+        kind: class of the style sheet for the filled part.
+    """
     fill = element("span", class_=f"fill {kind}".strip(), style=f"width:{100 * min(max(share, 0.0), 1.0):.2f}%")
     return element("span", fill, class_="bar", aria_hidden="true")
 
@@ -110,7 +115,11 @@ class Scale:
     log: bool = False
 
     def y(self, value: float) -> float:
-        """Return the distance of a value from the top of the chart [px], clipped at the ends of the axis."""
+        """Return the distance of a value from the top of the chart [px], clipped at the ends of the axis.
+
+        Args:
+            value: value on the axis.
+        """
         low, high, v = np.log([self.low, self.high, max(value, 1e-300)]) if self.log else (self.low, self.high, value)
         share = float(np.clip((v - low) / (high - low), 0.0, 1.0))
         return _CURVE_TOP + (1 - share) * (_CURVE_HEIGHT - _CURVE_TOP - _CURVE_BOTTOM)
@@ -121,7 +130,11 @@ SHARES = Scale(0.0, 1.0, tuple((k / 4, f"{25 * k} %") for k in range(5)))
 
 
 def lengths_scale(values: FloatArray) -> Scale:
-    """Return a logarithmic axis of lengths [mm] that contains all values."""
+    """Return a logarithmic axis of lengths [mm] that contains all values.
+
+    Args:
+        values: lengths [mm]; values that are not positive and finite are ignored.
+    """
     seen = values[np.isfinite(values) & (values > 0)]
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (0.1, 10.0)
     low, high = low / 1.4, max(high * 1.4, low * 4)

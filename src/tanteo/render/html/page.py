@@ -39,12 +39,20 @@ def element(name: str, /, *children: Html | str, **attributes: object) -> Html:
 
 
 def join(children: Iterable[Html | str]) -> Html:
-    """Return pieces of markup and text joined; text is escaped."""
+    """Return pieces of markup and text joined; text is escaped.
+
+    Args:
+        children: markup and text in order.
+    """
     return Html("".join(c.text if isinstance(c, Html) else escape(c) for c in children))
 
 
 def escape(text: str) -> str:
-    """Return text escaped for markup; control characters and lone surrogates become visible."""
+    """Return text escaped for markup; control characters and lone surrogates become visible.
+
+    Args:
+        text: any text.
+    """
     shown = "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "surrogatepass").decode() for c in text
     )
@@ -52,7 +60,13 @@ def escape(text: str) -> str:
 
 
 def table(headers: Sequence[str], rows: Iterable[Sequence[Html | str]], **attributes: object) -> Html:
-    """Return a table that scrolls if it is wider than the page; the first column is its header."""
+    """Return a table as HTML, which scrolls if it is wider than the page.
+
+    Args:
+        headers: headers of the columns.
+        rows: cells of each row; the first cell is the header of the row.
+        attributes: attributes of the table, see :func:`element`.
+    """
     head = element("tr", *(element("th", h, scope="col") if h else element("td") for h in headers))
     body = [
         element("tr", element("th", row[0], scope="row"), *(element("td", cell) for cell in row[1:])) for row in rows
@@ -123,7 +137,11 @@ def switched(bodies: Sequence[Html], name: str = "div", **attributes: object) ->
 
 
 def render(section: Section) -> Html:
-    """Return a section as a foldable HTML element; empty if it has no body."""
+    """Return a section as a foldable HTML element; empty if it has no body.
+
+    Args:
+        section: section of a report.
+    """
     if not section.bodies:
         return Html("")
     heading = element("summary", element("h2", section.title))
@@ -200,7 +218,11 @@ def photo_section(key: str, title: str, lead: str, png: bytes, alt: str) -> Sect
 
 
 def fact_list(facts: Sequence[tuple[str, str]]) -> Html:
-    """Return names and values for a ``dl`` element."""
+    """Return names and values as the content of an HTML ``dl`` element.
+
+    Args:
+        facts: name and value of each fact.
+    """
     return join(join([element("dt", name), element("dd", value)]) for name, value in facts)
 
 

@@ -207,7 +207,11 @@ def pose_numbers(T: Transforms, centre: Vectors) -> list[float]:
 
 
 def packed(metres: FloatArray) -> str:
-    """Return lengths in metres as base64 text of 32-bit floats in millimetres."""
+    """Return lengths in metres as base64 text of 32-bit floats in millimetres.
+
+    Args:
+        metres: lengths [m].
+    """
     return _base64((np.asarray(metres) * MM).astype("<f4"))
 
 

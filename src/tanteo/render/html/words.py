@@ -18,7 +18,11 @@ _MOST_NAMES = 6
 
 
 def headline(answer: Answer) -> str:
-    """Return the verdict of an answer as a sentence: the part, and how well it is located."""
+    """Return the verdict of an answer as a sentence: the part, and how well it is located.
+
+    Args:
+        answer: answer to report.
+    """
     return headline_of(answer.findings)
 
 
@@ -77,15 +81,28 @@ def _agreement(hypothesis: Hypothesis, significance: float) -> str:
 
 
 def uncertain(metres: float) -> str:
-    """Return a standard deviation in millimetres with two digits."""
+    """Return a standard deviation in millimetres with two digits.
+
+    Args:
+        metres: standard deviation [m].
+    """
     return f"{float(f'{MM * metres:.2g}'):g} mm"
 
 
 def length(metres: float) -> str:
-    """Return a length in millimetres with three digits."""
+    """Return a length in millimetres with three digits.
+
+    Args:
+        metres: length [m].
+    """
     return f"{float(f'{MM * metres:.3g}'):g} mm"
 
 
 def fixed(value: float, digits: int) -> str:
-    """Return a number with fixed decimals, never minus zero."""
+    """Return a number with fixed decimals, never minus zero.
+
+    Args:
+        value: number.
+        digits: number of decimals.
+    """
     return f"{round(value, digits) + 0.0:.{digits}f}"

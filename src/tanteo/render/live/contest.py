@@ -59,7 +59,11 @@ class Opponent:
             raise self._error
 
     def finish(self, patience: Callable[[], None]) -> Done:
-        """Run the hidden session to its end, and return the end."""
+        """Run the hidden session to its end, and return the end.
+
+        Args:
+            patience: function to call during the wait; it may raise.
+        """
         while self.end is None:
             self.turn()
             self.rest(patience)
@@ -72,12 +76,23 @@ class Opponent:
         self._resting.wait()
 
     def place(self, note: str) -> None:
-        """Wait for the next turn after a reading (see :class:`tanteo.render.Watch`)."""
+        """Wait for the next turn after a reading (see :class:`tanteo.render.Watch`).
+
+        Args:
+            note: remarks on the reading, which are not shown.
+        """
         self._resting.set()
         self._wait()
 
     def moved(self, sensed: HandReading) -> None:
-        """Raise if the run was stopped; the hidden hand is not drawn."""
+        """Raise if the run was stopped; the hidden hand is not drawn.
+
+        Args:
+            sensed: readings and pose of the hand.
+
+        Raises:
+            _GoneError: the run was stopped.
+        """
         if self._gone:
             raise _GoneError
 
@@ -115,7 +130,12 @@ class Rival:
         self._results: dict[tuple[int, str], Result] = {}
 
     def begin(self, seed: int, policy: str) -> None:
-        """Start the hidden run of a contest."""
+        """Start the hidden run of a contest.
+
+        Args:
+            seed: seed of the scene.
+            policy: name of the policy.
+        """
         self.leave()
         self._opponent = Opponent(self._make(seed, policy))
 
@@ -136,13 +156,21 @@ class Rival:
             self._opponent.rest()
 
     def standing(self, places: int) -> str:
-        """Return the posterior of the hidden session after a number of readings as text; empty without a contest."""
+        """Return the posterior of the hidden session after a number of readings as text; empty without a contest.
+
+        Args:
+            places: number of readings.
+        """
         if self._opponent is None or not places:
             return ""
         return panel.standing(self._opponent.steps[:places], places, through=self._opponent.end is not None)
 
     def play_on(self, patience: Callable[[], None]) -> list[Primitive]:
-        """Run the hidden session to its end, and return its readings as primitives."""
+        """Run the hidden session to its end, and return its readings as primitives.
+
+        Args:
+            patience: function to call during the wait; it may raise.
+        """
         assert self._opponent is not None
         self._opponent.finish(patience)
         return drawing.planner_primitives(Snapshot.of(self._opponent.show.session))

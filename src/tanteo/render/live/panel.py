@@ -39,13 +39,21 @@ def _framed(*children: Html | str) -> str:
 
 
 def headline(now: Snapshot) -> str:
-    """Return the most probable part and its probability as one sentence."""
+    """Return the most probable part and its probability as one sentence.
+
+    Args:
+        now: session at one moment.
+    """
     found = leader(now)
     return headline_of((found,)) or found.message
 
 
 def leader(now: Snapshot) -> Finding:
-    """Return the most probable part as a finding."""
+    """Return the most probable part as a finding.
+
+    Args:
+        now: session at one moment.
+    """
     best = int(now.order[0])
     if not now.steps:
         return NothingSensedYet(len(now.names), now.names[best])
@@ -98,11 +106,11 @@ def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
 
 
 def compared(mine: Result, planned: Result, places: tuple[int, int], *, truth: bool) -> str:
-    """Return a table that compares the user's run with the planner's on the same scene with the same errors.
+    """Return an HTML table that compares the runs of user and policy on the same scene with the same errors.
 
     Args:
         mine: result of the user's run.
-        planned: result of the planner.
+        planned: result of the policy.
         places: numbers of places in the user's run that the policy and the user chose.
         truth: whether the real pose is known.
     """
@@ -133,12 +141,20 @@ def _shown(value: str | float) -> str:
 
 
 def counted(now: Snapshot) -> str:
-    """Return the numbers of readings that the policy and the user chose, as a sentence."""
+    """Return the numbers of readings that the policy and the user chose, as a sentence.
+
+    Args:
+        now: session at one moment.
+    """
     return PlacesSensed(*now.places).message
 
 
 def bars(now: Snapshot) -> str:
-    """Return bars of the most probable parts, all others together, and the unknown object."""
+    """Return the panel with a bar for each of the most probable parts, the others together, and the unknown object.
+
+    Args:
+        now: session at one moment.
+    """
     p, order = now.state.of_parts(), now.order
     drawn = set(now.state.part[now.drawn_modes()].tolist())
     rows = [
@@ -166,7 +182,11 @@ def _row(name: str, share: float, swatch: str | None, kind: str = "") -> Html:
 
 
 def steps(lines: Sequence[str]) -> str:
-    """Return the last steps, newest first."""
+    """Return the panel with the last eight steps, newest first, as HTML.
+
+    Args:
+        lines: text of each step, in order.
+    """
     if not lines:
         return _framed(element("span", "No step yet.", class_="soft"))
     items = [element("li", line) for line in list(lines)[: -_LINES - 1 : -1]]
@@ -174,7 +194,11 @@ def steps(lines: Sequence[str]) -> str:
 
 
 def step_line(now: Snapshot) -> str:
-    """Return the result of the last step in one line."""
+    """Return the result of the last step in one line.
+
+    Args:
+        now: session at one moment.
+    """
     step = now.steps[-1]
     target = "" if step.action is None else f"{step.action.face} of {step.action.part}"
     best = int(np.argmax(step.probabilities))
@@ -218,7 +242,11 @@ def legend(*, scene: bool) -> str:
 
 
 def sign(layer: str) -> str:
-    """Return the mark of a layer for the row of its box."""
+    """Return the mark of a layer in the legend as HTML.
+
+    Args:
+        layer: name of the layer.
+    """
     return element("span", _sign(*MARKS[layer]), class_="tanteo-sign").text
 
 

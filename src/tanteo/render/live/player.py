@@ -50,11 +50,21 @@ class Page(Protocol):
     """Interface of a page that shows a session."""
 
     def show(self, group: str, primitives: Sequence[Primitive]) -> None:
-        """Replace the primitives of a group."""
+        """Replace the primitives of a group.
+
+        Args:
+            group: name of the group.
+            primitives: new content of the group.
+        """
         ...
 
     def set_text(self, place: str, html: str) -> None:
-        """Replace the text of a panel: ``status``, ``bars`` or ``steps``."""
+        """Replace the text of a panel.
+
+        Args:
+            place: name of the panel: ``status``, ``bars`` or ``steps``.
+            html: new content, escaped HTML.
+        """
         ...
 
 
@@ -130,7 +140,11 @@ class Player:
         self._hand()
 
     def place(self, note: str) -> None:
-        """Show the result of a reading, and wait for the next command (see :class:`Watch`)."""
+        """Show the result of a reading, and wait for the next command (see :class:`Watch`).
+
+        Args:
+            note: remarks for the user.
+        """
         self._hand()
         session = self._show.session
         now = Snapshot.of(session)
@@ -145,7 +159,11 @@ class Player:
         self._gate()
 
     def moved(self, sensed: HandReading) -> None:
-        """Draw the moving hand at the chosen speed."""
+        """Draw the moving hand at the chosen speed.
+
+        Args:
+            sensed: readings and pose of the hand.
+        """
         self._last = sensed
         gone = sensed.time - self._drawn
         if gone < _FRAME * self.speed and self.commands.empty():

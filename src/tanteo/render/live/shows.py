@@ -130,7 +130,11 @@ _SHORT = 5e-3
 
 
 def laser(workspace: Workspace) -> tuple[Probe, Sensing]:
-    """Return probe and noise model of a laser from above: standard deviation 0.3 mm, stand-off 100 mm."""
+    """Return probe and noise model of a laser from above: standard deviation 0.3 mm, stand-off 100 mm.
+
+    Args:
+        workspace: bounds of the laser's positions.
+    """
     probe = Probe(
         "laser", NoiseLaw.of(NOISE), max_range=_REACH, standoff=_STANDOFF, clearance=0.01,
         approach=np.array([0.0, 0.0, -1.0]), cone=_CONE, workspace=workspace,

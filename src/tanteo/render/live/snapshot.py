@@ -33,7 +33,11 @@ _FITS = 4.0
 
 
 def by_hand(action: Action | None) -> bool:
-    """Return whether the user chose an action."""
+    """Return whether the user chose an action.
+
+    Args:
+        action: action of a session, or None.
+    """
     return action is not None and isinstance(action.reason, ChosenByUser)
 
 
@@ -55,7 +59,11 @@ class Snapshot:
 
     @classmethod
     def of(cls, session: Session) -> Snapshot:
-        """Return the present state of a session."""
+        """Return the snapshot of a session at present.
+
+        Args:
+            session: running session.
+        """
         now = cls(session.state, session.steps, session.pending)
         return replace(now, shapes=sensed_shapes(session, now.size))
 
@@ -95,7 +103,11 @@ class Snapshot:
         return np.asarray(shown[:_MODES] if len(shown) else order[:1])
 
     def layer(self, mode: int) -> str:
-        """Return the layer of a mode; empty for the best pose of the most probable part, which is always visible."""
+        """Return the layer of a mode; empty for the best pose of the most probable part, which is always visible.
+
+        Args:
+            mode: index of the mode.
+        """
         rank = self.rank(int(self.state.part[mode]))
         if rank:
             return RIVAL_LAYERS[rank - 1]
@@ -103,7 +115,11 @@ class Snapshot:
         return "" if mode == int(np.argmax(own)) else "overlays"
 
     def rank(self, part: int) -> int:
-        """Return the rank of a part by probability, 0 for the most probable."""
+        """Return the rank of a part by probability, 0 for the most probable.
+
+        Args:
+            part: index of the part.
+        """
         return int(np.flatnonzero(self.order == part)[0])
 
     def wrong(self) -> BoolArray:
@@ -129,7 +145,13 @@ class Snapshot:
 
 
 def ending_words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterator[str]:
-    """Yield the answer, the reason for the end, and the distance from the real part."""
+    """Yield the sentences at the end of a session: answer, reason for the end, and distance from the real part.
+
+    Args:
+        session: session at its end.
+        done: reason for the end.
+        truth: real parts, world frame; empty if unknown.
+    """
     yield headline(session.answer())
     yield done.message
     if len(session.state.weights) and truth:
@@ -174,7 +196,12 @@ class Result:
 
 
 def result(session: Session, truth: Sequence[Solid]) -> Result:
-    """Return the result of a session and its distance from the real part."""
+    """Return the result of a session and its distance from the real part.
+
+    Args:
+        session: session at its end.
+        truth: real parts, world frame; empty if unknown.
+    """
     now, b = Snapshot.of(session), session.state
     if not len(b.weights):
         return Result(len(now.steps), "", 0.0, np.nan, np.nan)
@@ -186,7 +213,12 @@ def result(session: Session, truth: Sequence[Solid]) -> Result:
 
 
 def sensed_shapes(session: Session, size: float) -> Shapes | None:
-    """Return the features of a session's labelled readings for a view of a size [m]; None without labels."""
+    """Return the features of a session's labelled readings for a drawing; None without labels.
+
+    Args:
+        session: session with its readings.
+        size: size of the view [m].
+    """
     readings = session.readings
     if readings is None or not any(readings.features):
         return None

@@ -12,7 +12,11 @@ _FOLDED = 12
 
 
 def printable(text: str) -> str:
-    """Return text with control characters and lone surrogates escaped, so that a file cannot control the terminal."""
+    """Return text with control characters and lone surrogates escaped, so that a file cannot control the terminal.
+
+    Args:
+        text: any text.
+    """
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
 
 
@@ -29,7 +33,11 @@ class Layout:
     colour: bool = False
 
     def bold(self, text: str) -> str:
-        """Return text in bold if the output supports it."""
+        """Return text in bold if the output supports it.
+
+        Args:
+            text: heading.
+        """
         return f"\x1b[1m{text}\x1b[0m" if self.colour else text
 
     def table(

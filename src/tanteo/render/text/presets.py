@@ -45,7 +45,12 @@ def preset_lines(
 
 
 def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
-    """Return a sensor preset: limits, noise by range and incidence, constant errors of a unit, and sources."""
+    """Return a sensor preset as lines of text: limits, noise by range and incidence, unit errors and sources.
+
+    Args:
+        preset: sensor preset.
+        layout: width and style of the output.
+    """
     lines = [layout.bold(f"{preset.name}: {preset.kind.replace('_', ' ')}")]
     if preset.is_contact:
         lines += [f"  noise      {_mm(preset.sigma_const)} mm, in every direction"]
@@ -88,7 +93,12 @@ def _grid(low: float, high: float) -> FloatArray:
 
 
 def robot_lines(preset: RobotPreset, *, layout: Layout = PLAIN) -> list[str]:
-    """Return a robot preset: repeatability and absolute error."""
+    """Return a robot preset as lines of text: repeatability, absolute error and source.
+
+    Args:
+        preset: robot preset.
+        layout: width and style of the output.
+    """
     return [
         layout.bold(f"{preset.name}: robot"),
         f"  repeats   to {_mm(preset.pos_repeat_std)} mm and {math.degrees(preset.rot_repeat_std):.2g} deg an axis, "
