@@ -31,8 +31,6 @@ PENDING: tuple[str, ...] = (
     #
     "src/tanteo/_core",
     #
-    "src/tanteo/posterior",
-    #
     "src/tanteo/fitting",
     #
     "src/tanteo/factors",

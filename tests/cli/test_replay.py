@@ -50,7 +50,7 @@ def test_the_answer_is_given_again(run, session, record):
 def test_it_says_what_each_reading_told(run, session, record):
     spoken = run("replay", record, "--explain").out
     assert "Information of each reading" in spoken
-    assert "What the pose of my wedge rests on" in spoken
+    assert "Readings that determine the pose of my wedge" in spoken
     for k in range(session.count):
         assert f"a{k + 1} " in spoken
     told = json.loads(run("replay", record, "--explain", "--json").out)["explanation"]

@@ -147,7 +147,7 @@ def test_of_two_types_ranges_are_taken_and_said(moving):
     moving.take("/touch", 100.5, touch(100.5, (0.1, 0.2, 0.3)))
     moving.take("/range", 100.6, reading(100.55, 0.2))
     assert len(moving.ready(101.0)) == 1
-    assert any("the ranges are taken" in note for note in moving.notes)
+    assert any("The ranges are used" in note for note in moving.notes)
     assert dict(moving.drop_counts()) == {"type other than ranges": 1}
 
 
@@ -183,7 +183,7 @@ def test_a_root_that_comes_late_is_said(moving):
     moving.take("/range", 100.7, reading(100.65, 0.2))
     assert len(moving.ready(101.0)) == 1
     assert moving.world == "base"
-    assert any("'map' has come above the world 'base'" in note for note in moving.notes)
+    assert any("'map' is now above the world frame 'base'" in note for note in moving.notes)
 
 
 def test_what_is_missing_is_said_once(moving):
