@@ -78,7 +78,7 @@ def test_an_undecided_session_is_an_undecided_answer(run, session, tmp_path):
     assert done.code == 3
     assert json.loads(done.out)["status"] == "insufficient"
     assert done.err.startswith("insufficient: ")
-    assert "nothing to explain" in run("replay", tmp_path / "new.json", "--explain").out
+    assert "no readings to explain" in run("replay", tmp_path / "new.json", "--explain").out
 
 
 def test_another_answer_than_the_recorded_one_is_an_error(run, record):
