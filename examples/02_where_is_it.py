@@ -1,8 +1,8 @@
-"""Where is it, and how sure: the pose with its covariance, for a robot that speaks ROS or a graph in GTSAM.
+"""Locate a part and convert its pose and covariance for ROS and GTSAM.
 
-``T_world_part`` maps points of the part to the world. The covariance is of a small motion in the part's own frame,
-``T = T_mean exp(xi)``, ``xi = x y z rx ry rz`` in metres and radians. ROS and GTSAM order and turn it otherwise: use
-the named conversions, never the bare matrix.
+``T_world_part`` maps points of the part to the world. The covariance describes a small motion in the part's own frame,
+``T = T_mean exp(xi)``, ``xi = x y z rx ry rz`` in metres and radians. ROS and GTSAM use another order or frame, so use
+the named conversions instead of the matrix itself.
 
     python examples/02_where_is_it.py
 """
@@ -24,7 +24,7 @@ frame = UncertainFrame(best.T_world_part, best.covariance)
 sd = np.sqrt(np.diag(best.covariance))
 print("T_world_part [m]\n", np.array2string(best.T_world_part, precision=5, suppress_small=True))
 print("sd in the part's frame [mm, mrad]", np.round(1e3 * sd, 3))
-print(f"largest corner sd: {1e3 * best.corner_sd:.3f} mm; readings left out: {', '.join(best.outliers)}")
+print(f"largest corner sd: {1e3 * best.corner_sd:.3f} mm; excluded readings: {', '.join(best.outliers)}")
 
 x, y, z, qx, qy, qz, qw = pose_as_brand("ros", best.T_world_part)
 print(f"ROS pose: position {x:.5f} {y:.5f} {z:.5f}, orientation (x y z w) {qx:.5f} {qy:.5f} {qz:.5f} {qw:.5f}")
@@ -33,8 +33,8 @@ print("ROS sd [mm, mrad]", np.round(1e3 * np.sqrt(ros.reshape(6, 6).diagonal()),
 gtsam = as_gtsam_covariance(frame)  # rotation first, for a Pose3
 print("GTSAM sd [mrad, mm]", np.round(1e3 * np.sqrt(gtsam.diagonal()), 3))
 
-hole = np.array([0.090, 0.040, 0.012])  # a place on the part, to go to
+hole = np.array([0.090, 0.040, 0.012])  # point on the part to which the robot moves
 at, R = (best.T_world_part @ [*hole, 1.0])[:3], best.T_world_part[:3, :3]
 arm = np.array([[0, hole[2], -hole[1]], [-hole[2], 0, hole[0]], [hole[1], -hole[0], 0]])  # d point = v + w x hole
 J = R @ np.hstack([np.eye(3), arm])
-print("go to [mm]", np.round(1e3 * at, 2), "sd [mm]", np.round(1e3 * np.sqrt(np.diag(J @ best.covariance @ J.T)), 3))
+print("move to [mm]", np.round(1e3 * at, 2), "sd [mm]", np.round(1e3 * np.sqrt(np.diag(J @ best.covariance @ J.T)), 3))

@@ -1,8 +1,8 @@
-"""What two sensed features say together: constraints with their variance (section 4 of the paper).
+"""Compute constraints between pairs of sensed features, with their variances (section 4 of the paper).
 
-Planes, edges and vertices are fitted to the labelled readings. Every pair then has values that do not depend on where
-the part is: an angle, an offset, a distance. Each comes with a covariance, so it can be compared with the model by a
-chi-square test, and what a pair does not have (an angle of parallel planes) is listed with the reason.
+Planes, edges and vertices are fitted to the labelled readings. Every pair of features has values that do not depend on
+the pose of the part: an angle, an offset, a distance. Each value has a covariance, so a chi-square test can compare it
+with the model. Values that a pair does not have, such as the angle of parallel planes, are listed with the reason.
 
     python examples/03_two_features.py
 """

@@ -1,8 +1,8 @@
-"""As published and corrected: what the test of parallelism of 1991 does, and what is used here.
+"""Compare the published test of parallelism (1991) with the corrected one.
 
-The paper tests two planes for parallelism by the cosine of their angle (its (22), (23)). At a right match the cosine is
-at its maximum, has no first-order variance, and the test passes almost everything. Here its two tilts are tested.
-``docs/paper.md`` has all equations, with the measured effect of each correction.
+The paper tests two planes for parallelism by the cosine of their angle (its (22), (23)). At a true match the cosine is
+at its maximum and has no first-order variance, so the test accepts almost everything. The corrected test uses two
+tilts. ``docs/paper.md`` has all equations, with the measured effect of each correction.
 
     python examples/06_as_published.py
 """
@@ -23,7 +23,7 @@ C = np.broadcast_to(PLANE.B.T @ P @ PLANE.B, (DRAWS, 6, 6))
 
 
 def drawn(tilt):
-    """Sensed frames of a plane that is truly tilted by this much about x."""
+    """Return sensed frames of a plane whose true tilt about x is ``tilt`` [rad]."""
     noise = rng.normal(size=(DRAWS, 3)) * np.sqrt(P.diagonal())
     return SE3.exp(np.array([0, 0, 0.02, tilt, 0, 0])) @ SE3.exp(noise @ PLANE.B)
 
@@ -40,7 +40,7 @@ for tilt in (0.0, 4 * SD * np.sqrt(2)):
 
 HERE = Path(__file__).parent
 parts = tanteo.read_parts(HERE / "parts").parts
-for name in ("bracket_left", "bracket_right"):  # angles and distances cannot tell a part from its mirror image
+for name in ("bracket_left", "bracket_right"):  # angles and distances cannot discriminate a part from its mirror image
     for as_published in (True, False):
         readings = tanteo.read_readings(HERE / "readings" / f"{name}.csv")
         answer = tanteo.identify(readings, parts, as_published=as_published)

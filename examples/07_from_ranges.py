@@ -1,7 +1,7 @@
-"""From ranges of a proximity sensor: no points, only how far the beam went and where the hand was.
+"""Identify a part from ranges of a proximity sensor and poses of the hand.
 
-The sensor's place on the hand is in a rig file; noise, beam and bias come from its preset or from the file. The bias is
-the same for all readings, and so is an error of the mounting: both are shared errors, and averaged away by nothing.
+The pose of the sensor on the hand is in a rig file. Noise, beam and bias come from its preset or from the file. The
+bias and the error of the mounting are the same for all readings. More readings do not average out such shared errors.
 
     python examples/07_from_ranges.py
 """

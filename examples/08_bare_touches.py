@@ -1,9 +1,9 @@
-"""Unlabelled contact points: nobody noted which face each reading met, and there is no first guess of the pose.
+"""Identify a part from unlabelled contact points, without an initial pose.
 
-Readings without a ``feature`` label go against the whole surface of every part. Places for three of them are tried all
-over the surface, the best poses are polished with all readings, and each reading is either on the surface or an
-outlier. Twelve touches of the bracket are enough here. Directions of approach help, because a surface is met from
-outside; the fewer the readings and the more alike the parts, the more they matter.
+Readings without a ``feature`` label are compared with the whole surface of every part. The search proposes positions of
+three readings all over the surface and refines the best poses with all readings. Each reading is on the surface or an
+outlier. Twelve touches of the bracket are enough here. Directions of approach help, because a probe touches a surface
+from outside. They matter more if there are fewer readings or the parts are more similar.
 
     python examples/08_bare_touches.py
 """
@@ -23,5 +23,5 @@ for n in (12, 8):
             touches.points[:n], directions=touches.directions[:n] if directed else None, sds=touches.sds[:n]
         )
         answer = tanteo.identify(some, parts)
-        way = "with" if directed else "without"
-        print(f"{n} touches {way} directions: {answer.status}. {answer.message}")
+        word = "with" if directed else "without"
+        print(f"{n} touches {word} directions: {answer.status}. {answer.message}")

@@ -1,7 +1,8 @@
-"""From an image to parts on a table, and what a touch should settle.
+"""Recognize parts on a table in an image, with the next touch if the image is ambiguous.
 
-A camera over a table is placed by twelve marks on it. Three parts lie there; then one that a hand half covers; then one
-of two that differ by three millimetres where the camera hardly looks. Needs ``pip install 'tanteo[step,vision]'``.
+Twelve marks on the table locate a camera above it. The first image has three parts, the second one part that a hand
+half covers. The third has one of two parts that differ by three millimetres in a dimension that the camera hardly
+shows. Needs ``pip install 'tanteo[step,vision]'``.
 
     python examples/09_from_an_image.py
 """
@@ -18,10 +19,10 @@ IMAGES = HERE / "images"
 
 camera = read_camera(IMAGES / "camera.yaml")
 placed = fit_camera(camera, *read_marks(IMAGES / "marks.csv"))
-print(f"camera {1e3 * placed.T_world_camera[2, 3]:.0f} mm over the table, marks {placed.rms:.2f} px off")
+print(f"camera {1e3 * placed.T_world_camera[2, 3]:.0f} mm above the table, marks fit to {placed.rms:.2f} px")
 camera = replace(camera, T_world_camera=placed.T_world_camera, covariance=placed.covariance)
 
-# once for many images: edges, stable poses
+# edges and stable poses, computed once for many images
 models = [prepare_vision(part) for part in read_parts([HERE / "parts"])]
 
 for name in ("three_parts", "half_hidden", "twins"):

@@ -1,8 +1,8 @@
-"""Where a range sensor really sits, how it errs and which readings to distrust: from ranges of flat surfaces.
+"""Calibrate the mounting and the errors of a range sensor from ranges of flat surfaces.
 
-The log holds ranges of a table and a wall from 48 poses of the hand; where table and wall are is not known. The sensor
-sits a little off where the rig has it, reads too far, and stops at 450 mm. What comes out is a rig, whose mounting and
-scale carry the covariance that they were found with: points measured with it know how sure they are.
+The log has ranges of a table and a wall from 48 poses of the hand. The poses of table and wall are unknown. The sensor
+is mounted slightly differently from the rig file, reads too far, and saturates at 450 mm. The result is a rig whose
+mounting and scale have the covariance of the calibration, so that points measured with it have a true covariance.
 
     python examples/10_calibrate_a_sensor.py
 """
@@ -33,5 +33,5 @@ top = log.take(used & np.array([label == "table" for label in log.features]))
 for name, rig in (("as drawn", drawn), ("calibrated", calibrated_rig(found, rig=drawn))):
     measured = measure(top, rig=rig)
     height = 1e3 * measured.points[:, 2]
-    said = 1e3 * np.sqrt(measured.total_covs()[:, 2, 2]).mean()
-    print(f"{name}: table at {height.mean():.1f} mm, spread {height.std():.1f} mm, said {said:.1f} mm (truth 0)")
+    stated = 1e3 * np.sqrt(measured.total_covs()[:, 2, 2]).mean()
+    print(f"{name}: table at {height.mean():.1f} mm, spread {height.std():.1f} mm, stated sd {stated:.1f} mm (truth 0)")

@@ -1,7 +1,7 @@
-"""A hand that touches nothing: an edge and its face from a rough idea, in a simulated cell.
+"""Sense an edge and its face without contact from a rough initial guess, in a simulated cell.
 
-``SimulatedHand`` is a ``Robot``: a hand with range sensors that takes one velocity command a period. Put a driver with
-the same few members in its place and the rest stays as it is. The record of the readings gives the same features again.
+``SimulatedHand`` is a ``Robot``: a hand with range sensors that takes one velocity command in each period. A driver of
+a real hand with the same members can replace it. The recorded readings reproduce the same features.
 
     python examples/11_sense_without_contact.py
 """
@@ -30,8 +30,8 @@ for feature in (got.feature, *got.others):
     place = np.round(1e3 * feature.T_world_feature[:3, 3], 2)
     print(f"{feature.label}: {feature.kind.name} at {place} mm, sd {sd:.2f} mm")
 
-# only the simulator can say this: how near the hand came to anything
-print(f"nearest {1e3 * clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min():.1f} mm")
+# only the simulator has the true clearance of the hand
+print(f"smallest clearance {1e3 * clearances(scene.scene, scene.hand.body, np.array(robot.truth)).min():.1f} mm")
 
 with tempfile.TemporaryDirectory() as folder:
     write_readings(got.readings, Path(folder) / "record.csv", unit="m")

@@ -1,4 +1,4 @@
-"""Make what `tanteo demo` ships: the example parts as meshes, and one image with its camera and the truth.
+"""Make the files of `tanteo demo`: the example parts as meshes, and one image with its camera and true poses.
 
 Run it after `make_parts.py` and `make_images.py`: ``python examples/make_demo.py``.
 """

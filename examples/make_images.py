@@ -1,7 +1,7 @@
-"""Draw the images in ``examples/images``: parts of ``examples/parts`` on a table, as a camera over it would see them.
+"""Render the images in ``examples/images``: parts of ``examples/parts`` on a table below a camera.
 
 ``python examples/make_images.py [folder]``. Light, shadows, blur and noise are drawn by ``tanteo.vision.rendering``;
-every file has a fixed seed. The truth is in ``truth.csv`` beside them, part and pose: an answer can be checked by eye.
+every file has a fixed seed. ``truth.csv`` has the true parts and poses, so that answers can be checked.
 """
 
 import sys
@@ -22,7 +22,7 @@ HERE = Path(__file__).resolve().parent
 CAMERA = table_camera(distance=0.62, tilt=22.0, turn=30.0)
 
 MARKS = np.array([[x, y, 0.0] for x in (-0.15, -0.05, 0.05, 0.15) for y in (-0.1, 0.0, 0.1)])
-"""Crosses on the table whose places are known [m]."""
+"""Positions of the crosses on the table [m]."""
 
 SCENES = {
     "three_parts": [("flange", 1, 0.02, -0.10, 0, 90), ("bracket_left", 0, -0.09, 0.06, 23, 110),
@@ -30,14 +30,14 @@ SCENES = {
     "half_hidden": [("clamp", 0, 0.0, 0.0, 70, 120)],
     "twins": [("step_12mm", 0, 0.0, 0.0, 150, 120)],
 }  # fmt: skip
-"""Image: part, number of its stable pose, x and y of its middle [m], yaw [deg], brightness."""
+"""Contents of each image: part, number of its stable pose, x and y of its middle [m], yaw [deg], brightness."""
 
 HAND = np.array([[0.0, -0.05], [0.09, -0.06], [0.12, 0.01], [0.08, 0.07], [0.0, 0.05], [-0.006, 0.02], [0.004, -0.02]])
-"""Outline of what covers part of ``half_hidden`` [m]."""
+"""Outline of the occluder in ``half_hidden`` [m]."""
 
 
 def camera_text():
-    """The calibration as ROS writes it; where the camera stands is left to the marks."""
+    """Return the calibration in the format of ROS, without the camera's pose, which the marks determine."""
     K, k = CAMERA.K.ravel(), CAMERA.distortion
     return (
         f"image_width: {CAMERA.size[0]}\nimage_height: {CAMERA.size[1]}\ncamera_name: over_the_table\n"
@@ -48,7 +48,7 @@ def camera_text():
 
 
 def main():
-    """Draw all of them."""
+    """Render all images, and write camera, marks and true poses."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "images"
     folder.mkdir(exist_ok=True)
     rng = np.random.default_rng(1991)
@@ -57,9 +57,9 @@ def main():
     rows = [f"{u:.2f},{v:.2f},{1e3 * x:g},{1e3 * y:g}" for (u, v), (x, y, _) in zip(seen, MARKS, strict=True)]
     (folder / "marks.csv").write_text("\n".join(["u_px,v_px,x_mm,y_mm", *rows, ""]))
     truth = ["image,part,x_mm,y_mm,z_mm,qw,qx,qy,qz"]
-    for name, things in SCENES.items():
+    for name, contents in SCENES.items():
         drawn = []
-        for part_name, k, x, y, yaw, paint in things:
+        for part_name, k, x, y, yaw, paint in contents:
             part = read_part(HERE / "parts" / f"{part_name}.step")
             T = (
                 SE3.from_parts(SO3.axis_rotation(2, np.radians(yaw)), np.array([x, y, 0.0]))

@@ -1,7 +1,7 @@
-"""Make the readings in ``examples/readings``: what a robot would say after feeling the parts in ``examples/parts``.
+"""Simulate the readings in ``examples/readings``, which a robot would report for the parts in ``examples/parts``.
 
-``python examples/make_readings.py [folder]``. Every file has a fixed seed and comes out the same every time. The truth
-(part and pose) is in the comments at the head of each file, so that an answer can be checked by eye.
+``python examples/make_readings.py [folder]``. Every file has a fixed seed and is reproducible. The comments at the head
+of each file state the true part and pose, so that an answer can be checked.
 """
 
 import sys
@@ -14,11 +14,11 @@ from tanteo.parts import Surface, read_part
 
 HERE = Path(__file__).parent
 MARGIN = 3.0
-"""Nobody touches nearer to the end of a face than this, nor nearer to what stands beside it [mm]."""
+"""Smallest distance of a touch from the border of its face and from neighbouring walls [mm]."""
 
 
-class Thing:
-    """Something to be felt, at a pose on the table; lengths in mm."""
+class PlacedPart:
+    """Part at a pose on the table; lengths in mm."""
 
     def __init__(self, name, position, yaw_deg):
         part = read_part(HERE / "parts" / f"{name}.step")
@@ -28,14 +28,14 @@ class Thing:
         self.yaw_deg = yaw_deg
 
     def touches(self, normal, where, n, rng, low=(-1e3, -1e3, -1e3)):
-        """Spread-out points on one face of the part, and its outward normal; both in the world.
+        """Return spread-out points on one face of the part, and its outward normal, world frame.
 
         Args:
-            normal: of the face, in the part.
-            where: a point of the face's plane, in the part.
-            n: how many.
-            rng: source of chance.
-            low: no coordinate of a point (in the part) is smaller than these [mm].
+            normal: outward normal of the face, part frame.
+            where: point in the plane of the face, part frame [mm].
+            n: number of points.
+            rng: random number generator.
+            low: smallest coordinates of a point, part frame [mm].
         """
         normal = np.array(normal, dtype=float) / np.linalg.norm(normal)
         planes = self.part.planes
@@ -47,14 +47,14 @@ class Thing:
         tried = rng.uniform(corners.min(axis=0), corners.max(axis=0), (400, 3)) @ R.T
         good = tried[self._clear(tried, R) & (tried >= low).all(axis=1)]
         chosen = [good[0]]
-        while len(chosen) < n:  # the one farthest from those chosen, among a few: spread out, not on a grid
+        while len(chosen) < n:  # of a few random points, the one farthest from those chosen
             some = good[rng.integers(len(good), size=8)]
             gaps = np.linalg.norm(some[:, None] - np.array(chosen), axis=-1).min(axis=1)
             chosen.append(some[np.argmax(gaps)])
         return SE3.apply(self.T, np.array(chosen)), self.T[:3, :3] @ normal
 
     def _clear(self, points, R):
-        """Whether a coin of radius ``MARGIN`` lies flat on the face there, with nothing above its rim."""
+        """Return whether a disc of radius ``MARGIN`` lies flat on the face at each point, with a free rim."""
         turns = np.radians(np.arange(0, 360, 30))
         rim = MARGIN * np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1) @ R.T
         on = points[:, None] + rim
@@ -64,13 +64,13 @@ class Thing:
 
 
 class Sheet:
-    """A readings file in the making."""
+    """Content of a readings file."""
 
     def __init__(self, *story):
         self.story, self.rows = story, []
 
     def add(self, **columns):
-        """One reading; vectors are written over the columns that the names list."""
+        """Add one reading; a vector fills the columns whose names are joined by ``__``."""
         row = {"id": str(len(self.rows) + 1)}
         for names, value in columns.items():
             values = [value] if np.ndim(value) == 0 else value
@@ -87,7 +87,7 @@ class Sheet:
 
 
 def _number(column, value):
-    """A length to a micrometre, anything else to a millionth, and no minus before a zero."""
+    """Return a number as text: lengths to a micrometre, others to a millionth, without minus zero."""
     digits = 3 if column.endswith("_mm") else 6
     return f"{round(float(value), digits) + 0.0:.{digits}f}"
 
@@ -96,22 +96,22 @@ POINT, WAY = "x_mm__y_mm__z_mm", "dx__dy__dz"
 HAND = "hand_x_mm__hand_y_mm__hand_z_mm__hand_qw__hand_qx__hand_qy__hand_qz"
 
 
-def probe(thing, faces, per_face, sd, seed, *story, wrong=None):
-    """Touches with a fine probe: surface points, the direction of the approach, one label a face.
+def probe(placed, faces, per_face, sd, seed, *story, wrong=None):
+    """Return touches with a fine probe: surface points, directions of approach, and one label for each face.
 
     Args:
-        thing: what is touched.
-        faces: label -> (normal, point) or (normal, point, low), as for ``touches``.
-        per_face: how many touches.
-        sd: of a touch [mm].
-        seed: of everything drawn.
+        placed: part at its pose.
+        faces: normal, point and optional smallest coordinates by label, as for ``touches``.
+        per_face: number of touches of each face.
+        sd: standard deviation of a touch [mm].
+        seed: seed of all random numbers.
         story: comment lines.
-        wrong: label of the face on which the last touch is 2 mm off.
+        wrong: label of the face on which the last touch is 2 mm off; None for no error.
     """
     rng = np.random.default_rng(seed)
-    sheet = Sheet(*story, _truth(thing), f"touches with a standard deviation of {sd:g} mm")
+    sheet = Sheet(*story, _truth(placed), f"touches with a standard deviation of {sd:g} mm")
     for label, (normal, where, *low) in faces.items():
-        points, n = thing.touches(normal, where, per_face, rng, *low)
+        points, n = placed.touches(normal, where, per_face, rng, *low)
         for k, point in enumerate(points):
             off = 2.0 if label == wrong and k == per_face - 1 else 0.0
             sensed = point + off * n + sd * rng.normal(size=3)
@@ -119,39 +119,39 @@ def probe(thing, faces, per_face, sd, seed, *story, wrong=None):
     return sheet
 
 
-def bare(thing, faces, per_face, sd, seed, *story):
-    """Touches in no order that say nothing of the face they met: points and directions of approach, no labels."""
+def bare(placed, faces, per_face, sd, seed, *story):
+    """Return touches in random order with points and directions of approach, without labels of the faces."""
     rng = np.random.default_rng(seed)
     rows = []
     for normal, where, *low in faces.values():
-        points, n = thing.touches(normal, where, per_face, rng, *low)
+        points, n = placed.touches(normal, where, per_face, rng, *low)
         rows += [(point + sd * rng.normal(size=3), _looking(-n, rng, tilt_deg=20.0)[:, 2]) for point in points]
-    sheet = Sheet(*story, _truth(thing), f"touches with a standard deviation of {sd:g} mm, from slanting directions")
+    sheet = Sheet(*story, _truth(placed), f"touches with a standard deviation of {sd:g} mm, from slanting directions")
     for k in rng.permutation(len(rows)):
         point, way = rows[k]
         sheet.add(**{POINT: point, WAY: way, "sd_mm": sd})
     return sheet
 
 
-def _truth(thing):
-    at = ", ".join(f"{c:g}" for c in thing.T[:3, 3])
-    return f"truth: {thing.name} at ({at}) mm, turned by {thing.yaw_deg:g} degrees about the vertical"
+def _truth(placed):
+    at = ", ".join(f"{c:g}" for c in placed.T[:3, 3])
+    return f"truth: {placed.name} at ({at}) mm, rotated by {placed.yaw_deg:g} degrees about the vertical"
 
 
-def ball_tip(thing, faces, per_face, sd, tip, seed, *story):
-    """Touches of a robot with a ball on a stick: ball centres, and the flange's pose at each.
+def ball_tip(placed, faces, per_face, sd, tip, seed, *story):
+    """Return touches of a robot with a ball on a stylus: centres of the ball, and poses of the flange.
 
-    The controller believes that the ball is at ``tip`` in the hand; it is a little beside that, always the same.
+    The controller assumes that the ball is at ``tip`` in the hand. The true position has a constant offset from that.
     """
     rng = np.random.default_rng(seed)
     radius, tip = 1.5, np.array(tip)
     error = np.array([1.5, 1.5, 0.3]) * rng.normal(size=3)
-    sheet = Sheet(*story, _truth(thing), f"ball of {2 * radius:g} mm; touches repeat to {sd:g} mm")
+    sheet = Sheet(*story, _truth(placed), f"ball of {2 * radius:g} mm; touches repeat to {sd:g} mm")
     off = ", ".join(f"{c:.2f}" for c in error)
-    sheet.story += (f"the ball is not where the controller believes it: off by ({off}) mm in the hand's frame",)
+    sheet.story += (f"offset of the ball from its nominal position: ({off}) mm in the hand's frame",)
     for label, (normal, where, *low) in faces.items():
-        points, n = thing.touches(normal, where, per_face, rng, *low)
-        R = _looking(-n, rng, tilt_deg=12.0)  # one way of holding the stick a face
+        points, n = placed.touches(normal, where, per_face, rng, *low)
+        R = _looking(-n, rng, tilt_deg=12.0)  # one attitude of the stylus for each face
         for point in points:
             centre = point + radius * n + sd * rng.normal(size=3)
             flange = centre - R @ (tip + error)
@@ -163,17 +163,17 @@ def ball_tip(thing, faces, per_face, sd, tip, seed, *story):
     return sheet
 
 
-def ranges(thing, faces, per_face, seed, *story):
-    """Ranges of the laser in ``laser_rig.toml``: what it read, and the hand's pose. Lengths of the beam, no points."""
+def ranges(placed, faces, per_face, seed, *story):
+    """Return ranges of the laser in ``laser_rig.toml``, with the poses of the hand."""
     rng = np.random.default_rng(seed)
     mounted, bias = np.array([40.0, 0.0, 60.0]), 0.025 * rng.normal()
-    sheet = Sheet(*story, _truth(thing), f"all ranges are {bias:+.3f} mm off; they repeat to 0.005 mm")
+    sheet = Sheet(*story, _truth(placed), f"all ranges are {bias:+.3f} mm off; they repeat to 0.005 mm")
     for label, (normal, where, *low) in faces.items():
-        points, n = thing.touches(normal, where, per_face, rng, *low)
+        points, n = placed.touches(normal, where, per_face, rng, *low)
         for point in points:
             R = _looking(-n, rng, tilt_deg=8.0)
             hand = point - rng.uniform(24.0, 40.0) * R[:, 2] - R @ mounted
-            beam = R @ np.append(np.radians(0.1) / 2 * rng.normal(size=2), 1.0)  # somewhere in its cone
+            beam = R @ np.append(np.radians(0.1) / 2 * rng.normal(size=2), 1.0)  # random ray of its cone
             read = n @ (point - hand - R @ mounted) / (n @ beam) + bias + 0.005 * rng.normal()
             pose = [*hand, *SO3.as_quaternion(R)]
             sheet.add(**{"range_mm": read, "sensor": "laser", HAND: pose, "feature": label, "kind": "plane"})
@@ -181,17 +181,17 @@ def ranges(thing, faces, per_face, seed, *story):
 
 
 def plane_log(seed, *story):
-    """A time-of-flight sensor in front of a table and a wall from many sides: for ``tanteo sensor fit``.
+    """Return ranges of a time-of-flight sensor to a table and a wall from many poses, for ``tanteo sensor fit``.
 
-    It sits a little off where ``tof_rig.toml`` has it, reads too far by a constant and a share of the range, and never
-    reports more than 450 mm.
+    Its mounting differs from ``tof_rig.toml``. It reads too far by a constant and a fraction of the range, and it
+    saturates at 450 mm.
     """
     rng = np.random.default_rng(seed)
     place, beam, bias, scale = np.array([1.4, 38.2, 61.7]), np.array([0.021, -0.015, 1.0]), 2.6, 0.012
     sheet = Sheet(
         *story,
         "truth: beam from (1.4, 38.2, 61.7) mm along (0.021, -0.015, 1), reads 1.012 times the range and 2.6 mm more",
-        "every place is off by 0.8 mm, every reading by 1.2 mm (one standard deviation); nothing beyond 450 mm",
+        "standard deviations: 0.8 mm for each place, 1.2 mm for each reading; ranges saturate at 450 mm",
     )
     beam /= np.linalg.norm(beam)
     for label, n, level in (("table", (0.0, 0.0, 1.0), 0.0), ("wall", (0.0, -1.0, 0.0), -600.0)):
@@ -211,22 +211,22 @@ def plane_log(seed, *story):
 
 
 def _looking(direction, rng, tilt_deg):
-    """A rotation whose z axis is the direction, up to a random tilt, turned about it at random."""
+    """Return a rotation with a random angle about z, whose z axis is the direction with a random tilt."""
     tilt = np.append(rng.normal(scale=np.radians(tilt_deg) / 2, size=2), rng.uniform(-np.pi, np.pi))
     return SO3.frame_from_axis(direction, 2) @ SO3.exp([0, 0, tilt[2]]) @ SO3.exp([tilt[0], tilt[1], 0])
 
 
 class Slab:
-    """A part that nobody modelled: a prism over a polygon (mm), felt on its sides and its top."""
+    """Part without a CAD file: a prism over a polygon [mm], touched on its sides and its top."""
 
-    name, yaw_deg = "a five-sided slab that no file describes", 25.0
+    name, yaw_deg = "a five-sided slab without a CAD file", 25.0
 
     def __init__(self, outline, height):
         self.outline, self.height = np.array(outline, dtype=float), height
         self.T = SE3.from_parts(SO3.exp(np.radians([0.0, 0.0, self.yaw_deg])), np.array([310.0, 80.0, 0.0]))
 
     def touches(self, normal, side, n, rng):
-        """Points on side number ``side`` of the polygon, or on the top for -1; ``normal`` is not needed."""
+        """Return points on side number ``side`` of the polygon, or on the top for -1; ``normal`` is not used."""
         if side < 0:
             weights = rng.dirichlet(np.full(len(self.outline), 0.6), size=n)
             points = np.column_stack([weights @ self.outline, np.full(n, self.height)])
@@ -267,24 +267,24 @@ SLAB = {"top": (UP, -1), **{f"side {k}": (UP, k) for k in range(5)}}
 
 
 def make():
-    """All sheets by name."""
-    left, right = Thing("bracket_left", (420, -130, 35), 33), Thing("bracket_right", (455, 60, 35), -118)
-    step, post = Thing("step_15mm", (380, 140, 20), -28), Thing("square_post", (300, -60, 20), 71)
-    rail, clamp = Thing("t_slot", (350, 0, 20), 12), Thing("clamp", (520, -40, 15), 140)
-    wedge = Thing("wedge", (410, -90, 0), 57)
+    """Return the content of all files by name."""
+    left, right = PlacedPart("bracket_left", (420, -130, 35), 33), PlacedPart("bracket_right", (455, 60, 35), -118)
+    step, post = PlacedPart("step_15mm", (380, 140, 20), -28), PlacedPart("square_post", (300, -60, 20), 71)
+    rail, clamp = PlacedPart("t_slot", (350, 0, 20), 12), PlacedPart("clamp", (520, -40, 15), 140)
+    wedge = PlacedPart("wedge", (410, -90, 0), 57)
     slab = Slab([(0, 0), (83, 0), (97, 41), (52, 74), (0, 58)], 37.0)
     return {
         "bracket_left": probe(left, BRACKET, 5, 0.05, 1, "six faces of an angle bracket; reading 20 is wrong by 2 mm",
                               wrong="front"),
         "bracket_right": probe(right, MIRRORED, 5, 0.05, 2, "the mirror image of the bracket"),
         "step_15mm": probe(step, STEPS | {"first step": (UP, (0, 0, 15))}, 4, 0.05, 3,
-                           "stairs whose first step tells them from their twin"),
+                           "stairs whose first step discriminates them from the variant"),
         "step_not_felt": probe(step, STEPS, 4, 0.05, 4, "the same stairs; the step that differs was not touched"),
-        "square_post": probe(post, POST, 4, 0.05, 5, "a post that looks the same after every quarter turn"),
-        "unknown_part": probe(slab, SLAB, 4, 0.05, 6, "a part that is not among the files"),
-        "too_few": probe(rail, RAIL, 4, 0.05, 7, "three faces of a rail: nothing says where it is along its length"),
-        "clamp_ball_tip": ball_tip(clamp, CLAMP, 5, 0.1, (0.0, 0.0, 150.0), 8, "a cobot with a ball on a stick"),
-        "bracket_bare": bare(left, BRACKET, 2, 0.05, 10, "twelve touches of the bracket; nobody noted which face"),
+        "square_post": probe(post, POST, 4, 0.05, 5, "a post with a four-fold axis of symmetry"),
+        "unknown_part": probe(slab, SLAB, 4, 0.05, 6, "a part without a CAD file"),
+        "too_few": probe(rail, RAIL, 4, 0.05, 7, "three faces of a rail, whose position along its length is open"),
+        "clamp_ball_tip": ball_tip(clamp, CLAMP, 5, 0.1, (0.0, 0.0, 150.0), 8, "a cobot with a ball on a stylus"),
+        "bracket_bare": bare(left, BRACKET, 2, 0.05, 10, "twelve touches of the bracket, without labels of the faces"),
         "wedge_ranges": ranges(wedge, WEDGE, 5, 9, "a laser on the wrist; see laser_rig.toml"),
         "plane_log": plane_log(11, "ranges of a table and a wall from 48 poses; see tof_rig.toml"),
     }  # fmt: skip

@@ -25,7 +25,7 @@ LONG = ("08_bare_touches", "09_from_an_image", "12_a_session")
 
 SAYS = {
     "01_which_part": ["step_not_felt: ambiguous", "unknown_part: unknown", "too_few: insufficient", "sliding along"],
-    "02_where_is_it": ["T_world_part", "ROS pose", "GTSAM sd", "readings left out: 20"],
+    "02_where_is_it": ["T_world_part", "ROS pose", "GTSAM sd", "excluded readings: 20"],
     "03_two_features": ["plane_angle", "upright 12 mm thick", "possible", "rejected"],
     "04_shared_errors": [
         "times as much as stated",
@@ -39,7 +39,7 @@ SAYS = {
     "08_bare_touches": ["12 touches with directions: recognized. bracket_left"],
     "10_calibrate_a_sensor": ["calibrated: Calibrated eye.", "saturated places: 6", "calibrated: table at"],
     "11_sense_without_contact": ["acquired", "edge face: plane", "to the last bit: True"],
-    "12_a_session": ["recognized: bracket_right", "a1 met face", "worst known: ", "to the last bit: True"],
+    "12_a_session": ["recognized: bracket_right", "a1 hit face", "most uncertain: ", "the same posterior: True"],
 }
 
 

@@ -52,7 +52,7 @@ class Person:
     def show(self, group, primitives):
         self.groups[group] = {p.name: p for p in primitives}
 
-    def say(self, place, html):
+    def set_text(self, place, html):
         self.words[place] = html
         if place != "status":
             return

@@ -2,8 +2,8 @@ r"""
 Locate a fixture with eight touches
 ===================================
 
-A clamp is bolted to a bench, roughly where the drawing has it. A robot touches it eight times. Where is it now, how
-well is that known, and which of that is to be believed?
+A clamp is bolted to a bench, roughly at the pose in the drawing. A robot touches it eight times. This notebook locates
+the clamp, states the uncertainty of its pose, and checks that uncertainty.
 
 Run it from the repository: ``python docs/notebooks/01_locate_a_fixture.py``.
 """
@@ -22,7 +22,7 @@ from tanteo.sensors import Readings
 # The part
 # --------
 #
-# A CAD file is all that is known of it. STL carries no unit, so it has to be said.
+# A CAD file is the only model of the part. STL has no unit, so the unit is an argument.
 
 folder = resources.files("tanteo.bench.demo") / "parts"
 with resources.as_file(folder / "clamp.stl") as path:
@@ -33,10 +33,10 @@ print(clamp)
 # The touches
 # -----------
 #
-# Three on top, two in front, one on the left: *3-2-1*, the least that fixes a body. Two more, far from these, are for
-# checking. The true pose is used to simulate the readings and for nothing else.
+# Three touches on top, two in front and one on the left (*3-2-1*) are the minimum that determines a pose. Two more, far
+# from these, check the result. The true pose only serves to simulate the readings.
 
-SD = 5e-5  # of a touch, one standard deviation [m]
+SD = 5e-5  # standard deviation of a touch [m]
 truth = SE3.from_parts(SO3.exp(np.radians([0.4, -0.3, 31.0])), np.array([0.4212, -0.1275, 0.0304]))
 faces = np.array([1, 9, 9, 4, 4, 0, 5, 8])
 spots = np.array([[10, 8, 60], [70, 8, 22], [80, 44, 22], [8, 0, 30], [120, 0, 12], [0, 15, 40], [65, 50, 15],
@@ -45,7 +45,7 @@ normals = clamp.planes.normals[faces]
 
 
 def touch(seed, sd=SD, rows=slice(None), slips=()):
-    """Touches along the normals, with noise; those in ``slips`` end two millimetres too far out."""
+    """Return touches along the normals, with noise; those in ``slips`` are two millimetres outside the surface."""
     off = sd * np.random.default_rng(seed).normal(size=len(spots))
     off[list(slips)] += 2e-3
     local, directions = spots + off[:, None] * normals, -normals @ truth[:3, :3].T
@@ -56,12 +56,12 @@ def touch(seed, sd=SD, rows=slice(None), slips=()):
 readings = touch(8)
 
 # %%
-# The rough idea is the drawing's pose, good to 8 mm and 3 degrees. It is not a first guess that an iteration starts
-# from: it is weighed with the readings, by its covariance.
+# The prior is the pose in the drawing, with standard deviations of 8 mm and 3 degrees. It is not only an initial pose
+# of an iteration: its covariance determines its weight beside the readings.
 
 T_drawing = SE3.from_parts(SO3.axis_rotation(2, np.radians(30.0)), np.array([0.42, -0.13, 0.03]))
-rough = PosePrior(T_drawing, np.diag([8e-3] * 3 + [np.radians(3.0)] * 3) ** 2)
-answer = tanteo.locate(readings, clamp, priors=Priors(pose=rough))
+prior = PosePrior(T_drawing, np.diag([8e-3] * 3 + [np.radians(3.0)] * 3) ** 2)
+answer = tanteo.locate(readings, clamp, priors=Priors(pose=prior))
 best = answer.hypotheses[0]
 print(answer.status, "-", answer.message)
 
@@ -69,19 +69,19 @@ print(answer.status, "-", answer.message)
 # The picture
 # -----------
 #
-# The clamp where the answer has it, the touches, and how far the corners of its box may be off: bars of three standard
-# deviations along the worst direction of each, enlarged fifty times.
+# The clamp at the estimated pose, the touches, and the uncertainty of the corners of its box. Each bar shows one
+# standard deviation to either side along the most uncertain direction of a corner, enlarged 150 times.
 
 
 def outline(part, T):
-    """The straight edges of a part at a pose ``(E, 2, 3)`` [mm]."""
+    """Return the straight edges of a part at a pose ``(E, 2, 3)`` [mm]."""
     e = part.edges
     half = 0.5 * e.lengths[:, None] * e.Ts_part_feature[:, :3, 0]
     return 1e3 * SE3.apply(T, np.stack([e.midpoints - half, e.midpoints + half], axis=1))
 
 
 def show(part, T, readings, C):
-    """Part, touches, and what is not known of its corners."""
+    """Draw the part, the touches, and the uncertainty of the corners."""
     axes = plt.figure(figsize=(8, 6)).add_subplot(projection="3d")
     for a, b in outline(part, T):
         axes.plot(*np.stack([a, b]).T, color="#3d4a57", lw=1)
@@ -108,80 +108,79 @@ show(clamp, best.T_world_part, readings, best.covariance)
 # The figure
 # ----------
 #
-# The largest corner sd is what counts where something has to fit. Beside it, because this is a simulation: how far it
-# truly is off.
+# The largest corner sd matters if something has to fit. Because this is a simulation, the true error is known, too.
 
 corners = np.stack(np.meshgrid(*clamp.box.T), axis=-1).reshape(8, 3)
 
 
 def off(hypothesis):
-    """How far the worst corner truly is from the answer's [mm]; and that error in the answer's own units."""
+    """Return the largest true error of a corner [mm], and the squared Mahalanobis distance of the true pose."""
     T = hypothesis.T_world_part
     far = np.linalg.norm(SE3.apply(T, corners) - SE3.apply(truth, corners), axis=1).max()
     xi = SE3.log(SE3.inverse(T) @ truth)
     return 1e3 * far, xi @ np.linalg.solve(hypothesis.covariance, xi)
 
 
-print(f"said: largest corner sd {1e3 * best.corner_sd:.3f} mm, one standard deviation; p of the fit {best.p_value:.2f}")
+print(f"stated: largest corner sd {1e3 * best.corner_sd:.3f} mm; p of the fit {best.p_value:.2f}")
 print("true: worst corner off by {:.3f} mm; squared distance in the answer's covariance {:.1f}".format(*off(best)))
 
 # %%
-# One error says little. Over many it has to be as large as it says: the mean of that squared distance is six. That is
-# so where the noise is as stated and known to be (``noise_factor=1``). Nobody knows it better than to a factor of two
-# or so, which is what is assumed if nothing is said; eight touches can hardly find it out, so the answer leaves room.
+# One error is weak evidence. Over many runs the mean of that squared distance must be six if the covariance is right.
+# This holds if the stated noise is exact (``noise_factor=1``). In practice it is known to a factor of about two, which
+# is the default. Eight touches can hardly estimate the factor, so the default covariance is larger.
 
 
 def mean_of_twelve(priors):
-    """Of the squared distance, over as many runs."""
+    """Return the mean squared Mahalanobis distance over twelve runs."""
     runs = [tanteo.locate(touch(100 + k), clamp, priors=priors).hypotheses[0] for k in range(12)]
     return np.mean([off(h)[1] for h in runs])
 
 
-exact = mean_of_twelve(Priors(pose=rough, noise_factor=1.0))
+exact = mean_of_twelve(Priors(pose=prior, noise_factor=1.0))
 print(f"mean over 12 runs {exact:.1f}; between 4.2 and 8.1 in 95 of 100 cases if the covariance is true")
-print(f"with the noise known to a factor of two: {mean_of_twelve(Priors(pose=rough)):.1f}")
+print(f"with the noise known to a factor of two: {mean_of_twelve(Priors(pose=prior)):.1f}")
 
 # %%
 # Where it can go wrong
 # ---------------------
 #
-# **A touch that slipped.** Eight touches are two more than there are unknowns: enough to see *that* something is wrong,
-# hardly enough to see *what*. Either one touch is off by two millimetres, or all of them are noisier than stated and
-# the clamp lies a little otherwise. Both are told, and the answer says that it is not decided.
+# **A touch that slipped.** Eight touches are two more than the unknowns. That suffices to detect *that* something is
+# wrong, but hardly *what*. Either one touch is off by two millimetres, or all are noisier than stated and the pose
+# differs slightly. The answer reports both hypotheses and the status *ambiguous*.
 
-slipped = tanteo.locate(touch(8, slips=[4]), clamp, priors=Priors(pose=rough))
+slipped = tanteo.locate(touch(8, slips=[4]), clamp, priors=Priors(pose=prior))
 print(slipped.status, "-", slipped.message)
 for h in slipped.hypotheses[:2]:
     print(f"  {h.probability:.2f} without {', '.join(h.outliers) or 'none'}, noise {h.noise_scale[0]:.1f} times the "
           f"stated: truly off by {off(h)[0]:.1f} mm")  # fmt: skip
 
 # %%
-# **All touches on top and in front.** Then the clamp may slide along itself. With the rough idea it is known along that
-# as well as the drawing has it; without, five touches lie on eighteen faces in many ways. The answer says so instead of
-# inventing a number.
+# **All touches on top and in front.** Then the clamp may slide along its length. With the prior, its position along
+# that direction is as uncertain as in the drawing. Without it, five touches fit eighteen faces in many ways, and the
+# answer reports this.
 
 some = touch(8, rows=np.isin(faces, [1, 9, 4]))
-for name, found in (("with the drawing", tanteo.locate(some, clamp, priors=Priors(pose=rough))),
-                    ("from nowhere", tanteo.locate(some, clamp))):  # fmt: skip
+for name, found in (("with the drawing", tanteo.locate(some, clamp, priors=Priors(pose=prior))),
+                    ("without prior", tanteo.locate(some, clamp))):  # fmt: skip
     print(f"{name}: {found.status} - {found.message}")
 
 # %%
-# **A coarse sensor and no rough idea.** With a twentieth of a millimetre eight touches find this part from nowhere.
-# With a whole one there are several ways to lay them on eighteen faces, and the best of these is a wrong one.
+# **A coarse sensor and no prior.** With a noise of 0.05 mm, eight touches locate this part without a prior. With 1 mm
+# they fit the eighteen faces in several ways, and the best of these is wrong.
 
-blind, helped = (tanteo.locate(touch(3, sd=1e-3), clamp, priors=known) for known in (None, Priors(pose=rough)))
-for name, found in (("from nowhere", blind), ("with the drawing", helped)):
+blind, helped = (tanteo.locate(touch(3, sd=1e-3), clamp, priors=known) for known in (None, Priors(pose=prior)))
+for name, found in (("without prior", blind), ("with the drawing", helped)):
     h = found.hypotheses[0]
-    print(f"{name}: {found.status}, P = {h.probability:.2f}, said {1e3 * h.corner_sd:.1f}, off {off(h)[0]:.1f} mm")
+    print(f"{name}: {found.status}, P = {h.probability:.2f}, corner sd {1e3 * h.corner_sd:.1f}, off {off(h)[0]:.1f} mm")
 
 # %%
-# **A sensor that is worse than it says.** Here its spread is stated three times too small. With the noise taken as
-# exact the answer leaves out a touch that is right and is far too proud. With the noise known to a factor the answer
-# finds it out and is as sure as it should be. A spread that is ten times too small is beyond that: it has to come from
-# a data sheet, or better from a calibration.
+# **A sensor that is worse than stated.** Here the stated standard deviation is three times too small. With the noise
+# assumed exact, the answer excludes a correct touch, and its covariance is far too small. With the noise known to a
+# factor, the answer estimates the factor, and its covariance is right. A standard deviation that is ten times too small
+# is beyond that. It must come from a data sheet or, better, from a calibration.
 
-proud = Readings.from_columns(readings.points, directions=readings.directions, sds=readings.sds[:] / 3)
+optimistic = Readings.from_columns(readings.points, directions=readings.directions, sds=readings.sds[:] / 3)
 for name, factor in (("noise taken as exact", 1.0), ("known to a factor of two", None)):
-    h = tanteo.locate(proud, clamp, priors=Priors(pose=rough, noise_factor=factor)).hypotheses[0]
-    print(f"{name}: without {', '.join(h.outliers) or 'none'}, noise {h.noise_scale[0]:.1f} times the stated; said "
-          f"{1e3 * h.corner_sd:.2f} mm, off {off(h)[0]:.2f} mm, squared distance {off(h)[1]:.0f}")  # fmt: skip
+    h = tanteo.locate(optimistic, clamp, priors=Priors(pose=prior, noise_factor=factor)).hypotheses[0]
+    print(f"{name}: without {', '.join(h.outliers) or 'none'}, noise {h.noise_scale[0]:.1f} times the stated; "
+          f"corner sd {1e3 * h.corner_sd:.2f}, off {off(h)[0]:.2f} mm, squared distance {off(h)[1]:.0f}")  # fmt: skip

@@ -2,8 +2,8 @@ r"""
 Which of twenty brackets
 ========================
 
-A box of brackets that look alike: twenty of a family, some a millimetre apart. One is picked up and a laser reads some
-points of it. Which is it, how many readings does that take, and what if two remain?
+Twenty brackets of one family are similar; some differ by a millimetre. A laser reads some points of one of them. This
+notebook identifies the bracket, shows the number of readings that this takes, and discriminates two that remain.
 
 Run it from the repository: ``python docs/notebooks/02_which_of_twenty_brackets.py``.
 """
@@ -24,12 +24,12 @@ from tanteo.sensors import NoiseLaw, Readings
 # The brackets
 # ------------
 #
-# An angle with a slanted foot, pulled to a width: five figures make one. From the inner corner every point of the
-# profile can be seen, so its faces are fans of triangles.
+# A bracket is an extruded angle with a slanted foot, given by five dimensions. Every point of the profile is visible
+# from the inner corner, so its faces are triangle fans.
 
 
 def bracket(foot, wall, thick, slant, width):
-    """An angle bracket as the text of an OFF file; millimetres."""
+    """Return an angle bracket as the text of an OFF file in millimetres."""
     profile = [(thick, thick), (thick, wall), (0, wall), (0, 0), (foot, 0), (foot - slant, thick)]
     n = len(profile)
     vertices = [(x, y, z) for y in (0, width) for x, z in profile]
@@ -41,11 +41,11 @@ def bracket(foot, wall, thick, slant, width):
     return "\n".join([*lines, *(" ".join(map(str, (3, *f))) for f in faces)])
 
 
-figures = [(f, w, t, 4, 30) for f in (60, 61, 80) for w in (40, 50) for t in (5, 6)]
-figures += [(f, 45, 5, s, b) for f in (60, 70) for s in (4, 7) for b in (30, 32)]
+dimensions = [(f, w, t, 4, 30) for f in (60, 61, 80) for w in (40, 50) for t in (5, 6)]
+dimensions += [(f, 45, 5, s, b) for f in (60, 70) for s in (4, 7) for b in (30, 32)]
 with TemporaryDirectory() as folder:
     parts = []
-    for size in figures:
+    for size in dimensions:
         file = Path(folder) / "{}x{}x{}s{}b{}.off".format(*size)
         file.write_text(bracket(*size))
         parts.append(read_part(file, unit="mm"))
@@ -55,8 +55,8 @@ print(len(parts), "brackets, the first:", parts[0])
 # The readings
 # ------------
 #
-# One lies anywhere, and a laser with a tenth of a millimetre of noise looks at it from above and from the sides: at a
-# face taken at random, somewhere on it. Nothing is known beforehand: neither which it is nor where.
+# One bracket lies at an unknown pose. A laser with a noise of 0.1 mm reads random points on random faces, from above
+# and from the sides. There is no prior knowledge of the part or its pose.
 
 SD = 1e-4
 true = parts[3]
@@ -64,7 +64,7 @@ truth = SE3.from_parts(SO3.exp(np.radians([2.0, -1.0, 50.0])), np.array([0.3, 0.
 
 
 def read(part, n, seed):
-    """Readings of places on faces taken at random, along their normals, except from below."""
+    """Return readings of random points on random faces, along their normals, except from below."""
     rng = np.random.default_rng(seed)
     corners = part.vertices[part.triangles]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -84,19 +84,19 @@ readings = read(true, 24, seed=4)
 # The answer
 # ----------
 #
-# Every bracket gets a probability, and so does the unknown object. They sum to one. What has to be known of each
-# surface is prepared once; ``tanteo.identify(readings, parts)`` does both, each time.
+# Every bracket and the unknown object get a probability; the sum is one. The surface of each part is prepared once.
+# ``tanteo.identify(readings, parts)`` does both in each call.
 
 targets = [prepare(part) for part in parts]
 
 
 def identify(readings, targets):
-    """The answer of unlabelled readings."""
+    """Return the answer for unlabelled readings."""
     return identify_points(*Sensing().touches(readings), targets, top=20)
 
 
 def probabilities(answer):
-    """Of every bracket, and of none."""
+    """Return the probability of every bracket and of the unknown object."""
     out = dict.fromkeys([part.name for part in parts], 0.0)
     for h in answer.hypotheses:
         out[h.part] += h.probability
@@ -112,7 +112,7 @@ print("true:", true.name)
 # The picture
 # -----------
 #
-# With few readings many brackets are possible; the belief narrows as readings come.
+# With few readings many brackets are possible. More readings concentrate the probability on one.
 
 figure, axes = plt.subplots(1, len(counts), sharey=True, figsize=(10, 6))
 for axis, n, found in zip(axes, counts, answers, strict=True):
@@ -131,14 +131,14 @@ figure.tight_layout()
 for n, found in zip(counts, answers, strict=True):
     P = probabilities(found)
     best = max(P, key=P.__getitem__)
-    print(f"{n:3d} readings: P({true.name}) = {P[true.name]:.3f}, the likeliest is {best} ({P[best]:.3f})")
+    print(f"{n:3d} readings: P({true.name}) = {P[true.name]:.3f}, the most probable is {best} ({P[best]:.3f})")
 
 # %%
 # Where it can go wrong
 # ---------------------
 #
-# **Two that the readings do not discriminate.** These two differ by a millimetre at the end of the foot, and no reading
-# was there. That is not an error: the answer is *ambiguous*, and says what would settle it.
+# **Two brackets that the readings do not discriminate.** They differ by a millimetre at the end of the foot, where
+# there is no reading. The answer has the status *ambiguous*, and names the reading that would decide.
 
 twins = [targets[0], targets[4]]
 print("twins:", " and ".join(twin.part.name for twin in twins))
@@ -148,7 +148,7 @@ open_ = identify(away, twins)
 print(open_.status, "-", open_.message)
 
 # %%
-# Which single reading would? That is computed, not guessed: the one whose expected answers differ most, weighed by its
+# The best single reading is computed: the one whose expected values for both brackets differ most, relative to the
 # noise.
 
 laser = Probe("laser", NoiseLaw.of(SD), standoff=0.05)
@@ -156,12 +156,13 @@ best = discriminate(*twins, laser)
 print(best.message)
 
 # %%
-# **A bracket that is not in the box.** It is between the others in every figure. The nearest of the twenty is not it,
-# and two dozen readings say so. With few of them the nearest one passes: what has not been looked at cannot disagree.
+# **A bracket that is not among the twenty.** Each of its dimensions is between those of the others. With 24 readings
+# the goodness-of-fit test rejects the most similar bracket. With few readings it does not, because surfaces without
+# readings cannot contradict.
 
 with TemporaryDirectory() as folder:
-    file = Path(folder) / "stranger.off"
+    file = Path(folder) / "other.off"
     file.write_text(bracket(65, 47.5, 5.5, 5, 31))
-    stranger = read_part(file, unit="mm")
-found = identify(read(stranger, 24, seed=5), targets)
+    other = read_part(file, unit="mm")
+found = identify(read(other, 24, seed=5), targets)
 print(found.status, "-", found.message)

@@ -2,11 +2,11 @@ r"""
 Plan touches for 0.2 mm
 =======================
 
-A bracket is to be placed so that none of its corners is more than 0.2 mm from where it is said to be. Where does one
-touch it, and how often? The plan is made before anything is sensed, and it says what to expect.
+A bracket must be located so that none of its corners is more than 0.2 mm off. A plan states before the first reading
+where to touch the part, how often, and which accuracy to expect.
 
 Run it from the repository: ``python docs/notebooks/03_plan_touches_for_a_tolerance.py``. On the command line the same
-is ``tanteo plan --part FILE --tolerance 0.2mm --sd 0.05mm``, with ``--report plan.html`` for a page that can be turned.
+is ``tanteo plan --part FILE --tolerance 0.2mm --sd 0.05mm``. ``--report plan.html`` writes a page with a 3-D drawing.
 """
 
 from dataclasses import replace
@@ -25,8 +25,8 @@ from tanteo.sensors import NoiseLaw, Readings
 # The task
 # --------
 #
-# What is known beforehand: the part, that it lies where the drawing has it to 5 mm and 3 degrees (one standard
-# deviation), and that a touch has a spread of 0.05 mm. The probe comes from any side and needs 10 mm of room.
+# The part is known, its pose in the drawing has standard deviations of 5 mm and 3 degrees, and a touch has a standard
+# deviation of 0.05 mm. The probe may approach from any side, with a clearance of 10 mm.
 
 TOLERANCE, SD = 2e-4, 5e-5
 with resources.as_file(resources.files("tanteo.bench.demo") / "parts" / "bracket_left.stl") as path:
@@ -41,9 +41,9 @@ probe = Probe("touch probe", NoiseLaw.of(SD), contact=True, standoff=0.05, clear
 # The plan
 # --------
 #
-# About the expected pose everything is linear: a touch adds information along one direction of the pose, and the plan
-# is the set that leaves the corners the least to be off by. Where the part lies elsewhere, some touches pass beside it:
-# the probability is over all places where it may lie, and enough is touched that it is reached all the same.
+# Near the expected pose the problem is linear: a touch adds information along one direction of the pose. The plan is
+# the smallest set of touches after which the corners are within the tolerance. If the part is at another pose, some
+# touches may miss it. The probability is over all placements, and the plan has enough touches for that.
 
 found = plan(start, probe, TOLERANCE)
 print(found.message)
@@ -55,8 +55,8 @@ for n, r in enumerate(found.readings, 1):
 # The picture
 # -----------
 #
-# Left the touches, numbered; right what each brings. Before six directions are fixed no corner is placed, whatever the
-# sensor: the curve falls with the sixth touch.
+# Left: the touches with their numbers. Right: the result of each touch. Before six directions are determined no corner
+# is located, with any sensor. The curve falls with the sixth touch.
 
 figure = plt.figure(figsize=(10, 4.6))
 axes = figure.add_subplot(1, 2, 1, projection="3d")
@@ -87,8 +87,8 @@ figure.tight_layout(w_pad=5)
 # The figure
 # ----------
 #
-# A plan is a promise, so it is carried out here: the part lies somewhere within the rough idea, each touch ends where
-# it meets the surface, with noise, and the part is located from what was read.
+# A plan states a probability, so the plan is tested here. The part is at random poses of the prior, each touch ends at
+# the surface, with noise, and the part is located from the readings.
 
 rng = np.random.default_rng(3)
 root = np.linalg.cholesky(start.covariances[0])
@@ -97,53 +97,54 @@ corners = np.stack(np.meshgrid(*part.box.T), axis=-1).reshape(8, 3)
 
 
 def carried_out(readings, truth):
-    """How far the worst corner is off [mm], what the answer says of it, and whether every touch met something."""
+    """Return the largest corner error [mm], the stated largest corner sd [mm], and whether every touch hit the part."""
     origins, directions = (np.array([getattr(r, name) for r in readings]) for name in ("origin", "direction"))
     back = SE3.inverse(truth)
     ranges = target.surface.cast(SE3.apply(back, origins), directions @ back[:3, :3].T).distances
-    met = np.isfinite(ranges)
-    ranges = ranges[met] + SD * rng.normal(size=int(met.sum()))
-    points = origins[met] + ranges[:, None] * directions[met]
-    told = Readings.from_columns(points, directions=directions[met], sds=np.full(len(points), SD))
-    best = identify_points(*Sensing().touches(told), [target], priors=priors).hypotheses[0]
+    hit = np.isfinite(ranges)
+    ranges = ranges[hit] + SD * rng.normal(size=int(hit.sum()))
+    points = origins[hit] + ranges[:, None] * directions[hit]
+    sensed = Readings.from_columns(points, directions=directions[hit], sds=np.full(len(points), SD))
+    best = identify_points(*Sensing().touches(sensed), [target], priors=priors).hypotheses[0]
     off = np.linalg.norm(SE3.apply(best.T_world_part, corners) - SE3.apply(truth, corners), axis=1).max()
-    return 1e3 * off, 1e3 * best.corner_sd, bool(met.all())
+    return 1e3 * off, 1e3 * best.corner_sd, bool(hit.all())
 
 
 truths = [start.Ts[0] @ SE3.exp(root @ rng.normal(size=6)) for _ in range(24)]
-off, said, all_met = map(np.array, zip(*(carried_out(found.readings, truth) for truth in truths), strict=True))
-kept = off < 1e3 * TOLERANCE
-print(f"every touch met the part: {all_met.sum():2d} placements, the tolerance kept in {(kept & all_met).sum()}")
-print(f"one or more met nothing:  {(~all_met).sum():2d} placements, the tolerance kept in {(kept & ~all_met).sum()}")
+off, stated, all_hit = map(np.array, zip(*(carried_out(found.readings, truth) for truth in truths), strict=True))
+achieved = off < 1e3 * TOLERANCE
+print(f"every touch hit the part: {all_hit.sum():2d} placements, tolerance achieved in {(achieved & all_hit).sum()}")
+print(
+    f"one or more hit nothing:  {(~all_hit).sum():2d} placements, tolerance achieved in {(achieved & ~all_hit).sum()}"
+)
 
 # %%
-# The plan promises P = 0.956, over all placements. Where the part is so far off the drawing that a touch passes beside
-# it, there is less to locate it from; the plan has counted on that. Where it is not enough, the answer says so:
+# The plan states P = 0.956 over all placements. If the part is so far from the drawing that a touch misses it, fewer
+# readings locate it. The plan accounts for this. If they do not suffice, the answer states a large sd:
 
-for k in np.flatnonzero(~kept):
-    print(f"off {off[k]:.2f} mm, said {said[k]:.2f} mm (1 sd); every touch met: {'yes' if all_met[k] else 'no'}")
+for k in np.flatnonzero(~achieved):
+    print(f"off {off[k]:.2f} mm, stated sd {stated[k]:.2f} mm; every touch hit: {'yes' if all_hit[k] else 'no'}")
 
 # %%
 # Where it can go wrong
 # ---------------------
 #
-# **The robot.** Touches share the error of the robot's base: it moves all of them, and no number of touches averages it
-# out. With a tenth of a millimetre of it the plan says so before anybody has driven a metre.
+# **The robot.** All touches share the error of the robot's base, and no number of touches averages it out. With an
+# error of 0.1 mm the plan states that the tolerance is impossible, before the robot moves.
 
 shaky = replace(probe, base_sds=(1e-4, 0.0))
 print(plan(start, shaky, TOLERANCE).message)
 
 # %%
-# **Touches where they are easy.** From above only, the sides are never seen, and three of six directions stay as they
-# were.
+# **Touches from above only.** They do not reach the sides, so three of six directions stay undetermined.
 
 above = replace(probe, approach=np.array([0.0, 0.0, -1.0]), cone=np.radians(30.0))
 print(plan(start, above, TOLERANCE, max_measurements=12).message)
 
 # %%
-# **A part that lies elsewhere.** The plan holds about the expected pose. Here the part is 20 mm away, four times what
-# was said: some touches meet another face or nothing, and the promise is void. Then it is better to sense one, look,
-# and choose the next: a session (``tanteo sense part``, ``tanteo.planning``).
+# **A part far from the expected pose.** The plan holds near the expected pose. Here the part is 20 mm away, four
+# standard deviations. Some touches hit another face or nothing, and the stated probability does not apply. A session,
+# which chooses each reading after the last one, is better then (``tanteo sense part``, ``tanteo.planning``).
 
 lost = carried_out(found.readings, SE3.from_parts(np.eye(3), np.array([0.02, -0.02, 0.0])))
-print("off by {:.2f} mm, said {:.2f} mm (1 sd), where 0.2 mm were promised".format(*lost))
+print("off by {:.2f} mm, stated sd {:.2f} mm; the tolerance was 0.2 mm".format(*lost))

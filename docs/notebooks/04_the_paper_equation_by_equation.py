@@ -3,9 +3,9 @@ The paper, equation by equation
 ===============================
 
 L. Montano and C. Sagüés, *Active Sensing Using Proximity Sensors for Object Recognition and Localization* (1991),
-compare what is felt with what is modelled by constraints of two features: an angle, a distance, a length, each with a
-variance. Here each is computed as printed and as corrected, and both are held against thousands of samples. A variance
-is right if the mean of squared error over stated variance (NEES) is one.
+compare sensed features with a model by constraints between two features: an angle, a distance, a length, each with a
+variance. Here each constraint is computed as printed and as corrected, and both are compared with thousands of samples.
+A variance is right if the mean of squared error over stated variance (NEES) is one.
 
 Run it from the repository: ``python docs/notebooks/04_the_paper_equation_by_equation.py``. The whole table, with every
 figure at more draws, is :doc:`/docs/paper`.
@@ -33,18 +33,18 @@ def cov(kind, sd):
 
 
 def draws(T, kind, sd):
-    """What many sensings of a feature give: :math:`\\hat x = x \\oplus e`."""
+    """Return the results of many measurements of a feature: :math:`\\hat x = x \\oplus e`."""
     return T @ SE3.exp((RNG.normal(size=(N, kind.size)) * sd) @ kind.B)
 
 
 def edge(direction, at, spin=0.0):
-    """A frame on an edge, its x along it."""
+    """Return a frame on an edge, with x along the edge."""
     R = SO3.frame_from_axis(np.asarray(direction, dtype=float), 0) @ SO3.axis_rotation(0, spin)
     return SE3.from_parts(R, np.asarray(at, dtype=float))
 
 
 def rejected(D2, dof=1):
-    """Share of true matches that a test of nominal 5 % rejects."""
+    """Return the fraction of true matches that a test of nominal 5 % rejects."""
     return float(np.mean(cs.chi2_limit(0.05, dof) < D2))
 
 
@@ -68,8 +68,8 @@ print("sd of psi, theta, phi at theta = 90 degrees [rad]:", six[:, 3:].std(axis=
 # Section 3, (1) and (2): a sensed point
 # --------------------------------------
 #
-# The robot errs in its pose, the device in the sensor's frame; both are carried to what was sensed. This is right as
-# printed: six degrees of freedom, so the mean squared distance has to be six.
+# The robot has an error in its pose, the sensor in its own frame. Both propagate to the sensed feature. The printed
+# equation is right: there are six degrees of freedom, and the mean squared distance is six.
 
 T_rs, T_sf = SE3.exp(np.array([0.3, 0.1, 0.5, 0.2, 0.1, 0.9])), SE3.exp(np.array([0.05, 0, 0.1, 0.4, -0.2, 0.1]))
 C_robot, C_device = (np.diag(np.repeat(sds, 3)) ** 2 for sds in ((5e-4, 1e-3), (2e-4, 3e-3)))
@@ -82,8 +82,8 @@ print(f"mean squared distance {np.mean(np.sum(error * np.linalg.solve(stated, er
 # (3)-(5): an edge on a plane
 # ---------------------------
 #
-# Height and pitch of the edge over the plane have to be zero. The printed variances are in the edge's frame and depend
-# on its free turn :math:`\psi`. The two together, with two degrees of freedom, do not.
+# Height and pitch of the edge over the plane must be zero. The printed variances are in the edge's frame and depend on
+# its free rotation :math:`\psi`. A joint test of both, with two degrees of freedom, does not depend on it.
 #
 # .. math::
 #
@@ -108,9 +108,9 @@ for psi in (0, 45, 90):
 # (6)-(12): a corner
 # ------------------
 #
-# Where two edges meet. (9) divides by one component of the direction and is singular for some frames of the same edges;
-# the foot of the common perpendicular is not. Along the second edge, whose direction is :math:`n` and whose origin is
-# :math:`p` as the first one sees them:
+# A corner is the intersection of two edges. Equation (9) divides by one component of the direction and is singular for
+# some frames of the same edges. The foot of the common perpendicular has no such singularity. In the frame of the first
+# edge, let the direction of the second one be :math:`n` and its origin :math:`p`:
 #
 # .. math::
 #
@@ -132,8 +132,8 @@ for off in (90, 45, 15, 5):
 # (13)-(15): the length of an edge
 # --------------------------------
 #
-# Between its corners with two others. (15) adds the variances of both ends as if they were independent; both come from
-# the same middle edge. Here that one is poorly known.
+# The length of an edge is the distance of its corners with two other edges. Equation (15) adds the variances of both
+# corners as if they were independent, but both depend on the same middle edge. Here this edge has a large covariance.
 #
 # .. math::
 #
@@ -168,8 +168,8 @@ for name, b in (("trapezoid", np.radians(60)), ("parallelogram", np.radians(120)
 # (16)-(19): angles
 # -----------------
 #
-# Right, away from 0 and 180 degrees. Two parallel edges have an angle that is never below zero: it is no normal
-# variable, and its test rejects three times too often. Such a pair has no angle here, but two tilts.
+# The equations are right away from 0 and 180 degrees. The angle of two parallel edges is never negative, so it is not
+# normal, and its test rejects three times too often. The corrected constraint of such a pair has two tilts instead.
 #
 # .. math::
 #
@@ -192,8 +192,8 @@ for degrees in (40, 0):
 # (20)-(23): parallelism
 # ----------------------
 #
-# The paper tests a cosine against one. At its maximum a cosine has no variance of first order: the test hardly ever
-# rejects, neither what is true nor what is not. Its two components across are tested instead.
+# The paper compares a cosine with one. At its maximum a cosine has no first-order variance, so the test rejects hardly
+# any match, true or false. The corrected test uses the two transverse components.
 #
 # .. math::
 #
@@ -220,8 +220,8 @@ for tilt in (0, 3, 4):
 # Section 4.4 and (24): distances
 # -------------------------------
 #
-# The distance of parallel edges as printed depends on where along the edge its frame happens to sit. The distance of
-# planes is printed without its sign: near zero its mean is wrong, and a step cannot be told from a gap.
+# The printed distance of parallel edges depends on the position of the frame along the edge. The distance of planes is
+# printed without its sign: near zero its mean is wrong, and it does not distinguish a step from a gap.
 #
 # .. math::
 #
@@ -245,9 +245,9 @@ for slide in (0, 60, 150):
 # (25): accept or reject
 # ----------------------
 #
-# Right for one constraint. A part has many, each may fail once in twenty, and together they fail far more often; and
-# angles and distances alone cannot tell a part from its mirror image. That is why matching ends with one joint test of
-# the pose (``tanteo.features.joint_test``).
+# The equation is right for one constraint. A part has many; each may fail once in twenty, and together they fail far
+# more often. Angles and distances alone do not discriminate a part from its mirror image. Matching therefore ends with
+# one joint test of the pose (``tanteo.features.joint_test``).
 #
 # .. math::
 #
@@ -271,7 +271,7 @@ for planes in (3, 4, 5):
 # (26): errors in common
 # ----------------------
 #
-# Two edges felt by one robot share the error of its base. In their distance it cancels. The print has a plus.
+# Two edges sensed by one robot share the error of its base, which cancels in their distance. The paper prints a plus.
 #
 # .. math::
 #
@@ -299,8 +299,8 @@ print("sd of the relative frame [mm, rad]:", np.sqrt(np.diag(S12)).round(4))
 # The picture
 # -----------
 #
-# All tests of true matches at a nominal 5 %. Bars to the right throw good parts away; bars near zero let wrong ones
-# pass.
+# All tests of true matches at a nominal 5 %. Tests with bars far to the right reject right parts; tests with bars near
+# zero accept wrong ones.
 
 names = list(measured)
 y = np.arange(len(names))
@@ -318,9 +318,9 @@ figure.tight_layout()
 # Where it can go wrong
 # ---------------------
 #
-# All of this is linear: it holds while errors are small beside what they are divided by. The corner of two edges that
-# are nearly parallel is far away, and where, is hardly known; no variance of first order says how hardly. Here the
-# angle is so many of its standard deviations:
+# All equations are linearized. They hold if errors are small compared with the quantities by which they are divided.
+# The corner of two nearly parallel edges is far away and very uncertain, and a first-order variance does not describe
+# this. Here the angle is a multiple of its standard deviation:
 
 for sigmas in (20, 5, 2.5):
     turned = SE3.from_parts(SO3.axis_rotation(2, sigmas * 0.0095 * 2**0.5), np.zeros(3))

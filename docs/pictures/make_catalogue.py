@@ -1,6 +1,6 @@
 """Draw ``docs/pictures/catalogue.svg`` from the table "Measured" in ``docs/catalogue.md``.
 
-``python docs/pictures/make_catalogue.py [folder]``. The picture shows what stands in the table, which
+``python docs/pictures/make_catalogue.py [folder]``. The picture shows the table, which
 ``python benchmarks/bench_catalogue.py`` prints, and the slope of each curve.
 """
 
@@ -23,11 +23,11 @@ CURVES = (
     ("30 points", ORANGE, "30 points"),
     ("12 points", RED, "12 points"),
 )
-"""What the row begins with, colour, name."""
+"""Start of the row in the table, colour, and name of each curve."""
 
 
 def table(page: Path) -> dict[str, np.ndarray]:
-    """Rows of the table by what was sensed: parts, seconds."""
+    """Return the rows of the table, number of parts and seconds, by kind of readings."""
     rows: dict[str, list[tuple[float, float]]] = {}
     for line in page.read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
@@ -38,7 +38,7 @@ def table(page: Path) -> dict[str, np.ndarray]:
 
 LEFT, RIGHT, TOP, BOTTOM = 110, 960, 40, 400
 PARTS, SECONDS = (2, 5), (-1, 2)
-"""Place of the panel on the page, and the powers of ten along its axes."""
+"""Powers of ten at the ends of the axes."""
 
 
 def place(parts: float, seconds: float) -> np.ndarray:
@@ -49,7 +49,7 @@ def place(parts: float, seconds: float) -> np.ndarray:
 
 
 def frame(out: Drawing) -> None:
-    """Grid, numbers at the axes and their names."""
+    """Draw the grid, and the numbers and names of the axes."""
     out.add("rect", width=WIDTH, height=HEIGHT, fill=PAPER)
     for e in range(SECONDS[0], SECONDS[1] + 1):
         a, b = place(10 ** PARTS[0], 10.0**e), place(10 ** PARTS[1], 10.0**e)
@@ -59,12 +59,12 @@ def frame(out: Drawing) -> None:
         a, b = place(10**e, 10.0 ** SECONDS[0]), place(10**e, 10.0 ** SECONDS[1])
         out.line(a, b, stroke="#e3e7ea", width=1)
         out.text(a[0], a[1] + 22, f"{10**e:,}", 15, GREY, text_anchor="middle")
-    out.text((LEFT + RIGHT) / 2, BOTTOM + 48, "parts of the catalogue", 16, INK, text_anchor="middle")
+    out.text((LEFT + RIGHT) / 2, BOTTOM + 48, "parts in the catalogue", 16, INK, text_anchor="middle")
     out.text(LEFT - 70, TOP - 16, "time of the processor, median", 16, INK)
 
 
 def make(path: Path) -> None:
-    """Draw what the page says."""
+    """Draw the table of the page."""
     rows, out, names = table(PAGE), Drawing(), []
     frame(out)
     for begin, colour, name in CURVES:
@@ -77,10 +77,10 @@ def make(path: Path) -> None:
         slope = np.polyfit(np.log(known[:, 0]), np.log(known[:, 1]), 1)[0]
         names.append((places[-1][1], f"{name}, slope {slope:.2f}", colour))
     below = np.inf
-    for y, name, colour in sorted(names, reverse=True):  # each above the last
+    for y, name, colour in sorted(names, reverse=True):  # labels from the bottom, without overlap
         below = min(y, below - 20)
         out.text(RIGHT + 12, below + 5, name, 16, colour)
-    out.write(path, "Seconds to recognise one of so many parts")
+    out.write(path, "Seconds to recognize a part over the number of parts")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Draw the answers of the control law: ``python docs/pictures/make_control.py [folder]`` (matplotlib, extra ``bench``).
 
-``step_response.svg``: the hand is 10 mm too high and 20 degrees askew over a plate; height and tilt while it settles,
-for latencies from 0 to 100 ms. ``bend.svg``: it follows a surface over a bend of 45 degrees, outwards and inwards. All
-of it is the simulated hand with its errors; the table that is printed has the margins.
+``step_response.svg``: the hand is 10 mm too high and 20 degrees askew over a plate; height and tilt while it converges,
+for latencies from 0 to 100 ms. ``bend.svg``: it follows a surface over a bend of 45 degrees, outwards and inwards. The
+hand is simulated with its errors. The program prints a table of the stability margins.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LATENCIES = (0.0, 0.02, 0.05, 0.1)
 STYLES = (("#0072b2", "-"), ("#2dae5b", "--"), ("#e69f00", "-."), ("#7d12d9", ":"))
 STANDOFF, RULES = 0.02, Rules(clearance=0.012)
 THIN = 5
-"""Of the paths, every so many points are drawn."""
+"""Number of path points for each drawn point."""
 
 RIG = read_rig("paper-gripper")
 HAND = Hand(RIG, gripper_body(RIG))
@@ -38,22 +38,22 @@ def over(x: float, height: float, tilt: float = 0.0) -> np.ndarray:
     return SE3.from_parts(R, np.array([x, 0.0, height]) - R @ HAND.front)
 
 
-def settle_with(latency: float, told: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times and (height, tilt) with a true latency, when the motions are told another."""
+def step_with(latency: float, assumed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return times, and height and tilt, for a true latency and the latency that the control law assumes."""
     plate = Scene.of([box("plate", [-0.2, -0.2, -0.02], [0.2, 0.2, 0.0])])
     cell = Cell(latency=latency)
     robot = SimulatedHand(
         plate, HAND, over(0, STANDOFF + 0.01, math.radians(20)), rng=np.random.default_rng(0), cell=cell
     )
-    told_robot = Observation(robot, told)
-    align(told_robot, STANDOFF, Rules(clearance=0.008, timeout=2.0))
+    reported = MisreportedLatency(robot, assumed)
+    align(reported, STANDOFF, Rules(clearance=0.008, timeout=2.0))
     Ts = np.array(robot.truth)
     heights = Ts[:, 2, 3] + (Ts[:, :3, :3] @ HAND.front)[:, 2]
     return 0.01 * np.arange(len(Ts)), np.stack([1e3 * heights, np.degrees(np.arcsin(-Ts[:, 2, 0]))])
 
 
-class Observation:
-    """A robot that states another latency than it has."""
+class MisreportedLatency:
+    """Robot that reports a latency other than its true one."""
 
     def __init__(self, robot: SimulatedHand, latency: float) -> None:
         self._robot, self.latency = robot, latency
@@ -61,19 +61,19 @@ class Observation:
 
     @property
     def sensed(self):
-        """What was sensed last."""
+        """Last readings of the robot."""
         return self._robot.sensed
 
     def step(self, twist):
-        """One period."""
+        """Run one period."""
         return self._robot.step(twist)
 
 
 def step_response(folder: Path) -> None:
-    """Height and tilt while the hand settles."""
+    """Draw height and tilt over time after a step."""
     figure, axes = plt.subplots(1, 2, figsize=(9.6, 3.4), constrained_layout=True)
     for latency, (colour, style) in zip(LATENCIES, STYLES, strict=True):
-        times, both = settle_with(latency, latency)
+        times, both = step_with(latency, latency)
         for axis, values in zip(axes, both, strict=True):
             axis.plot(times, values, color=colour, ls=style, label=f"{1e3 * latency:.0f} ms")
     axes[0].axhline(1e3 * STANDOFF, color="#8a97a3", lw=0.8, zorder=0)
@@ -86,13 +86,13 @@ def step_response(folder: Path) -> None:
 
 
 def name_line(axis: plt.Axes, height: float, words: str) -> None:
-    """Say what a level line is, at its right end."""
+    """Write the name of a level line at its right end."""
     place = axis.get_yaxis_transform()
     axis.annotate(words, (0.985, height), (0, 4), place, "offset points", ha="right", fontsize="small")
 
 
 def bend(folder: Path) -> list[tuple[int, float, float, float]]:
-    """Paths of the front over both bends, and the least clearance of each."""
+    """Draw the paths of the front over both bends, and return the smallest clearance of each."""
     figure, axes = plt.subplots(2, 2, figsize=(9.6, 6.4), constrained_layout=True)
     rows = []
     for k, angle in enumerate((45, -45)):
@@ -111,9 +111,9 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
             clear = 1e3 * clearances(scene, HAND.body, Ts)
             name = "_" if latency else "front of the hand"
             axes[k, 0].plot(fronts[::THIN, 0], fronts[::THIN, 2], color=colour, ls=style, label=name)
-            way = np.concatenate([[0], np.linalg.norm(np.diff(fronts, axis=0), axis=1).cumsum()])
+            path = np.concatenate([[0], np.linalg.norm(np.diff(fronts, axis=0), axis=1).cumsum()])
             axes[k, 1].plot(
-                way[::THIN],
+                path[::THIN],
                 clear[::THIN],
                 color=colour,
                 ls=style,
@@ -126,7 +126,7 @@ def bend(folder: Path) -> list[tuple[int, float, float, float]]:
         axes[k, 0].legend(frameon=False, loc="lower left" if angle > 0 else "upper left")
         for height, words in ((1e3, "stand-off"), (0.5e3, "half of it")):
             name_line(axes[k, 1], height * STANDOFF, words)
-        axes[k, 1].set(xlabel="way of the front [mm]", ylabel="clearance of the hand [mm]", ylim=(0, 24))
+        axes[k, 1].set(xlabel="path of the front [mm]", ylabel="clearance of the hand [mm]", ylim=(0, 24))
         axes[k, 1].legend(title="latency, time", frameon=False, loc="lower right", fontsize="small", ncols=2)
     axes[1, 0].set_title("bend of 45 degrees inwards")
     axes[0, 0].set_title("bend of 45 degrees outwards")
@@ -142,13 +142,11 @@ def save(figure: plt.Figure, path: Path) -> None:
 
 
 def main() -> None:
-    """Both pictures and the table of margins."""
+    """Draw both pictures, and print the table of margins."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE
     step_response(folder)
     rows = bend(folder)
-    print(
-        "| latency | gain | gain margin | phase margin | stable up to a latency of | least clearance over the bends |"
-    )
+    print("| latency | gain | gain margin | phase margin | stable up to a latency of | least clearance in the bends |")
     print("| --- | --- | --- | --- | --- | --- |")
     for latency in (0.0, 0.01, 0.02, 0.03, 0.05, 0.1):
         loop = Loop.of(latency, 0.01)
@@ -158,9 +156,9 @@ def main() -> None:
             f"{math.degrees(loop.phase_margin):.0f} deg | {1e3 * loop.latency_margin:.0f} ms | "
             f"{f'{min(least):.1f} mm of 20 mm' if least else ''} |"
         )
-    print("\nTold 20 ms, the step of the height overshoots by")
+    print("\nIf the control law assumes 20 ms, the step of the height overshoots by")
     for true in (0.02, 0.05, 0.08, 0.1):
-        heights = settle_with(true, 0.02)[1][0]
+        heights = step_with(true, 0.02)[1][0]
         print(f"  {max(0.0, 20 - heights.min()) / 10:.0%} of the step with a true latency of {1e3 * true:.0f} ms")
 
 

@@ -1,6 +1,6 @@
 """Draw ``docs/pictures/cost.svg`` from the table "Cost over points, triangles and parts" in ``docs/benchmarks.md``.
 
-``python docs/pictures/make_cost.py [folder]``. The picture shows what stands in the table, which
+``python docs/pictures/make_cost.py [folder]``. The picture shows the table, which
 ``python benchmarks/run.py cost`` prints.
 """
 
@@ -18,18 +18,18 @@ HERE = Path(__file__).resolve().parent
 PAGE = HERE.parent / "benchmarks.md"
 ORANGE = "#b4690e"
 LEFT, GAP, SIDE, TOP, BOTTOM = 74, 92, 318, 84, 390
-"""Place of the panels on the page."""
+"""Layout of the panels on the page [px]."""
 
 PANELS = (
     ("points", "readings", (("points", BLUE, "points alone"), ("points with normals", GREEN, "points with normals"))),
     ("triangles", "triangles of the part", (("triangles", BLUE, "an answer"),)),
     ("parts", "parts", (("parts", BLUE, "an answer"),)),
 )
-"""Sweep, words under the axis, and the curves of calls: rows, colour, name."""
+"""Sweep, name of the axis, and curves of calls (rows, colour, name) of each panel."""
 
 
 def table(page: Path) -> dict[str, np.ndarray]:
-    """Rows of the table by what they go over: number, read, prepare [s], kept [MB], call [ms], needed [MB]."""
+    """Return the rows of the table by sweep: number, read, prepare [s], kept [MB], call [ms], needed [MB]."""
     rows: dict[str, list[list[float]]] = {}
     for line in page.read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
@@ -42,7 +42,7 @@ _DASHES = ("none", "8 4", "2 4")
 
 
 class Axes:
-    """A panel with logarithmic axes: number against milliseconds."""
+    """Panel with logarithmic axes: milliseconds over a number."""
 
     def __init__(self, out: Drawing, k: int, numbers: np.ndarray, milliseconds: np.ndarray) -> None:
         self.out, self.left = out, LEFT + k * (SIDE + GAP)
@@ -50,13 +50,13 @@ class Axes:
         self.y = np.array([np.floor(np.log10(milliseconds.min())), np.ceil(np.log10(milliseconds.max()))])
 
     def page(self, number: np.ndarray, milliseconds: np.ndarray) -> np.ndarray:
-        """Places on the page."""
+        """Return positions on the page [px]."""
         x = self.left + SIDE * (np.log10(number) - self.x[0]) / np.ptp(self.x)
         y = BOTTOM - (BOTTOM - TOP) * (np.log10(milliseconds) - self.y[0]) / np.ptp(self.y)
         return np.stack([x, y], axis=-1)
 
     def frame(self, words: str) -> None:
-        """Grid, numbers at the axes and their names."""
+        """Draw the grid, and the numbers and names of the axes."""
         for e in range(int(self.y[0]), int(self.y[1]) + 1):
             a, b = self.page(10.0 ** np.array(self.x), np.full(2, 10.0**e))
             self.out.line(a, b, stroke="#e3e7ea", width=1)
@@ -69,7 +69,7 @@ class Axes:
         self.out.text(self.left + SIDE / 2, BOTTOM + 40, words, 14, INK, text_anchor="middle")
 
     def curve(self, number: np.ndarray, milliseconds: np.ndarray, colour: str, name: str, row: int) -> None:
-        """A measured curve, its points marked, its name in the legend."""
+        """Draw a measured curve with marked points, and its name in the legend."""
         places = self.page(number, milliseconds)
         for a, b in pairwise(places):
             self.out.line(a, b, stroke=colour, width=2, stroke_dasharray=_DASHES[row])
@@ -82,7 +82,7 @@ class Axes:
 
 
 def make(path: Path) -> None:
-    """Draw what the page says."""
+    """Draw the table of the page."""
     rows, out = table(PAGE), Drawing()
     out.add("rect", width=WIDTH, height=HEIGHT, fill=PAPER)
     for k, (sweep, words, calls) in enumerate(PANELS):

@@ -61,7 +61,7 @@ def log_density(pose: np.ndarray, points: np.ndarray, sd: float) -> np.ndarray:
 
 
 def proposals(points: np.ndarray, rng: np.random.Generator, count: int) -> np.ndarray:
-    """Return poses that put pairs of touches on pairs of places of the outline with the same distance."""
+    """Return poses at which pairs of touches coincide with pairs of points of the outline at the same distance."""
     starts, along, _, lengths = edges()
     k = rng.choice(len(lengths), (200_000, 2), p=lengths / lengths.sum())
     places = starts[k] + along[k] * (rng.random(k.shape) * lengths[k])[..., None]

@@ -1,7 +1,7 @@
 """Draw ``docs/pictures/from_readings_to_answer.svg`` from ``examples/readings/bracket_left.csv``.
 
-``python docs/pictures/make_pictures.py [folder]``. Everything in it is computed: the touches, the fitted planes, the
-constraints and the answer are those of the program.
+``python docs/pictures/make_pictures.py [folder]``. The touches, the fitted planes, the constraints
+and the answer are computed by the program.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ EXAMPLES = HERE.parents[1] / "examples"
 INK, GREY, RED, BLUE, GREEN, PAPER = "#22303c", "#5c6873", "#c8372d", "#2467a8", "#2e7d4f", "#ffffff"
 COLORS = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")  # as on the live page
 WIDTH, HEIGHT = 1280, 470
-"""Of a picture, unless it says otherwise [px]."""
+"""Default size of a picture [px]."""
 
 PANEL = np.array([408.0, 366.0])
 GAP, EDGE = 20, 16
-"""Of the four panels, two in a row [px]."""
+"""Gap between panels, and margin of the page [px]."""
 
 EYE = np.array([1.0, -0.82, 0.72]) / np.linalg.norm([1.0, -0.82, 0.72])
 RIGHT = np.cross([0, 0, 1], EYE) / np.linalg.norm(np.cross([0, 0, 1], EYE))
 UP = np.cross(EYE, RIGHT)
 SCALE = 1.42
-"""Pixels a millimetre."""
+"""Pixels per millimetre."""
 
 MAGNIFIED = 150
-"""The ellipsoids of the answer are drawn this many times too large, at two standard deviations."""
+"""Magnification of the answer's error ellipses, which are drawn at two standard deviations."""
 
 
 class Drawing:
@@ -47,7 +47,7 @@ class Drawing:
         self.width, self.height = width, height
 
     def add(self, tag: str, content: str = "", **attributes: object) -> None:
-        """One element; underscores in names of attributes become hyphens."""
+        """Add an element; underscores in names of attributes become hyphens."""
         text = " ".join(f'{k.replace("_", "-")}="{v}"' for k, v in attributes.items())
         self.elements.append(f"<{tag} {text}>{content}</{tag}>" if content else f"<{tag} {text}/>")
 
@@ -75,19 +75,19 @@ class Drawing:
 
 
 def corner(panel: int) -> np.ndarray:
-    """Upper left corner of one of the four panels."""
+    """Return the upper left corner of one of the four panels [px]."""
     return EDGE + np.array([panel % 2, panel // 2]) * (PANEL + GAP)
 
 
 def page(points: np.ndarray, panel: int) -> np.ndarray:
-    """Points of the part [m] on the page, in one of the four panels."""
+    """Return points of the part [m] projected to one of the four panels [px]."""
     centred = (np.asarray(points) * 1e3 - [54, 40, 36]) * SCALE
     origin = corner(panel) + np.array([PANEL[0] / 2, 178])
     return origin + np.stack([centred @ RIGHT, -(centred @ UP)], axis=-1)
 
 
 def draw_part(out: Drawing, part: tanteo.Part, panel: int, pale: float = 0.0) -> None:
-    """The faces that look at us, the far ones first; ``pale`` from 0 to 1."""
+    """Draw the faces toward the viewer, far ones first; ``pale`` from 0 to 1."""
     normals, faces = part.planes.normals, part.planes.faces
     facing = [k for k in range(len(faces)) if normals[k] @ EYE > 1e-6]
     ends = page(part.edges.ends, panel)
@@ -108,7 +108,7 @@ def blend(rgb: list[float], pale: float) -> str:
 def draw_readings(
     out: Drawing, points: np.ndarray, features: list[str], ids: list[str], wrong: tuple[str, ...]
 ) -> None:
-    """Touches in the colour of their label; the wrong one crossed out."""
+    """Draw touches in the colour of their label, outliers as crosses."""
     hue = dict(zip(dict.fromkeys(features), COLORS, strict=True))
     for p, label, name in zip(page(points, 0), features, ids, strict=True):
         if name in wrong:
@@ -122,7 +122,7 @@ def draw_readings(
 
 
 def draw_planes(out: Drawing, features: list[tanteo.features.Feature], T_part_world: np.ndarray) -> None:
-    """Each sensed plane as a patch over its points, with its normal and the cone of two standard deviations."""
+    """Draw each sensed plane as a patch over its points, with its normal."""
     order = sorted(
         range(len(features)), key=lambda k: float(SE3.apply(T_part_world, features[k].support).mean(0) @ EYE)
     )
@@ -146,7 +146,7 @@ def arrow(out: Drawing, a: np.ndarray, b: np.ndarray, stroke: str, width: float 
 
 
 def draw_pairs(out: Drawing, features: list[tanteo.features.Feature], hypotheses: list[tuple[str, str, bool]]) -> None:
-    """Some constraints with their variance, and what the search makes of the candidates."""
+    """Draw some constraints with their standard deviations, and the result of the search for each candidate."""
     x, y0 = corner(2)
     table = {c.labels: c for c in relate_all(features) if c.kind.name in ("plane_angle", "plane_offset")}
     chosen = [
@@ -180,7 +180,7 @@ def draw_pairs(out: Drawing, features: list[tanteo.features.Feature], hypotheses
 
 
 def draw_answer(out: Drawing, part: tanteo.Part, covariance: np.ndarray) -> None:
-    """The part where it is, with the error ellipses of its corners."""
+    """Draw the part at its pose, with the error ellipses of its corners."""
     draw_part(out, part, 3)
     R = np.stack([RIGHT, -UP])
     corners = part.corners.points
@@ -206,13 +206,13 @@ def draw_answer(out: Drawing, part: tanteo.Part, covariance: np.ndarray) -> None
 
 
 def frame(out: Drawing) -> None:
-    """Panels, titles and the arrows between them."""
+    """Draw panels, titles and the arrows between them."""
     out.add("rect", width=out.width, height=out.height, fill=PAPER, rx=10)
     titles = [
-        ("1  Readings", "what the robot felt: points, noise, labels"),
+        ("1  Readings", "from the robot: points, noise, labels"),
         ("2  Features", "planes with covariance, fitted to the points"),
-        ("3  Constraints, parts", "what fits which part, all of it together"),
-        ("4  Answer", "which part, where, how sure"),
+        ("3  Constraints, parts", "joint test of every part and pose"),
+        ("4  Answer", "part, pose, covariance, probability"),
     ]
     for k, (title, words) in enumerate(titles):
         x, y = corner(k)
@@ -232,7 +232,7 @@ def frame(out: Drawing) -> None:
 
 
 def make(path: Path) -> None:
-    """Compute and draw."""
+    """Compute and draw the picture."""
     parts = tanteo.read_parts(EXAMPLES / "parts").parts
     readings = tanteo.read_readings(EXAMPLES / "readings" / "bracket_left.csv")
     answer = tanteo.identify(readings, parts)
@@ -261,18 +261,21 @@ def make(path: Path) -> None:
         ],
     )
     draw_answer(out, part, best.covariance)
-    said = {0: [], 1: [], 3: []}  # lines at the foot of a panel: words, colour, weight
-    said[0] += [("hollow: on the far side", GREY), (f"{len(readings)} touches of 6 faces, sd 0.05 mm", INK)]
-    said[0].append((f"✗ reading {', '.join(labelled.rejected)} is 2 mm off: found, left out", RED))
+    captions = {0: [], 1: [], 3: []}  # lines at the foot of a panel: words, colour, weight
+    captions[0] += [("hollow: on the far side", GREY), (f"{len(readings)} touches of 6 faces, sd 0.05 mm", INK)]
+    captions[0].append((f"✗ reading {', '.join(labelled.rejected)} is 2 mm off: found, excluded", RED))
     height = 1e3 * np.sqrt(features[0].P[0, 0])
     tilt = 1e3 * np.sqrt(features[0].P[1, 1])
-    said[1] += [("one plane a label, outward normal", INK)]
-    said[1] += [(f"e.g. height ± {height:.3f} mm, tilt ± {tilt:.1f} mrad (1 sd)", INK)]
+    captions[1] += [("one plane per label, outward normal", INK)]
+    captions[1] += [(f"e.g. height ± {height:.3f} mm, tilt ± {tilt:.1f} mrad (1 sd)", INK)]
     at = " ".join(f"{c:.2f}" for c in 1e3 * best.T_world_part[:3, 3])
     sure = "more than 99.9 %" if best.probability > 0.999 else f"{100 * best.probability:.1f} %"
-    said[3] += [(f"{best.part}, {sure}, at {at} mm", GREEN), (f"largest corner sd {1e3 * best.corner_sd:.3f} mm", INK)]
-    said[3] += [(f"red: 2 sd of corners, enlarged {MAGNIFIED} times", GREY)]
-    for k, lines in said.items():
+    captions[3] += [
+        (f"{best.part}, {sure}, at {at} mm", GREEN),
+        (f"largest corner sd {1e3 * best.corner_sd:.3f} mm", INK),
+    ]
+    captions[3] += [(f"red: 2 sd of corners, enlarged {MAGNIFIED} times", GREY)]
+    for k, lines in captions.items():
         x, y = corner(k) + np.array([14, PANEL[1] - 14 - 22 * (len(lines) - 1)])
         for row, (words, colour) in enumerate(lines):
             out.text(x, y + 22 * row, words, 15, colour)

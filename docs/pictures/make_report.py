@@ -1,7 +1,7 @@
 """Take the pictures of ``docs/report.md``: reports of the examples in a browser.
 
 ``python docs/pictures/make_report.py [folder]``. Needs playwright and a Chromium (``TANTEO_BROWSER`` names one that is
-not found by itself).
+not found automatically).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def report(command: Sequence[object], file: Path) -> None:
 def shoot(
     browser: Browser, page_file: Path, picture: Path, width: int, height: int, scheme: str, heading: str = ""
 ) -> None:
-    """One screenshot of the first screen, or of what is below a heading."""
+    """Take a screenshot of the first screen, or of the part below a heading."""
     context = browser.new_context(
         viewport={"width": width, "height": height}, color_scheme=scheme, offline=True, device_scale_factor=1
     )
@@ -62,7 +62,7 @@ def shoot(
 
 
 def make(folder: Path) -> None:
-    """All pictures."""
+    """Take all pictures."""
     found = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome", "chrome"))
     program = os.environ.get("TANTEO_BROWSER") or next(filter(None, found))
     with tempfile.TemporaryDirectory() as scratch, sync_playwright() as driver:

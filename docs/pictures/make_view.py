@@ -1,7 +1,7 @@
 """Take the pictures of ``docs/view.md``: the live page of the example in a browser, on a desk and on a phone.
 
 ``python docs/pictures/make_view.py [folder]``. Needs the extra ``viewer``, playwright and a Chromium
-(``TANTEO_BROWSER`` names one that is not found by itself). Without a graphics card it takes a minute.
+(``TANTEO_BROWSER`` names one that is not found automatically). Without a graphics card it takes a minute.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PATIENCE = 300_000
 
 
 def opened(browser: Browser, url: str, width: int, height: int) -> Page:
-    """The page in a window, without the notice about slow graphics."""
+    """Return the page in a window, without the notice about slow graphics."""
     page = browser.new_page(viewport={"width": width, "height": height})
     page.set_default_timeout(PATIENCE)
     page.goto(url)
@@ -33,7 +33,7 @@ def opened(browser: Browser, url: str, width: int, height: int) -> Page:
 
 
 def until_places(page: Page, count: int) -> None:
-    """Step until so many places were sensed."""
+    """Step until a number of places were sensed."""
     for k in range(1, count + 1):
         page.get_by_role("button", name="Step", exact=True).click()
         page.get_by_text(f"Places sensed: {k}").first.wait_for()
@@ -41,7 +41,7 @@ def until_places(page: Page, count: int) -> None:
 
 
 def make(folder: Path) -> None:
-    """Both pictures, of two pages that begin anew."""
+    """Take both pictures, each of a new page."""
     found = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome", "chrome"))
     program = os.environ.get("TANTEO_BROWSER") or next(filter(None, found))
     for picture, size, options, places in (

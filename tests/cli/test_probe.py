@@ -76,7 +76,7 @@ def test_a_frame_that_it_does_not_take_is_refused_first(run, machine, frame, wor
     result = probe(run, machine, "--wcs", frame, "--write")
     assert result.code == 2
     assert words in result.err
-    assert "met after" not in result.err
+    assert "hit after" not in result.err
 
 
 def test_an_unreached_tolerance_is_not_written(run, tmp_path):
@@ -90,16 +90,16 @@ def test_a_session_is_followed_on_a_page(run, monkeypatch):
     """The page is drawn after every reading, and ends with Ctrl-C; standard output stays the machine's."""
     pytest.importorskip("viser", reason="the extra tanteo[viewer] is not installed")
     said = []
-    say = import_module("tanteo.render.live.page").LivePage.say
+    say = import_module("tanteo.render.live.page").LivePage.set_text
     monkeypatch.setattr(
-        "tanteo.render.live.page.LivePage.say", lambda page, *words: said.append(words) or say(page, *words)
+        "tanteo.render.live.page.LivePage.set_text", lambda page, *words: said.append(words) or say(page, *words)
     )
     monkeypatch.setattr("tanteo.cli.looking.until_interrupted", lambda: None)
     result = probe(run, "fake:direct", "--live", "--no-open", "--pose-prior", PRIOR, "--as", "matrix")
     assert result.code == 0
     assert "Live page: http://127.0.0.1:" in result.err
     assert "viser" not in result.out
-    assert sum(place == "bars" for place, _ in said) == 1 + result.err.count("met after")
+    assert sum(place == "bars" for place, _ in said) == 1 + result.err.count("hit after")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="other systems have no such signals")

@@ -49,8 +49,8 @@ def test_the_answer_is_given_again(run, session, record):
 
 def test_it_says_what_each_reading_told(run, session, record):
     spoken = run("replay", record, "--explain").out
-    assert "What each reading told" in spoken
-    assert "What the pose of my wedge rests on" in spoken
+    assert "Information of each reading" in spoken
+    assert "Readings that determine the pose of my wedge" in spoken
     for k in range(session.count):
         assert f"a{k + 1} " in spoken
     told = json.loads(run("replay", record, "--explain", "--json").out)["explanation"]
@@ -78,7 +78,7 @@ def test_an_undecided_session_is_an_undecided_answer(run, session, tmp_path):
     assert done.code == 3
     assert json.loads(done.out)["status"] == "insufficient"
     assert done.err.startswith("insufficient: ")
-    assert "nothing to explain" in run("replay", tmp_path / "new.json", "--explain").out
+    assert "no readings to explain" in run("replay", tmp_path / "new.json", "--explain").out
 
 
 def test_another_answer_than_the_recorded_one_is_an_error(run, record):

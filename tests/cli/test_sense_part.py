@@ -31,7 +31,8 @@ def test_it_ends_with_name_place_and_cost_in_words(run, tmp_path):
     assert out.endswith(f"report written: {report}\n")
     page = report.read_text(encoding="utf-8")
     assert all(
-        words in page for words in ("bracket_left, located to", "How it went", "Least clearance", "all readings share")
+        words in page
+        for words in ("bracket_left, located to", "How it went", "Smallest clearance", "all readings share")
     )
     assert out.startswith("bracket_left at x ")
     assert "The goal is reached. It is bracket_left (" in out

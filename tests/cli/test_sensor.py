@@ -27,7 +27,7 @@ def test_list_has_every_name_with_its_verification(run):
     assert result.code == 0
     for name in (*sensor_presets(), *robot_presets(), "paper-gripper"):
         assert name in result.out
-    assert "V in the source" in result.out.replace("\n", " ")
+    assert "V stated in the source" in result.out.replace("\n", " ")
     assert max(map(len, result.out.splitlines())) <= 120
     document = as_json(run("sensor", "list", "--json"))
     assert len(document["sensors"]) == 22

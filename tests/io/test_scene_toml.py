@@ -27,7 +27,7 @@ low_in = [1, 1, 0]
 high_in = [2, 2, 4]
 [hand]
 front_mm = [-50, 50, 200]
-looks = [0, 0.0, -1]
+view_direction = [0, 0.0, -1]
 pair = [0, 1, 0]
 rate_hz = 50
 latency_ms = 20
@@ -114,7 +114,10 @@ def test_the_least_there_must_be(tmp_path):
         (("high_mm = [10, 20, 500]\n", ""), "forbidden box 'rail': expected 'high_mm'"),
         (("[forbidden.rail]", "[forbiden.rail]"), "expected one of seed, table"),
         (("front_mm", "fronts_mm"), "Did you mean 'front_mm'"),
-        (("looks = [0, 0.0, -1]", "looks = [0, 0, 0]"), "looks: expected a direction that is not zero"),
+        (
+            ("view_direction = [0, 0.0, -1]", "view_direction = [0, 0, 0]"),
+            "view_direction: expected a direction that is not zero",
+        ),
         (("pair = [0, 1, 0]", "pair = [0, 0, 1]"), "pair: expected a direction across looks"),
         (("rate_hz = 50", "rate_hz = true"), "rate_hz: expected finite numbers"),
         (("latency_ms = 20", "latency_ms = -5"), "latency_ms: expected one number of zero or more, got -5"),

@@ -46,9 +46,9 @@ def touch(t, place, frame="base"):
 
 
 def listening(*topics, options=None, **patience):
-    intake = Intake(options or io.RosOptions(), io.Stated(), Patience(settle=0.0, **patience))
+    intake = Intake(options or io.RosOptions(), io.Stated(), Patience(start=0.0, **patience))
     for topic, kind in topics:
-        intake.hear(topic, kind)
+        intake.register(topic, kind)
     return intake
 
 
@@ -83,7 +83,7 @@ def test_patience_ends(moving):
     moving.take("/range", 101.51, reading(101.5, 0.2))
     assert moving.ready(101.9) is None
     assert moving.ready(102.6) is None
-    assert dict(moving.left_out()) == {"no transform known at its stamp": 1}
+    assert dict(moving.drop_counts()) == {"no transform at its stamp": 1}
     moving.take("/tf", 102.7, frame(101.6, hand(101.6)))
     assert moving.ready(102.7) is None
 
@@ -94,13 +94,13 @@ def test_late_and_strange_stamps_are_counted(moving):
     moving.take("/range", 100.6, reading(100.5, 0.2))
     moving.take("/range", 100.6, reading(100.5, 0.2))
     assert len(moving.ready(100.9)) == 1
-    assert dict(moving.left_out()) == {
-        "older than --max-age when it came": 1, "stamped later than now: clocks differ": 1, "came twice": 1,
+    assert dict(moving.drop_counts()) == {
+        "older than --max-age on arrival": 1, "stamp in the future: clocks differ": 1, "duplicate": 1,
     }  # fmt: skip
 
 
 def test_readings_are_thinned(moving):
-    moving.patience = Patience(settle=0.0, every=0.1)
+    moving.patience = Patience(start=0.0, every=0.1)
     for t in np.arange(100.2, 100.8, 0.01):
         moving.take("/range", t, reading(t, 0.2))
     assert 5 <= len(moving.ready(101.0)) <= 7
@@ -123,7 +123,7 @@ def test_a_clock_set_back_begins_anew(moving):
     told = moving.ready(90.4)
     assert np.allclose(told.directions[0], (hand(90.25) @ T_HAND_SENSOR)[:3, 0], atol=1e-6)
     assert any("A clock was set back" in note for note in moving.notes)
-    assert dict(moving.left_out())["a clock was set back"] == 1
+    assert dict(moving.drop_counts())["a clock was set back"] == 1
 
 
 def test_a_frame_that_nothing_places_holds_up_no_other(moving):
@@ -131,7 +131,7 @@ def test_a_frame_that_nothing_places_holds_up_no_other(moving):
     moving.take("/range", 100.31, reading(100.31, 0.2))
     assert len(moving.ready(100.9)) == 1
     assert moving.ready(102.0) is None
-    assert dict(moving.left_out())["no transform known at its stamp"] == 1
+    assert dict(moving.drop_counts())["no transform at its stamp"] == 1
 
 
 def test_touches_need_no_frames():
@@ -143,18 +143,18 @@ def test_touches_need_no_frames():
 
 
 def test_of_two_types_ranges_are_taken_and_said(moving):
-    moving.hear("/touch", POINT)
+    moving.register("/touch", POINT)
     moving.take("/touch", 100.5, touch(100.5, (0.1, 0.2, 0.3)))
     moving.take("/range", 100.6, reading(100.55, 0.2))
     assert len(moving.ready(101.0)) == 1
-    assert any("the ranges are taken" in note for note in moving.notes)
-    assert dict(moving.left_out()) == {"of another type than the ranges": 1}
+    assert any("The ranges are used" in note for note in moving.notes)
+    assert dict(moving.drop_counts()) == {"type other than ranges": 1}
 
 
 def test_two_named_types_are_refused():
     intake = listening(("/range", RANGE), options=io.RosOptions(("/range", "/touch")))
     with pytest.raises(ReadingsError, match="topics of one type"):
-        intake.hear("/touch", POINT)
+        intake.register("/touch", POINT)
 
 
 def test_a_hand_s_pose_is_enough_for_a_rig():
@@ -173,7 +173,7 @@ def test_what_is_too_near_is_counted(moving):
     for k, value in enumerate((0.01, np.nan, 0.2)):
         moving.take("/range", 100.5 + 0.01 * k, reading(100.5 + 0.01 * k, value))
     assert len(moving.ready(100.9)) == 1
-    assert dict(moving.left_out()) == {"too near, or no number": 2}
+    assert dict(moving.drop_counts()) == {"below the smallest range, or not a number": 2}
 
 
 def test_a_root_that_comes_late_is_said(moving):
@@ -183,7 +183,7 @@ def test_a_root_that_comes_late_is_said(moving):
     moving.take("/range", 100.7, reading(100.65, 0.2))
     assert len(moving.ready(101.0)) == 1
     assert moving.world == "base"
-    assert any("'map' has come above the world 'base'" in note for note in moving.notes)
+    assert any("'map' is now above the world frame 'base'" in note for note in moving.notes)
 
 
 def test_what_is_missing_is_said_once(moving):

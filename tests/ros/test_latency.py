@@ -73,7 +73,7 @@ def test_the_words_say_what_to_do(part):
     true = ranges_of(part, sensed)
     sensed, true = sensed[true < 0.5], true[true < 0.5]
     late = estimated(part, sensed + DELAY, true)
-    assert "say --latency 17." in late.words(0.005)
+    assert "Use --latency 17." in late.words(0.005)
     assert "older" in late.words(0.0)
     right = estimated(part, sensed, true)
     assert not right.contradicts

@@ -57,7 +57,7 @@ def _document(check: Any) -> dict[str, Any]:
     errors = [
         {
             "name": e.name, "meaning": e.meaning, "stated_sd": e.stated, "estimate": e.estimate, "sd": e.sd,
-            "p_value": e.p_value, "told": e.explained, "contradicted": e.contradicted,
+            "p_value": e.p_value, "explained": e.explained, "contradicted": e.contradicted,
         }
         for e in check.errors
     ]  # fmt: skip
@@ -67,4 +67,4 @@ def _document(check: Any) -> dict[str, Any]:
         "gain_nats": one.gain,
     }  # fmt: skip
     correlated = [{"one": a, "other": b, "correlation": r} for a, b, r in check.correlated]
-    return {"schema": "tanteo.cell/1", "errors": errors, "alike": correlated, "next": following}
+    return {"schema": "tanteo.cell/1", "errors": errors, "correlated": correlated, "next": following}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tanteo.io import Direction
     from tanteo.parts import Part
     from tanteo.planning import Probe
-    from tanteo.ros import Intake, Knowledge, RosNode
+    from tanteo.ros import Estimator, Intake, RosNode
 else:  # the parser resolves annotations; this name avoids a slow import
     Direction = Any
 
@@ -132,7 +132,7 @@ def ros(options: Options, topics: TopicOptions) -> None:
     settings = Settings(topics.node, topics.sim_time, options.max_measurements, options.once)
     with _named(topics.node), opened(settings) as node:
         parts = files.read_all_parts(options.parts, options.units, quiet=True)
-        known = _knowledge(parts, options, topics)
+        known = _estimator(parts, options, topics)
         server = RosNode(
             node, _intake(topics), known, {part.name: part for part in parts}, settings,
             lambda note: complain("warning", note), partial(_heard, options),
@@ -158,13 +158,13 @@ def _intake(topics: TopicOptions) -> Intake:
     return Intake(wanted, stated, Patience(topics.patience, topics.patience, topics.max_age, topics.every))
 
 
-def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) -> Knowledge:
+def _estimator(parts: Sequence[Part], options: Options, topics: TopicOptions) -> Estimator:
     """Return a session if a prior pose is given; otherwise a recognizer of all readings together."""
     import numpy as np
 
     from tanteo.planning import Sensing, Session, Start, Stop
     from tanteo.posterior import prepare_all
-    from tanteo.ros import Anywhere, Prior
+    from tanteo.ros import JointEstimator, SessionEstimator
 
     rig = None if options.rig is None else files.read_rig(options.rig)
     sensing = Sensing(
@@ -177,11 +177,11 @@ def _knowledge(parts: Sequence[Part], options: Options, topics: TopicOptions) ->
     stop = Stop(tolerance=options.tolerance, max_measurements=options.max_measurements)
     probe = _probe(options, topics)
     if options.pose_prior is None:
-        return Anywhere(parts, probe, sensing, stop, priors, options.seed)
+        return JointEstimator(parts, probe, sensing, stop, priors, options.seed)
     n, near = len(parts), options.pose_prior
     Ts, Cs = np.repeat(near.T[None], n, axis=0), np.repeat(near.C[None], n, axis=0)
     start = Start(tuple(prepare_all("parts", parts)), np.arange(n), Ts, Cs, np.ones(n), priors)
-    return Prior(lambda: Session(start, probe, sensing, stop=stop, seed=options.seed))
+    return SessionEstimator(lambda: Session(start, probe, sensing, stop=stop, seed=options.seed))
 
 
 def _probe(options: Options, topics: TopicOptions) -> Probe:

@@ -132,7 +132,7 @@ def _expected(kind: str, scene: io.SceneFile, options: Options) -> Predicted:
     assert options.image is not None
     view = viewed(scene, options.image, options.camera, options.marks)
     parts = files.read_all_parts(options.parts or [], options.units, quiet=True)
-    seen = view.look(parts)
+    seen = view.recognize(parts)
     print_text(render.sighting_words(seen), sys.stderr)
     if seen is None or not seen.answer.hypotheses:
         raise InputError("--image: expected a part on the table, got none that is known. Add its CAD file to --parts.")

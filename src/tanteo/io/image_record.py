@@ -1,4 +1,4 @@
-"""The images from which a session starts, in its record (``docs/formats.md``)."""
+"""Tables of a session record for the images from which the session starts (``docs/formats.md``)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,13 @@ from tanteo.vision import Camera, EdgePoints, ImageEdges, Weights, chance_map, m
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseConstants:
-    """The constants about the poses of one part that an image suggests."""
+    """Table of the poses of one part in an image, with the log density that each pose has by the image.
+
+    Attributes:
+        part: index of the part.
+        Ts: poses ``T_world_part`` ``(k, 4, 4)`` [m].
+        constants: constants of the log density of the image at each pose ``(k, ...)``, see ``ImageEdges.levels``.
+    """
 
     part: int
     Ts: Transforms
@@ -26,9 +32,16 @@ class PoseConstants:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageTable:
-    """The edges of one image; ``chance`` is empty where it is measured in windows of the image.
+    """Table of the edges of one image.
 
-    ``bare`` has the lengths of runs of pixels, row by row, that do not and that do show bare table, in turn.
+    Attributes:
+        camera: camera of the image.
+        points: edge points of the image.
+        chance: probability of an edge point by chance; empty if it is computed again for windows of the image.
+        bare: lengths of runs of pixels, row by row, alternately without and with bare table; None without any.
+        weights: weights of the image factor.
+        log_unknown: log density of the image if the object is unknown.
+        poses: constants of the poses by part.
     """
 
     camera: Camera
@@ -41,7 +54,12 @@ class ImageTable:
 
     @classmethod
     def of(cls, image: ImageEdges, targets: Sequence[PreparedPart]) -> ImageTable:
-        """Return the table of an image."""
+        """Return the table of an image.
+
+        Args:
+            image: factor of the image.
+            targets: parts of the session, in order.
+        """
         index = {target.part: k for k, target in enumerate(targets)}
         chance = np.asarray(image.chance).ravel()
         return cls(
@@ -51,10 +69,13 @@ class ImageTable:
         )  # fmt: skip
 
     def image(self, targets: Sequence[PreparedPart]) -> ImageEdges:
-        """Return the image as a factor.
+        """Return the factor of the image.
+
+        Args:
+            targets: parts of the session, in order.
 
         Raises:
-            InputError: a part or a number of pixels that is none.
+            InputError: an index of a part or a number of pixels is invalid.
         """
         if any(not 0 <= one.part < len(targets) for one in self.poses):
             raise InputError(f"poses, part: expected indices of {len(targets)} parts. Correct them.")
@@ -72,7 +93,7 @@ class ImageTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RestTable:
-    """The table on which the part lies, see :class:`tanteo.posterior.OnTable`."""
+    """Table of the support plane on which the part lies, see :class:`tanteo.posterior.OnTable`."""
 
     T_world_table: Transforms
     height_sd: float
@@ -82,14 +103,15 @@ class RestTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenTable:
-    """What a session starts from beside prior poses.
+    """Table of the factors from which a session starts: images and a support plane.
 
     Attributes:
-        images: the images.
-        table: the table on which the part lies; None if it may lie anyhow.
-        suggested: number of prior poses, the first ones, that only the images suggest.
-        log_weights: log weights of the images, and of the prior poses where the images are wrong; empty without those.
-        log_unknown: log density of all of it if the object is unknown; 0 without prior poses.
+        images: images of the object.
+        table: support plane on which the part lies; None if its attitude is free.
+        suggested: number of leading prior poses that come from the images.
+        log_weights: log probabilities of the alternatives that the images are right, and that the prior poses apply
+            instead; empty without prior poses.
+        log_unknown: log density of all factors if the object is unknown; 0 without prior poses.
     """
 
     images: tuple[ImageTable, ...]
@@ -102,8 +124,11 @@ class SeenTable:
     def of(cls, start: Start) -> SeenTable | None:
         """Return the table of the factors of a start; None without any.
 
+        Args:
+            start: start of the session.
+
         Raises:
-            InputError: there are factors that a record cannot hold.
+            InputError: the start has a factor that a record cannot store.
         """
         if not start.factors:
             return None
@@ -113,7 +138,9 @@ class SeenTable:
         images = [one for one in factors if isinstance(one, ImageEdges)]
         tables = [one for one in factors if isinstance(one, OnTable)]
         if len(images) + len(tables) < len(factors) or len(tables) > 1:
-            raise InputError("start, factors: expected images and a table, got others. A record can hold only these.")
+            raise InputError(
+                "start, factors: expected images and a support plane, got others. A record stores only these."
+            )
         rest = [RestTable(one.T_world_table, one.height_sd, one.tilt_sd, one.area) for one in tables]
         return cls(
             tuple(ImageTable.of(image, start.targets) for image in images), rest[0] if rest else None,
@@ -123,7 +150,15 @@ class SeenTable:
     def factors(
         self, targets: Sequence[PreparedPart], part: IntArray, Ts: Transforms, covariances: FloatArray, w: FloatArray
     ) -> tuple[PoseFactor, ...]:
-        """Return the factors of a start with these prior poses."""
+        """Return the factors of a start.
+
+        Args:
+            targets: parts of the session, in order.
+            part: index of the part of each prior pose ``(A,)``.
+            Ts: prior poses ``(A, 4, 4)`` [m].
+            covariances: covariances of the prior poses ``(A, 6, 6)``.
+            w: weights of the prior poses ``(A,)``.
+        """
         out: tuple[PoseFactor, ...] = tuple(image.image(targets) for image in self.images)
         if self.table is not None:
             rest = self.table
@@ -136,12 +171,12 @@ class SeenTable:
 
 
 def _runs(mask: np.ndarray) -> IntArray:
-    """Return lengths of runs of a mask, of false ones first."""
+    """Return the lengths of the runs of equal values in a mask, beginning with false."""
     flat = np.r_[False, np.asarray(mask, dtype=bool).ravel()]
     ends = np.r_[np.flatnonzero(flat[1:] != flat[:-1]), len(flat) - 1]
     return np.asarray(np.diff(np.r_[0, ends]), dtype=np.int64)
 
 
 def _from_runs(runs: IntArray) -> np.ndarray:
-    """Return the mask of such runs."""
+    """Return the flat mask with given lengths of runs, beginning with false."""
     return np.repeat(np.arange(len(runs)) % 2 == 1, runs)

@@ -19,7 +19,11 @@ class Random:
     name: str = "random"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return a random candidate, which depends only on the session's seed and the number of readings."""
+        """Return a random candidate, which depends only on the session's seed and the number of readings.
+
+        Args:
+            context: posterior, candidates and goal.
+        """
         rng = np.random.default_rng((1991, context.seed, context.count))
         return Choice(int(rng.integers(len(context.candidates))), np.nan, DrawnAtRandom())
 
@@ -40,6 +44,9 @@ class Nearest:
         """Return the candidate with the shortest travel that is far enough from all readings.
 
         If no candidate is far enough, the one farthest from the readings is returned.
+
+        Args:
+            context: posterior, candidates and goal.
         """
         s = context
         away = _from_readings(s) - self.apart * s.state.target(0).part.diagonal
@@ -55,7 +62,11 @@ class LargestFace:
     name: str = "largest-face"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return the candidate, farthest from all readings, on the face with the largest area per reading."""
+        """Return the candidate, farthest from all readings, on the face with the largest area per reading.
+
+        Args:
+            context: posterior, candidates and goal.
+        """
         s = context
         counts = _sensed_faces(s)
         on_best = np.flatnonzero(s.candidates.mode == 0)
@@ -76,7 +87,11 @@ class Scripted321:
     name: str = "3-2-1"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return the candidate farthest from all readings on the plane that is next in the rule."""
+        """Return the candidate farthest from all readings on the plane that is next in the rule.
+
+        Args:
+            context: posterior, candidates and goal.
+        """
         s = context
         on_best = np.flatnonzero(s.candidates.mode == 0)
         pool = on_best if len(on_best) else np.arange(len(s.candidates))

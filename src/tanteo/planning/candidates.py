@@ -53,7 +53,11 @@ class Candidates:
         return len(self.origins)
 
     def take(self, rows: IntArray | BoolArray) -> Candidates:
-        """Return the candidates of some rows, given as indices or flags."""
+        """Return some of the candidates.
+
+        Args:
+            rows: indices or flags of the candidates.
+        """
         return Candidates(*(getattr(self, name)[rows] for name in self.__slots__))
 
     @property

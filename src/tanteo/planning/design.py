@@ -72,41 +72,75 @@ class Design:
     judged_by: Placements
 
     def after(self, chosen: IntArray) -> Covariances:
-        """Return the covariance of the states after the readings of some candidates ``(D, D)``."""
+        """Return the covariance of the states after the readings of some candidates ``(D, D)``.
+
+        Args:
+            chosen: rows of the candidates.
+        """
         G = self.rows[chosen]
         return np.asarray(np.linalg.inv(np.linalg.inv(self.prior) + (G.T / self.variances[chosen]) @ G))
 
     def pose(self, C: Covariances) -> Covariances:
-        """Return the covariance of the pose as the first block of that of the states ``(6, 6)``."""
+        """Return the covariance of the pose, the first block of a covariance of the states ``(6, 6)``.
+
+        Args:
+            C: covariance of the states ``(D, D)``.
+        """
         return C[:6, :6]
 
     def cost(self, squares: FloatArray) -> FloatArray:
-        """Return the 4-norm of the points' mean square errors ``(*batch, K)``, in which the worst has most weight."""
+        """Return the 4-norm of the points' mean square errors ``(*batch, K)``, in which the worst has most weight.
+
+        Args:
+            squares: mean square error of every point ``(*batch, K)`` [m^2].
+        """
         return np.asarray(np.sum(squares**4, axis=-1) ** 0.25)
 
     def squares(self, C: Covariances) -> FloatArray:
-        """Return the mean square error of every point for a covariance of the states ``(K,)`` [m^2]."""
+        """Return the mean square error of every point for a covariance of the states ``(K,)`` [m^2].
+
+        Args:
+            C: covariance of the states ``(D, D)``.
+        """
         return np.einsum("cij,jk,cik->c", self.moves, self.pose(C), self.moves)
 
     def cost_of(self, chosen: list[int]) -> float:
-        """Return the cost after the readings of some candidates."""
+        """Return the cost after the readings of some candidates.
+
+        Args:
+            chosen: rows of the candidates.
+        """
         return float(self.cost(self.squares(self.after(np.array(chosen)))))
 
     def with_each(self, C: Covariances) -> FloatArray:
-        """Return the cost for a covariance of the states after each candidate is added ``(N,)``."""
+        """Return the cost for a covariance of the states after each candidate is added ``(N,)``.
+
+        Args:
+            C: covariance of the states ``(D, D)``.
+        """
         c = self.rows @ C
         s = np.sum(c * self.rows, axis=1) + self.variances
         moved = np.einsum("cij,nj->nci", self.moves, c[:, :6])
         return self.cost(self.squares(C) - np.sum(moved**2, axis=-1) / s[:, None])
 
     def chance(self, C: Covariances, tolerance: float) -> float:
-        """Return the probability that all points are within a tolerance, for a covariance of the states."""
+        """Return the probability that all points are within a tolerance, for a covariance of the states.
+
+        Args:
+            C: covariance of the states ``(D, D)``.
+            tolerance: largest allowed displacement of a point [m].
+        """
         values, vectors = np.linalg.eigh(self.pose(C))
         xi = even_normals(_POSES) @ (vectors * np.sqrt(values.clip(0.0))).T
         return float(np.mean(self._off(xi) <= tolerance))
 
     def kept(self, chosen: IntArray, tolerance: float) -> float:
-        """Return the probability of the tolerance over the placements; only readings that hit their faces count."""
+        """Return the probability of the tolerance over the placements; only readings that hit their faces count.
+
+        Args:
+            chosen: rows of the candidates.
+            tolerance: largest allowed displacement of a point [m].
+        """
         out, known, total = self.judged_by, np.linalg.inv(self.prior), 0.0
         for hit, k in out.patterns(chosen):
             C = self.after(chosen[hit])
@@ -121,7 +155,12 @@ class Design:
         return np.asarray(np.linalg.norm(np.einsum("cij,...j->...ci", self.moves, xi), axis=-1).max(axis=-1))
 
     def lost_with_each(self, chosen: list[int], tolerance: float) -> FloatArray:
-        """Return the approximate probability of a missed tolerance after each candidate is added ``(N,)``."""
+        """Return the approximate probability of a missed tolerance after each candidate is added ``(N,)``.
+
+        Args:
+            chosen: rows of the candidates.
+            tolerance: largest allowed displacement of a point [m].
+        """
         by, lost = self.chosen_by, np.zeros(len(self.rows))
         rows = np.array(chosen, dtype=np.int64)
         for hit, k in by.patterns(rows):
@@ -137,13 +176,22 @@ class Design:
         return np.asarray(gammaincc(1.5, 1.5 * tolerance**2 / costs))
 
     def promise(self, chosen: IntArray, tolerance: float) -> Promise:
-        """Return the probabilities of success of some candidates, see :class:`Promise`."""
+        """Return the probabilities of success of some candidates, see :class:`Promise`.
+
+        Args:
+            chosen: rows of the candidates.
+            tolerance: largest allowed displacement of a point [m].
+        """
         if_all_hit = self.chance(self.after(chosen), tolerance)
         fractions = (of[:, chosen].all(axis=1).mean() for of in (self.judged_by.meets, self.judged_by.clear))
         return Promise(self.kept(chosen, tolerance), if_all_hit, *map(float, fractions))
 
     def best(self, tolerance: float) -> float:
-        """Return the probability of the tolerance with all candidates together."""
+        """Return the probability of the tolerance with all candidates together.
+
+        Args:
+            tolerance: largest allowed displacement of a point [m].
+        """
         return self.kept(np.arange(len(self.rows)), tolerance)
 
     def steadied(self) -> Design:

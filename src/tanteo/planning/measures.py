@@ -24,7 +24,14 @@ _PANEL = 0.25
 
 
 def kl_divergence(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) -> FloatArray:
-    """Return the Kullback-Leibler divergence of the normal ``(m1, S1)`` from ``(m2, S2)`` ``(*batch,)`` [nats]."""
+    """Return the Kullback-Leibler divergence of the normal ``(m1, S1)`` from ``(m2, S2)`` ``(*batch,)`` [nats].
+
+    Args:
+        m1: mean of the first density ``(*batch, m)``.
+        S1: covariance of the first density ``(*batch, m, m)``.
+        m2: mean of the second density ``(*batch, m)``.
+        S2: covariance of the second density ``(*batch, m, m)``.
+    """
     S1, S2 = np.asarray(S1, dtype=np.float64), np.asarray(S2, dtype=np.float64)
     L1, L2 = np.linalg.cholesky(S1), np.linalg.cholesky(S2)
     A = np.linalg.solve(L2, L1)
@@ -34,7 +41,14 @@ def kl_divergence(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) ->
 
 
 def bhattacharyya(m1: Vectors, S1: Covariances, m2: Vectors, S2: Covariances) -> FloatArray:
-    """Return the Bhattacharyya distance of two normals ``(*batch,)`` [nats]; ``exp(-B)`` bounds their overlap."""
+    """Return the Bhattacharyya distance of two normals ``(*batch,)`` [nats]; ``exp(-B)`` bounds their overlap.
+
+    Args:
+        m1: mean of the first density ``(*batch, m)``.
+        S1: covariance of the first density ``(*batch, m, m)``.
+        m2: mean of the second density ``(*batch, m)``.
+        S2: covariance of the second density ``(*batch, m, m)``.
+    """
     S1, S2 = np.asarray(S1, dtype=np.float64), np.asarray(S2, dtype=np.float64)
     mean = 0.5 * (S1 + S2)
     d = np.linalg.solve(np.linalg.cholesky(mean), np.asarray(m2 - m1)[..., None])[..., 0]
@@ -151,6 +165,11 @@ def information_bounds(weights: FloatArray, means: FloatArray, variances: FloatA
     """Return the lower and the upper bound of Kolchinsky and Tracey (2017) on the mutual information [nats].
 
     Readings are chosen by the lower bound. In nine of ten random cases it ranks them like the exact value.
+
+    Args:
+        weights: weights of the hypotheses that sum to one ``(n,)``.
+        means: predicted readings ``(n,)``.
+        variances: variances of the predicted readings, positive ``(n,)``.
     """
     w, mu, var = _check(weights, means, variances)
     KL = 0.5 * ((mu[:, None] - mu) ** 2 / var + var[:, None] / var - 1 + np.log(var / var[:, None]))
@@ -173,6 +192,11 @@ def mutual_information(weights: FloatArray, means: FloatArray, variances: FloatA
 
     The term of each hypothesis is integrated over its own 12 standard deviations, by the trapezoid rule or, if others
     are much sharper, by Gauss-Legendre panels. The integrand avoids the cancellation of a difference of entropies.
+
+    Args:
+        weights: weights of the hypotheses that sum to one ``(n,)``.
+        means: predicted readings ``(n,)``.
+        variances: variances of the predicted readings, positive ``(n,)``.
     """
     w, mu, var = _check(weights, means, variances)
     sd, total = np.sqrt(var), 0.0

@@ -67,11 +67,19 @@ class Placements:
         return len(self.Ts)
 
     def take(self, rows: IntArray | BoolArray) -> Placements:
-        """Return the same placements with some of the candidates only."""
+        """Return the same placements with some of the candidates only.
+
+        Args:
+            rows: indices or flags of the candidates.
+        """
         return replace(self, clear=self.clear[:, rows], meets=self.meets[:, rows])
 
     def patterns(self, chosen: IntArray) -> list[tuple[BoolArray, IntArray]]:
-        """Return each combination of hits, as flags of the readings ``(n,)``, with the rows of its placements."""
+        """Return each combination of hits, as flags of the readings ``(n,)``, with the rows of its placements.
+
+        Args:
+            chosen: rows of the readings.
+        """
         found, which = np.unique(self.meets[:, chosen], axis=0, return_inverse=True)
         order = np.argsort(which, kind="stable")
         return list(zip(found, np.split(order, np.cumsum(np.bincount(which.ravel()))[:-1]), strict=True))

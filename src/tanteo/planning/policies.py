@@ -48,7 +48,11 @@ class Greedy:
             raise InputError(f"utility: expected one of {known}, got {self.utility!r}. Register it, or name one.")
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return the candidate with the greatest utility, or the greatest utility per second."""
+        """Return the candidate with the greatest utility, or the greatest utility per second.
+
+        Args:
+            context: posterior, candidates and goal.
+        """
         ahead = outlook(context)
         worth = UTILITIES[self.utility](ahead)
         seconds = context.seconds() if self.per_second else None
@@ -71,7 +75,11 @@ class Features:
     name: str = "features"
 
     def choose(self, context: DecisionContext) -> Choice:
-        """Return the reading with the most information per time of the feature with the most information per time."""
+        """Return the reading with the most information per time of the feature with the most information per time.
+
+        Args:
+            context: posterior, candidates and goal.
+        """
         s = context
         ahead = outlook(s)
         found = features(s.state, s.candidates)

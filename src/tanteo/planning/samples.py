@@ -127,7 +127,13 @@ def _useful(state: SensingState, k: int, tolerance: float | None, feature: str |
 
 @cache
 def even_normals(n: int) -> FloatArray:
-    """Return evenly spread standard normal vectors ``(n, 6)``: the first is zero, the others have unit covariance."""
+    """Return evenly spread standard normal vectors ``(n, 6)``.
+
+    The first vector is zero; the others have mean zero and, if there are more than 24, unit covariance.
+
+    Args:
+        n: number of vectors.
+    """
     if n == 1:
         return np.zeros((1, 6))
     half = _even(1 << (int(n) // 2 - 1).bit_length())[: n // 2]

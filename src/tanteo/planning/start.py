@@ -87,15 +87,28 @@ class Start:
         return len(self.part)
 
     def prior(self, rows: IntArray) -> PosePrior:
-        """Return the prior poses of some rows as one object."""
+        """Return the prior poses of some rows as one object.
+
+        Args:
+            rows: indices of the prior poses.
+        """
         return PosePrior(self.Ts[rows], self.covariances[rows])
 
     def stated(self, row: int) -> PosePrior | None:
-        """Return the prior pose of a row, or None if it comes from a factor, which the posterior contains anyway."""
+        """Return a prior pose that the user stated, or None if it comes from a factor.
+
+        The posterior contains factors separately.
+
+        Args:
+            row: index of the prior pose.
+        """
         return None if row < self.suggested else PosePrior(self.Ts[row], self.covariances[row])
 
     def shares(self) -> FloatArray:
-        """Return the prior probability of every part given that one is present ``(P,)``; equal if there are factors."""
+        """Return the prior probability of every part given that a part is present ``(P,)``.
+
+        If the start has factors, the parts are equally probable.
+        """
         if self.factors:
             return np.full(len(self.targets), 1 / len(self.targets))
         return np.bincount(self.part, weights=self.weights, minlength=len(self.targets)).astype(np.float64)

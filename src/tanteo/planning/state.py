@@ -100,7 +100,11 @@ class SensingState:
         return np.asarray(counts, dtype=np.float64)
 
     def target(self, k: int) -> PreparedPart:
-        """Return the part of mode ``k``."""
+        """Return the part of a mode.
+
+        Args:
+            k: index of the mode.
+        """
         return self.start.targets[self.part[k]]
 
     def on_part(self) -> BoolArray:

@@ -1,4 +1,4 @@
-"""Results for people: text for a terminal, HTML reports, the live page and pictures."""
+"""Presentation of results: text for a terminal, HTML reports, the live page and pictures."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""What was seen, drawn over the image: outlines, the edges of the best answers, names; and what each sign means."""
+"""Drawing of the result of an image: outlines, edges of the best answers, names, and a legend."""
 
 from __future__ import annotations
 
@@ -8,32 +8,33 @@ from tanteo.geometry import SE3
 from tanteo.geometry.typing import FloatArray, Transforms
 from tanteo.vision import EVIDENCE, Camera, Sight, Sighting, check_image, map_edges, meet, opencv, project
 
-MET, MISSED, OUTLINE = (86, 200, 255), (255, 140, 0), (125, 18, 217)
-"""Edges of the part that the image has, and has not; outlines of what is not table (tests/test_colours.py)."""
+FOUND, MISSED, OUTLINE = (86, 200, 255), (255, 140, 0), (125, 18, 217)
+"""Colours of the part's edges found and not found in the image, and of the objects' outlines
+(tests/test_colours.py)."""
 
 _WORD = (255, 220, 40)
 _AXES = {"x": (230, 60, 50), "y": (40, 200, 60), "z": (70, 130, 230)}
 _SCALE = 2
 _SHIFT = 4
-"""Fractional bits of the coordinates that OpenCV draws with."""
+"""Number of fractional bits of the coordinates of OpenCV's drawing functions."""
 
 _PAPER, _INK, _ROW, _TEXT = 255, (34, 48, 60), 40, 0.7
-"""The strip that says what the signs mean: its grey, its words, its rows [px], the size of its letters."""
+"""Legend: grey value of the background, colour of the text, height of a row [px], and size of the letters."""
 
 
 def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
-    """A picture of what was seen, twice as large as the image, with a legend below it.
+    """Draw the result of an image over the image, twice as large, with a legend below.
 
-    Drawn are the outlines of the regions, the edges of each object's best answer (blue dots where the image has them,
-    orange crosses where not), the part's axes, its name and probability, whatever its pose.
+    The drawing has the outlines of the regions and, for the best answer of each object, the part's edges, axes, name
+    and probability over all poses. Edges found in the image are blue dots, others are orange crosses.
 
     Args:
-        image: that was looked at.
-        camera: that took it.
-        sight: what was seen.
+        image: grey image ``(rows, columns)``, 0 to 255.
+        camera: camera of the image.
+        sight: result of the image.
 
     Returns:
-        Red, green, blue, ``(2 rows + legend, 2 columns, 3)``, 0 to 255.
+        Picture as red, green and blue, 0 to 255 ``(2 rows + legend, 2 columns, 3)``.
     """
     cv2 = opencv()
     grey = np.clip(np.rint(check_image(image)), 0, 255).astype(np.uint8)
@@ -45,8 +46,8 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
             cv2.polylines(picture, [_at(seen.region.contour)], True, OUTLINE, 1, cv2.LINE_AA, _SHIFT)
         if seen.modes:
             best = seen.modes[0]
-            met = meet(best.model.frame, camera, edges, best.T_camera_part, EVIDENCE.reach)
-            for pixel, inside, hit in zip(met.pixels, met.inside, met.hits, strict=True):
+            edges_found = meet(best.model.frame, camera, edges, best.T_camera_part, EVIDENCE.reach)
+            for pixel, inside, hit in zip(edges_found.pixels, edges_found.inside, edges_found.hits, strict=True):
                 if inside:
                     _mark(picture, _at(pixel), hit=bool(hit))
             _draw_axes(picture, camera, best.T_camera_part, 0.3 * best.model.part.diagonal)
@@ -55,7 +56,7 @@ def draw_sight(image: FloatArray, camera: Camera, sight: Sight) -> np.ndarray:
 
 
 def _legend(width: int) -> np.ndarray:
-    """What the signs mean, in as many rows as the width asks for."""
+    """Return the legend as a strip of a width [px], with as many rows as needed."""
     cv2 = opencv()
     words = {
         "dot": "edge of the part, found", "cross": "edge of the part, not found", "line": "outline of the object",
@@ -76,7 +77,7 @@ def _legend(width: int) -> np.ndarray:
 
 
 def _sign(strip: np.ndarray, sign: str, left: int, middle: int) -> None:
-    """One sign of the legend, as the picture has it."""
+    """Draw a sign of the legend."""
     cv2 = opencv()
     if sign == "line":
         cv2.line(strip, (left, middle), (left + 28, middle), OUTLINE, 2, cv2.LINE_AA)
@@ -94,17 +95,17 @@ def _put(picture: np.ndarray, text: str, at: tuple[int, int], colour: tuple[int,
 
 
 def _at(pixels: FloatArray) -> np.ndarray:
-    """Coordinates in the enlarged picture as OpenCV wants them."""
+    """Return pixel coordinates in the enlarged picture, in the fixed-point format of OpenCV."""
     scaled = (pixels + 0.5) * _SCALE - 0.5
     whole = np.rint(np.nan_to_num(scaled) * (1 << _SHIFT)).astype(np.int32)
     return whole if whole.ndim > 1 else tuple(int(v) for v in whole)  # type: ignore[return-value]
 
 
 def _mark(picture: np.ndarray, at: np.ndarray, *, hit: bool) -> None:
-    """A dot where the image has the edge, a cross where it has not: the shape says it, too."""
+    """Draw a dot for an edge found in the image, otherwise a cross, so that colour is not the only cue."""
     cv2 = opencv()
     if hit:
-        cv2.circle(picture, at, 2 << _SHIFT, MET, -1, cv2.LINE_AA, _SHIFT)
+        cv2.circle(picture, at, 2 << _SHIFT, FOUND, -1, cv2.LINE_AA, _SHIFT)
         return
     (x, y), arm = at, 3 << _SHIFT
     for slant in (arm, -arm):
@@ -120,7 +121,7 @@ def _draw_axes(picture: np.ndarray, camera: Camera, T_camera_part: Transforms, l
     for tip, (name, colour) in zip(pixels[1:], _AXES.items(), strict=True):
         cv2.line(picture, _at(pixels[0]), _at(tip), colour, 2, cv2.LINE_AA, _SHIFT)
         x, y = (v >> _SHIFT for v in _at(tip))
-        _say(picture, name, (x + 4, y + 4), 0.7)
+        _put_outlined(picture, name, (x + 4, y + 4), 0.7)
 
 
 def _write(picture: np.ndarray, seen: Sighting) -> None:
@@ -128,18 +129,18 @@ def _write(picture: np.ndarray, seen: Sighting) -> None:
     answer = seen.answer
     best = answer.hypotheses[0] if answer.hypotheses else None
     name = "unknown" if best is None or answer.status == "unknown" else best.part
-    of_part = sum(h.probability for h in answer.hypotheses if h.part == name)  # in whatever pose
+    of_part = sum(h.probability for h in answer.hypotheses if h.part == name)  # over all poses
     p = answer.unknown_probability if name == "unknown" else of_part
     text = f"{name} {100 * min(p, 0.999):.1f} %"
     corner = (10, 10) if seen.region is None else (seen.region.box[0], seen.region.box[2])
     (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.9, 1)
     x = int(np.clip(_SCALE * corner[0], 4, max(picture.shape[1] - width - 4, 4)))
     y = int(np.clip(_SCALE * corner[1] - 8, height + 6, picture.shape[0] - 6))
-    _say(picture, text, (x, y), 0.9)
+    _put_outlined(picture, text, (x, y), 0.9)
 
 
-def _say(picture: np.ndarray, text: str, at: tuple[int, int], size: float) -> None:
-    """Words that can be read on light and dark."""
+def _put_outlined(picture: np.ndarray, text: str, at: tuple[int, int], size: float) -> None:
+    """Draw text with a dark outline, so that it is legible on light and dark."""
     cv2 = opencv()
     for x, y in ((-1, -1), (-1, 1), (1, -1), (1, 1), (0, 0)):
         colour = (0, 0, 0) if x else _WORD

@@ -1,4 +1,4 @@
-"""Pictures of sensors: noise over range and incidence, coverage of a calibration. Needs Matplotlib (extra ``plot``)."""
+"""Diagrams of sensors by Matplotlib (extra ``plot``): noise over range and incidence, and coverage of a calibration."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ if TYPE_CHECKING:
 _SUFFIXES = (".png", ".svg", ".pdf")
 _INK, _RED, _GREY = "#22303c", "#b84800", "#5c6873"
 COLORS = ("#0072b2", "#e69f00", "#2dae5b", "#7d12d9", "#6ec3ff", "#602404")
-"""Those of the live page, which colour-blind people can discriminate."""
+"""Colours of the live page, which colour-blind people can discriminate."""
 
 _MM = 1e3
 
 
 def noise_picture(preset: SensorPreset, path: str | Path) -> None:
-    """Draw the noise of a range sensor over range and incidence, and the errors that a unit has for good.
+    """Draw the noise of a range sensor over range and incidence, and the constant errors of a unit.
 
     Args:
-        preset: A sensor that gives ranges.
+        preset: sensor preset with ranges.
         path: PNG, SVG or PDF file; replaced if it exists.
 
     Raises:
         MissingExtraError: Matplotlib is not installed.
-        InputError: The preset touches, or the file's suffix is of another kind.
+        InputError: the preset is a touch probe, or the suffix of the file is not supported.
         OSError: The file cannot be written.
     """
     if preset.is_contact:
-        raise InputError(f"preset: expected a sensor with a range to draw over, got '{preset.name}', which touches.")
+        raise InputError(f"preset: expected a range sensor, got the touch probe '{preset.name}'. Name a range sensor.")
     figure = make_figure(10, 4.2)
     from matplotlib.ticker import LogLocator
 
@@ -65,21 +65,27 @@ def noise_picture(preset: SensorPreset, path: str | Path) -> None:
 
 
 def range_sd(preset: SensorPreset, d: FloatArray, incidence: FloatArray | float) -> FloatArray:
-    """Noise of the range to a flat surface [m]: along the beam, and what the cone makes of the incidence."""
+    """Return the standard deviation of a range to a plane, from the noise along the beam and the cone at incidence [m].
+
+    Args:
+        preset: sensor preset with ranges.
+        d: ranges ``(*batch,)`` [m].
+        incidence: angle between beam and surface normal ``(*batch,)`` [rad].
+    """
     cone = 0.5 * d * preset.beam_half_angle * np.tan(incidence)
     return np.hypot(preset.law.sigma(d), cone)
 
 
 def coverage_picture(found: Calibration, path: str | Path) -> None:
-    """Draw which ranges and incidences a calibration was given, and how it met them.
+    """Draw the ranges and incidences of the readings of a calibration, and their residuals.
 
     Args:
-        found: The calibration.
+        found: calibration.
         path: PNG, SVG or PDF file; replaced if it exists.
 
     Raises:
         MissingExtraError: Matplotlib is not installed.
-        InputError: The file's suffix is of another kind.
+        InputError: the suffix of the file is not supported.
         OSError: The file cannot be written.
     """
     figure = make_figure(10, 4.2)
@@ -96,10 +102,10 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
         edge = 1.3 * float(np.max(np.abs(off[found.good]) + 2 * _MM * found.sds[found.good]))
         right.scatter(d[bad], np.clip(off[bad], -edge, edge), s=40, color=_RED, marker="x")
     if not found.good.all():
-        left.scatter([], [], s=40, color=_RED, marker="x", label="excluded; on the right at the border if farther off")
+        left.scatter([], [], s=40, color=_RED, marker="x", label="excluded; on the right at the border if outside")
     right.axhline(0, color=_INK, lw=0.8)
-    left.set(xlabel="range [mm]", ylabel="incidence [deg]", title="where it was measured")
-    right.set(xlabel="range [mm]", ylabel="reading minus expected [mm], bars 2 sd", title="what is left")
+    left.set(xlabel="range [mm]", ylabel="incidence [deg]", title="ranges and incidences of the readings")
+    right.set(xlabel="range [mm]", ylabel="reading minus expected [mm], bars 2 sd", title="residuals")
     left.set_ylim(bottom=0)
     for axes in (left, right):
         axes.grid(True, alpha=0.3)
@@ -108,7 +114,11 @@ def coverage_picture(found: Calibration, path: str | Path) -> None:
 
 
 def make_figure(width: float, height: float) -> Any:
-    """An empty figure of so many inches.
+    """Return an empty figure.
+
+    Args:
+        width: width [inches].
+        height: height [inches].
 
     Raises:
         MissingExtraError: Matplotlib is not installed.
@@ -123,11 +133,15 @@ def make_figure(width: float, height: float) -> Any:
 
 
 def save_figure(figure: Any, path: str | Path) -> None:
-    """Write a figure as PNG, SVG or PDF, whole or not at all.
+    """Write a figure as PNG, SVG or PDF; a failure leaves no partial file.
+
+    Args:
+        figure: figure of Matplotlib.
+        path: PNG, SVG or PDF file; replaced if it exists.
 
     Raises:
-        InputError: for another suffix.
-        OSError: it cannot be written.
+        InputError: the suffix of the file is not supported.
+        OSError: the file cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() not in _SUFFIXES:

@@ -1,4 +1,4 @@
-"""The ROS 2 node."""
+"""ROS 2 node that identifies and locates a part from messages."""
 
 from lazy_loader import attach_stub
 

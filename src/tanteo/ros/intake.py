@@ -1,4 +1,4 @@
-"""Conversion of incoming messages into readings once their frames are known; rejected messages are counted."""
+"""Conversion of incoming messages into readings as soon as their frames are known; dropped messages are counted."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tanteo.errors import ReadingsError
 from tanteo.sensors import Readings
 
 _HISTORY = 30.0
-"""Time for which moving frames are remembered [s]."""
+"""Time for which the poses of moving frames are stored [s]."""
 _MARGIN = 2.0
 """Time before the first waiting reading from which transforms are kept [s]."""
 _AHEAD = 1.0
-"""Difference by which a stamp may be later than now [s]; beyond it, the clocks differ."""
+"""Largest time by which a stamp may be in the future [s]; a larger one means that the clocks differ."""
 _SOURCE = "tanteo ros"
 
 
@@ -27,13 +27,13 @@ class Patience:
     """Waiting times and age limits of messages.
 
     Attributes:
-        settle: time after the first reading until all frames are assumed to be known [s].
+        start: time after the first reading after which the tree of frames counts as complete [s].
         transform: time to wait for the transforms at the stamp of a reading [s].
         age: largest age of a reading on arrival [s]; older ones are dropped.
         every: smallest time between two used readings of a topic [s].
     """
 
-    settle: float = 1.0
+    start: float = 1.0
     transform: float = 1.0
     age: float = 10.0
     every: float = 0.0
@@ -52,11 +52,11 @@ class Intake:
     """Queue of readings that wait for their frames.
 
     Attributes:
-        options: topics, world frame and latency. The world frame is chosen once, after :attr:`Patience.settle`.
-        stated: settings that the messages do not contain.
+        options: topics, world frame and latency. The world frame is chosen once, after :attr:`Patience.start`.
+        stated: options for what the messages do not contain.
         patience: waiting times and age limits.
         dropped: number of dropped readings by reason.
-        notes: messages to the user, each once.
+        notes: messages to the user, without repetitions.
         taken: number of readings that were returned.
         world: name of the frame of the readings; empty until it is known.
         latest: latest stamp of a returned reading [s]; NaN before the first.
@@ -73,14 +73,14 @@ class Intake:
     _messages: io.RosMessages = field(default_factory=io.RosMessages)
     _waiting: list[Waiting] = field(default_factory=list)
     _last: dict[str, float] = field(default_factory=dict)
-    _said_world: bool = field(init=False)
+    _world_announced: bool = field(init=False)
     _begun: float = np.nan
     _forgotten: float = np.nan
 
     def __post_init__(self) -> None:
-        self._said_world = self.options.world is not None
+        self._world_announced = self.options.world is not None
 
-    def hear(self, topic: str, kind: str) -> None:
+    def register(self, topic: str, kind: str) -> None:
         """Register a topic with its message type.
 
         Args:
@@ -94,12 +94,12 @@ class Intake:
         kinds = {kind for kind in self._messages.kinds.values() if kind in (io.RANGE, io.POINT)}
         if len(kinds) > 1 and self.options.topics:
             raise ReadingsError(
-                f"{_SOURCE}, --topic: expected topics of one type, got ranges and points. Name those of one."
+                f"{_SOURCE}, --topic: expected topics of one type, got ranges and points. Name topics of one type."
             )
         if kind in (io.RANGE, io.POINT) and not self.options.topics:
-            self.say(f"Readings are taken of {topic}; others with --topic.")
+            self.notify(f"Readings come from {topic}. Choose other topics with --topic.")
         if len(kinds) > 1:
-            self.say("Ranges and points come: the ranges are taken; others with --topic.")
+            self.notify("Both ranges and points arrive. The ranges are used. Choose other topics with --topic.")
 
     def take(self, topic: str, now: float, message: Any) -> None:
         """Add a message.
@@ -115,13 +115,13 @@ class Intake:
             if messages.overlaps:
                 self._set_back()
             return
-        messages.overlaps.clear()  # one sensor's stamps say nothing of the frames
+        messages.overlaps.clear()  # a clock of a sensor does not affect the frames
         for row in messages.rows.pop(topic, ()):
             self._admit(Waiting(topic, row, now))
 
     def _set_back(self) -> None:
         messages = self._messages
-        self.say("A clock was set back: what had been heard of moving frames is forgotten, and what waited for them.")
+        self.notify("A clock was set back. Stored poses of moving frames and waiting readings were discarded.")
         self.dropped["a clock was set back"] += len(self._waiting)
         self._waiting.clear()
         self._last.clear()
@@ -135,17 +135,17 @@ class Intake:
         stamp, kinds = one.row.stamp, self._messages.kinds
         self._begun = float(np.fmin(self._begun, one.came))  # a simulated clock may be set back
         if kinds[one.topic] != io.RANGE and io.RANGE in kinds.values():
-            self.dropped["of another type than the ranges"] += 1
+            self.dropped["type other than ranges"] += 1
         elif not io.is_usable(kinds[one.topic], one.row):
-            self.dropped["too near, or no number"] += 1
+            self.dropped["below the smallest range, or not a number"] += 1
         elif one.came - stamp > self.patience.age:
-            self.dropped["older than --max-age when it came"] += 1
+            self.dropped["older than --max-age on arrival"] += 1
         elif stamp - one.came > _AHEAD:
-            self.dropped["stamped later than now: clocks differ"] += 1
+            self.dropped["stamp in the future: clocks differ"] += 1
         elif any(w.row == one.row for w in self._waiting) or stamp == self._last.get(one.topic):
-            self.dropped["came twice"] += 1
+            self.dropped["duplicate"] += 1
         elif stamp - self._last.get(one.topic, -np.inf) < self.patience.every:
-            self.dropped["sooner than --every after another"] += 1
+            self.dropped["less than --every after the last one"] += 1
         else:
             self._last[one.topic] = stamp
             self._waiting.append(one)
@@ -160,20 +160,20 @@ class Intake:
             ReadingsError: The messages lack information that must be stated in the options.
         """
         self._forget(now)
-        if not self._waiting or now - self._begun < self.patience.settle:
+        if not self._waiting or now - self._begun < self.patience.start:
             return None
         known = self._placed(now)
-        told = [one for one, is_known in zip(self._waiting, known, strict=True) if is_known]
+        ready = [one for one, is_known in zip(self._waiting, known, strict=True) if is_known]
         late = [now - one.came > self.patience.transform for one in self._waiting]
         lost = sum(is_late and not is_known for is_late, is_known in zip(late, known, strict=True))
-        self.dropped["no transform known at its stamp"] += lost
+        self.dropped["no transform at its stamp"] += lost
         self._waiting = [
             one for one, k, is_late in zip(self._waiting, known, late, strict=True) if not k and not is_late
         ]
-        return self._readings(told) if told else None
+        return self._readings(ready) if ready else None
 
     def _placed(self, now: float) -> list[bool]:
-        """Return which waiting rows have a known frame; an unknown frame does not delay the others."""
+        """Return flags of the waiting rows whose frame is known; an unknown frame does not delay the others."""
         recent = self._recent(self._waiting)
         tree = recent.tree()
         known = [False] * len(self._waiting)
@@ -200,37 +200,43 @@ class Intake:
             place = io.placing(messages, tree, [one.row for one in rows], beams, _SOURCE, self.options)
         except ReadingsError as error:
             if now - rows[0].came > self.patience.transform:
-                self.say(str(error))
+                self.notify(str(error))
             return [False] * len(rows)
         if place.known.any():
             self.world = place.world
-            if place.hand is None:  # guessed once: a later root is another frame
+            if place.hand is None:  # chosen once: a later root is a different frame
                 self.options = replace(self.options, world=place.world)
         for note in place.notes:
-            self.say(note)
-        if place.hand is None and (root := tree.chain(place.world)[-1]) != place.world and not self._said_world:
-            self.say(f"The frame '{root}' has come above the world '{place.world}': begin anew if that one moves.")
+            self.notify(note)
+        if place.hand is None and (root := tree.chain(place.world)[-1]) != place.world and not self._world_announced:
+            self.notify(
+                f"The frame '{root}' is now above the world frame '{place.world}'. Restart the node if '{root}' moves."
+            )
         return place.known.tolist()
 
-    def _readings(self, told: list[Waiting]) -> Readings:
+    def _readings(self, ready: list[Waiting]) -> Readings:
         of_topic: dict[str, list[io.Row]] = {}
-        for one in told:
+        for one in ready:
             of_topic.setdefault(one.topic, []).append(one.row)
-        heard = self._recent(told)
+        heard = self._recent(ready)
         poses = {topic: rows for topic, rows in heard.rows.items() if heard.kinds[topic] == io.POSE}
         batch = io.RosMessages(heard.samples, heard.static, poses | of_topic, heard.kinds)
         topics = replace(self.options, topics=())
         readings = io.readings_of_messages(batch, _SOURCE, self.stated, topics)
-        self.latest = max(one.row.stamp for one in told)
+        self.latest = max(one.row.stamp for one in ready)
         first = self.taken + 1
         self.taken += len(readings)
         return replace(readings, ids=tuple(str(k) for k in range(first, first + len(readings))))
 
-    def say(self, note: str) -> None:
-        """Add a message to the user unless it was given before."""
+    def notify(self, note: str) -> None:
+        """Add a message to the user, unless it is a repetition.
+
+        Args:
+            note: text of the message.
+        """
         if note not in self.notes:
             self.notes.append(note)
 
-    def left_out(self) -> Iterator[tuple[str, int]]:
-        """Yield the reasons for dropped readings with their counts."""
+    def drop_counts(self) -> Iterator[tuple[str, int]]:
+        """Yield each reason for which readings were dropped, with their number."""
         return ((why, count) for why, count in self.dropped.items() if count)

@@ -1,7 +1,7 @@
-"""Estimate the latency of readings relative to their stamps, from the motion of the sensor and a part at rest.
+"""Estimation of the latency of readings relative to their stamps, from the motion of the sensor and a part at rest.
 
 With sensor velocity ``v`` and latency ``t``, points are displaced by ``v t``. If the sensor moved in several
-directions, no pose of the part explains that, and ``t`` is estimated jointly with the pose.
+directions, no pose of the part explains these displacements, so ``t`` can be estimated jointly with the pose.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ STEP = 2e-3
 """Time shift of the readings for the velocity by central differences [s]."""
 _LEAST, _TRIALS = 10, 12
 """Smallest number of readings, and largest number of steps of the fit."""
-_SETTLED = 1e-6
+_CONVERGED = 1e-6
 """Squared length of a step, in standard deviations, at which the fit has converged."""
 _SDS, _WORTH = 4.0, 5e-4
 """Smallest significant latency, in standard deviations and in absolute terms [s]."""
-_TOLD = 0.1
+_LARGEST_SD = 0.1
 """Largest standard deviation of a usable estimate [s]."""
 _TURN, _SHIFT = 0.1, 0.02
 """Prior standard deviation of the pose about the hypothesis [rad, m]."""
@@ -45,11 +45,11 @@ class Latency:
 
     @property
     def contradicts(self) -> bool:
-        """Return whether the estimate differs significantly from the assumed latency."""
+        """Whether the estimate differs significantly from the assumed latency."""
         return abs(self.seconds) > max(_SDS * self.sd, _WORTH)
 
     def words(self, taken: float) -> str:
-        """Return a message to the user with the option to set.
+        """Return the estimate as a message to the user, with the option to set.
 
         Args:
             taken: assumed latency of the readings [s].
@@ -58,7 +58,8 @@ class Latency:
         if self.contradicts:
             return (
                 f"By the motion of the sensor, readings are {1e3 * abs(self.seconds):.1f} ms (sd "
-                f"{1e3 * self.sd:.1f} ms) {more} than taken: say --latency {total:.1f}ms, or stamp them when sensed."
+                f"{1e3 * self.sd:.1f} ms) {more} than assumed. Use --latency {total:.1f}ms, "
+                "or stamp readings when they are sensed."
             )
         return (
             f"By the motion of the sensor, readings are {total:.1f} ms (sd {1e3 * self.sd:.1f} ms) older than stamped."
@@ -75,14 +76,14 @@ def estimate_latency(
     """Estimate the latency jointly with a correction of a hypothesis pose, by robust Gauss-Newton.
 
     Args:
-        shifted: the readings with the assumed latency, and with it changed by ``-step`` and ``step``.
+        shifted: readings with the assumed latency, and with latencies changed by ``-step`` and ``step``.
         step: time shift [s].
         measured: function that converts readings into measurements.
         hypothesis: recognized part with its pose.
         part: part of the hypothesis.
 
     Returns:
-        The estimate, or None if there are too few readings or their motion does not determine it.
+        Estimate; None if there are too few readings, or the motion of the sensor does not determine it.
     """
     points, before, after = (measured(one) for one in shifted)
     kept = np.array([name not in hypothesis.outliers for name in points.ids], dtype=bool)
@@ -90,7 +91,7 @@ def estimate_latency(
         return None
     velocity = (after.points - before.points)[kept] / (2 * step)
     found = _fitted(points.points[kept], velocity, points.covs[kept], points.radii[kept], hypothesis.T_world_part, part)
-    return found if found is not None and found.sd < _TOLD else None
+    return found if found is not None and found.sd < _LARGEST_SD else None
 
 
 def _fitted(
@@ -117,9 +118,9 @@ def _fitted(
         lambda state: equations(state)[:2],
         lambda state, step: (state[0] + float(step[0]), state[1] @ SE3.exp(step[1:])),
         _TRIALS,
-        _SETTLED,
+        _CONVERGED,
     )
-    if steps >= _SETTLED:
+    if steps >= _CONVERGED:
         return None
     P, _, cost = equations((t, T))
     spread = np.sqrt(max(cost / max(len(points) - 7, 1), 1.0))

@@ -1,4 +1,4 @@
-"""Messages of the node other than poses of parts: the next reading, and diagnostics."""
+"""Messages of the node about the next reading and its state, as plain dictionaries."""
 
 from __future__ import annotations
 
@@ -15,58 +15,59 @@ from tanteo.posterior import Answer
 SCHEMA = "tanteo.next/1"
 
 
-def next_document(asked: Action | Done, frame: str) -> dict[str, Any]:
+def next_document(action: Action | Done, frame: str) -> dict[str, Any]:
     """Return the next reading as a document ``tanteo.next/1`` (``docs/ros.md``) in SI units.
 
     Args:
-        asked: next action, or the reason why there is none.
+        action: next action, or the reason why there is none.
         frame: name of the frame of the coordinates.
 
     Example:
         >>> next_document(Done(False, ()), "base")["status"]
         'nothing'
     """
-    if isinstance(asked, Done):
-        return {"schema": SCHEMA, "status": "reached" if asked.reached else "nothing", "why": asked.message}
+    if isinstance(action, Done):
+        return {"schema": SCHEMA, "status": "reached" if action.reached else "nothing", "why": action.message}
     return {
-        "schema": SCHEMA, "status": "ask", "frame": frame, "origin_m": list(map(float, asked.origin)),
-        "direction": list(map(float, asked.direction)), "max_range_m": float(asked.max_range),
-        "expected_m": float(asked.expected), "radius_m": float(asked.radius), "part": asked.part, "face": asked.face,
-        "gain_nats": None if np.isnan(asked.gain) else float(asked.gain), "why": asked.reason.message,
+        "schema": SCHEMA, "status": "ask", "frame": frame, "origin_m": list(map(float, action.origin)),
+        "direction": list(map(float, action.direction)), "max_range_m": float(action.max_range),
+        "expected_m": float(action.expected), "radius_m": float(action.radius), "part": action.part,
+        "face": action.face,
+        "gain_nats": None if np.isnan(action.gain) else float(action.gain), "why": action.reason.message,
     }  # fmt: skip
 
 
-def next_pose(asked: Action | Done, stamp: int, frame: str) -> dict[str, Any]:
+def next_pose(action: Action | Done, stamp: int, frame: str) -> dict[str, Any]:
     """Return the next reading as ``geometry_msgs/PoseStamped``, x along the beam as in ``sensor_msgs/Range``.
 
     Args:
-        asked: next action.
+        action: next action.
         stamp: time stamp [ns].
         frame: name of the frame of the coordinates.
     """
-    assert isinstance(asked, Action)
-    T = SE3.from_parts(SO3.frame_from_axis(asked.direction, 0), asked.origin)
+    assert isinstance(action, Action)
+    T = SE3.from_parts(SO3.frame_from_axis(action.direction, 0), action.origin)
     return {"header": io.ros_header(stamp, frame), "pose": io.pose(T)}
 
 
 def state_message(
-    answer: Answer | None, taken: int, left_out: Mapping[str, int], delays: Sequence[float], stamp: int
+    answer: Answer | None, taken: int, dropped: Mapping[str, int], delays: Sequence[float], stamp: int
 ) -> dict[str, Any]:
     """Return the state of the node as ``diagnostic_msgs/DiagnosticArray``.
 
     Args:
         answer: latest answer; None before the first.
         taken: number of used readings.
-        left_out: number of dropped readings by reason.
+        dropped: number of dropped readings by reason.
         delays: recent delays from the stamp of a reading to its answer [s].
         stamp: time stamp [ns].
     """
     values: dict[str, object] = {"readings": taken}
-    values |= {f"left out, {why}": count for why, count in left_out.items()}
+    values |= {f"dropped, {why}": count for why, count in dropped.items()}
     if delays:
         values["stamp to answer, median [ms]"] = f"{1e3 * float(np.median(delays)):.1f}"
     if answer is None:
-        return io.diagnostics_message(io.WARN, "No reading has come that can be used.", values, stamp)
+        return io.diagnostics_message(io.WARN, "No usable reading has arrived.", values, stamp)
     values |= {f"probability {h.part}, {k + 1}": f"{h.probability:.4f}" for k, h in enumerate(answer.hypotheses)}
     values["probability unknown object"] = f"{answer.unknown_probability:.4f}"
     if answer.best is not None:

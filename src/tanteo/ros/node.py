@@ -1,4 +1,4 @@
-"""ROS node that receives messages and publishes answers; packages without rclpy do the rest."""
+"""ROS node that receives messages and publishes answers; the other packages do not need rclpy."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from tanteo.errors import InputError, MissingExtraError, TanteoError
 from tanteo.parts import Part
 from tanteo.planning import Done
 from tanteo.posterior import Answer
+from tanteo.ros.estimators import Estimator
 from tanteo.ros.intake import Intake
-from tanteo.ros.knowledge import Knowledge
 from tanteo.ros.messages import next_document, next_pose, state_message
 from tanteo.ros.network import Settings
 from tanteo.ros.types import filled, type_named
 from tanteo.sensors import Readings
 from tanteo.words.findings import Stated
 
-_LOOK, _TELL, _SAY = 0.5, 0.05, 1.0
+_DISCOVERY, _PROCESSING, _DIAGNOSTICS = 0.5, 0.05, 1.0
 """Intervals of topic discovery, of processing of readings, and of diagnostics [s]."""
 _DEPTH = 1000
 """Depth of the subscription queues [messages]."""
@@ -33,35 +33,35 @@ _DEPTH = 1000
 
 @dataclass(slots=True, eq=False)
 class RosNode:
-    """Subscribe to readings, update the estimate, and publish answers.
+    """ROS node that subscribes to readings, updates the estimate, and publishes answers.
 
     Attributes:
         node: rclpy node.
         intake: queue that converts messages into readings.
-        knowledge: estimator.
+        estimator: estimator of the part and its pose.
         parts: candidate parts by name.
         settings: settings of the node.
-        say: callback for messages to the user.
-        heard: callback for every answer.
+        notify: callback for messages to the user.
+        on_answer: callback for every answer.
         answer: latest answer; None before the first.
         ended: event that ends :meth:`run`.
     """
 
     node: Any
     intake: Intake
-    knowledge: Knowledge
+    estimator: Estimator
     parts: dict[str, Part]
     settings: Settings
-    say: Callable[[str], None]
-    heard: Callable[[Answer], None] = lambda answer: None
+    notify: Callable[[str], None]
+    on_answer: Callable[[Answer], None] = lambda answer: None
     answer: Answer | None = None
     ended: threading.Event = field(default_factory=threading.Event)
     _lock: threading.Lock = field(default_factory=threading.Lock)
-    _telling: threading.Lock = field(default_factory=threading.Lock)
+    _updating: threading.Lock = field(default_factory=threading.Lock)
     _subscribed: dict[str, Any] = field(default_factory=dict)
     _out: dict[str, Any] = field(default_factory=dict)
     _delays: deque[float] = field(default_factory=lambda: deque(maxlen=200))
-    _said: int = 0
+    _notified: int = 0
     _failed: BaseException | None = None
 
     def run(self) -> Answer | None:
@@ -77,13 +77,13 @@ class RosNode:
         executor.add_node(self.node)
         worker = threading.Thread(target=self._work, name="tanteo", daemon=True)
         worker.start()
-        looked = -np.inf
+        discovered = -np.inf
         try:
             while not self.ended.is_set():
-                if time.monotonic() - looked > _LOOK:
-                    looked = time.monotonic()
-                    self._look()
-                executor.spin_once(timeout_sec=_TELL)
+                if time.monotonic() - discovered > _DISCOVERY:
+                    discovered = time.monotonic()
+                    self._discover()
+                executor.spin_once(timeout_sec=_PROCESSING)
         finally:
             self.ended.set()
             worker.join()
@@ -111,7 +111,7 @@ class RosNode:
         self.node.create_service(Trigger, "~/next", self._next, callback_group=group)
         self.node.create_service(Trigger, "~/reset", self._reset, callback_group=group)
 
-    def _look(self) -> None:
+    def _discover(self) -> None:
         """Subscribe to new relevant topics."""
         own, topics = f"/{self.settings.name}/", self.node.get_topic_names_and_types()
         there = {topic: kinds[0] for topic, kinds in topics if not topic.startswith(own)}
@@ -136,7 +136,7 @@ class RosNode:
             durability=DurabilityPolicy.TRANSIENT_LOCAL if static else DurabilityPolicy.VOLATILE,
         )
         with self._lock:
-            self.intake.hear(topic, kind)
+            self.intake.register(topic, kind)
         self._subscribed[topic] = self.node.create_subscription(
             message, topic, lambda one, topic=topic: self._take(topic, one), profile
         )
@@ -150,36 +150,38 @@ class RosNode:
 
     def _note(self, words: str) -> None:
         with self._lock:
-            self.intake.say(words)
+            self.intake.notify(words)
 
     def _work(self) -> None:
         """Process ready readings and publish results until the node ends."""
-        said = -np.inf
+        reported = -np.inf
         try:
-            while not self.ended.wait(_TELL):
-                told = self._tell()
-                self._say_notes()
-                if told or time.monotonic() - said > _SAY:
-                    said = time.monotonic()
+            while not self.ended.wait(_PROCESSING):
+                updated = self._update()
+                self._notify_all()
+                if updated or time.monotonic() - reported > _DIAGNOSTICS:
+                    reported = time.monotonic()
                     self._diagnose()
         except BaseException as error:  # noqa: BLE001  raised again where the node runs
             self._failed = error
             self.ended.set()
 
-    def _tell(self) -> bool:
+    def _update(self) -> bool:
         with self._lock:
             now = self._now()
-            readings = self.intake.ready(now) if now > 0 else None  # 0: the simulated clock has not begun
+            readings = self.intake.ready(now) if now > 0 else None  # 0: the simulated clock has not started
             stamp = self.intake.latest
         if readings is None:
             return False
-        with self._telling:
-            before = self.knowledge.readings()
-            room = self.settings.max_measurements - (0 if before is None else len(before))
-            if len(readings) > room:
-                self._note(f"{self.settings.max_measurements} readings are told; more are left out until ~/reset.")
-                self.intake.dropped["more than --max-measurements"] += len(readings) - max(room, 0)
-                readings = readings.take(np.arange(max(room, 0)))
+        with self._updating:
+            before = self.estimator.readings()
+            remaining = self.settings.max_measurements - (0 if before is None else len(before))
+            if len(readings) > remaining:
+                self._note(
+                    f"{self.settings.max_measurements} readings were used. Further ones are dropped until ~/reset."
+                )
+                self.intake.dropped["more than --max-measurements"] += len(readings) - max(remaining, 0)
+                readings = readings.take(np.arange(max(remaining, 0)))
             answer = self._answer_to(readings)
         if answer is None:
             return False
@@ -193,39 +195,39 @@ class RosNode:
         if not len(readings):
             return None
         try:
-            return self.knowledge.tell(readings)
+            return self.estimator.tell(readings)
         except InputError as error:
             if len(readings) > 1:  # isolate the rejected reading
                 answers = [self._answer_to(readings.take(np.array([k]))) for k in range(len(readings))]
                 return next((answer for answer in reversed(answers) if answer is not None), None)
             self.intake.dropped["refused"] += 1
             if self.intake.dropped["refused"] == 1:
-                self._note(f"A reading was left out, and more like it are counted only: {error}")
+                self._note(f"A reading was dropped, and similar ones are only counted: {error}")
             return None
 
     def _publish(self, answer: Answer, stamp: int) -> None:
-        world, readings = self.intake.world, self.knowledge.readings()
+        world, readings = self.intake.world, self.estimator.readings()
         if answer.status == "recognized" and answer.best is not None:
             pose = io.pose_message(answer.best.T_world_part, answer.best.covariance, stamp, world)
             self._send("~/pose", pose)
         placed = [io.Placed(self.parts[h.part], h.T_world_part, h.probability) for h in answer.hypotheses]
         points = None if readings is None else readings.points.values
         self._send("~/hypotheses", io.marker_message(placed, points, stamp, world))
-        self.heard(answer)
+        self.on_answer(answer)
         if self.settings.once and answer.status == "recognized":
             self.ended.set()
 
     def _diagnose(self) -> None:
         with self._lock:
-            left_out, taken = dict(self.intake.left_out()), self.intake.taken
-        state = state_message(self.answer, taken, left_out, list(self._delays), self.node.get_clock().now().nanoseconds)
+            dropped, taken = dict(self.intake.drop_counts()), self.intake.taken
+        state = state_message(self.answer, taken, dropped, list(self._delays), self.node.get_clock().now().nanoseconds)
         self._send("/diagnostics", state)
 
-    def _say_notes(self) -> None:
+    def _notify_all(self) -> None:
         with self._lock:
-            fresh, self._said = self.intake.notes[self._said :], len(self.intake.notes)
+            fresh, self._notified = self.intake.notes[self._notified :], len(self.intake.notes)
         for note in fresh:
-            self.say(note)
+            self.notify(note)
 
     def _send(self, topic: str, fields: dict[str, Any]) -> None:
         publisher, kind = self._out[topic]
@@ -233,24 +235,24 @@ class RosNode:
 
     def _next(self, request: Any, response: Any) -> Any:
         """Answer the service ``~/next`` with the next reading as JSON."""
-        with self._telling:
+        with self._updating:
             try:
-                asked = self.knowledge.ask()
+                action = self.estimator.ask()
             except TanteoError as error:
-                asked = Done(False, (Stated(str(error)),))
+                action = Done(False, (Stated(str(error)),))
         frame = self.intake.world or self.intake.options.world or ""
-        document = next_document(asked, frame)
+        document = next_document(action, frame)
         response.success = document["status"] == "ask"
         response.message = json.dumps(document)
         if response.success:
             stamp = self.node.get_clock().now().nanoseconds
-            self._send("~/next_reading", next_pose(asked, stamp, frame))
+            self._send("~/next_reading", next_pose(action, stamp, frame))
         return response
 
     def _reset(self, request: Any, response: Any) -> Any:
-        """Answer the service ``~/reset``: discard all readings."""
-        with self._telling:
-            self.knowledge.reset()
+        """Answer the service ``~/reset`` by discarding all readings."""
+        with self._updating:
+            self.estimator.reset()
             self.answer = None
-        response.success, response.message = True, "All readings are forgotten."
+        response.success, response.message = True, "All readings were discarded."
         return response

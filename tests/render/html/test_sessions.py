@@ -41,7 +41,7 @@ def candidate(hypothesis, sensed, part):
 def test_it_has_the_answer_the_course_the_directions_and_facts(session):
     page = session_page(session, RUN)
     assert element("h1", headline(session.answer())).text in page
-    for words in ("How it went", "Which reading determines which direction", "3 &lt;mm&gt;", "beam that met nothing"):
+    for words in ("How it went", "Which reading determines which direction", "3 &lt;mm&gt;", "beam that hit nothing"):
         assert words in page
     assert page == session_page(session, RUN)
 

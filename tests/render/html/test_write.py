@@ -98,7 +98,7 @@ def test_readings_that_met_nothing_alone_are_no_trouble(wedge):
         max_ranges=np.full(2, 0.1),
     )  # fmt: skip
     page = report_page(Answer("insufficient", (NothingSensed(),), (), 1.0), gather(free), [wedge], Run("tanteo"))
-    assert "beam that met nothing" in page
+    assert "beam that hit nothing" in page
 
 
 def test_further_sections_stand_before_the_figures(run, wedge):

@@ -54,7 +54,7 @@ def test_it_goes_to_its_end_and_says_what_it_is(went):
     far = float(re.search(r"surface is within ([\d.]+) mm", person.words["status"])[1])
     assert 0.1 < far < 4e3 * session.steps[-1].corner_sd
     assert f"Places sensed: {len(session.steps)}" in person.words["status"]
-    assert person.words["told"].count("<li>") == min(len(session.steps), 8)
+    assert person.words["steps"].count("<li>") == min(len(session.steps), 8)
     assert "compared" not in person.words["status"]
 
 
@@ -91,7 +91,7 @@ def test_a_click_senses_there_and_the_counts_are_compared(targets, went):
     assert len(alone.steps) == len(went[1][0].steps)
     cells = re.findall(r"<t[hd][^>]*>([^<]*)<", person.words["status"])
     assert cells[:6] == ["", f"you 1, policy {own}", "planner", "places", f"{1 + own}", f"{len(alone.steps)}"]
-    assert "1. You, " in person.words["told"]
+    assert "1. You, " in person.words["steps"]
 
 
 def test_a_click_beside_everything_is_said_and_senses_nothing(targets):

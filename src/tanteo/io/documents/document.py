@@ -58,7 +58,7 @@ def load_toml(path: Path, what: str, kind: type[T], text: str | None = None) -> 
         return table(kind, tomllib.loads(text), Place(str(path), text=text))
     except InputError:
         raise
-    except ValueError as error:  # tomllib passes on what int() says of thousands of digits
+    except ValueError as error:  # int() refuses thousands of digits, and tomllib does not convert that error
         raise InputError(f"{path}: expected TOML, got: {str(error)[:300].rstrip('.')}. Correct the file.") from None
     except RecursionError:
         raise InputError(f"{path}: expected a {what}, got tables in tables without end. Correct the file.") from None

@@ -42,7 +42,7 @@ class PosePriors:
 
 
 class ActionTable(Table, frozen=True, kw_only=True, eq=False):
-    """Table of an action; ``why`` has its reason in words, ``reason`` the kind and the values of the reason."""
+    """Table of an action; ``why`` has its reason as text, ``reason`` the kind and the values of the reason."""
 
     number: int
     origin: FloatArray

@@ -176,6 +176,9 @@ class SensorTable(Table, frozen=True, kw_only=True, eq=False):
 
         Args:
             name: name of the table.
+
+        Raises:
+            InputError: a required key is missing, or a value is invalid.
         """
         preset = self._preset()
         if preset is None and (self.sd is None or self.beam_half_angle is None):

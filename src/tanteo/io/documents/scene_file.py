@@ -55,7 +55,7 @@ class SceneFile:
         prior: prior pose of a part's centre; None if not given.
         camera: files of the camera that observes the scene; None if there is none.
         furniture: solids that are not parts.
-        occluders: the same without the table, as boxes that the hand avoids.
+        occluders: known solids other than parts and table, as boxes that the hand avoids.
         source: path of the file.
     """
 

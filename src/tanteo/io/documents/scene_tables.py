@@ -44,7 +44,7 @@ _NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class TopTable(Table, frozen=True, kw_only=True, eq=False):
-    """Table that the parts stand on."""
+    """Table on which the parts stand."""
 
     top: Length = 0.0
     size: (
@@ -80,7 +80,7 @@ class HandTable(Table, frozen=True, kw_only=True, eq=False):
     rig: str = "paper-gripper"
     robot: str | None = None
     front: Point
-    looks: Direction | None = None
+    view_direction: Direction | None = None
     pair: Direction | None = None
     rate: Annotated[float, Numbers("rate"), Meta(ge=1.0)] = 100.0
     latency: Annotated[float, Numbers("time"), Meta(ge=0.0)] = 0.03
@@ -93,14 +93,17 @@ class HandTable(Table, frozen=True, kw_only=True, eq=False):
 
         Args:
             folder: folder of the scene file.
+
+        Raises:
+            InputError: the rig is invalid, or ``pair`` is along ``view_direction``.
         """
         rig = read_rig(folder / self.rig if (folder / self.rig).exists() else self.rig)
         hand = Hand(rig, gripper_body(rig))
-        z = np.array([0.0, 0.0, -1.0]) if self.looks is None else self.looks
+        z = np.array([0.0, 0.0, -1.0]) if self.view_direction is None else self.view_direction
         helper = np.eye(3)[int(np.argmin(np.abs(z)))]
         across = np.cross(z, helper - (helper @ z) * z if self.pair is None else self.pair)
         if self.pair is not None and np.linalg.norm(across) < 0.1:
-            raise self.at.refused("pair", "a direction across looks", "Turn it.", "one along it")
+            raise self.at.refused("pair", "a direction across view_direction", "Turn it.", "one along it")
         y = across / np.linalg.norm(across)
         own = np.stack([hand.pair, np.cross([0.0, 0.0, 1.0], hand.pair), [0.0, 0.0, 1.0]], axis=1)
         R = np.stack([np.cross(y, z), y, z], axis=1) @ own.T

@@ -135,7 +135,7 @@ def _stamps(path: Path, document: dict[str, Any], count: int) -> list[int]:
 
 
 def _stamps_before(path: Path, document: dict[str, Any]) -> list[int]:
-    """Return the times [ns] of the steps in the existing file; empty if the file is of another session."""
+    """Return the times [ns] of the steps in the existing file; empty if the file has a different session."""
     if not is_mcap(path):
         return []
     try:

@@ -33,7 +33,7 @@ class Sent(NamedTuple):
 
 
 def of_step(session: Session, step: Step, readings: Readings | None, stamp: int) -> Iterator[Sent]:
-    """Yield the messages of one step: readings and resulting belief.
+    """Yield the messages of one step: readings and resulting posterior.
 
     Args:
         session: session that the step is part of.
@@ -56,8 +56,8 @@ def of_step(session: Session, step: Step, readings: Readings | None, stamp: int)
     values = {f"probability {name}": f"{p:.4f}" for name, p in zip(names, step.probabilities, strict=True)}
     values["probability unknown object"] = f"{step.unknown:.4f}"
     values["largest corner sd [mm]"] = f"{1e3 * step.corner_sd:.4f}"
-    said = step.note or ", ".join(step.ids)
-    state = ros.diagnostics_message(ros.WARN if step.note else ros.OK, said, values, stamp)
+    summary = step.note or ", ".join(step.ids)
+    state = ros.diagnostics_message(ros.WARN if step.note else ros.OK, summary, values, stamp)
     yield Sent(stamp, "/diagnostics", ros.DIAGNOSTICS, state)
 
 

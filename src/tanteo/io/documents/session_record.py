@@ -184,7 +184,7 @@ def resumed(
     able: Callable[[SensingState, Candidates], BoolArray] | None = None,
     whole: Callable[[SensingState], Offers] | None = None,
 ) -> Session:
-    """Restore the session of a record: it has the same belief and chooses the same next action.
+    """Restore the session of a record, with the same posterior and the same next action.
 
     Args:
         record: record of the session.

@@ -125,7 +125,7 @@ def plan_csv(plan: Plan) -> str:
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    out.write(f"# {plan.message}\n# x y z: expected surface point; start: from where; world frame\n")
+    out.write(f"# {plan.message}\n# x y z: expected surface point; start: start of the beam or motion; world frame\n")
     own = [] if plan.feature is None else ["feature_sd_mm"]
     writer.writerow([
         "number", "start_x_mm", "start_y_mm", "start_z_mm", "dx", "dy", "dz", "x_mm", "y_mm", "z_mm", "face",
@@ -135,8 +135,8 @@ def plan_csv(plan: Plan) -> str:
         mm = [f"{1e3 * v:.4f}" for v in (*r.origin, *r.point)]
         d = [f"{v:.6f}" for v in r.direction]
         sds = [f"{1e3 * v:.4f}" for v in (r.corner_sd, r.feature_sd)[: 1 + len(own)]]
-        met = [f"{v:.4f}" for v in (r.within, r.within_if_hit, r.meets)]
-        writer.writerow([n, *mm[:3], *d, *mm[3:], r.face, *sds, *met])
+        chances = [f"{v:.4f}" for v in (r.within, r.within_if_hit, r.meets)]
+        writer.writerow([n, *mm[:3], *d, *mm[3:], r.face, *sds, *chances])
     return out.getvalue()
 
 
@@ -192,7 +192,7 @@ def _feature(feature: Feature) -> dict[str, Any]:
 
 
 def _size(feature: Feature) -> dict[str, Any]:
-    """Radius or half angle of a round feature, with its standard deviation and the side of the material."""
+    """Return the radius or half angle of a round feature, its standard deviation, and the side of the material."""
     size = feature.size
     if size is None:
         return {}

@@ -41,9 +41,9 @@ def read(contents: Contents) -> Log:
     lines = []
     missed = 0
     for k, line in enumerate(contents.lines, start=1):
-        for place, met in _REPORT.findall(line):
-            missed += met == "0"
-            if met == "1":
+        for place, contact in _REPORT.findall(line):
+            missed += contact == "0"
+            if contact == "1":
                 rows.append(place.split(",")[:3])
                 lines.append(k)
     if not rows:
@@ -51,13 +51,13 @@ def read(contents: Contents) -> Log:
     points = contents.numbers(rows, lines, "a probe report")
     if points.shape[1] != 3:
         contents.fail("three coordinates or more of a probe report", str(points.shape[1]), "Correct it.", lines[0])
-    said = list(_INCHES.findall(contents.text))
-    inches = bool(said) and said[-1].lower() in ("1", "true", "on", "yes")
+    stated = list(_INCHES.findall(contents.text))
+    inches = bool(stated) and stated[-1].lower() in ("1", "true", "on", "yes")
     notes = []
     if missed:
         notes.append(f"{counted(missed, 'probe')} made no contact ([PRB:...:0]) and was excluded." if missed == 1 else
                      f"{missed} probes made no contact ([PRB:...:0]) and were excluded.")  # fmt: skip
-    if not said:
+    if not stated:
         notes.append(
             "Coordinates are taken as millimetres, which GRBL reports unless $13=1. For inches use --units in."
         )
@@ -65,4 +65,4 @@ def read(contents: Contents) -> Log:
         contents.fail(
             "probes in different places", f"the same place {len(points)} times", "Is it one report, repeated?"
         )
-    return Log(points=points, unit="in" if inches else "mm", assumed=not said, centres=True, notes=tuple(notes))
+    return Log(points=points, unit="in" if inches else "mm", assumed=not stated, centres=True, notes=tuple(notes))

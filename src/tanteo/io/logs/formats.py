@@ -77,6 +77,9 @@ def recognise(contents: Contents) -> LogFormat | None:
 
     Args:
         contents: file to test.
+
+    Raises:
+        TanteoError: a format of tanteo itself fails.
     """
     for form in FORMATS.entries():
         origin = FORMATS.origin(form.name)

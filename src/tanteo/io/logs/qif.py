@@ -138,7 +138,7 @@ class Document:
             self.fail("lengths in the unit of the file", f"linearUnit '{word}'", "Export it in one unit.", element)
 
     def block(self, element: Any) -> list[FloatArray]:
-        """Return the points of a point set.
+        """Return the coordinates of the points in a point set, each ``(3,)`` [file units].
 
         Args:
             element: element of the set.

@@ -43,7 +43,7 @@ def read(contents: Contents) -> Log:
     """
     nominal: dict[str, dict[str, str]] = {}
     found: list[tuple[int, dict[str, str], dict[str, str]]] = []
-    asked = 0
+    nominal_count = 0
     turned = False
     for k, line in enumerate(contents.lines, start=1):
         words = dict(_WORD.findall(line))
@@ -52,22 +52,22 @@ def read(contents: Contents) -> Log:
             nominal = {}
         elif code == "G800":
             nominal[words.get("N", "")] = words
-            asked += 1
+            nominal_count += 1
         elif code == "G801":
             found.append((k, words, nominal.get(words.get("N", ""), {})))
         elif code in _FRAME:
             turned |= any(float(words.get(axis, 0)) for axis in "ABC")
     if not found:
         contents.fail(
-            "measured points (G801)", f"{counted(asked, 'nominal point')} (G800) and no measured one",
+            "measured points (G801)", f"{counted(nominal_count, 'nominal point')} (G800) and no measured one",
             "Export the results of the measurement, not the program.",
         )  # fmt: skip
     lines = [k for k, _, _ in found]
     points = contents.numbers([[w.get(a, "") for a in "XYZ"] for _, w, _ in found], lines, "G801 (X Y Z)")
-    missed = asked - sum(1 for _, _, at in found if at)
+    missed = nominal_count - sum(1 for _, _, at in found if at)
     notes = [f"{counted(missed, 'nominal point')} without a measured one excluded."] if missed > 0 else []
     if turned:
-        notes.append("The probing planes are turned (A, B, C of G330 or G331): the points are taken as written.")
+        notes.append("The probing planes are rotated (A, B, C of G330 or G331). The points are used as written.")
     ids = unique([w.get("N", str(k)) for k, w, _ in found])
     return Log(points=points, centres=True, radii=_radii(found), outward=_vectors(found), ids=ids, notes=tuple(notes))
 

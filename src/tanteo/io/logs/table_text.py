@@ -75,9 +75,9 @@ def sniff(start: bytes, *, whole: bool) -> TableText | None:
     lines = [
         line for line in text.splitlines()[:_ROWS] if line.strip() and not line.lstrip("\ufeff \t").startswith("#")
     ]
-    said = _SEPARATOR.fullmatch(lines[0].lstrip("\ufeff")) if lines else None
-    lines = lines[1:] if said else lines
-    delimiter = said[1] if said and said[1] in ",;\t" else _delimiter(lines[0] if lines else "")
+    stated = _SEPARATOR.fullmatch(lines[0].lstrip("\ufeff")) if lines else None
+    lines = lines[1:] if stated else lines
+    delimiter = stated[1] if stated and stated[1] in ",;\t" else _delimiter(lines[0] if lines else "")
     encoding = "utf-8-sig" if encoding == "utf-8" else encoding
     return TableText(encoding, delimiter, delimiter != "," and _has_decimal_commas(lines[1:], delimiter))
 

@@ -67,6 +67,9 @@ class CameraTable(Table, frozen=True, kw_only=True, eq=False):
             document: all keys of the file, for binning and region of interest.
             rectified: whether the image is rectified.
             shape: rows and columns of the image, used if the file has no size.
+
+        Raises:
+            InputError: a key is missing or invalid.
         """
         notes: list[str] = []
         size = self._size(shape, notes)

@@ -75,8 +75,8 @@ def distortion(document: Mapping[str, Any], path: Path, known: Mapping[str, Any]
         known: keys that are reserved for other entries.
 
     Raises:
-        InputError: a coefficient is not a finite number, two names disagree, or a name looks like an unknown
-            distortion.
+        InputError: a coefficient is not a finite number, two names disagree, or a name resembles a
+            distortion but is unknown.
     """
     given: dict[str, list[float]] = {}
     for key, value in document.items():
@@ -428,8 +428,8 @@ def _load_yaml(text: str, path: Path) -> Any:
     """Return the document of a YAML text.
 
     Raises:
-        InputError: the text is not YAML, has many references, a key twice, or a value that is not what its form or
-            tag says.
+        InputError: the text is not YAML, has many references, a key twice, or a value that contradicts its form or
+            its tag.
         MissingExtraError: PyYAML is not installed.
     """
     yaml = _yaml()
@@ -441,7 +441,7 @@ def _load_yaml(text: str, path: Path) -> Any:
         raise InputError(f"{path}: expected YAML, got: {got}. Correct the file.") from None
     except (InputError, RecursionError):
         raise
-    except Exception as error:  # noqa: BLE001  PyYAML's constructors raise whatever int(), float() or date() raise
+    except Exception as error:  # noqa: BLE001  PyYAML's constructors pass on the errors of int(), float() and date()
         got = show(str(error) or type(error).__name__, 300).rstrip(".")
         raise InputError(f"{path}: expected YAML with plain numbers and texts, got: {got}. Correct the file.") from None
 

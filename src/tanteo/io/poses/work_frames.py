@@ -29,7 +29,7 @@ OFFSETS: Mapping[str, int] = MappingProxyType(
 _TILT = np.radians(45.0)
 """Tilt of the part's z axis from the machine's above which a rotation about z is meaningless [rad]."""
 
-_SPEAKS = 1e-6
+_NOTABLE = 1e-6
 """Position error at a corner above which a warning is given [m]."""
 
 
@@ -124,19 +124,19 @@ def _offset(where: WorkFrame, frame: UncertainFrame, corners: Vectors, note: str
     tilt = float(np.arccos(np.clip(T[2, 2], -1.0, 1.0)))
     if tilt > _TILT:
         raise InputError(
-            f"--wcs: expected a part whose z axis points up, as that of a work offset does, got one tilted by "
+            f"--wcs: expected a part whose z axis points up, because a work offset has no tilt, got a tilt of "
             f"{np.degrees(tilt):.1f} deg. Turn the part's frame in CAD, or write its pose (--as matrix)."
         )
-    held = yaw_only(T) if turns else SE3.from_parts(np.eye(3), T[:3, 3])
-    off = np.linalg.norm(SE3.apply(T, corners) - SE3.apply(held, corners), axis=-1)
-    of = f"those of {where.within}" if where.within else "machine coordinates (G53), with no work offset in them"
+    approximate = yaw_only(T) if turns else SE3.from_parts(np.eye(3), T[:3, 3])
+    off = np.linalg.norm(SE3.apply(T, corners) - SE3.apply(approximate, corners), axis=-1)
+    of = f"coordinates of {where.within}" if where.within else "machine coordinates (G53), without work offset"
     warnings = [f"positions of the readings are taken as {of}."]
-    if off.max() > _SPEAKS:
+    if off.max() > _NOTABLE:
         what = f"a tilt of {np.degrees(tilt):.3g} deg" if turns else "any rotation of the part"
         warnings.insert(
-            0, f"{slot} cannot hold {what}: the part's far corner is {1e3 * off.max():.3g} mm from where it will be."
+            0, f"{slot} cannot represent {what}: the part's farthest corner is {1e3 * off.max():.3g} mm off."
         )
-    x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(held, frame.C))
+    x, y, z, a, _, _ = brand_fields("kuka", UncertainFrame(approximate, frame.C))
     words = f"X{x} Y{y} Z{z}" + (f" R{a}" if turns else "")
     before: list[str] = []
     if where.within:

@@ -54,7 +54,7 @@ class Sheet:
         return {column.base: column for column in self.columns}
 
     def place(self, row: int) -> str:
-        """Return file name and line number of a table row; the file is read again, which only error messages do.
+        """Return file name and line number of a table row for an error message, by reading the file again.
 
         Args:
             row: index of the row below the header.

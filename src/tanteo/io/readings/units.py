@@ -119,12 +119,12 @@ def angle_unit(unit: str, name: str) -> float:
 
 
 def parse_quantities(text: str, name: str, units: dict[str, float], example: str) -> tuple[float, ...]:
-    """Return numbers in the base unit from a text in which the last unit applies to all numbers without one.
+    """Return quantities in the base unit from a text, in which the last unit applies to all numbers without one.
 
     Args:
         text: numbers with units, separated by commas.
         name: name of the input, for messages.
-        units: factor of each accepted unit.
+        units: factor from each accepted unit to the base unit.
         example: correct form, for messages.
 
     Raises:

@@ -1,6 +1,7 @@
-"""A scene file, played: what its camera sees, where a session starts, and the simulated hand that senses in it.
+"""Simulation of a scene file: camera image, start of a session, and simulated hand.
 
-Here the simulator meets the session. What senses gets no more than a robot would: the truth stays in the scene::
+This package connects the simulator with a session. The session gets only data that a real robot has; the true poses
+stay in the scene::
 
     scene = read_scene("scene.toml")
     start, _ = start_of(scene, parts)

@@ -43,7 +43,7 @@ def change_scene(
 
 
 def expected_feature(kind: str, scene: SceneFile, part: Part, best: Hypothesis, face: str | None = None) -> Predicted:
-    """Return the feature that the hand acquires, on a part whose pose an image has given.
+    """Return the feature for the hand to acquire, on a part whose pose comes from an image.
 
     Args:
         kind: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
@@ -59,23 +59,23 @@ def expected_feature(kind: str, scene: SceneFile, part: Part, best: Hypothesis, 
     chosen = [p for p in found if face in (None, p.faces[0])]
     if not chosen:
         names = ", ".join(dict.fromkeys(p.faces[0] for p in found))
-        asked = f"face '{face}'" if face is not None else f"a {kind}"
+        wanted = f"face '{face}'" if face is not None else f"a {kind}"
         got = f"faces: {names}. Name one of these with --face, or let" if found else f"no {kind} there. Let"
         raise InputError(
-            f"{part.name}: expected {asked} that faces the hand, got {got} the hand start on another side."
+            f"{part.name}: expected {wanted} that faces the hand, got {got} the hand start on another side."
         )
     return chosen[0]
 
 
 def acquire(kind: str, scene: SceneFile) -> tuple[Acquired, SimulatedHand]:
-    """Acquire a feature, starting from the scene's guess of it.
+    """Acquire a feature, from the initial guess in the scene file.
 
     Args:
         kind: ``plane``, ``edge``, ``vertex``, ``circle`` or ``cylinder``.
         scene: scene; its seed determines all errors.
 
     Returns:
-        The result of the acquisition, and the simulated hand with its true poses.
+        Result of the acquisition, and simulated hand with its true poses.
 
     Raises:
         InputError: The scene has no guess of such a feature.

@@ -1,4 +1,4 @@
-"""Session in a scene: initial poses of the parts, and the simulated hand that carries the session out."""
+"""Session in a scene: prior poses of the parts, and simulated hand that carries out the session."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def prior_start(scene: SceneFile, targets: Sequence[PreparedPart], known: PosePrior | None = None) -> Start | None:
-    """Return the prior poses of all parts before anything is sensed, or None if neither source states them.
+    """Return the prior poses of all parts, or None if neither the scene nor the user states any.
 
     Args:
         scene: scene, whose prior of the part's centre is used if ``known`` has no pose.
@@ -66,11 +66,11 @@ def start_of(
         unknown: prior probability of an unknown object; the default of the priors if None.
 
     Returns:
-        The start, or None without image and prior; and the object in the image, or None.
+        Start of the session, None without image and prior; and object in the image, None without an image.
     """
     targets = prepare_all("parts", parts)
     start = prior_start(scene, targets, known)
-    seen = None if view is None else view.look([target.part for target in targets], start)
+    seen = None if view is None else view.recognize([target.part for target in targets], start)
     if seen is not None:
         start = seen_start(seen, targets, start)
     if start is not None:
@@ -107,5 +107,9 @@ def session_of(
 
 
 def furniture_of(scene: SceneFile) -> Furniture | None:
-    """Return the known furniture of the scene for the evaluation of readings, or None without any."""
+    """Return the known furniture of the scene for the evaluation of readings, or None without any.
+
+    Args:
+        scene: scene with its solids.
+    """
     return Furniture(Scene.of(scene.furniture).surface) if scene.furniture else None

@@ -39,15 +39,15 @@ class SceneView:
     T_world_table: Transforms
     ignore: BoolArray | None
 
-    def look(self, parts: Sequence[Part], prior: Start | None = None) -> Sighting | None:
-        """Recognize objects and return the one nearest to the prior pose, or the largest one without a prior.
+    def recognize(self, parts: Sequence[Part], prior: Start | None = None) -> Sighting | None:
+        """Recognize the objects in the image, and return the one nearest to the prior pose, or the largest one.
 
         Args:
             parts: candidate parts.
-            prior: prior poses of the parts.
+            prior: prior poses of the parts; None for the largest object.
 
         Returns:
-            The object, or None if there is none.
+            Object with its hypotheses; None if no object was recognized.
         """
         sight = see_table(
             self.image, self.camera, parts, T_world_table=self.T_world_table, top=HYPOTHESES, ignore=self.ignore
@@ -105,7 +105,9 @@ def _camera_of(scene: SceneFile, file: str | None, marks: str | None) -> Camera:
     if marks is not None:
         camera, _ = place_camera(camera, marks)
     if camera.T_world_camera is None:
-        raise InputError(f"{file}: expected a key T_world_camera, where it stands, got none. Add it, or say --marks.")
+        raise InputError(
+            f"{file}: expected a key T_world_camera, the pose of the camera, got none. Add it, or use --marks."
+        )
     return camera
 
 
@@ -113,12 +115,12 @@ def _rendered(scene: SceneFile, camera: Camera, T_world_table: Transforms) -> Fl
     """Render the true scene from the camera."""
     assert camera.T_world_camera is not None
     to_table = SE3.inverse(T_world_table)
-    things = [
+    objects = [
         RenderedObject.of_mesh(SE3.apply(to_table, solid.vertices), solid.triangles)
         for solid in scene.scene.solids
         if solid.name != "table"
     ]
-    stage = Stage(replace(camera, T_world_camera=to_table @ camera.T_world_camera), things)
+    stage = Stage(replace(camera, T_world_camera=to_table @ camera.T_world_camera), objects)
     return render(stage, np.random.default_rng(scene.seed))[0]
 
 

@@ -88,7 +88,12 @@ def unlike(candidates: Candidates, refused: Sequence[Action]) -> Candidates:
 
 
 def is_same(one: Action | None, other: Action | None) -> bool:
-    """Return whether two actions are the same, which one restored from a record can be."""
+    """Return whether two actions are the same, as when one was restored from a record.
+
+    Args:
+        one: an action or None.
+        other: another action or None; two missing actions are not the same.
+    """
     if one is None or other is None:
         return False
     places = (one.origin, one.direction), (other.origin, other.direction)

@@ -1,6 +1,6 @@
-"""An answer, a session or a plan as one HTML file that opens from disk, offline.
+"""Reports of answers, sessions and plans, each as one HTML file that needs no network.
 
-It has words, a picture in 3-D, charts, figures, and how to run it again. A page is made by ``report_page``,
-``session_page``, ``plan_page`` or ``distinction_page``, and put to a file by ``write_report(path, page)``. Whoever has
-more to tell about an answer hands in further :class:`Section` values.
+A page has the verdict, a drawing in 3-D, charts, figures, and the command that repeats the result. ``report_page``,
+``session_page``, ``plan_page`` and ``distinction_page`` make pages, and ``write_report(path, page)`` writes a page to a
+file. Callers may add their own :class:`Section` values.
 """

@@ -1,4 +1,4 @@
-"""What is seen first of an answer: the words, the picture with its buttons, what else it may be, the few figures."""
+"""Top of the report of an answer: verdict, drawing with controls, probabilities and main figures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,13 @@ _VIEWS = ("Reset", "Top", "Front", "Side")
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """Something that can be hidden: its key in the page's program, its name there, whether it is shown at first."""
+    """Layer of the drawing that the user can hide.
+
+    Attributes:
+        key: key in the script of the page.
+        words: name for the user.
+        shown: whether the layer is visible at first.
+    """
 
     key: str
     words: str
@@ -33,26 +39,26 @@ def picture(
     legend: Sequence[tuple[str, str]],
     scaled: Sequence[Sequence[tuple[str, str]]] = (),
     *,
-    haunted: bool = True,
+    overlays_shown: bool = True,
 ) -> Html:
-    """Return the canvas with its controls and legend.
+    """Return the drawing in 3-D with its controls and legend.
 
     Args:
         layers: layers that the user can hide.
         overlays: principal errors of the pose, for each hypothesis.
-        legend: marks and descriptions.
+        legend: entries of the legend, as mark and description.
         scaled: further entries of the legend, for each hypothesis.
-        haunted: whether overlays are shown at first.
+        overlays_shown: whether the overlays of the first hypothesis are visible at first.
     """
     canvas = element("canvas", id="view", tabindex="0", role="img", aria_label="The part with the readings, in 3-D")
     overlay = Html('<svg id="overlay" aria-hidden="true"></svg><div id="tip" hidden></div>')
     words = "The picture needs JavaScript; everything else on this page does not."
     no_script = element("noscript", element("p", words))
     stage = element("div", canvas, overlay, element("p", id="no3d", hidden=True), no_script, class_="stage")
-    return element("div", stage, _controls(layers, overlays, haunted), _legend(legend, scaled), class_="picture")
+    return element("div", stage, _controls(layers, overlays, overlays_shown), _legend(legend, scaled), class_="picture")
 
 
-def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunted: bool) -> Html:
+def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], overlays_shown: bool) -> Html:
     views = [element("button", name, type="button", data_view=name.lower()) for name in _VIEWS]
     boxes = [
         element(
@@ -64,20 +70,20 @@ def _controls(layers: Sequence[Layer], overlays: Sequence[Sequence[Way]], haunte
         for layer in layers
     ]
     choice = (
-        switched([_overlays(ways, haunted) for ways in overlays], "span", class_="overlays")
+        switched([_overlays(ways, overlays_shown) for ways in overlays], "span", class_="overlays")
         if any(overlays)
         else Html("")
     )
     return element("div", *views, *boxes, choice, class_="controls")
 
 
-def _overlays(ways: Sequence[Way], haunted: bool) -> Html:
-    """Return the selection of overlays."""
+def _overlays(ways: Sequence[Way], overlays_shown: bool) -> Html:
+    """Return the control by which the user selects an overlay."""
     options = [
         element("option", f"off by {way.motion.brief}: {uncertain(way.moves)} at the farthest corner", value=k)
         for k, way in enumerate(ways)
     ]
-    none = element("option", "no overlays", value="", selected=None if haunted else True)
+    none = element("option", "no overlays", value="", selected=None if overlays_shown else True)
     return element("select", *options, none, aria_label="Overlays: how the pose may be off")
 
 
@@ -92,7 +98,11 @@ def _entry(mark: str, words: str) -> Html:
 
 
 def times(enlarged: int) -> str:
-    """Return the magnification as text; empty if it is 1."""
+    """Return a magnification as text for a legend; empty if it is 1.
+
+    Args:
+        enlarged: magnification of a drawing.
+    """
     return "" if enlarged == 1 else f", {enlarged} × enlarged"
 
 
@@ -103,12 +113,12 @@ _NAMED = 15
 def answer_front(
     answer: Answer, candidates: Sequence[Candidate], sensed: Sensed, more: Sequence[tuple[str, str]], shapes: Shapes
 ) -> Front:
-    """Return the front of an answer.
+    """Return the top of the report of an answer.
 
     Args:
-        answer: the answer.
-        candidates: its hypotheses.
-        sensed: its readings.
+        answer: answer to report.
+        candidates: hypotheses of the answer, best first.
+        sensed: readings of the answer.
         more: further facts, as name and value.
         shapes: features of labelled readings.
     """
@@ -140,12 +150,19 @@ def _hypotheses(answer: Answer) -> Html:
         rows.append(_plain_row("others, not shown", rest))
     rows.append(_plain_row("unknown object", answer.unknown_probability))
     heading = element("h2", "What it may be")
-    hint = [element("p", "Choose one to see it everywhere on this page.", class_="note")] if several else []
-    return element("div", heading, *hint, element("div", *rows, class_="bars"))
+    note = [element("p", "Choose one to show it everywhere on this page.", class_="note")] if several else []
+    return element("div", heading, *note, element("div", *rows, class_="bars"))
 
 
 def switch_row(k: int | None, name: str, value: str, drawn: Html) -> Html:
-    """Return a row that selects a hypothesis, or a plain row if there is nothing to select."""
+    """Return a row that selects a hypothesis, or a plain row.
+
+    Args:
+        k: index of the hypothesis; None for a plain row.
+        name: name of the row.
+        value: value as text.
+        drawn: drawing at the end of the row, such as a bar.
+    """
     box = element("input", type="radio", name="hypothesis", value=k, checked=True if k == 0 else None)
     words, shown = element("span", name, class_="name"), element("span", value, class_="value")
     return element("label", *([] if k is None else [box]), words, shown, drawn)
@@ -167,13 +184,13 @@ def _picture(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) ->
     legend = [("dot", "reading that fits" if candidates else "reading")]
     legend += [("cross", "reading that does not fit")] if wrong else []
     legend += [("beam", "beam or path of the touch")]
-    legend += [("free", "beam that met nothing")] if len(sensed.measured.free) else []
+    legend += [("free", "beam that hit nothing")] if len(sensed.measured.free) else []
     if shapes:
         legend += [("feature", f"feature of labelled readings, and off by 2 sd{times(shapes.enlarged)}")]
     return picture(layers, [c.ways for c in candidates], legend, [_scaled(c) for c in candidates])
 
 
 def _scaled(candidate: Candidate) -> list[tuple[str, str]]:
-    """Return the magnified drawings with their magnification."""
+    """Return the legend of the magnified drawings, with their magnification."""
     stick = f"distance to the surface{times(distance_enlarged(candidate))}"
     return [("stick", stick), ("overlay", f"overlays: off by 1, 2 and 3 sd{times(candidate.enlarged)}")]

@@ -1,4 +1,4 @@
-"""SVG charts without a library; x is in percent and y in pixels, so that text keeps its size."""
+"""SVG charts; x is in percent of the width and y in pixels, so that text keeps its size."""
 
 from __future__ import annotations
 
@@ -16,17 +16,29 @@ _MOST_SDS = 5.0
 
 
 def bar(share: float, kind: str = "") -> Html:
-    """Return a bar for a fraction."""
+    """Return a horizontal bar that is filled to a fraction.
+
+    Args:
+        share: fraction, from 0 to 1.
+        kind: class of the style sheet for the filled part.
+    """
     fill = element("span", class_=f"fill {kind}".strip(), style=f"width:{100 * min(max(share, 0.0), 1.0):.2f}%")
     return element("span", fill, class_="bar", aria_hidden="true")
 
 
 def residual_chart(names: Sequence[str], sds: FloatArray, wrong: BoolArray, words: Sequence[str]) -> Html:
-    """Return a chart of distances in standard deviations with one mark for each reading, clipped at the border."""
+    """Return a chart of distances from the surface with one mark for each reading, clipped at the border.
+
+    Args:
+        names: names of the readings.
+        sds: distances [standard deviations].
+        wrong: flags of the readings that do not fit.
+        words: tooltip of each reading.
+    """
     marks = [_band(), *(_scale_line(s) for s in (-4, -2, 0, 2, 4))]
     x = _LEFT + 3 + (np.arange(len(names)) + 0.5) * (_RIGHT - _LEFT - 4) / max(len(names), 1)
-    for name, at, value, is_wrong, said in zip(names, x, sds, wrong, words, strict=True):
-        marks.append(_mark(name, float(at), float(value), bool(is_wrong), said))
+    for name, at, value, is_wrong, tooltip in zip(names, x, sds, wrong, words, strict=True):
+        marks.append(_mark(name, float(at), float(value), bool(is_wrong), tooltip))
     label = f"Distances of {len(names)} readings in standard deviations; {int(wrong.sum())} do not fit."
     return element("svg", *marks, class_="chart", width="100%", height=_HEIGHT, role="img", aria_label=label)
 
@@ -50,9 +62,9 @@ def _scale_line(value: int) -> Html:
     return element("g", line, words)
 
 
-def _mark(name: str, x: float, value: float, wrong: bool, said: str) -> Html:
+def _mark(name: str, x: float, value: float, wrong: bool, tooltip: str) -> Html:
     y, at = _y(value), f"{x:.2f}%"
-    title = element("title", said)
+    title = element("title", tooltip)
     if not wrong:
         return element("circle", title, cx=at, cy=f"{y:.1f}", r=4.5, class_="dot")
     word = element("text", name, x=at, y=f"{y - 10:.1f}" if y > _TOP + 10 else f"{y - 9:.1f}", class_="middle wrong")
@@ -75,20 +87,27 @@ class Curve:
 
     Attributes:
         name: name in the legend.
-        values: values from the left ``(n,)``; NaN for none.
-        said: tooltips of the marks ``(n,)``.
+        values: values from left to right ``(n,)``; NaN for a missing one.
+        tooltip: tooltip of each value ``(n,)``.
         style: number of the line style, below :data:`STYLES`.
     """
 
     name: str
     values: FloatArray
-    said: tuple[str, ...]
+    tooltip: tuple[str, ...]
     style: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Vertical axis: lowest and highest value, ticks as value and label, and whether it is logarithmic."""
+    """Vertical axis of a chart.
+
+    Attributes:
+        low: smallest value.
+        high: largest value.
+        ticks: ticks as value and label.
+        log: whether the axis is logarithmic.
+    """
 
     low: float
     high: float
@@ -96,7 +115,11 @@ class Scale:
     log: bool = False
 
     def y(self, value: float) -> float:
-        """Return the distance from the top [px], clipped at the ends."""
+        """Return the distance of a value from the top of the chart [px], clipped at the ends of the axis.
+
+        Args:
+            value: value on the axis.
+        """
         low, high, v = np.log([self.low, self.high, max(value, 1e-300)]) if self.log else (self.low, self.high, value)
         share = float(np.clip((v - low) / (high - low), 0.0, 1.0))
         return _CURVE_TOP + (1 - share) * (_CURVE_HEIGHT - _CURVE_TOP - _CURVE_BOTTOM)
@@ -107,7 +130,11 @@ SHARES = Scale(0.0, 1.0, tuple((k / 4, f"{25 * k} %") for k in range(5)))
 
 
 def lengths_scale(values: FloatArray) -> Scale:
-    """Return a logarithmic axis of lengths [mm] that contains all values."""
+    """Return a logarithmic axis of lengths [mm] that contains all values.
+
+    Args:
+        values: lengths [mm]; values that are not positive and finite are ignored.
+    """
     seen = values[np.isfinite(values) & (values > 0)]
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (0.1, 10.0)
     low, high = low / 1.4, max(high * 1.4, low * 4)
@@ -127,7 +154,7 @@ def curve_chart(
         label: description for screen readers.
         curves: curves with different styles.
         scale: vertical axis.
-        places: labels of the horizontal axis, from the left; some are omitted if there are many.
+        places: labels of the horizontal axis, from left to right; some are omitted if there are many.
         goal: value of a horizontal line, and its name; None for no line.
     """
     n = len(places)
@@ -163,15 +190,17 @@ def _line(curve: Curve, scale: Scale, x: FloatArray) -> list[Html]:
         if there[i] and there[i + 1]
     ]
     marks = [
-        element("svg", _curve_mark(curve.style, curve.said[i]), x=at[i][0], y=at[i][1], overflow="visible")
+        element("svg", _curve_mark(curve.style, curve.tooltip[i]), x=at[i][0], y=at[i][1], overflow="visible")
         for i in range(len(at))
         if there[i]
     ]
     return segments + marks
 
 
-def _curve_mark(style: int, said: str = "") -> Html:
-    return element("path", *([element("title", said)] if said else []), d=_MARKS[style], class_=f"mark-of c{style}")
+def _curve_mark(style: int, tooltip: str = "") -> Html:
+    return element(
+        "path", *([element("title", tooltip)] if tooltip else []), d=_MARKS[style], class_=f"mark-of c{style}"
+    )
 
 
 def _legend(curves: Sequence[Curve], goal: tuple[float, str] | None) -> Html:

@@ -1,4 +1,4 @@
-"""Uncertainty budget of an answer, scaled so that its sources sum to the answer's uncertainty."""
+"""Section of a report with the uncertainty budget, scaled so that its sources sum to the answer's uncertainty."""
 
 from __future__ import annotations
 
@@ -15,16 +15,18 @@ from tanteo.render.html.uncertainty import Budget, Source, make_budget
 from tanteo.render.html.words import MM, uncertain
 
 BEYOND = "beyond first order"
-"""Name of the part of the uncertainty that a linear budget lacks: modes, curved surfaces, samples."""
+"""Name of the source for uncertainty that a linear budget does not contain: several modes, curved surfaces,
+sampling."""
 
 _EQUAL = 0.01
 """Relative difference below which two standard deviations count as equal."""
 
 
 def combined(budget: Budget, corner_sd: float) -> Budget:
-    """Return a budget whose variances sum to the answer's.
+    """Return a budget whose variances sum to the variance of the answer.
 
-    A larger uncertainty of the answer adds a source. A smaller one scales all sources.
+    If the uncertainty of the answer is larger than that of the linear budget, a source is added. If it is smaller, all
+    sources are scaled.
 
     Args:
         budget: linear budget.
@@ -40,11 +42,16 @@ def combined(budget: Budget, corner_sd: float) -> Budget:
 
 
 _DIFFERS = 0.15
-"""Relative excess of the linear budget over the answer above which a note appears."""
+"""Relative excess of the linear budget over the answer above which the report has a note on it."""
 
 
 def budget_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
-    """Return the section with the uncertainty budget of every hypothesis."""
+    """Return the section with the uncertainty budget of every hypothesis.
+
+    Args:
+        candidates: hypotheses of the answer, best first.
+        sensed: readings of the answer.
+    """
     lead = (
         "Sources of the variance at the most uncertain corner of the part's box. More readings reduce the noise, but "
         "not the errors that all readings share, which need a calibration. A shared error that the same readings "

@@ -1,8 +1,8 @@
 """Measurements of a report, and their residuals for a part at the pose of a hypothesis.
 
 A reading has one or more rows ``r = d' (q - c)``: its point ``q`` in the part frame minus the nearest point ``c`` of
-the met feature, along unit directions ``d``. A face has one row, an edge two, a corner three; a sensed normal adds two
-tilts.
+the feature that it hit, along unit directions ``d``. A face has one row, an edge two, a corner three; a sensed normal
+adds two tilts.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Sensed:
         source: name of the readings' file.
         measured: points with covariance and shared errors, and free-space rays.
         repeatability: covariance of ``measured.covs`` that comes from the robot ``(n, 3, 3)`` [m^2].
-        reach: length of the beam or path before each point ``(n,)`` [m].
+        reach: length of the beam or motion before each point ``(n,)`` [m].
         tolerance: standard deviation of the real surface from the CAD [m].
         prior: prior of the pose; None without one.
     """
@@ -42,15 +42,15 @@ class Sensed:
 
 
 def gather(readings: Readings, sensing: Sensing | None = None, prior: PosePrior | None = None) -> Sensed:
-    """Convert readings as :func:`tanteo.identify` does, and separate the covariance of the robot.
+    """Convert readings as :func:`tanteo.identify` does, with the robot's part of the covariance separated.
 
     Args:
         readings: readings of the devices.
-        sensing: noise model; None for that of the readings.
+        sensing: noise model; None for the noise that the readings state.
         prior: prior of the pose; None without one.
 
     Raises:
-        InputError: options and readings contradict each other.
+        InputError: noise model and readings contradict each other.
         ReadingsError: a range is outside the limits of its device.
     """
     sensing = Sensing() if sensing is None else sensing
@@ -65,11 +65,11 @@ class Contacts:
     """Residuals of ``n`` readings on a part at a pose, with ``m`` rows.
 
     Attributes:
-        met: name of the feature that each reading met ``(n,)``.
+        faces: name of the feature that each reading hit ``(n,)``.
         used: flags of the readings that the hypothesis explains ``(n,)``.
         distances: distances from the surface, positive outside, at the most probable shared errors ``(n,)`` [m].
         sds: standard deviations of the distances by the noise of the readings ``(n,)`` [m].
-        feet: nearest points of the met features, world frame ``(n, 3)`` [m].
+        feet: nearest points of the nearest features, world frame ``(n, 3)`` [m].
         reading: index of the reading of each row ``(m,)``.
         rows: Jacobian of the rows over the pose, right perturbation ``(m, 6)``.
         noise: variance of each row from the sensor ``(m,)``.
@@ -80,7 +80,7 @@ class Contacts:
         labelled: whether the labels were used; otherwise every reading was compared with the whole surface.
     """
 
-    met: tuple[str, ...]
+    faces: tuple[str, ...]
     used: BoolArray
     distances: FloatArray
     sds: FloatArray
@@ -98,15 +98,15 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
     """Return the residuals of the readings for a hypothesis.
 
     Args:
-        sensed: the readings.
+        sensed: readings of the answer.
         part: part of the hypothesis.
-        hypothesis: pose, pairings and outliers.
+        hypothesis: hypothesis with its pose, pairings and outliers.
     """
     measured, T = sensed.measured, hypothesis.T_world_part
     R, q = T[:3, :3], SE3.apply(SE3.inverse(T), measured.points)
     paired = dict(hypothesis.pairings)
     used = np.array([i in paired for i in measured.ids], dtype=bool)
-    met, feet, axes = _targets(part, q, [paired.get(i, "") for i in measured.ids])
+    faces, feet, axes = _targets(part, q, [paired.get(i, "") for i in measured.ids])
     reading, slot = np.nonzero(~np.isnan(axes[:, :, 0]))
     d = axes[reading, slot]
     radii = np.where(slot == 0, measured.radii[reading], 0.0)
@@ -125,7 +125,7 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
     rows = np.concatenate([d, np.cross(q[reading], d)], axis=1)
     tilts = _tilt_rows(sensed, R)
     return Contacts(
-        met=tuple(met),
+        faces=tuple(faces),
         used=used,
         distances=sign * size,
         sds=np.sqrt(np.bincount(reading, spread, minlength=len(q)) / np.maximum(count, 1)),
@@ -136,12 +136,12 @@ def find_contacts(sensed: Sensed, part: Part, hypothesis: Hypothesis) -> Contact
         repeatability=np.concatenate([repeatability, np.zeros(len(tilts[0]))]),
         shared_jacobian=tuple(np.concatenate([g, np.zeros((len(tilts[0]), g.shape[1]))]) for g in shared_jacobian),
         labelled=any((one := named_class(name)) is not None and one.is_labelled for name in paired.values()),
-        form=np.pad(_form(part, q, met, reading, slot), ((0, len(tilts[0])), (0, 0))),
+        form=np.pad(_form(part, q, faces, reading, slot), ((0, len(tilts[0])), (0, 0))),
     )
 
 
 def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vectors, FloatArray]:
-    """Return name and nearest point of each met feature, and directions of its rows ``(n, 3, 3)``, NaN for none."""
+    """Return the feature that each reading hit, its nearest point, and directions of its rows ``(n, 3, 3)``, or NaN."""
     surface = Surface(part.vertices, part.triangles)
     distances, away = signed_distance(surface, q)
     triangles = surface.closest(q).triangles if len(q) else np.zeros(0, dtype=np.int64)
@@ -150,18 +150,18 @@ def _targets(part: Part, q: Vectors, names: list[str]) -> tuple[list[str], Vecto
     nearest = part.triangle_face[triangles]
     feet, axes = q - distances[:, None] * away, np.full((len(q), 3, 3), np.nan)
     axes[:, 0] = away
-    met = [name or part.faces[k].name for name, k in zip(names, nearest, strict=True)]
+    faces = [name or part.faces[k].name for name, k in zip(names, nearest, strict=True)]
     for i, name in enumerate(names):
         feature = named_feature(part, name)
         if feature is not None and (found := feature.nearest(q[i])) is not None:
             feet[i], axes[i, : len(found[1])] = found
-    return met, feet, axes
+    return faces, feet, axes
 
 
-def _form(part: Part, q: Vectors, met: list[str], reading: IntArray, slot: IntArray) -> FloatArray:
+def _form(part: Part, q: Vectors, faces: list[str], reading: IntArray, slot: IntArray) -> FloatArray:
     """Return the Jacobian over deviations of the real part ``(m, k)``: surfaces deviate as a whole."""
-    columns, names = [np.zeros((len(reading), 0))], np.array([met[i] for i in reading], dtype=object)
-    for name in dict.fromkeys(met):
+    columns, names = [np.zeros((len(reading), 0))], np.array([faces[i] for i in reading], dtype=object)
+    for name in dict.fromkeys(faces):
         rows, feature = np.flatnonzero(names == name), named_feature(part, name)
         block = np.zeros((len(reading), 4))
         block[rows] = (feature or NamedFace(part, 0)).form(q[reading[rows]], slot[rows])
@@ -170,14 +170,14 @@ def _form(part: Part, q: Vectors, met: list[str], reading: IntArray, slot: IntAr
 
 
 def _along(d: Vectors, covs: FloatArray) -> FloatArray:
-    """Variances along directions."""
+    """Return variances along directions ``(m,)``."""
     return np.einsum("mi,mij,mj->m", d, covs, d)
 
 
 def _shared_shift(
     off: FloatArray, spread: FloatArray, shared_jacobian: list[FloatArray], sensed: Sensed, used: BoolArray
 ) -> FloatArray:
-    """What the most probable shared errors add to each row; nothing without shared errors."""
+    """Return the effect of the most probable shared errors on each row ``(m,)``; 0 without shared errors."""
     if not shared_jacobian or not used.any():
         return np.zeros(len(off))
     L = np.concatenate(shared_jacobian, axis=1) @ shared_root(sensed.measured.shared)
@@ -187,7 +187,7 @@ def _shared_shift(
 
 
 def _tilt_rows(sensed: Sensed, R_world_part: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Rows of sensed normals: reading, derivative and variance; a normal says two turns."""
+    """Return the rows of sensed normals, two rotations each: index of the reading, derivative and variance."""
     known = np.flatnonzero(~np.isnan(sensed.measured.normal_sds) & ~np.isnan(sensed.measured.normals[:, 0]))
     if not len(known):
         return known, np.zeros((0, 6)), np.zeros(0)

@@ -13,36 +13,43 @@ from tanteo.render.html.words import MM, uncertain
 from tanteo.words import percent
 
 _IN_TABLE = 2
-"""Number of parts in each row of the table; those that were most probable after some step come first."""
+"""Number of parts in the table; parts that were most probable after some step come first."""
 
 _SEEN = 0.01
-"""Least probability for which a part has a curve."""
+"""Smallest probability for which a part has a curve."""
 
 _MOST_NAMES = 3
-"""Largest number of readings of a step that are named."""
+"""Largest number of readings of a step whose names are printed."""
 
 
 def course_section(session: Session, added: Sequence[Added]) -> Section:
     """Return the section with the result of every step.
 
     Args:
-        session: session with or without readings.
+        session: session, which may have no readings.
         added: information of each step, see :func:`tanteo.planning.explain`.
     """
     lead = (
-        "Each reading with its reason and its result; 0.7 nats are the information of one yes or no. The curves show "
-        "the probability of each part, and the largest corner sd of the most probable one (logarithmic scale)."
+        "Each reading with its reason and its result. A decision between two equally probable "
+        "cases needs 0.7 nats. The curves show the probability of each part, and the largest corner sd "
+        "of the most probable one (logarithmic scale)."
     )
     steps = session.steps
     if not steps:
         return Section("course", "How it went", lead, ())
-    told = element("details", element("summary", "Result of each step as a table"), _rows(session, added))
-    asked = _asked(session)
-    return Section("course", "How it went", lead, (join([asked, _probabilities(session), _corners(session), told]),))
+    details = element("details", element("summary", "Result of each step as a table"), _rows(session, added))
+    listed = _step_list(session)
+    return Section(
+        "course", "How it went", lead, (join([listed, _probabilities(session), _corners(session), details]),)
+    )
 
 
 def goal_words(stop: Stop) -> str:
-    """Return the goal of a session as a sentence; empty without a goal."""
+    """Return the goal of a session as a sentence; empty without a goal.
+
+    Args:
+        stop: goal of the session.
+    """
     goals = [] if stop.probability is None else [f"the part with {100 * stop.probability:.4g} %"]
     if stop.tolerance is not None:
         of_what = stop.feature or "the corners of the part"
@@ -50,16 +57,16 @@ def goal_words(stop: Stop) -> str:
     return f"Goal: {' and '.join(goals)}." if goals else ""
 
 
-_MOST_ASKED = 12
-"""Largest number of steps listed above the charts; of more, the last ones are listed."""
+_MOST_LISTED = 12
+"""Largest number of steps in the list above the charts, which has the last ones."""
 
 
-def _asked(session: Session) -> Html:
+def _step_list(session: Session) -> Html:
     """Return the steps as a list: reading, reason and result."""
-    names, first = _names(session), max(len(session.steps) - _MOST_ASKED, 0)
+    names, first = _names(session), max(len(session.steps) - _MOST_LISTED, 0)
     lines = [_line(step, names) for step in session.steps[first:]]
     earlier = element("p", f"The first {first} steps are in the table below.", class_="note") if first else Html("")
-    return join([earlier, element("ol", *lines, class_="asked", start=first + 1)])
+    return join([earlier, element("ol", *lines, class_="steps", start=first + 1)])
 
 
 def _line(step: Step, names: Sequence[str]) -> Html:
@@ -102,12 +109,12 @@ def _corners(session: Session) -> Html:
         return Html("")
     places = ["before", *(str(k) for k in range(1, len(steps) + 1))]
     leaders = ["", *(names[s.part] if s.part >= 0 else "" for s in steps)]
-    said = tuple(f"after {p}: {v:.2g} mm, of {who}" for p, v, who in zip(places, values, leaders, strict=True))
+    tooltips = tuple(f"after {p}: {v:.2g} mm, of {who}" for p, v, who in zip(places, values, leaders, strict=True))
     tolerance = session.stop.tolerance if session.stop.feature is None else None
     goal = None if tolerance is None else (MM * tolerance, f"tolerance of the corners, {MM * tolerance:.3g} mm")
     scale = lengths_scale(values if goal is None else np.r_[values, goal[0]])
     label = f"Largest corner sd after {len(steps)} steps, {values[-1]:.2g} mm at the end."
-    curve = Curve("largest corner sd of the most probable part", values, said)
+    curve = Curve("largest corner sd of the most probable part", values, tooltips)
     return curve_chart(label, [curve], scale, places, goal)
 
 
@@ -115,7 +122,7 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
     steps, names = session.steps, _names(session)
     shown = _leading(steps, _IN_TABLE)
     headers = (
-        "", "readings", "requested at", "met", *(names[k] for k in shown), "unknown object", "largest corner sd",
+        "", "readings", "requested at", "hit", *(names[k] for k in shown), "unknown object", "largest corner sd",
         "about the part [nats]", "about the pose [nats]", "best reduced motion", "to",
     )  # fmt: skip
     rows: list[tuple[Html | str, ...]] = [
@@ -135,7 +142,7 @@ def _rows(session: Session, added: Sequence[Added]) -> Html:
         for n, (step, one) in enumerate(zip(steps, added, strict=True), 1)
     ]
     note = (
-        "Met: faces of the answer's part. About the part: relative entropy of the probabilities after and before the "
+        "Hit: faces of the answer's part. About the part: relative entropy of the probabilities after and before the "
         "step. About the pose: decrease of the logarithm of its volume, empty if the most probable part changed. Best "
         "reduced motion: the motion whose standard deviation decreased most, and the remaining fraction."
     )

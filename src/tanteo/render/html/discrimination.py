@@ -1,4 +1,4 @@
-"""The reading that discriminates two parts, as a page: where it goes, and what it reads on either."""
+"""Report of the reading that discriminates two parts: its beam, and the expected range on each part."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def distinction_page(found: Discrimination, parts: Sequence[Part], probe: Probe,
     """Return the report of a reading that discriminates two parts as the text of one HTML file.
 
     Args:
-        found: the reading.
-        parts: both parts, in the same order.
+        found: best reading to discriminate the parts.
+        parts: both parts, in the order of ``found``.
         probe: sensor model.
         run: origin of the result.
     """
@@ -51,10 +51,10 @@ def _side(found: Discrimination, probe: Probe, run: Run) -> Html:
         ("Sensor", probe.name),
         *run.facts,
     ]
-    words = "Choose one to see it. The second part is at the pose at which it is most similar to the first."
-    hint = element("p", words, class_="note")
+    words = "Choose one to show it. The second part is at the pose at which it is most similar to the first."
+    note = element("p", words, class_="note")
     heading = element("h2", "Expected range")
-    return join([heading, hint, element("div", *rows, class_="bars"), element("dl", fact_list(facts))])
+    return join([heading, note, element("div", *rows, class_="bars"), element("dl", fact_list(facts))])
 
 
 def _reading(found: Discrimination) -> Section:
@@ -78,7 +78,7 @@ def _scene(found: Discrimination, parts: Sequence[Part]) -> dict[str, Any]:
     seen = np.concatenate([*corners, starts])
     centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
     names = [name for name, ok in zip(found.parts, there, strict=True) if ok]
-    said = [f"{name}: {MM * r:.2f} mm" for name, r in zip(names, found.ranges[there], strict=True)]
+    words = [f"{name}: {MM * r:.2f} mm" for name, r in zip(names, found.ranges[there], strict=True)]
     beyond = np.zeros((0, 2, 3))
     if np.isinf(found.ranges).any():  # beyond the part that it misses
         far = found.origin + 2 * np.linalg.norm(found.origin - centre) * found.direction
@@ -88,7 +88,7 @@ def _scene(found: Discrimination, parts: Sequence[Part]) -> dict[str, Any]:
         "seen": packed(seen - centre),
         "parts": [part_document(part, 2) for part in parts],
         "readings": {
-            "names": said, "words": said, "points": packed(points - centre), "radii": packed(np.zeros(len(points))),
+            "names": words, "words": words, "points": packed(points - centre), "radii": packed(np.zeros(len(points))),
             "starts": packed(starts - centre),
         },
         "free": packed(beyond),

@@ -1,6 +1,6 @@
-"""Layout of a report in one HTML file, and conversion of text to HTML.
+"""Layout of a report as one HTML file, and conversion of text to HTML.
 
-Text that is not :class:`Html` is escaped, so that content of files cannot become markup.
+Text that is not :class:`Html` is escaped, so that the content of files cannot become markup.
 """
 
 from __future__ import annotations
@@ -39,12 +39,20 @@ def element(name: str, /, *children: Html | str, **attributes: object) -> Html:
 
 
 def join(children: Iterable[Html | str]) -> Html:
-    """Return markup and text joined."""
+    """Return pieces of markup and text joined; text is escaped.
+
+    Args:
+        children: markup and text in order.
+    """
     return Html("".join(c.text if isinstance(c, Html) else escape(c) for c in children))
 
 
 def escape(text: str) -> str:
-    """Return text escaped for markup; control characters and lone surrogates become visible."""
+    """Return text escaped for markup; control characters and lone surrogates become visible.
+
+    Args:
+        text: any text.
+    """
     shown = "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape", "surrogatepass").decode() for c in text
     )
@@ -52,7 +60,13 @@ def escape(text: str) -> str:
 
 
 def table(headers: Sequence[str], rows: Iterable[Sequence[Html | str]], **attributes: object) -> Html:
-    """Return a table that scrolls if it is wider than the page; the first column is its header."""
+    """Return a table as HTML, which scrolls if it is wider than the page.
+
+    Args:
+        headers: headers of the columns.
+        rows: cells of each row; the first cell is the header of the row.
+        attributes: attributes of the table, see :func:`element`.
+    """
     head = element("tr", *(element("th", h, scope="col") if h else element("td") for h in headers))
     body = [
         element("tr", element("th", row[0], scope="row"), *(element("td", cell) for cell in row[1:])) for row in rows
@@ -62,7 +76,12 @@ def table(headers: Sequence[str], rows: Iterable[Sequence[Html | str]], **attrib
 
 
 def data(document: Any, name: str) -> Html:
-    """Return data for the page's script as JSON in which no content can end the element."""
+    """Return data for the script of the page as an element with JSON, whose content cannot end the element.
+
+    Args:
+        document: plain dictionaries, lists, strings and numbers.
+        name: id of the element.
+    """
     text = json.dumps(document, allow_nan=False, separators=(",", ":"))
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
@@ -82,7 +101,8 @@ class Section:
         key: anchor, unique in the page: letters and hyphens.
         title: short title.
         lead: introduction.
-        bodies: one body, or one for each hypothesis, best first, of which the page shows that of the selected one.
+        bodies: content: one body, or one for each hypothesis, best first. The page shows the body of the selected
+            hypothesis.
     """
 
     key: str
@@ -92,12 +112,23 @@ class Section:
 
 
 def per_hypothesis(candidates: Sequence[Candidate], body: Callable[[Candidate], Html]) -> tuple[Html, ...]:
-    """Return a body for each hypothesis."""
+    """Return the body of a section for each hypothesis.
+
+    Args:
+        candidates: hypotheses, best first.
+        body: function that returns the body for one hypothesis.
+    """
     return tuple(body(candidate) for candidate in candidates)
 
 
 def switched(bodies: Sequence[Html], name: str = "div", **attributes: object) -> Html:
-    """Return bodies of which the page shows that of the selected hypothesis, at first the first one."""
+    """Return the bodies of all hypotheses, of which the page shows that of the selected one, at first the best.
+
+    Args:
+        bodies: one body for each hypothesis, best first.
+        name: name of the element around each body.
+        attributes: attributes of that element, see :func:`element`.
+    """
     if len(bodies) == 1:
         return element(name, bodies[0], **attributes)
     return join(
@@ -106,7 +137,11 @@ def switched(bodies: Sequence[Html], name: str = "div", **attributes: object) ->
 
 
 def render(section: Section) -> Html:
-    """Return a section as markup; empty if it has no body."""
+    """Return a section as a foldable HTML element; empty if it has no body.
+
+    Args:
+        section: section of a report.
+    """
     if not section.bodies:
         return Html("")
     heading = element("summary", element("h2", section.title))
@@ -127,7 +162,7 @@ class Front:
         chip: status with its sign.
         status: class of the status in ``page.css``.
         message: further sentences that do not repeat the title; may be empty.
-        picture: drawing with its controls.
+        picture: drawing in 3-D with its controls.
         side: content beside the drawing.
     """
 
@@ -140,7 +175,13 @@ class Front:
 
 
 def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) -> str:
-    """Return the complete file."""
+    """Return the text of a complete HTML file.
+
+    Args:
+        front: top of the page.
+        scene: data of the drawing.
+        sections: sections below the top, in order.
+    """
     head = [
         Html('<meta charset="utf-8">'),
         Html(f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'),
@@ -162,7 +203,7 @@ def make_page(front: Front, scene: dict[str, Any], sections: Sequence[Section]) 
     return f"<!doctype html>\n{document.text}\n"
 
 
-def photo_section(key: str, title: str, lead: str, png: bytes, said: str) -> Section:
+def photo_section(key: str, title: str, lead: str, png: bytes, alt: str) -> Section:
     """Return a section with an embedded image.
 
     Args:
@@ -170,14 +211,18 @@ def photo_section(key: str, title: str, lead: str, png: bytes, said: str) -> Sec
         title: short title.
         lead: introduction.
         png: image as a PNG file.
-        said: alternative text.
+        alt: description of the image for screen readers.
     """
     source = f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
-    return Section(key, title, lead, (element("img", src=source, alt=said, class_="photo"),))
+    return Section(key, title, lead, (element("img", src=source, alt=alt, class_="photo"),))
 
 
 def fact_list(facts: Sequence[tuple[str, str]]) -> Html:
-    """Return names and values for a ``dl`` element."""
+    """Return names and values as the content of an HTML ``dl`` element.
+
+    Args:
+        facts: name and value of each fact.
+    """
     return join(join([element("dt", name), element("dd", value)]) for name, value in facts)
 
 

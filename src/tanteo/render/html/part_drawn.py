@@ -10,12 +10,12 @@ from tanteo.geometry.typing import FloatArray, IntArray
 from tanteo.parts import Part, Surface, mesh_edges
 
 _MOST_TRIANGLES, _MOST_LINES = 40_000, 12_000
-"""Largest numbers for all parts of a page together, which has about 2 MB then."""
+"""Largest numbers for all parts of a page together, which limit the page to about 2 MB."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """Drawing of a part, part frame.
+    """Mesh and edges of a part for a browser, part frame.
 
     Attributes:
         vertices: vertices ``(V, 3)`` [m].
@@ -31,11 +31,11 @@ class Drawn:
 
 
 def draw_part(part: Part, share: int = 1) -> Drawn:
-    """Return mesh and edges of a part.
+    """Return mesh and edges of a part, simplified if they are too large for a page.
 
     Args:
-        part: the part.
-        share: number of parts on the page.
+        part: part to draw.
+        share: number of parts on the page, which share the limits of size.
     """
     vertices, triangles = part.vertices, part.triangles
     max_measurements = _MOST_TRIANGLES // share
@@ -59,7 +59,7 @@ def _clustered(part: Part, cells: int) -> tuple[FloatArray, IntArray]:
 
 
 def _lines(part: Part) -> FloatArray:
-    """Edges of the mesh between two faces of the part, the sharpest first ``(L, 2, 3)``."""
+    """Return the edges of the mesh between faces of the part, sharpest first ``(L, 2, 3)`` [m]."""
     edges, normals = mesh_edges(part.triangles), Surface(part.vertices, part.triangles).normals
     between = (part.triangle_face[edges.left] != part.triangle_face[edges.right]) | edges.rims
     cosines = np.sum(normals[edges.left] * normals[edges.right], axis=1)[between]

@@ -1,4 +1,4 @@
-"""A plan as a page: the part with the planned readings as numbered arrows, and what each of them brings."""
+"""Report of a plan: the part with the planned readings as numbered arrows, and the result of each reading."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def plan_page(plan: Plan, part: Part, probe: Probe, tolerance: float, confidence
     """Return the report of a plan as the text of one HTML file.
 
     Args:
-        plan: the plan.
-        part: its part.
+        plan: plan to report.
+        part: part of the plan.
         probe: sensor model.
         tolerance: tolerance of the corners of the part's box, or of the feature [m].
-        confidence: demanded probability of the tolerance.
+        confidence: required probability of the tolerance.
         run: origin of the plan.
     """
     ways, enlarged = find_ways(part, plan.T_world_part, plan.readings[-1].covariance) if plan.readings else ((), 1)
@@ -49,19 +49,21 @@ def _front(
 ) -> Front:
     n = len(plan.readings)
     what = plan.part if plan.feature is None else f"{plan.feature} of {plan.part}"
-    title = f"No plan for {what} keeps the tolerance."
+    title = f"No plan for {what} achieves the tolerance."
     if plan.reached:
         count = f"{n} readings place" if n > 1 else "1 reading places" if n else "No reading is needed to place"
         title = f"{count} {what}."
     layers = [Layer("readings", "planned readings"), Layer("names", "numbers")]
     if plan.feature is not None:
         layers.append(Layer("sticks", plan.feature))
-    legend = [("stick", f"{plan.feature}, which has to keep the tolerance")] if plan.feature is not None else []
+    legend = [("stick", f"{plan.feature}, to which the tolerance applies")] if plan.feature is not None else []
     legend += [("arrow", "planned reading with its number; the tip is the expected point on the part")]
     overlay = f"overlays: off by 1, 2 and 3 sd after the last{times(enlarged)}"
     facts = fact_list([*_facts(plan, probe, tolerance, confidence), *run.facts])
     side = join([element("h2", "Result"), element("dl", facts, class_="first")])
-    shown = picture(layers, [ways] if ways else [], legend, [[("overlay", overlay)]] if ways else [], haunted=False)
+    shown = picture(
+        layers, [ways] if ways else [], legend, [[("overlay", overlay)]] if ways else [], overlays_shown=False
+    )
     chip, status = ("✓ planned", "recognized") if plan.reached else ("✕ not reached", "unknown")
     return Front(title, chip, status, plan.message, shown, side)
 
@@ -78,7 +80,7 @@ def _facts(plan: Plan, probe: Probe, tolerance: float, confidence: float) -> lis
             (f"{_worst(plan).capitalize()} after {n} reading{'s' * (n > 1)}, 1 sd", uncertain(last.sd)),
             (f"{_all(plan).capitalize()} within the tolerance then, over all placements", percent(last.within)),
             (
-                f"The same if every reading meets its face, as at {percent(plan.all_meet)} of the placements",
+                f"The same if every reading hits its face, as at {percent(plan.all_meet)} of the placements",
                 percent(last.within_if_hit),
             ),
         ]
@@ -97,20 +99,20 @@ def _steps(plan: Plan, tolerance: float, confidence: float) -> Section:
         f"Expected standard deviation of {_of_what(plan)}, and probability that {_all(plan)} "
         f"{'is' if plan.feature else 'are'} within the tolerance, before the first reading and after each. The first "
         "readings have little effect until enough directions are determined. The standard deviation holds for "
-        "placements of the part where all readings so far meet their faces."
+        "placements of the part at which all readings so far hit their faces."
     )
     headers = (
-        "", "meets", f"{_worst(plan)}, 1 sd [mm]", "P(within)", "if all meet", "this one meets",
-        "from x, y, z [mm]", "along", "meets it at x, y, z [mm]",
+        "", "face", f"{_worst(plan)}, 1 sd [mm]", "P(within)", "if all hit", "this one hits",
+        "from x, y, z [mm]", "along", "hits it at x, y, z [mm]",
     )  # fmt: skip
     rows = [_row(n, r) for n, r in enumerate(plan.readings, 1)]
-    said = (
-        "Frame: world. Each row is after its reading. P(within) is over all placements that the part may have; 'this "
-        "one meets' is the fraction of them at which the reading meets its face."
+    explanation = (
+        "Frame: world. Each row is after its reading. P(within) is the probability over all placements of the part. "
+        "'This one hits' is the fraction of the placements at which the reading hits its face."
     )
-    note = element("p", said, class_="note")
-    told = join([*_curves(plan, tolerance, confidence), table(headers, rows, class_="plain"), note])
-    return Section("steps", "Result of each reading", lead, (told,))
+    note = element("p", explanation, class_="note")
+    body = join([*_curves(plan, tolerance, confidence), table(headers, rows, class_="plain"), note])
+    return Section("steps", "Result of each reading", lead, (body,))
 
 
 def _curves(plan: Plan, tolerance: float, confidence: float) -> list[Html]:
@@ -120,10 +122,10 @@ def _curves(plan: Plan, tolerance: float, confidence: float) -> list[Html]:
     within = np.array([np.nan, *(r.within for r in plan.readings)])
     words = ["before", *(f"after {k}" for k in places[1:])]
     sd = Curve(f"{_worst(plan)}, 1 sd", sds, tuple(f"{w}: {v:.2g} mm" for w, v in zip(words, sds, strict=True)))
-    if_met = np.array([np.nan, *(r.within_if_hit for r in plan.readings)])
+    if_hit = np.array([np.nan, *(r.within_if_hit for r in plan.readings)])
     chances = [
         Curve(name, v, tuple(f"{w}: {percent(p)}" for w, p in zip(words, v, strict=True)), style)
-        for style, (name, v) in enumerate((("over all placements", within), ("if all meet their faces", if_met)))
+        for style, (name, v) in enumerate((("over all placements", within), ("if all hit their faces", if_hit)))
     ]
     return [
         curve_chart(
@@ -133,18 +135,18 @@ def _curves(plan: Plan, tolerance: float, confidence: float) -> list[Html]:
         ),
         curve_chart(
             f"Probability to be within the tolerance, {percent(within[-1])} at the end.",
-            chances, SHARES, places, (confidence, f"wanted, {percent(confidence)}"),
+            chances, SHARES, places, (confidence, f"required, {percent(confidence)}"),
         ),
     ]  # fmt: skip
 
 
 def _of_what(plan: Plan) -> str:
-    """Return what the plan has to place, for a sentence."""
+    """Return the name of what the tolerance concerns, for a sentence."""
     return plan.feature or "the most uncertain corner of the part's box"
 
 
 def _worst(plan: Plan) -> str:
-    """Return the name of the deviation that counts."""
+    """Return the name of the standard deviation that the tolerance concerns."""
     return plan.feature or "largest corner sd"
 
 
@@ -188,7 +190,7 @@ def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
         "parts": [part_document(part, 1)],
         "readings": {
             "names": [", ".join(map(str, numbers)) for _, numbers in arrows],
-            "words": [_said(plan, numbers) for _, numbers in arrows],
+            "words": [_description(plan, numbers) for _, numbers in arrows],
             "points": packed(points - centre),
             "radii": packed(np.zeros(len(points))),
             "starts": packed(starts - centre),
@@ -204,14 +206,14 @@ def _scene(plan: Plan, part: Part, ways: Sequence[Way]) -> dict[str, Any]:
 
 
 def _arrows(plan: Plan) -> list[tuple[PlannedReading, list[int]]]:
-    """Return readings with their numbers; repeated readings share one arrow."""
+    """Return the distinct readings with their numbers; repeated readings have one arrow."""
     out: dict[bytes, tuple[PlannedReading, list[int]]] = {}
     for n, r in enumerate(plan.readings, 1):
         out.setdefault(np.round(np.r_[r.origin, r.direction], 9).tobytes(), (r, []))[1].append(n)
     return list(out.values())
 
 
-def _said(plan: Plan, numbers: Sequence[int]) -> str:
+def _description(plan: Plan, numbers: Sequence[int]) -> str:
     r = plan.readings[numbers[0] - 1]
     name = f"reading {numbers[0]}" if len(numbers) == 1 else f"readings {', '.join(map(str, numbers))}"
     return f"{name}: {r.face}; {_worst(plan)} {uncertain(r.sd)} after {numbers[0]}"

@@ -1,4 +1,4 @@
-"""Data for the drawing of a report: parts, readings, beams, distances and overlays, world frame [mm]."""
+"""Data of the drawing of a report: parts, readings, beams, distances and overlays, world frame [mm]."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ MOST_READINGS = 4000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """Hypothesis with everything that the report shows of it.
+    """Hypothesis with the data that a report shows.
 
     Attributes:
-        hypothesis: the hypothesis.
-        part: its part.
-        contacts: residuals of the readings on it.
-        ways: principal errors of its pose.
-        enlarged: magnification of the overlays of ``ways``.
+        hypothesis: hypothesis of the answer.
+        part: part of the hypothesis.
+        contacts: residuals of the readings for the hypothesis.
+        ways: principal errors of the pose.
+        enlarged: magnification of the overlays in ``ways``.
     """
 
     hypothesis: Hypothesis
@@ -45,12 +45,23 @@ class Candidate:
 
 
 def shapes_shown(candidates: Sequence[Candidate], sensed: Sensed) -> Shapes:
-    """Return the features of labelled readings, scaled to the best hypothesis' part."""
+    """Return the features of labelled readings, magnified for the size of the best hypothesis' part.
+
+    Args:
+        candidates: hypotheses, best first.
+        sensed: readings of the answer.
+    """
     return shapes_of(sensed.measured, _extent(candidates, sensed.measured.points)[1], sensed.tolerance)
 
 
 def scene_document(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shapes) -> dict[str, Any]:
-    """Return the complete scene; world coordinates are relative to its ``centre``."""
+    """Return all data of the drawing; world coordinates are relative to its ``centre``.
+
+    Args:
+        candidates: hypotheses, best first.
+        sensed: readings of the answer.
+        shapes: features of labelled readings.
+    """
     measured = sensed.measured
     centre, size = _extent(candidates, measured.points)
     parts = list(dict.fromkeys(c.part.name for c in candidates))
@@ -82,7 +93,7 @@ def scene_document(candidates: Sequence[Candidate], sensed: Sensed, shapes: Shap
 
 
 def _chosen_rows(n: int, candidates: Sequence[Candidate]) -> IntArray:
-    """Return the readings to draw: all, or evenly chosen ones and the outliers of the best hypothesis."""
+    """Return the rows of the readings to draw: all, or a regular selection and outliers of the best hypothesis."""
     if n <= MOST_READINGS:
         return np.arange(n)
     wrong = np.flatnonzero(~candidates[0].contacts.used) if candidates else np.zeros(0, dtype=np.int64)
@@ -112,8 +123,8 @@ def _seen(candidates: Sequence[Candidate], points: FloatArray) -> FloatArray:
         return points if len(points) else 0.05 * np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
     best = candidates[0]
     z = 1 - 2 * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
-    around = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS)
-    directions = np.stack([np.cos(around) * np.sqrt(1 - z**2), np.sin(around) * np.sqrt(1 - z**2), z])
+    azimuth = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS)
+    directions = np.stack([np.cos(azimuth) * np.sqrt(1 - z**2), np.sin(azimuth) * np.sqrt(1 - z**2), z])
     vertices = best.part.vertices
     farthest = vertices[np.unique(np.argmax(vertices @ directions, axis=0))]
     T = best.hypothesis.T_world_part
@@ -121,12 +132,22 @@ def _seen(candidates: Sequence[Candidate], points: FloatArray) -> FloatArray:
 
 
 def view_document(centre: Vectors, size: float) -> dict[str, Any]:
-    """Return centre and size of the view."""
+    """Return centre and size of the view as data of the drawing.
+
+    Args:
+        centre: centre of the view, world frame ``(3,)`` [m].
+        size: size of the view [m].
+    """
     return {"centre_mm": [float(v) for v in centre * MM], "size_mm": float(size * MM)}
 
 
 def part_document(part: Part, count: int) -> dict[str, Any]:
-    """Return the drawing of a part on a page with a number of parts."""
+    """Return a part as data of the drawing.
+
+    Args:
+        part: part to draw.
+        count: number of parts on the page.
+    """
     drawn = draw_part(part, count)
     return {
         "name": part.name,
@@ -150,7 +171,7 @@ def _hypothesis(
     return {
         "part": part,
         "pose": pose_numbers(candidate.hypothesis.T_world_part, centre),
-        "met": [contacts.met[i] for i in rows],
+        "met": [contacts.faces[i] for i in rows],
         "off_mm": [round(float(contacts.distances[i]) * MM, 5) for i in rows],
         "sd_mm": [round(float(contacts.sds[i]) * MM, 5) for i in rows],
         "wrong": [int(not contacts.used[i]) for i in rows],
@@ -160,7 +181,13 @@ def _hypothesis(
 
 
 def distance_enlarged(candidate: Candidate) -> int:
-    """Return the magnification of distances to the surface, so that fitting ones stay below a tenth of the part."""
+    """Return the magnification of the drawn distances to the surface, 1, 2, 5, 10, ....
+
+    With it the distances of fitting readings are at most 6 % of the size of the part.
+
+    Args:
+        candidate: hypothesis with the residuals.
+    """
     contacts = candidate.contacts
     fitting = np.abs(contacts.distances[contacts.used])
     wanted = 0.06 * candidate.part.diagonal / max(float(fitting.max(initial=0.0)), 1e-9)
@@ -168,14 +195,23 @@ def distance_enlarged(candidate: Candidate) -> int:
 
 
 def pose_numbers(T: Transforms, centre: Vectors) -> list[float]:
-    """Return a pose by columns, relative to the centre [mm]."""
+    """Return the 16 numbers of a pose by columns, with the position relative to the centre [mm].
+
+    Args:
+        T: pose, world frame ``(4, 4)`` [m].
+        centre: centre of the view, world frame ``(3,)`` [m].
+    """
     M = np.array(T)
     M[:3, 3] = (M[:3, 3] - centre) * MM
     return [round(float(v), 9) for v in M.T.ravel()]
 
 
 def packed(metres: FloatArray) -> str:
-    """Return lengths as base64 of 32-bit floats [mm]."""
+    """Return lengths in metres as base64 text of 32-bit floats in millimetres.
+
+    Args:
+        metres: lengths [m].
+    """
     return _base64((np.asarray(metres) * MM).astype("<f4"))
 
 
@@ -184,5 +220,10 @@ def _base64(array: np.ndarray) -> str:
 
 
 def overlay_numbers(ways: Sequence[Way], centre: Vectors) -> list[list[list[list[float]]]]:
-    """Return the poses of the overlays by principal error, level and sign."""
+    """Return the poses of the overlays, nested by principal error, level and sign.
+
+    Args:
+        ways: principal errors of the pose.
+        centre: centre of the view, world frame ``(3,)`` [m].
+    """
     return [[[pose_numbers(T, centre) for T in level] for level in way.Ts_world_part] for way in ways]

@@ -1,4 +1,4 @@
-"""Sections of every answer: fit, directions of the error, figures, and the command."""
+"""Sections of the report of an answer: fit, directions of the error, figures, and command."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ from tanteo.words import percent
 
 
 def figure_section(candidates: Sequence[Candidate]) -> Section:
-    """Return the section with pose, covariance and fit of every hypothesis."""
+    """Return the section with pose, covariance and fit of every hypothesis.
+
+    Args:
+        candidates: hypotheses, best first.
+    """
     lead = "The pose maps points of the part to the world. Every figure has its frame and its unit."
     return Section("figures", "All figures", lead, per_hypothesis(candidates, _pose_table))
 
@@ -36,7 +40,13 @@ def _pose_table(candidate: Candidate) -> Html:
 
 
 def pose_figures(T: Transforms, C: Covariances, more: Sequence[Sequence[str]] = ()) -> Html:
-    """Return a pose and its covariance as a table with further rows, and as matrices."""
+    """Return a pose and its covariance as a table and as matrices.
+
+    Args:
+        T: pose ``T_world_part`` ``(4, 4)``.
+        C: covariance of the pose, part frame, right perturbation ``(6, 6)`` [m, rad].
+        more: further rows of the table: figure, value, unit and frame.
+    """
     R = T[:3, :3]
     in_world = np.sqrt(np.diag(R @ C[:3, :3] @ R.T))
     sds, q = np.sqrt(np.diag(C)), SO3.as_quaternion(R)
@@ -74,8 +84,9 @@ def rests_section(candidates: Sequence[Candidate], directions: Sequence[Sequence
     """Return the section with the principal directions of the error and the readings that constrain them.
 
     Args:
-        candidates: the hypotheses.
-        directions: directions of each hypothesis, see :func:`directions_of` and :func:`tanteo.planning.explain`.
+        candidates: hypotheses, best first.
+        directions: principal directions of each hypothesis, see :func:`directions_of` and
+            :func:`tanteo.planning.explain`.
     """
     lead = (
         "Independent errors of the pose, the largest first; the overlays in the picture show them. Each bar divides "
@@ -86,11 +97,11 @@ def rests_section(candidates: Sequence[Candidate], directions: Sequence[Sequence
 
 
 def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]:
-    """Return the principal errors of a pose with each reading's fraction of the information, to first order.
+    """Return the principal errors of a pose with the fraction of the information from each reading, to first order.
 
     Args:
-        candidate: a hypothesis with the residuals of the readings.
-        sensed: the readings.
+        candidate: hypothesis with the residuals of the readings.
+        sensed: readings of the answer.
     """
     contacts, part = candidate.contacts, candidate.part
     form = 0.0 if contacts.labelled else sensed.tolerance**2 * np.any(contacts.form != 0, axis=1)
@@ -108,7 +119,7 @@ def directions_of(candidate: Candidate, sensed: Sensed) -> tuple[Direction, ...]
 
 def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
     if not directions:
-        return element("p", "No reading met anything, so no direction is determined.")
+        return element("p", "No reading hit anything, so no direction is determined.")
     overlays = [way.motion.brief for way in candidate.ways]
     rows = []
     for d in directions:
@@ -116,7 +127,7 @@ def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
         show: Html | str = ""
         if words in overlays:
             show = element("button", "Show", type="button", data_way=overlays.index(words), aria_label=f"Show: {words}")
-        rows.append((words, f"{MM * d.moves:.3g}", join([_direction_bar(d), element("div", _said(d))]), show))
+        rows.append((words, f"{MM * d.moves:.3g}", join([_direction_bar(d), element("div", _determined_by(d))]), show))
     headers = ("possible error", "motion of the corners, rms [mm]", "determined by", "overlays")
     return table(headers, rows, class_="directions")
 
@@ -124,11 +135,11 @@ def _directions(candidate: Candidate, directions: Sequence[Direction]) -> Html:
 def _direction_bar(d: Direction) -> Html:
     named = [(f"{name}: {percent(p)}", p, f"s{k % 2}") for k, (name, p) in enumerate(d.shares[:_NAMED])]
     parts = [*named, ("prior", d.prior, "none")]
-    spans = [element("span", title=said, class_=kind, style=f"width:{100 * p:.2f}%") for said, p, kind in parts]
+    spans = [element("span", title=title, class_=kind, style=f"width:{100 * p:.2f}%") for title, p, kind in parts]
     return element("div", *spans, class_="stack", aria_hidden="true")
 
 
-def _said(d: Direction) -> str:
+def _determined_by(d: Direction) -> str:
     named = [f"{name} ({percent(p)})" for name, p in d.shares[:_NAMED] if p >= 0.0005]
     rest, others = sum(p for _, p in d.shares[_NAMED:]), len(d.shares) - _NAMED
     if rest >= 0.0005:
@@ -143,7 +154,12 @@ _MOST_ROWS = 300
 
 
 def residual_section(candidates: Sequence[Candidate], sensed: Sensed) -> Section:
-    """Return the section with every reading's distance to the surface."""
+    """Return the section with the distance of every reading from the surface.
+
+    Args:
+        candidates: hypotheses, best first.
+        sensed: readings of the answer.
+    """
     lead = (
         "Each dot is a reading: its distance to the surface of the part, in standard deviations of its noise. 95 % of "
         "good readings are inside the band. A cross is a reading that does not fit and is excluded."
@@ -165,11 +181,11 @@ def _residuals(candidate: Candidate, sensed: Sensed) -> Html:
             f"{MM * contacts.sds[i]:.3g}",
             f"{round(sds[i], 1) + 0.0:+.1f}",
             sensed.measured.features[i] or "–",
-            contacts.met[i],
+            contacts.faces[i],
         ]
         for i in rows
     ]
-    headers = ["reading", "", "distance [mm]", "1 sd [mm]", "in sds", "label", "met"]
+    headers = ["reading", "", "distance [mm]", "1 sd [mm]", "in sds", "label", "hit"]
     details = element("details", element("summary", "All readings as a table"), table(headers, cells, class_="plain"))
     if len(rows) == len(ids):
         return join([chart, details])
@@ -180,7 +196,7 @@ def _residuals(candidate: Candidate, sensed: Sensed) -> Html:
 def _reading_words(candidate: Candidate, sensed: Sensed, i: int) -> str:
     contacts = candidate.contacts
     verdict = "fits" if contacts.used[i] else "does not fit"
-    return f"reading {sensed.measured.ids[i]}, {contacts.met[i]}: {MM * contacts.distances[i]:+.3g} mm, {verdict}"
+    return f"reading {sensed.measured.ids[i]}, {contacts.faces[i]}: {MM * contacts.distances[i]:+.3g} mm, {verdict}"
 
 
 def _rows(candidate: Candidate) -> IntArray:
@@ -192,7 +208,12 @@ def _rows(candidate: Candidate) -> IntArray:
 
 
 def rerun_section(command: str, made: str) -> Section:
-    """Return the section with the command that gives the same answer."""
+    """Return the section with the command that repeats the result.
+
+    Args:
+        command: command line.
+        made: program, version and seed, for a note.
+    """
     body = join(
         [
             element("pre", element("code", command, id="command"), tabindex="0"),

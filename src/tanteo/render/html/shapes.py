@@ -14,7 +14,7 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.sensors import PointMeasurements, reading_kind
 
 _SDS, _SEEN = 2.0, 0.04
-"""Displacement of the drawn features in standard deviations, and its size as a fraction of the view."""
+"""Displacement of the drawn features [standard deviations], and its largest drawn size as a fraction of the view."""
 
 _WORST = 4
 """Number of displaced outlines of each feature: both signs of its two most uncertain directions."""
@@ -28,7 +28,7 @@ class Shapes:
         names: kind and label of each feature.
         lines: outlines ``(L, 2, 3)`` [m].
         off: outlines displaced by two standard deviations times ``enlarged`` ``(M, 2, 3)`` [m].
-        enlarged: magnification.
+        enlarged: magnification of the displacements.
     """
 
     names: tuple[str, ...]
@@ -49,7 +49,7 @@ def shapes_of(measured: PointMeasurements, size: float, tolerance: float = 0.0) 
     """Return the features of labelled readings; none if the labels do not determine one.
 
     Args:
-        measured: the readings.
+        measured: measurements of the readings.
         size: size of the view [m].
         tolerance: standard deviation of the real surface from the CAD [m].
     """
@@ -63,7 +63,7 @@ def shapes_of(measured: PointMeasurements, size: float, tolerance: float = 0.0) 
 
 
 def _rims(measured: PointMeasurements) -> list[Feature]:
-    """Return circles of measured centres with axis and radius."""
+    """Return the circles of readings that state centre, axis and radius."""
     sds = np.sqrt(np.linalg.eigvalsh(measured.total_covs())[:, -1])
     return [
         given_round(
@@ -79,7 +79,12 @@ def _rims(measured: PointMeasurements) -> list[Feature]:
 
 
 def draw_shapes(features: Sequence[Feature], size: float) -> Shapes:
-    """Return outlines of features for a view of a size [m]."""
+    """Return the outlines of features with magnified displacements.
+
+    Args:
+        features: features; those without a label are skipped.
+        size: size of the view [m].
+    """
     none, labelled = np.zeros((0, 2, 3)), [f for f in features if f.label]
     lines = [outline(f) for f in labelled]
     moved = [outlines_off(f, _SDS)[-_WORST:] - at for f, at in zip(labelled, lines, strict=True)]

@@ -27,10 +27,11 @@ class Source:
 
     Attributes:
         name: name for the report.
-        kind: type in the GUM (JCGM 100:2008): ``A`` from the scatter of these readings, ``B`` stated or prior.
+        kind: type of evaluation in the GUM (JCGM 100:2008): ``A`` from the scatter of these readings, ``B`` stated or
+            prior.
         share: fraction of the variance of the most uncertain corner; the fractions of a budget sum to one.
-        sd: standard deviation of that corner by this source alone [m].
-        without: largest corner sd without this error [m]; NaN if no noise is left then.
+        sd: standard deviation of that corner from this source alone [m].
+        without: largest corner sd without this source [m]; NaN if some reading has no noise then.
     """
 
     name: str
@@ -46,7 +47,7 @@ class Budget:
 
     Attributes:
         sources: sources, the largest first.
-        total: largest corner sd by this budget [m].
+        total: largest corner sd of the budget [m].
     """
 
     sources: tuple[Source, ...]
@@ -59,11 +60,11 @@ def make_budget(
     """Return the budget of a pose, or None if no direction of the pose is observed.
 
     Args:
-        contacts: residuals of the readings on the part.
-        sensed: the same readings with their shared errors.
-        part: the part.
-        T_world_part: the pose ``(4, 4)``.
-        noise_scale: real noise over the stated noise.
+        contacts: residuals of the readings for the pose.
+        sensed: same readings with their shared errors.
+        part: part of the hypothesis.
+        T_world_part: pose of the hypothesis ``(4, 4)``.
+        noise_scale: ratio of the estimated to the stated noise.
     """
     used = contacts.used[contacts.reading]
     known = prior_rows(sensed.prior, part, T_world_part[None])[1][0]
@@ -135,7 +136,7 @@ def _terms(contacts: Contacts, sensed: Sensed, used: BoolArray, known: int, nois
 
 
 def _assumed(terms: Mapping[str, _Term]) -> _Spread:
-    """Return the total covariance that the weights assume."""
+    """Return the total covariance that the weights of the estimator assume."""
     own = np.sum([term.assumed.own for term in terms.values()], axis=0)
     return _Spread(own, np.concatenate([term.assumed.common for term in terms.values()], axis=1))
 

@@ -1,4 +1,4 @@
-"""Principal errors of a pose and their overlays."""
+"""Principal errors of a pose, and overlays that show them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NOTABLE = 0.01
 """Fraction of the largest motion below which a principal error is not shown."""
 
 _SHOWN = 0.16
-"""Displacement of the farthest overlay, as a fraction of the part's size."""
+"""Largest displacement of the farthest overlay, as a fraction of the part's size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,9 +47,9 @@ def find_ways(part: Part, T_world_part: Transforms, covariance: Covariances) -> 
     They are uncorrelated, and principal for the mean square displacement of the corners of the part's box.
 
     Args:
-        part: the part.
-        T_world_part: its pose ``(4, 4)``.
-        covariance: covariance of the pose ``(6, 6)`` [m, rad].
+        part: part at the pose.
+        T_world_part: pose ``(4, 4)``.
+        covariance: covariance of the pose, part frame, right perturbation ``(6, 6)`` [m, rad].
     """
     T, J = T_world_part, corner_moves(part)
     values, vectors = np.linalg.eigh(covariance)

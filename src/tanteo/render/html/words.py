@@ -18,12 +18,23 @@ _MOST_NAMES = 6
 
 
 def headline(answer: Answer) -> str:
-    """Return the verdict in words: which part it is, and how well it is located."""
+    """Return the verdict of an answer as a sentence: the part, and how well it is located.
+
+    Args:
+        answer: answer to report.
+    """
     return headline_of(answer.findings)
 
 
 def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed, significance: float) -> list[tuple[str, str]]:
-    """Return the few figures beside the picture, as name and value; tests judge at the answer's ``significance``."""
+    """Return the main figures of a hypothesis, as name and value.
+
+    Args:
+        hypothesis: hypothesis to report.
+        part: part of the hypothesis.
+        sensed: readings of the answer.
+        significance: significance level of the answer's tests.
+    """
     n, wrong = len(sensed.measured), hypothesis.outliers
     used = len({reading for reading, _ in hypothesis.pairings} & set(sensed.measured.ids))
     x, y, z = (fixed(v * MM, 2) for v in hypothesis.T_world_part[:3, 3])
@@ -46,10 +57,10 @@ def facts(hypothesis: Hypothesis, part: Part, sensed: Sensed, significance: floa
     return [*rows, ("Do the readings agree?", _agreement(hypothesis, significance))]
 
 
-def _fitting(used: int, met: int, free: int) -> str:
-    """Return the number of fitting readings, with the number of those that met nothing."""
-    nothing = f"; {'one' if free == 1 else free} met nothing" if free else ""
-    return f"{used} of {met + free}{nothing}"
+def _fitting(used: int, hits: int, free: int) -> str:
+    """Return the number of fitting readings, with the number of beams that hit nothing."""
+    nothing = f"; {'one' if free == 1 else free} hit nothing" if free else ""
+    return f"{used} of {hits + free}{nothing}"
 
 
 def _wrong(hypothesis: Hypothesis) -> str:
@@ -70,15 +81,28 @@ def _agreement(hypothesis: Hypothesis, significance: float) -> str:
 
 
 def uncertain(metres: float) -> str:
-    """Return a standard deviation in millimetres with two digits."""
+    """Return a standard deviation in millimetres with two digits.
+
+    Args:
+        metres: standard deviation [m].
+    """
     return f"{float(f'{MM * metres:.2g}'):g} mm"
 
 
 def length(metres: float) -> str:
-    """Return a length in millimetres with three digits."""
+    """Return a length in millimetres with three digits.
+
+    Args:
+        metres: length [m].
+    """
     return f"{float(f'{MM * metres:.3g}'):g} mm"
 
 
 def fixed(value: float, digits: int) -> str:
-    """Return a number with fixed decimals, never minus zero."""
+    """Return a number with fixed decimals, never minus zero.
+
+    Args:
+        value: number.
+        digits: number of decimals.
+    """
     return f"{round(value, digits) + 0.0:.{digits}f}"

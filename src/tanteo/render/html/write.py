@@ -27,10 +27,10 @@ from tanteo.sensors import Readings
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Origin of an answer.
+    """Origin of a result, so that the user can repeat it.
 
     Attributes:
-        command: command line that gives the same answer.
+        command: command line that repeats the result.
         made_by: program and version.
         facts: further facts beside the picture, as name and value.
     """
@@ -44,8 +44,8 @@ def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run,
     """Return the report of an answer as the text of one HTML file.
 
     Args:
-        answer: the answer.
-        sensed: its readings, see :func:`tanteo.render.gather`.
+        answer: answer to report.
+        sensed: readings of the answer, see :func:`tanteo.render.gather`.
         parts: candidate parts, at least those of the hypotheses.
         run: origin of the answer.
         more: further sections before the figures.
@@ -59,14 +59,14 @@ def report_page(answer: Answer, sensed: Sensed, parts: Sequence[Part], run: Run,
     return _page(answer, candidates, sensed, run, [fit, rests, budget, *more])
 
 
-def session_page(session: Session, run: Run, more: Sequence[Section] = (), look: Vectors | None = None) -> str:
-    """Return the report of a session as the text of one HTML file: its current answer and its course.
+def session_page(session: Session, run: Run, more: Sequence[Section] = (), eye_direction: Vectors | None = None) -> str:
+    """Return the report of a session, with its current answer and its steps, as the text of one HTML file.
 
     Args:
-        session: session with or without readings.
+        session: session, which may have no readings.
         run: origin of the session.
         more: further sections before all others.
-        look: direction from the drawn part to the eye, world frame ``(3,)``; None for the default.
+        eye_direction: direction from the drawn part to the viewer, world frame ``(3,)``; None for the default.
     """
     answer, explanation = session.answer(), explain(session.state, session.steps)
     readings = Readings.from_columns(n=0) if session.readings is None else session.readings
@@ -76,15 +76,15 @@ def session_page(session: Session, run: Run, more: Sequence[Section] = (), look:
     rests = rests_section(candidates, directions[: len(candidates)])
     fit, budget = residual_section(candidates, sensed), budget_section(candidates, sensed)
     sections = [*more, course_section(session, explanation.added), fit, rests, budget]
-    return _page(answer, candidates, sensed, run, sections, goal_words(session.stop), look)
+    return _page(answer, candidates, sensed, run, sections, goal_words(session.stop), eye_direction)
 
 
 def write_report(path: str | Path, page: str) -> None:
-    """Write a page to a file, which is replaced if it exists.
+    """Write a page to a file; an existing file is replaced.
 
     Args:
         path: HTML file.
-        page: its text, see :func:`report_page`.
+        page: text of the page, see :func:`report_page`.
 
     Raises:
         OSError: the file cannot be written.
@@ -100,21 +100,21 @@ def _page(
     run: Run,
     sections: Sequence[Section],
     goal: str = "",
-    look: Vectors | None = None,
+    eye_direction: Vectors | None = None,
 ) -> str:
     made = f"{run.made_by}, seed {answer.seed}; readings: {sensed.source}."
     last = [figure_section(candidates), rerun_section(run.command, made)]
     shapes = shapes_shown(candidates, sensed)
     front = answer_front(answer, candidates, sensed, run.facts, shapes)
     front = replace(front, message=f"{goal} {front.message}".strip())
-    return make_page(front, scene_document(candidates, sensed, shapes) | _eye(look), [*sections, *last])
+    return make_page(front, scene_document(candidates, sensed, shapes) | _eye(eye_direction), [*sections, *last])
 
 
-def _eye(look: Vectors | None) -> dict[str, Any]:
+def _eye(eye_direction: Vectors | None) -> dict[str, Any]:
     """Return azimuth and elevation of the initial view."""
-    if look is None:
+    if eye_direction is None:
         return {}
-    x, y, z = (float(v) for v in look)
+    x, y, z = (float(v) for v in eye_direction)
     return {"look": [math.atan2(y, x), math.atan2(z, math.hypot(x, y))]}
 
 

@@ -1,6 +1,6 @@
-"""The live page: a running session in a browser, in which the user can also choose readings.
+"""Live page: a running session in a browser, in which the user can also choose readings.
 
 A :class:`Snapshot` is a session at one moment. ``drawing`` converts it to primitives and ``panel`` to text, without
-a browser. :class:`Player` runs a :class:`Show` on any :class:`Page`; :func:`play` and :func:`replay` open that of viser
-(extra ``viewer``), which is imported then.
+a browser. :class:`Player` runs a :class:`Show` on any :class:`Page`; :func:`play` and :func:`replay` open a page of
+viser (extra ``viewer``), which they import.
 """

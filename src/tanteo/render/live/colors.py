@@ -1,4 +1,4 @@
-"""Colours of the live page: those of the light report, and further ones for alternative parts."""
+"""Colours of the live page: the colours of reports with a light background, and further ones for alternative parts."""
 
 from __future__ import annotations
 
@@ -24,5 +24,5 @@ RIVALS: tuple[Colour, ...] = ((230, 159, 0), (110, 195, 255), (96, 36, 4))
 
 
 def css(colour: Colour) -> str:
-    """Return a colour as style sheets write it."""
+    """Return a colour in the notation of style sheets, such as ``#9fabb8``."""
     return "#" + "".join(f"{c:02x}" for c in colour)

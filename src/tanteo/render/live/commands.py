@@ -1,4 +1,4 @@
-"""Commands of the user, and the reading of a click, along the normal of the clicked surface."""
+"""Commands of the user, and the reading that a click chooses."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Restart:
 
 @dataclass(frozen=True, slots=True)
 class Contest:
-    """Restart as a contest: the user chooses all readings, and the policy senses the same scene hidden."""
+    """Restart as a contest: the user chooses all readings, while the policy senses the same scene, hidden."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,13 @@ class Choose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Click:
-    """A click into the picture: a ray from the eye, world frame. Hidden layers are ignored."""
+    """Click into the picture.
+
+    Attributes:
+        eye: position of the viewer, world frame ``(3,)`` [m].
+        ray: direction from the viewer to the clicked point, world frame ``(3,)``.
+        hidden: layers that are not visible and therefore cannot be clicked.
+    """
 
     eye: Vectors
     ray: Vectors
@@ -69,38 +75,43 @@ Command = Go | Pause | Advance | Restart | Contest | AnswerNow | Quit | Choose |
 
 
 class Left(Exception):  # noqa: N818
-    """Raised to leave a run before its end: to restart, to answer, or to close."""
+    """Exception that ends a run early: to restart, to answer, or to close.
+
+    Attributes:
+        how: command that ends the run.
+    """
 
     def __init__(self, how: Restart | Contest | AnswerNow | Quit) -> None:
         self.how = how
 
 
 def leave(command: Command) -> None:
-    """Leave the run if a command demands it.
+    """Raise :class:`Left` if a command ends the run.
 
     Args:
         command: command of the user.
 
     Raises:
-        Left: the command leaves the run.
+        Left: the command ends the run.
     """
     if isinstance(command, Restart | Contest | AnswerNow | Quit):
         raise Left(command)
 
 
 _TILTS = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Tilts from the normal towards the middle of the probe's cone that are tried in turn, as fractions."""
+"""Tilts from the normal toward the axis of the probe's cone that are tried in this order, as fractions."""
 
 
 def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number: int) -> Action | ClickFailed:
-    """Return the reading of a click, or why there is none.
+    """Return the reading that a click chooses, or the reason why it is impossible.
 
-    Its direction is the inward normal of the clicked surface, or the nearest allowed and clear direction.
+    The reading is along the inward normal of the clicked surface, or the nearest allowed direction with a clear
+    approach.
 
     Args:
-        session: the session.
-        modes: modes that are drawn and not hidden.
-        eye: position of the eye, world frame ``(3,)`` [m].
+        session: running session.
+        modes: indices of the visible modes.
+        eye: position of the viewer, world frame ``(3,)`` [m].
         ray: direction of the click, world frame ``(3,)``.
         number: number of the action.
     """
@@ -108,24 +119,24 @@ def picked(session: Session, modes: IntArray, eye: Vectors, ray: Vectors, number
     if hit is None:
         return ClickFailed("nothing")
     mode, face, point, inward = hit
-    ways = _ways(session.probe, mode, face, point, inward)
-    ways = ways.take(has_clearance(session.state, ways, session.probe, anywhere=False))
-    if not len(ways):
+    found = _click_candidates(session.probe, mode, face, point, inward)
+    found = found.take(has_clearance(session.state, found, session.probe, anywhere=False))
+    if not len(found):
         return ClickFailed("space")
     if session.able is not None:
-        ways = ways.take(session.able(session.state, ways))
-    if not len(ways):
+        found = found.take(session.able(session.state, found))
+    if not len(found):
         return ClickFailed("reach")
     part, probe = session.state.target(mode).part, session.probe
     name = part.faces[face].name if face >= 0 else "a place beside it"
     return Action(
-        number, ways.origins[0], ways.directions[0], probe.max_range, float(ways.ranges[0]), part.name, name, np.nan,
+        number, found.origins[0], found.directions[0], probe.max_range, float(found.ranges[0]), part.name, name, np.nan,
         ChosenByUser(),
     )  # fmt: skip
 
 
-def _ways(probe: Probe, mode: int, face: int, point: Vectors, inward: Vectors) -> Candidates:
-    """Return candidates for a place, the best first: along its normal, or tilted towards the probe's cone."""
+def _click_candidates(probe: Probe, mode: int, face: int, point: Vectors, inward: Vectors) -> Candidates:
+    """Return candidates for a clicked point, best first: along its normal, or tilted toward the probe's cone."""
     tilted = [inward] if probe.approach is None else [(1 - t) * inward + t * probe.approach for t in _TILTS]
     lengths = np.linalg.norm(tilted, axis=1, keepdims=True)
     directions = within_cone((tilted / np.maximum(lengths, 1e-9))[lengths[:, 0] > 1e-3], probe)
@@ -140,7 +151,7 @@ def _ways(probe: Probe, mode: int, face: int, point: Vectors, inward: Vectors) -
 def _first(
     state: SensingState, modes: IntArray, eye: Vectors, ray: Vectors
 ) -> tuple[int, int, Vectors, Vectors] | None:
-    """Return mode, face, point and inward normal of a click; beside the part, the point nearest to its centre."""
+    """Return mode, face, point and inward normal of a click; beside the part, the ray's point nearest to its centre."""
     best: tuple[float, tuple[int, int, Vectors, Vectors]] | None = None
     for k in modes.tolist():
         target, T = state.target(k), state.poses[k]

@@ -1,4 +1,4 @@
-"""Planner that senses the same scene hidden, one reading for each reading of the user."""
+"""Contest: the policy senses the same scene, hidden, with one reading for each reading of the user."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tanteo.render.live.snapshot import Result, Snapshot, result
 
 
 class Opponent:
-    """Run a show hidden, in a thread that computes only on request.
+    """Hidden run of a show in a thread that computes only on request.
 
-    Two threads never compute at the same time if callers call :meth:`rest` before they compute.
+    Call :meth:`rest` before other computations, so that two threads never compute at the same time.
 
     Args:
-        show: its show, which others must not use before :meth:`rest` returns.
+        show: show to run; do not use it elsewhere before :meth:`rest` returns.
     """
 
     def __init__(self, show: Show) -> None:
@@ -34,24 +34,24 @@ class Opponent:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """Steps of its session so far."""
+        """Steps of the hidden session so far."""
         return self.show.session.steps
 
     def turn(self) -> None:
-        """Let it make one more reading, unless it has finished."""
+        """Start one more reading, unless the hidden session has ended."""
         self.rest()
         if self.end is None:
             self._resting.clear()
             self._allowed.release()
 
     def rest(self, patience: Callable[[], None] = lambda: None) -> None:
-        """Wait until it does not compute.
+        """Wait until the thread does not compute.
 
         Args:
-            patience: callback during the wait; it may raise.
+            patience: function to call during the wait; it may raise.
 
         Raises:
-            Exception: error of its thread.
+            Exception: error that occurred in the thread.
         """
         while not self._resting.wait(0.1):
             patience()
@@ -59,25 +59,40 @@ class Opponent:
             raise self._error
 
     def finish(self, patience: Callable[[], None]) -> Done:
-        """Let it run to its end, and return that."""
+        """Run the hidden session to its end, and return the end.
+
+        Args:
+            patience: function to call during the wait; it may raise.
+        """
         while self.end is None:
             self.turn()
             self.rest(patience)
         return self.end
 
     def leave(self) -> None:
-        """Stop it, and wait until it does not compute."""
+        """Stop the run, and wait until the thread does not compute."""
         self._gone = True
         self._allowed.release()
         self._resting.wait()
 
     def place(self, note: str) -> None:
-        """Wait for the next turn after a reading (see :class:`tanteo.render.Watch`)."""
+        """Wait for the next turn after a reading (see :class:`tanteo.render.Watch`).
+
+        Args:
+            note: remarks on the reading, which are not shown.
+        """
         self._resting.set()
         self._wait()
 
     def moved(self, sensed: HandReading) -> None:
-        """Stop the motion of its hand if it was ended; the hand is not drawn."""
+        """Raise if the run was stopped; the hidden hand is not drawn.
+
+        Args:
+            sensed: readings and pose of the hand.
+
+        Raises:
+            _GoneError: the run was stopped.
+        """
         if self._gone:
             raise _GoneError
 
@@ -103,7 +118,7 @@ class _GoneError(Exception):
 
 
 class Rival:
-    """The planner beside the user: it runs along in a contest, and otherwise after the user has finished.
+    """Policy with which the user is compared: it runs during a contest, and otherwise after the user has finished.
 
     Args:
         make: function that creates a show from seed and policy, reproducibly.
@@ -115,40 +130,60 @@ class Rival:
         self._results: dict[tuple[int, str], Result] = {}
 
     def begin(self, seed: int, policy: str) -> None:
-        """Start a contest."""
+        """Start the hidden run of a contest.
+
+        Args:
+            seed: seed of the scene.
+            policy: name of the policy.
+        """
         self.leave()
         self._opponent = Opponent(self._make(seed, policy))
 
     def leave(self) -> None:
-        """Stop the planner."""
+        """Stop the hidden run."""
         if self._opponent is not None:
             self._opponent.leave()
         self._opponent = None
 
     def turn(self) -> None:
-        """Let it make one more reading in a contest."""
+        """Start one more hidden reading in a contest."""
         if self._opponent is not None:
             self._opponent.turn()
 
     def rest(self) -> None:
-        """Wait until it does not compute."""
+        """Wait until the hidden run does not compute."""
         if self._opponent is not None:
             self._opponent.rest()
 
     def standing(self, places: int) -> str:
-        """Return its belief after a number of readings as text; empty outside of a contest."""
+        """Return the posterior of the hidden session after a number of readings as text; empty without a contest.
+
+        Args:
+            places: number of readings.
+        """
         if self._opponent is None or not places:
             return ""
         return panel.standing(self._opponent.steps[:places], places, through=self._opponent.end is not None)
 
     def play_on(self, patience: Callable[[], None]) -> list[Primitive]:
-        """Run it to its end, and return its readings as primitives."""
+        """Run the hidden session to its end, and return its readings as primitives.
+
+        Args:
+            patience: function to call during the wait; it may raise.
+        """
         assert self._opponent is not None
         self._opponent.finish(patience)
         return drawing.planner_primitives(Snapshot.of(self._opponent.show.session))
 
     def result(self, seed: int, policy: str, truth: Sequence[Solid], patience: Callable[[], None]) -> Result:
-        """Return its result on the same scene."""
+        """Return the result of the policy on the same scene.
+
+        Args:
+            seed: seed of the scene.
+            policy: name of the policy.
+            truth: real parts, world frame.
+            patience: function to call during the wait; it may raise.
+        """
         if (seed, policy) not in self._results:
             if self._opponent is None:
                 self.begin(seed, policy)

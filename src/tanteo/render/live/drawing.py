@@ -1,4 +1,4 @@
-"""Primitives of a session at one moment: posterior, readings, next reading, hand, and real part."""
+"""Conversion of a session at one moment to primitives: posterior, readings, next reading, hand, and real part."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ARM = 0.14
 """Length of a beam with unknown start, as a fraction of the part's size."""
 
 _DASH, OPEN = 0.006, 0.12
-"""Length of a dash, and drawn length of a beam that met nothing [m]."""
+"""Length of a dash, and drawn length of a beam that hit nothing [m]."""
 
 LAYERS = {
     RIVAL_LAYERS[0]: "Second most probable part",
@@ -47,7 +47,7 @@ LAYERS = {
     "readings": "Readings, with 2 sd",
     "wrong": "Readings that do not fit",
     "beams": "Beams",
-    "free": "Beams that met nothing",
+    "free": "Beams that hit nothing",
     "features": "Features of labelled readings, with 2 sd magnified",
     "next": "Next reading",
     "hand": "Hand and its beams",
@@ -60,7 +60,13 @@ HIDDEN_AT_FIRST = RIVAL_LAYERS
 
 
 def state_primitives(now: Snapshot) -> list[Primitive]:
-    """Return parts at possible poses: the most probable one solid, others transparent in own colours."""
+    """Return the parts at their possible poses as primitives.
+
+    The most probable part is opaque, others are transparent and have other colours.
+
+    Args:
+        now: session at one moment.
+    """
     out: list[Primitive] = []
     b = now.state
     for k in now.drawn_modes().tolist():
@@ -74,7 +80,13 @@ def state_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def reading_primitives(now: Snapshot) -> list[Primitive]:
-    """Return readings with beams and uncertainty; misfits have another colour and shape."""
+    """Return the readings as primitives: points, beams and ellipsoids of uncertainty.
+
+    Misfits have a different colour and shape.
+
+    Args:
+        now: session at one moment.
+    """
     b, out = now.state, list[Primitive]()
     if b.touches is not None and len(b.touches):
         t, wrong = b.touches, now.wrong()
@@ -99,7 +111,11 @@ def reading_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def planner_primitives(now: Snapshot) -> list[Primitive]:
-    """Return the contact points of another session with their beams."""
+    """Return the contact points and beams of the policy's session in a contest as primitives.
+
+    Args:
+        now: session at one moment.
+    """
     t = now.state.touches
     if t is None or not len(t):
         return []
@@ -111,7 +127,11 @@ def planner_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def next_primitives(now: Snapshot) -> list[Primitive]:
-    """Return the next reading as an arrow."""
+    """Return the pending action as an arrow with its name.
+
+    Args:
+        now: session at one moment.
+    """
     a = now.action
     if a is None:
         return []
@@ -123,15 +143,20 @@ def next_primitives(now: Snapshot) -> list[Primitive]:
 
 
 def hand_primitives(hand: Hand, sensed: HandReading) -> list[Primitive]:
-    """Return the hand at its reported pose, with its present beams."""
+    """Return the hand at its reported pose, with its beams, as primitives.
+
+    Args:
+        hand: sensors and body of the hand.
+        sensed: pose and ranges of the hand.
+    """
     T = sensed.T_world_hand
     vertices, triangles = _hand(hand.body)
     starts, axes = SE3.apply(T, hand.origins), hand.axes @ T[:3, :3].T
-    met, free = sensed.states == HIT, sensed.states == FREE
-    hits = starts[met] + sensed.ranges[met, None] * axes[met]
+    hit, free = sensed.states == HIT, sensed.states == FREE
+    hits = starts[hit] + sensed.ranges[hit, None] * axes[hit]
     return [
         Mesh("hand", vertices, triangles, colors.SOFT, 0.55, T, "hand"),
-        Lines("seen", np.stack([starts[met], hits], axis=1), colors.BEAM, 2.0, layer="hand"),
+        Lines("seen", np.stack([starts[hit], hits], axis=1), colors.BEAM, 2.0, layer="hand"),
         Lines(
             "not seen", dashed(starts[free], starts[free] + OPEN * axes[free], _DASH), colors.FREE, 1.5, layer="hand"
         ),
@@ -139,7 +164,11 @@ def hand_primitives(hand: Hand, sensed: HandReading) -> list[Primitive]:
 
 
 def furniture_primitives(furniture: Sequence[Solid]) -> list[Primitive]:
-    """Return table and furniture."""
+    """Return the table and other known furniture as primitives.
+
+    Args:
+        furniture: solids, world frame.
+    """
     return [
         Mesh(f"furniture {s.name}", s.vertices, s.triangles, colors.TABLE if s.name == "table" else colors.FURNITURE)
         for s in furniture
@@ -147,7 +176,11 @@ def furniture_primitives(furniture: Sequence[Solid]) -> list[Primitive]:
 
 
 def truth_primitives(solids: Sequence[Solid]) -> list[Primitive]:
-    """Return the outlines of the real parts."""
+    """Return the outlines of the real parts as primitives.
+
+    Args:
+        solids: real parts, world frame.
+    """
     return [Lines(f"truth {s.name}", outline(s.vertices, s.triangles), colors.INK, 3.0) for s in solids]
 
 

@@ -1,4 +1,4 @@
-"""Access control of the live page: only the browser of this machine with the page itself may connect.
+"""Access control of the live page: only the page itself, in a browser on this machine, may connect.
 
 The server is local, but other tabs of the browser can reach it, too. A site whose name resolves to this machine (DNS
 rebinding) sends that name as ``Host``; a script of another site sends its ``Origin``. Files and socket of the page
@@ -35,15 +35,15 @@ def is_foreign(host: str | None, origin: str | None) -> bool:
     """
     try:
         name = urlsplit(f"//{host or ''}").hostname
-        asked_by = None if origin is None else urlsplit(origin).netloc
+        source = None if origin is None else urlsplit(origin).netloc
     except ValueError:  # unbalanced brackets
         return True
-    return name not in LOCAL or (asked_by is not None and asked_by != host)
+    return name not in LOCAL or (source is not None and source != host)
 
 
 @contextmanager
 def guarded() -> Iterator[None]:
-    """Let servers that start inside refuse foreign requests; viser has no setting for it."""
+    """Make websocket servers that start inside the context refuse foreign requests; viser has no setting for this."""
     serve = sockets.serve
 
     def guarding(*args: Any, process_request: Callable[..., Any] | None = None, **options: Any) -> Any:

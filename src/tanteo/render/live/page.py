@@ -1,4 +1,4 @@
-"""The live page: scene and controls of viser. Only this module imports viser."""
+"""Live page with the scene and the controls of viser; only this module imports viser."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ FOV = float(np.radians(45.0))
 """Vertical field of view [rad]."""
 
 _EYE = np.array([0.9, -1.6, 1.25])
-"""Direction from the centre of the scene to the eye."""
+"""Direction from the centre of the scene to the viewer, world frame."""
 
 
 class LivePage:
-    """Page that shows the same content in every browser.
+    """Page of viser, with the same content in every browser that opens it.
 
     Attributes:
         url: address of the page.
@@ -73,7 +73,15 @@ class LivePage:
     def session_controls(
         self, send: Callable[[Command], None], policies: Sequence[str], policy: str, seed: int, *, hand: bool
     ) -> None:
-        """Add the controls of a running session."""
+        """Add the controls of a running session.
+
+        Args:
+            send: function that receives the commands of the user.
+            policies: names of the policies to choose from.
+            policy: name of the chosen policy.
+            seed: seed of the session.
+            hand: whether the session has a hand.
+        """
         self._place("status")
         for commands in _BUTTONS:
             buttons = self._gui.add_button_group("", tuple(commands))
@@ -97,7 +105,13 @@ class LivePage:
         )
 
     def record_controls(self, send: Callable[[int], None], count: int, *, hand: bool) -> None:
-        """Add the controls of a record: a slider over its steps."""
+        """Add the controls of a record: a slider over its steps.
+
+        Args:
+            send: function that receives the number of the chosen step.
+            count: number of steps.
+            hand: whether the record has a hand.
+        """
         self._place("status")
         slider = self._gui.add_slider("Step", min=0, max=count, step=1, initial_value=count)
         slider.on_update(lambda event: send(int(event.target.value)))
@@ -105,8 +119,8 @@ class LivePage:
         self._legend(hand=hand, scene=False)
         self._happened()
 
-    def looking_controls(self) -> None:
-        """Add the panels of a session that runs elsewhere."""
+    def viewing_controls(self) -> None:
+        """Add the panels of a session that runs elsewhere, without controls."""
         self._place("status")
         self._place("bars")
         self._legend(hand=False, scene=False)
@@ -114,7 +128,7 @@ class LivePage:
 
     def _happened(self) -> None:
         with self._gui.add_folder("Steps so far", expand_by_default=False):
-            self._place("told")
+            self._place("steps")
 
     def _legend(self, *, hand: bool, scene: bool) -> None:
         """Add the legend with a box for each layer."""
@@ -137,12 +151,22 @@ class LivePage:
                 if primitive.layer == layer:
                     handle.visible = not hidden
 
-    def say(self, place: str, html: str) -> None:
-        """Replace the text of a panel."""
+    def set_text(self, place: str, html: str) -> None:
+        """Replace the text of a panel.
+
+        Args:
+            place: name of the panel.
+            html: new content, escaped HTML.
+        """
         self._words[place].content = html
 
     def show(self, group: str, primitives: Sequence[Primitive]) -> None:
-        """Replace the primitives of a group."""
+        """Replace the primitives of a group.
+
+        Args:
+            group: name of the group.
+            primitives: new content of the group.
+        """
         old, new = self._shown.get(group, {}), dict[str, tuple[Primitive, Any]]()
         with self._server.atomic():
             for p in primitives:
@@ -187,7 +211,9 @@ class LivePage:
 
 
 def seen_from(middle: Vectors, size: float, aspect: float) -> tuple[Vectors, Vectors]:
-    """Return position and target of the eye, so that the scene is visible beside the controls, world frame [m].
+    """Return position and target of the camera with which the whole scene is visible beside the controls.
+
+    Both are in the world frame [m].
 
     Args:
         middle: centre of the scene ``(3,)`` [m].
@@ -198,11 +224,11 @@ def seen_from(middle: Vectors, size: float, aspect: float) -> tuple[Vectors, Vec
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     if aspect > 1:
-        away, aside = 2.0 * size, 0.1 * aspect * right
+        away, offset = 2.0 * size, 0.1 * aspect * right
     else:
-        away, aside = 1.5 * size / aspect, -0.2 * np.cross(right, forward)
-    look_at = middle + 2 * away * np.tan(FOV / 2) * aside
-    return look_at - away * forward, look_at
+        away, offset = 1.5 * size / aspect, -0.2 * np.cross(right, forward)
+    target = middle + 2 * away * np.tan(FOV / 2) * offset
+    return target - away * forward, target
 
 
 def _fitted(client: viser.ClientHandle, middle: Vectors, size: float) -> None:

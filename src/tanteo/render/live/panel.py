@@ -1,4 +1,4 @@
-"""Text beside the picture as escaped HTML: probabilities as bars, counts, steps, and legend."""
+"""Panels of the live page as escaped HTML: status, probabilities as bars, steps, and legend."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LINES = 8
 GRID = 0.05
 """Side length of a grid square [m]."""
 
-GRID_WORDS = f"A grid square is {1e3 * GRID:.0f} mm. Beams that met nothing are drawn {1e3 * OPEN:.0f} mm long."
+GRID_WORDS = f"A grid square is {1e3 * GRID:.0f} mm. Beams that hit nothing are drawn {1e3 * OPEN:.0f} mm long."
 
 STYLE = element(
     "style", Html(resources.files("tanteo.render.live").joinpath("page.css").read_text(encoding="utf-8"))
@@ -39,13 +39,21 @@ def _framed(*children: Html | str) -> str:
 
 
 def headline(now: Snapshot) -> str:
-    """Return the current belief in one sentence."""
+    """Return the most probable part and its probability as one sentence.
+
+    Args:
+        now: session at one moment.
+    """
     found = leader(now)
     return headline_of((found,)) or found.message
 
 
 def leader(now: Snapshot) -> Finding:
-    """Return the most probable part as a finding."""
+    """Return the most probable part as a finding.
+
+    Args:
+        now: session at one moment.
+    """
     best = int(now.order[0])
     if not now.steps:
         return NothingSensedYet(len(now.names), now.names[best])
@@ -55,7 +63,14 @@ def leader(now: Snapshot) -> Finding:
 
 
 def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> str:
-    """Return the status panel: belief, number of places, the planner's state, and what the page waits for."""
+    """Return the status panel.
+
+    Args:
+        now: session at one moment.
+        note: remark on the last reading.
+        help_: instruction for the user.
+        rival: state of the policy in a contest.
+    """
     rows = [element("div", headline(now), class_="say"), element("div", counted(now))]
     rows += [element("div", rival)] if rival else []
     rows += [element("div", text, class_="soft") for text in (note, help_) if text]
@@ -63,13 +78,25 @@ def status(now: Snapshot, note: str = "", help_: str = "", rival: str = "") -> s
 
 
 def verdict(now: Snapshot, words: Sequence[str], table: str = "") -> str:
-    """Return the panel at the end: the first sentence large, further sentences, and a table."""
+    """Return the status panel at the end of a session.
+
+    Args:
+        now: session at its end.
+        words: sentences of the result; the first one is printed large.
+        table: comparison with the policy, as HTML.
+    """
     rows = [element("div", text, class_="say" if k == 0 else None) for k, text in enumerate([*words, counted(now)])]
     return _framed(*rows, Html(table))
 
 
 def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
-    """Return how certain the planner is, without its answer."""
+    """Return the certainty of the policy in a contest as a sentence, without its answer.
+
+    Args:
+        steps: steps of the policy so far.
+        places: number of steps of the user so far.
+        through: whether the policy has finished.
+    """
     if not steps:
         return PlannerResult(0).message
     last = steps[-1]
@@ -79,11 +106,11 @@ def standing(steps: Sequence[Step], places: int, *, through: bool) -> str:
 
 
 def compared(mine: Result, planned: Result, places: tuple[int, int], *, truth: bool) -> str:
-    """Return a table that compares the user's run with the planner's on the same scene with the same errors.
+    """Return an HTML table that compares the runs of user and policy on the same scene with the same errors.
 
     Args:
         mine: result of the user's run.
-        planned: result of the planner.
+        planned: result of the policy.
         places: numbers of places in the user's run that the policy and the user chose.
         truth: whether the real pose is known.
     """
@@ -114,12 +141,20 @@ def _shown(value: str | float) -> str:
 
 
 def counted(now: Snapshot) -> str:
-    """Return the number of places, and who chose them."""
+    """Return the numbers of readings that the policy and the user chose, as a sentence.
+
+    Args:
+        now: session at one moment.
+    """
     return PlacesSensed(*now.places).message
 
 
 def bars(now: Snapshot) -> str:
-    """Return bars of the most probable parts, all others together, and the unknown object."""
+    """Return the panel with a bar for each of the most probable parts, the others together, and the unknown object.
+
+    Args:
+        now: session at one moment.
+    """
     p, order = now.state.of_parts(), now.order
     drawn = set(now.state.part[now.drawn_modes()].tolist())
     rows = [
@@ -147,15 +182,23 @@ def _row(name: str, share: float, swatch: str | None, kind: str = "") -> Html:
 
 
 def steps(lines: Sequence[str]) -> str:
-    """Return the last steps, newest first."""
+    """Return the panel with the last eight steps, newest first, as HTML.
+
+    Args:
+        lines: text of each step, in order.
+    """
     if not lines:
         return _framed(element("span", "No step yet.", class_="soft"))
     items = [element("li", line) for line in list(lines)[: -_LINES - 1 : -1]]
-    return _framed(element("ul", *items, class_="told"))
+    return _framed(element("ul", *items, class_="steps"))
 
 
 def step_line(now: Snapshot) -> str:
-    """Return the result of the last step in one line."""
+    """Return the result of the last step in one line.
+
+    Args:
+        now: session at one moment.
+    """
     step = now.steps[-1]
     target = "" if step.action is None else f"{step.action.face} of {step.action.part}"
     best = int(np.argmax(step.probabilities))
@@ -199,7 +242,11 @@ def legend(*, scene: bool) -> str:
 
 
 def sign(layer: str) -> str:
-    """Return the mark of a layer for the row of its box."""
+    """Return the mark of a layer in the legend as HTML.
+
+    Args:
+        layer: name of the layer.
+    """
     return element("span", _sign(*MARKS[layer]), class_="tanteo-sign").text
 
 

@@ -1,7 +1,7 @@
-"""Run a session on a page: wait between readings, take commands of the user, and compare at the end.
+"""Player of a session on a page: it waits between readings, obeys the user's commands, and compares at the end.
 
-All work is in the thread that calls :meth:`Player.run`; a page only puts commands into :attr:`Player.commands`. The
-readings depend on seed, policy, clicks and their order only, not on the time.
+All work is in the thread that calls :meth:`Player.run`; a page only adds commands to :attr:`Player.commands`. The
+readings depend only on the seed, the policy, and the order of the clicks, not on time.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from tanteo.render.live.shows import Show
 from tanteo.render.live.snapshot import Snapshot, by_hand, ending_words, result
 from tanteo.words.findings import EndedByUser
 
-_FRAME, _LOOK, _SOON = 0.05, 1.5, 0.5
-"""Time between pictures of a moving hand, between readings without a hand in real time, and of one wait [s]."""
+_FRAME, _PAUSE, _SOON = 0.05, 1.5, 0.5
+"""Time between pictures of a moving hand, pause between readings without a hand, and longest single wait [s]."""
 
 HELP = "Press Go or Step, or click on a part to sense there yourself."
 COMPARING = "The policy '{}' senses the same scene now ..."
@@ -47,28 +47,38 @@ YOUR_TURN = "Your turn: click where to sense. The planner senses the same scene,
 
 
 class Page(Protocol):
-    """Interface of a page."""
+    """Interface of a page that shows a session."""
 
     def show(self, group: str, primitives: Sequence[Primitive]) -> None:
-        """Replace the primitives of a group."""
+        """Replace the primitives of a group.
+
+        Args:
+            group: name of the group.
+            primitives: new content of the group.
+        """
         ...
 
-    def say(self, place: str, html: str) -> None:
-        """Replace the text of a panel: ``status``, ``bars`` or ``told``."""
+    def set_text(self, place: str, html: str) -> None:
+        """Replace the text of a panel.
+
+        Args:
+            place: name of the panel: ``status``, ``bars`` or ``steps``.
+            html: new content, escaped HTML.
+        """
         ...
 
 
 @dataclass(slots=True, eq=False)
 class Player:
-    """Run shows until the user closes it.
+    """Player that runs shows on a page until the user closes it.
 
     Attributes:
         make: function that creates a show from seed and policy, reproducibly.
         page: page to draw on.
         seed: seed of the next show.
-        policy: name of its policy.
+        policy: name of the policy of the next show.
         speed: multiple of real time.
-        commands: queue of commands of the user.
+        commands: queue of the user's commands.
     """
 
     make: Callable[[int, str], Show]
@@ -106,7 +116,7 @@ class Player:
             return left.how
 
     def _played_on(self) -> Done:
-        """Run one show to its end, or until the user demands the answer."""
+        """Run one show to its end, or until the user requests the answer."""
         try:
             self._begin()
             self._gate()
@@ -130,12 +140,16 @@ class Player:
         self._hand()
 
     def place(self, note: str) -> None:
-        """Show the result of a reading, and wait for the next command (see :class:`Watch`)."""
+        """Show the result of a reading, and wait for the next command (see :class:`Watch`).
+
+        Args:
+            note: remarks for the user.
+        """
         self._hand()
         session = self._show.session
-        told = Snapshot.of(session)
-        if len(told.steps) > len(self._lines):
-            line = panel.step_line(told)
+        now = Snapshot.of(session)
+        if len(now.steps) > len(self._lines):
+            line = panel.step_line(now)
             self._lines.append(f"{line} ({note})" if note else line)
             self._note = note
         else:
@@ -145,7 +159,11 @@ class Player:
         self._gate()
 
     def moved(self, sensed: HandReading) -> None:
-        """Draw the moving hand at the chosen speed."""
+        """Draw the moving hand at the chosen speed.
+
+        Args:
+            sensed: readings and pose of the hand.
+        """
         self._last = sensed
         gone = sensed.time - self._drawn
         if gone < _FRAME * self.speed and self.commands.empty():
@@ -156,14 +174,14 @@ class Player:
     def _gate(self) -> None:
         """Choose and show the next reading, and wait until it may start."""
         self._rival.rest()
-        asked = self._show.session.ask()
+        action = self._show.session.ask()
         self._draw()
-        if isinstance(asked, Done):
+        if isinstance(action, Done):
             return
         self._rival.turn()  # meanwhile, the user searches
-        self._wait(_LOOK / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
+        self._wait(_PAUSE / self.speed if self._show.hand is None and self._mode == "going" else 0.0, resting=True)
         if self._show.hand is None:
-            self._say("Sensing ...")  # the update may take a second
+            self._set_note("Sensing ...")  # the update may take a second
 
     def _wait(self, seconds: float, *, resting: bool) -> None:
         """Take commands for a time, and while the session is paused."""
@@ -193,10 +211,10 @@ class Player:
         elif isinstance(command, Click):
             self._clicked(command, resting=resting)
         elif self._contest and not isinstance(command, Pause) and not by_hand(self._show.session.pending):
-            self._say("In a contest you choose all places: click on the part.")
+            self._set_note("In a contest you choose all places: click on the part.")
         else:
             self._mode = {Go: "going", Pause: "paused", Advance: "step"}[type(command)]
-            self._say(self._note)
+            self._set_note(self._note)
 
     def _choose(self, chosen: Choose, *, resting: bool) -> None:
         self.seed = self.seed if chosen.seed is None else chosen.seed
@@ -215,13 +233,13 @@ class Player:
     def _clicked(self, click: Click, *, resting: bool) -> None:
         session = self._show.session
         if not resting or session.pending is None:
-            self._say("Wait until the hand rests, then click again.")
+            self._set_note("Wait until the hand rests, then click again.")
             return
         now = Snapshot.of(session)
         seen = np.array([k for k in now.drawn_modes().tolist() if now.layer(k) not in click.hidden], dtype=np.int64)
         found = picked(session, seen, click.eye, click.ray, session.pending.number)
         if not isinstance(found, Action):
-            self._say(found.message)
+            self._set_note(found.message)
             return
         session.put(found)
         if self._mode == "paused":
@@ -279,15 +297,15 @@ class Player:
         self.page.show("readings", drawing.reading_primitives(now))
         hidden = self._contest and not by_hand(now.action)
         self.page.show("next", [] if hidden else drawing.next_primitives(now))
-        self.page.say("bars", panel.bars(now))
-        self.page.say("told", panel.steps(self._lines))
-        self._say(self._note)
+        self.page.set_text("bars", panel.bars(now))
+        self.page.set_text("steps", panel.steps(self._lines))
+        self._set_note(self._note)
 
-    def _say(self, note: str) -> None:
+    def _set_note(self, note: str) -> None:
         now = Snapshot.of(self._show.session)
         waits = self._mode == "paused" and now.action is not None
         help_ = (YOUR_TURN if self._contest else HELP) if waits else ""
-        self.page.say("status", panel.status(now, note, help_, self._rival.standing(len(now.steps))))
+        self.page.set_text("status", panel.status(now, note, help_, self._rival.standing(len(now.steps))))
 
     def _end(self, words: Sequence[str], table: str = "") -> None:
-        self.page.say("status", panel.verdict(Snapshot.of(self._show.session), words, table))
+        self.page.set_text("status", panel.verdict(Snapshot.of(self._show.session), words, table))

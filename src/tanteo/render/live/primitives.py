@@ -1,6 +1,6 @@
 """Primitives of a picture: meshes, lines, dots, arrows and labels, world frame [m].
 
-Each has a unique name, and a layer by which the user can hide it; without a layer it is always visible.
+Each primitive has a unique name, and a layer that the user can hide. Without a layer it is always visible.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Arrow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Label:
-    """Text at a place ``(3,)``."""
+    """Text at a point ``(3,)`` [m]."""
 
     name: str
     text: str
@@ -96,7 +96,7 @@ Primitive = Mesh | Lines | Dots | Arrow | Label
 
 
 _SHARP = np.cos(np.radians(25.0))
-"""Cosine of the least angle between triangles at an edge."""
+"""Cosine of the smallest angle between two triangles at a drawn edge."""
 
 _DASHES = 24
 """Largest number of dashes of a line."""
@@ -107,12 +107,22 @@ def _faces(mesh: Any) -> tuple[FloatArray, IntArray]:
 
 
 def ball(subdivisions: int = 2) -> tuple[FloatArray, IntArray]:
-    """Return a unit sphere: vertices ``(V, 3)`` and triangles ``(T, 3)``."""
+    """Return a unit sphere as a mesh: vertices ``(V, 3)`` and triangles ``(T, 3)``.
+
+    Args:
+        subdivisions: number of subdivisions of an icosahedron.
+    """
     return _faces(icosphere(subdivisions))
 
 
 def ellipsoids(points: Vectors, covariances: Covariances, sds: float) -> tuple[FloatArray, IntArray]:
-    """Return the ellipsoids of points at a number of standard deviations as one mesh."""
+    """Return the uncertainty ellipsoids of points as one mesh: vertices and triangles.
+
+    Args:
+        points: centres ``(n, 3)`` [m].
+        covariances: covariances of the points ``(n, 3, 3)`` [m^2].
+        sds: half axes in standard deviations.
+    """
     vertices, triangles = ball(1)
     variances, axes = np.linalg.eigh(covariances)
     stretched = axes * (sds * np.sqrt(np.maximum(variances, 1e-12)))[:, None, :]
@@ -123,7 +133,13 @@ def ellipsoids(points: Vectors, covariances: Covariances, sds: float) -> tuple[F
 
 
 def hand_mesh(body: Body) -> tuple[FloatArray, IntArray]:
-    """Return the hand as smooth solids; spheres in a line along z form one solid."""
+    """Return the body of a hand as one mesh: vertices ``(V, 3)`` [m] and triangles ``(T, 3)``.
+
+    Spheres in a line along z form one smooth solid.
+
+    Args:
+        body: model of the hand as spheres.
+    """
     columns: dict[tuple[float, ...], list[int]] = {}
     for k, (centre, blind) in enumerate(zip(body.centres, body.blind, strict=True)):
         columns.setdefault((*np.round(centre[:2], 6).tolist(), float(blind)), []).append(k)
@@ -137,7 +153,11 @@ def hand_mesh(body: Body) -> tuple[FloatArray, IntArray]:
 
 
 def joined(meshes: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntArray]:
-    """Return meshes joined to one."""
+    """Return several meshes as one mesh.
+
+    Args:
+        meshes: vertices and triangles of each mesh.
+    """
     if not meshes:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     starts = np.cumsum([0, *(len(v) for v, _ in meshes)])
@@ -146,14 +166,25 @@ def joined(meshes: list[tuple[FloatArray, IntArray]]) -> tuple[FloatArray, IntAr
 
 
 def outline(vertices: FloatArray, triangles: IntArray) -> FloatArray:
-    """Return the sharp edges and borders of a mesh ``(n, 2, 3)``."""
+    """Return the sharp edges and borders of a mesh as line segments ``(n, 2, 3)`` [m].
+
+    Args:
+        vertices: vertices ``(V, 3)`` [m].
+        triangles: indices of the vertices ``(T, 3)``.
+    """
     edges, normals = mesh_edges(triangles), Surface(vertices, triangles).normals
     sharp = np.sum(normals[edges.left] * normals[edges.right], axis=1) < _SHARP
     return np.asarray(vertices[edges.ends[sharp | edges.rims]])
 
 
 def dashed(starts: Vectors, ends: Vectors, dash: float) -> FloatArray:
-    """Return dashed lines ``(n, 2, 3)`` with equal gaps; long lines have longer dashes."""
+    """Return dashed lines as segments ``(n, 2, 3)`` [m], with gaps as long as the dashes.
+
+    Args:
+        starts: starts of the lines ``(m, 3)`` [m].
+        ends: ends of the lines ``(m, 3)`` [m].
+        dash: smallest length of a dash [m]; long lines have longer ones.
+    """
     out = [np.zeros((0, 2, 3))]
     for a, b in zip(starts, ends, strict=True):
         count = int(np.clip(np.linalg.norm(b - a) / (2 * dash), 1, _DASHES))

@@ -1,4 +1,4 @@
-"""Show of a scene file: with its hand, or with a laser that needs no motion."""
+"""Show of a scene file, with its hand or with a laser that needs no motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def scene_show(scene: SceneFile, start: Start, stop: Stop, policy: str = "inform
     """Return the show of a scene.
 
     Args:
-        scene: the scene; its seed determines the session and all errors.
+        scene: scene; its seed determines the session and all errors.
         start: prior poses of the parts.
         stop: goal of the session.
         policy: name of the policy.

@@ -1,4 +1,4 @@
-"""Sessions for the live page, carried out by an ideal probe or by a hand."""
+"""Sessions for the live page, which an ideal probe or a hand carries out."""
 
 from __future__ import annotations
 
@@ -16,14 +16,22 @@ from tanteo.sensors import NoiseLaw, Readings, RobotPreset
 
 
 class Watch(Protocol):
-    """Observer of a run, which may wait, or end the run by an exception."""
+    """Observer of a run, which may delay the run, or end it by an exception."""
 
     def place(self, note: str) -> None:
-        """Handle the end of an action; ``note`` has remarks for the user."""
+        """Handle the end of an action.
+
+        Args:
+            note: remarks for the user.
+        """
         ...
 
     def moved(self, sensed: HandReading) -> None:
-        """Handle a motion of the hand."""
+        """Handle a motion of the hand.
+
+        Args:
+            sensed: readings and pose of the hand.
+        """
         ...
 
 
@@ -32,11 +40,11 @@ class Show:
     """Session that is ready to run.
 
     Attributes:
-        session: the session.
-        run: function that carries it out.
+        session: session to run.
+        run: function that carries out the session.
         truth: real parts, world frame, which are shown at the end.
         furniture: known furniture.
-        hand: the hand and its first reading; None for a probe without a hand.
+        hand: hand and its first reading; None for a probe without a hand.
     """
 
     session: Session
@@ -118,11 +126,15 @@ NOISE = 3e-4
 
 _STANDOFF, _REACH, _CONE = 0.10, 0.30, float(np.radians(80.0))
 _SHORT = 5e-3
-"""Length before furniture that does not count as free [m]."""
+"""Distance before furniture at which a free-space ray ends [m]."""
 
 
 def laser(workspace: Workspace) -> tuple[Probe, Sensing]:
-    """Return probe and noise model of a laser from above: standard deviation 0.3 mm, stand-off 100 mm."""
+    """Return probe and noise model of a laser from above: standard deviation 0.3 mm, stand-off 100 mm.
+
+    Args:
+        workspace: bounds of the laser's positions.
+    """
     probe = Probe(
         "laser", NoiseLaw.of(NOISE), max_range=_REACH, standoff=_STANDOFF, clearance=0.01,
         approach=np.array([0.0, 0.0, -1.0]), cone=_CONE, workspace=workspace,
@@ -133,7 +145,7 @@ def laser(workspace: Workspace) -> tuple[Probe, Sensing]:
 def simulated(truth: Surface, furniture: Surface | None, seed: int) -> Callable[[Action], Readings]:
     """Return a function that simulates readings of the laser on the part, or free-space rays up to furniture.
 
-    The k-th reading has the k-th sample of the noise, independent of who chose it.
+    The k-th reading has the k-th sample of the noise, whether the user or the policy chose it.
 
     Args:
         truth: surface of the real parts, world frame.
@@ -145,10 +157,10 @@ def simulated(truth: Surface, furniture: Surface | None, seed: int) -> Callable[
     def read(action: Action) -> Readings:
         noise = NOISE * rng.normal()
         start, along = action.origin[None], action.direction[None]
-        met = float(truth.cast(start, along).distances[0])
+        distance = float(truth.cast(start, along).distances[0])
         ends = np.inf if furniture is None else float(furniture.cast(start, along).distances[0])
-        if met <= min(ends, action.max_range):
-            return action.read(max(met + noise, 1e-6))
+        if distance <= min(ends, action.max_range):
+            return action.read(max(distance + noise, 1e-6))
         free = max(min(ends - _SHORT, action.max_range), 1e-3)
         return Readings.from_columns(
             start, ids=[f"a{action.number}"], directions=along, is_free=np.array([True]), max_ranges=np.array([free])

@@ -1,4 +1,4 @@
-"""A session at one moment as a frozen value, and the result of a run."""
+"""Session at one moment as an immutable value, and result of a run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MODES, _PARTS = 6, 1 + len(RIVAL_LAYERS)
 """Largest numbers of drawn modes, and of parts with a drawn mode."""
 
 _SHOWN = 0.01
-"""Least probability of a drawn mode; the most probable one is always drawn."""
+"""Smallest probability of a drawn mode; the most probable one is always drawn."""
 
 _DECIDED = 0.5
 """Probability above which a part is more probable than all others."""
@@ -33,7 +33,11 @@ _FITS = 4.0
 
 
 def by_hand(action: Action | None) -> bool:
-    """Return whether the user chose an action."""
+    """Return whether the user chose an action.
+
+    Args:
+        action: action of a session, or None.
+    """
     return action is not None and isinstance(action.reason, ChosenByUser)
 
 
@@ -42,9 +46,9 @@ class Snapshot:
     """Session at one moment.
 
     Attributes:
-        state: posterior.
+        state: posterior of the session.
         steps: results of all steps.
-        action: next reading; None if there is none.
+        action: pending action; None if there is none.
         shapes: features of labelled readings; None without any.
     """
 
@@ -55,7 +59,11 @@ class Snapshot:
 
     @classmethod
     def of(cls, session: Session) -> Snapshot:
-        """Return the present moment of a session."""
+        """Return the snapshot of a session at present.
+
+        Args:
+            session: running session.
+        """
         now = cls(session.state, session.steps, session.pending)
         return replace(now, shapes=sensed_shapes(session, now.size))
 
@@ -81,12 +89,12 @@ class Snapshot:
 
     @property
     def places(self) -> tuple[int, int]:
-        """Number of places that the policy chose, and that the user chose."""
+        """Numbers of steps whose action the policy chose, and the user chose."""
         own = sum(by_hand(step.action) for step in self.steps)
         return len(self.steps) - own, own
 
     def drawn_modes(self) -> IntArray:
-        """Return the modes to draw, most probable first, of the most probable parts."""
+        """Return the indices of the modes to draw, which belong to the most probable parts, most probable first."""
         b = self.state
         if not len(b.weights):
             return np.zeros(0, dtype=np.int64)
@@ -95,7 +103,11 @@ class Snapshot:
         return np.asarray(shown[:_MODES] if len(shown) else order[:1])
 
     def layer(self, mode: int) -> str:
-        """Return the layer of a mode; empty for the best pose of the most probable part, which is always visible."""
+        """Return the layer of a mode; empty for the best pose of the most probable part, which is always visible.
+
+        Args:
+            mode: index of the mode.
+        """
         rank = self.rank(int(self.state.part[mode]))
         if rank:
             return RIVAL_LAYERS[rank - 1]
@@ -103,7 +115,11 @@ class Snapshot:
         return "" if mode == int(np.argmax(own)) else "overlays"
 
     def rank(self, part: int) -> int:
-        """Return the rank of a part by probability, 0 for the most probable."""
+        """Return the rank of a part by probability, 0 for the most probable.
+
+        Args:
+            part: index of the part.
+        """
         return int(np.flatnonzero(self.order == part)[0])
 
     def wrong(self) -> BoolArray:
@@ -116,7 +132,7 @@ class Snapshot:
         return np.asarray(np.abs(self._distances()) > _FITS)
 
     def _distances(self) -> FloatArray:
-        """Return distances of the readings from the most probable mode in standard deviations ``(n,)``."""
+        """Return distances of the readings from the part at the most probable mode ``(n,)`` [standard deviations]."""
         b = self.state
         assert b.touches is not None
         k, touches = int(np.argmax(b.weights)), b.touches
@@ -129,7 +145,13 @@ class Snapshot:
 
 
 def ending_words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterator[str]:
-    """Yield the answer, the reason for the end, and the distance from the real part."""
+    """Yield the sentences at the end of a session: answer, reason for the end, and distance from the real part.
+
+    Args:
+        session: session at its end.
+        done: reason for the end.
+        truth: real parts, world frame; empty if unknown.
+    """
     yield headline(session.answer())
     yield done.message
     if len(session.state.weights) and truth:
@@ -137,7 +159,12 @@ def ending_words(session: Session, done: Done, truth: Sequence[Solid]) -> Iterat
 
 
 def apart(session: Session, truth: Sequence[Solid]) -> float:
-    """Return the largest distance between the real surface and the most probable mode, at their corners [m]."""
+    """Return the largest distance between real surface and part at the most probable mode, over their vertices [m].
+
+    Args:
+        session: session with at least one mode.
+        truth: real parts, world frame.
+    """
     b = session.state
     k = int(np.argmax(b.weights))
     target, T = b.target(k), b.poses[k]
@@ -154,11 +181,11 @@ class Result:
     """Result of a run.
 
     Attributes:
-        places: number of sensed places.
-        part: name of the most probable part; empty if none explains the readings.
-        probability: its posterior.
+        places: number of steps.
+        part: name of the most probable part; empty if no part explains the readings.
+        probability: posterior probability of that part.
         corner_sd: largest corner sd [m].
-        off: distance from the real part [m].
+        off: largest distance between real and estimated surface [m]; NaN if the real part is unknown.
     """
 
     places: int
@@ -169,7 +196,12 @@ class Result:
 
 
 def result(session: Session, truth: Sequence[Solid]) -> Result:
-    """Return the result of a session and its distance from the real part."""
+    """Return the result of a session and its distance from the real part.
+
+    Args:
+        session: session at its end.
+        truth: real parts, world frame; empty if unknown.
+    """
     now, b = Snapshot.of(session), session.state
     if not len(b.weights):
         return Result(len(now.steps), "", 0.0, np.nan, np.nan)
@@ -181,7 +213,12 @@ def result(session: Session, truth: Sequence[Solid]) -> Result:
 
 
 def sensed_shapes(session: Session, size: float) -> Shapes | None:
-    """Return the features of a session's labelled readings for a view of a size [m]; None without labels."""
+    """Return the features of a session's labelled readings for a drawing; None without labels.
+
+    Args:
+        session: session with its readings.
+        size: size of the view [m].
+    """
     readings = session.readings
     if readings is None or not any(readings.features):
         return None

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 
 def moments(session: Session) -> list[Snapshot]:
-    """Return the moments of a session before the first reading and after every step, each with its next action.
+    """Return the snapshots of a session before the first reading and after every step, each with the next action.
 
     Args:
-        session: session from a record, which stays unchanged.
+        session: session from a record; it is not changed.
     """
     again = Session(session.start, session.probe, session.sensing, session.policy, session.stop, session.seed)
     again.significance = session.significance
@@ -44,14 +44,20 @@ def moments(session: Session) -> list[Snapshot]:
 
 
 def show_moment(page: Page, all_moments: Sequence[Snapshot], k: int) -> None:
-    """Draw one moment of a session."""
+    """Draw one moment of a session.
+
+    Args:
+        page: page to draw on.
+        all_moments: all moments of the session.
+        k: index of the moment.
+    """
     now = all_moments[k]
     page.show("state", drawing.state_primitives(now))
     page.show("readings", drawing.reading_primitives(now))
     page.show("next", drawing.next_primitives(now))
-    page.say("status", panel.status(now, f"Step {k} of {len(all_moments) - 1} of the record."))
-    page.say("bars", panel.bars(now))
-    page.say("told", panel.steps([panel.step_line(m) for m in all_moments[1 : k + 1]]))
+    page.set_text("status", panel.status(now, f"Step {k} of {len(all_moments) - 1} of the record."))
+    page.set_text("bars", panel.bars(now))
+    page.set_text("steps", panel.steps([panel.step_line(m) for m in all_moments[1 : k + 1]]))
 
 
 NEEDS_VISER = "the live page: expected viser, got none installed. Install it: pip install 'tanteo[viewer]'."
@@ -65,8 +71,8 @@ def play(
     Args:
         make: function that creates a show from seed and policy, reproducibly.
         seed: seed of the first show.
-        policy: name of its policy.
-        port: port on this machine, or the next free one.
+        policy: name of the policy of the first show.
+        port: port on this machine; if it is in use, the next free one.
         ready: callback with the address of the page.
 
     Raises:
@@ -85,7 +91,7 @@ def play(
 
 
 def replay(session: Session, *, port: int = 8080, ready: Callable[[str], None]) -> None:
-    """Open a page of a record with a slider until the process is interrupted.
+    """Open a page of a record, with a slider over its steps, until the process is interrupted.
 
     Args:
         session: session from a record.
@@ -119,7 +125,7 @@ def follow(session: Session, *, port: int = 8080, ready: Callable[[str], None]) 
     closes at the end of the context.
 
     Args:
-        session: the session.
+        session: session that runs elsewhere.
         port: port on this machine, or the next free one.
         ready: callback with the address of the page.
 
@@ -137,11 +143,11 @@ def follow(session: Session, *, port: int = 8080, ready: Callable[[str], None]) 
         page.show("state", drawing.state_primitives(now))
         page.show("readings", drawing.reading_primitives(now))
         page.show("next", drawing.next_primitives(now))
-        page.say("status", panel.status(now, note))
-        page.say("bars", panel.bars(now))
-        page.say("told", panel.steps(lines))
+        page.set_text("status", panel.status(now, note))
+        page.set_text("bars", panel.bars(now))
+        page.set_text("steps", panel.steps(lines))
 
-    page.looking_controls()
+    page.viewing_controls()
     draw("")
     ready(page.url)
     try:
@@ -161,7 +167,12 @@ def _opened(port: int, middle: Vectors, size: float) -> LivePage:
 
 
 def extent(start: Start, hand: tuple[Hand, HandReading] | None = None) -> tuple[Vectors, float]:
-    """Return centre and size of the possible parts and the hand above them [m]."""
+    """Return centre and size of the view of the possible parts and of the hand [m].
+
+    Args:
+        start: prior poses of the parts.
+        hand: hand and its first reading; None without a hand.
+    """
     parts = [start.targets[k].part for k in start.part]
     middles = np.stack([SE3.apply(T, part.centroid) for part, T in zip(parts, start.Ts, strict=True)])
     middle, size = np.asarray(start.weights @ middles), max(part.diagonal for part in parts)
@@ -175,4 +186,4 @@ def extent(start: Start, hand: tuple[Hand, HandReading] | None = None) -> tuple[
 
 
 _FILLED = 0.8
-"""Size of the view over the height of hand and parts, which the oblique view foreshortens."""
+"""Ratio of the size of the view to the extent of hand and parts, which the oblique view shortens."""

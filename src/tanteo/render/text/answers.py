@@ -29,10 +29,10 @@ def answer_lines(
     """Return an answer as lines of text.
 
     Args:
-        answer: the answer.
+        answer: answer to print.
         known: prior of the pose; None without one.
         frame: name of the frame of poses.
-        verbose: whether to add matrix, pairings and times of the stages.
+        verbose: whether to add the pose as a matrix, the pairings, and the times of the stages.
         layout: width and style of the output.
     """
     lines = [layout.bold(printable(_headline(answer, frame)))]
@@ -45,7 +45,7 @@ def answer_lines(
     if answer.status == "unknown" and best is not None and best.probability > answer.unknown_probability:
         lines += [
             "",
-            "The goodness-of-fit test rejects every part. The probabilities assume that one of them is right.",
+            "The goodness-of-fit test rejects every part. The probabilities assume that one part is right.",
         ]
     elif best is not None or answer.status == "unknown":
         lines += ["", f"Unknown object: {percent(answer.unknown_probability)}."]
@@ -93,7 +93,7 @@ def _details(best: Hypothesis, *, verbose: bool) -> list[str]:
     if best.symmetry_axis is not None:
         (x, y, z), d = best.symmetry_axis[0] * 1e3, best.symmetry_axis[1]
         lines.append(
-            f"  symmetry    turns about its axis through ({x:.2f}, {y:.2f}, {z:.2f}) mm along "
+            f"  symmetry    rotations about its axis through ({x:.2f}, {y:.2f}, {z:.2f}) mm along "
             f"({d[0]:.3f}, {d[1]:.3f}, {d[2]:.3f}) are equivalent"
         )
     if verbose:
@@ -126,7 +126,7 @@ def _millimetres(metres: float) -> str:
 
 
 def _outliers(best: Hypothesis) -> str:
-    """Each with how far off it is, where that is known."""
+    """Return the names of the outliers, with their distances from the surface if known."""
     off = best.outlier_distances or (float("nan"),) * len(best.outliers)
     shown = [
         printable(name) + (f" ({from_surface(d, 3)})" if np.isfinite(d) else "")
@@ -137,7 +137,11 @@ def _outliers(best: Hypothesis) -> str:
 
 
 def prior_words(prior: PosePrior) -> str:
-    """What is taken as known, for a person."""
+    """Return the prior of a pose as text for the user: table, box, and pose with standard deviations.
+
+    Args:
+        prior: prior of the pose.
+    """
     words = (_table_words(prior), _box_words(prior), _near_words(prior))
     return "; ".join(text for text in words if text)
 

@@ -1,4 +1,4 @@
-"""A calibration in words and tables: beams, noise, planes, coverage, outliers."""
+"""Calibrations as lines of text: beams, noise, planes, coverage and outliers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def calibration_lines(found: Calibration, *, verbose: bool = False, layout: Layo
     """Return a calibration as lines of text: beams, planes, ranges and incidences, and outliers.
 
     Args:
-        found: the calibration.
+        found: calibration to print.
         verbose: whether to list all outliers.
         layout: width and style of the output.
     """

@@ -23,18 +23,18 @@ class _Catalogue(Protocol):
 
 
 def catalogue_lines(catalogue: _Catalogue, *, names: bool = False, layout: Layout = PLAIN) -> list[str]:
-    """How many parts a catalogue has, of which files, and how large it is.
+    """Return a catalogue as lines of text: number of parts, size, and files.
 
     Args:
-        catalogue: One that is open.
-        names: Those of all parts, too.
-        layout: Where they are shown.
+        catalogue: open catalogue.
+        names: whether to add the names of all parts.
+        layout: width and style of the output.
     """
     count = len(catalogue)
     lines = [
         layout.bold(f"{printable(str(catalogue.folder))}: {count} part{'s' * (count != 1)}"),
         f"  size      {catalogue.size / 1e6:.3g} MB, {catalogue.size / max(count, 1) / 1e3:.3g} kB a part",
         f"  segments  {len(catalogue.segments)}",
-        f"  of        {printable(', '.join(catalogue.paths))}",
+        f"  files     {printable(', '.join(catalogue.paths))}",
     ]
     return lines + [f"  {printable(name)}" for name in catalogue.names] if names else lines

@@ -17,7 +17,7 @@ def cell_lines(check: CellCheck, *, layout: Layout = PLAIN) -> list[str]:
     """Return the check of a cell as lines of text: errors, contradictions, correlations, and the next reading.
 
     Args:
-        check: result of the check.
+        check: result of :func:`tanteo.planning.check_cell`.
         layout: width and style of the output.
     """
     wrong = [error for error in check.errors if error.contradicted]

@@ -12,27 +12,45 @@ if TYPE_CHECKING:
     from tanteo.planning import Added, Direction, Explanation
 
 _NOTABLE = 0.05
-"""Least fraction of the information about a direction for which a reading is named."""
+"""Smallest fraction of the information about a direction for which a reading is named."""
 
 
 def explanation_lines(explanation: Explanation, *, layout: Layout = PLAIN) -> list[str]:
-    """Return the information of each reading, and the support of the pose, as lines of text."""
+    """Return the information of each reading, and the readings that determine the pose, as lines of text.
+
+    Args:
+        explanation: explanation of a session.
+        layout: width and style of the output.
+    """
     if not explanation.added:
-        return ["Nothing was told, so there is nothing to explain."]
-    headers = ["reading", "met", "part nats", "pose nats", "corner mm", "likeliest", "P", "what it narrowed most", "to"]
-    lines = [layout.bold("What each reading told:")]
+        return ["The session has no readings to explain."]
+    headers = [
+        "reading",
+        "hit",
+        "part nats",
+        "pose nats",
+        "corner mm",
+        "most probable",
+        "P",
+        "most reduced motion",
+        "to",
+    ]
+    lines = [layout.bold("Information of each reading:")]
     lines += layout.table(headers, [_step(a) for a in explanation.added], left=(0, 1, 5, 7), indent=2)
     if explanation.directions:
-        lines += ["", layout.bold(f"What the pose of {explanation.part} rests on, the worst known direction first:")]
+        lines += [
+            "",
+            layout.bold(f"Readings that determine the pose of {explanation.part}, most uncertain direction first:"),
+        ]
         headers = ["direction", "corners mm", "readings", "prior pose"]
         lines += layout.table(headers, [_direction(d) for d in explanation.directions], left=(0, 2), indent=2)
     return lines
 
 
 def _step(a: Added) -> list[str]:
-    met = ", ".join(dict.fromkeys(a.faces)) or "known already"
+    hit = ", ".join(dict.fromkeys(a.faces)) or "known already"
     return [
-        ", ".join(a.ids) or "-", met, _number(a.about_part, "{:.2f}"), _number(a.about_pose, "{:.2f}"),
+        ", ".join(a.ids) or "-", hit, _number(a.about_part, "{:.2f}"), _number(a.about_pose, "{:.2f}"),
         _number(1e3 * a.corner_sd, "{:.3g}"), a.part or "unknown object", _share(a.probability),
         str(a.motion or "-"), _share(a.narrowed),
     ]  # fmt: skip

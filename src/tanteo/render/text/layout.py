@@ -8,11 +8,15 @@ from dataclasses import dataclass
 from itertools import zip_longest
 
 _FOLDED = 12
-"""Least width of a folded column of text [characters]."""
+"""Smallest width of a folded column of text [characters]."""
 
 
 def printable(text: str) -> str:
-    """Return text with control characters and lone surrogates escaped, so that files cannot control the terminal."""
+    """Return text with control characters and lone surrogates escaped, so that a file cannot control the terminal.
+
+    Args:
+        text: any text.
+    """
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text)
 
 
@@ -21,29 +25,33 @@ class Layout:
     """Layout of text output.
 
     Attributes:
-        width: Columns that a table may take.
-        colour: Whether headings are bold, by the escape sequences of terminals.
+        width: largest width of a table [characters].
+        colour: whether headings are bold, by the escape sequences of terminals.
     """
 
     width: int = 120
     colour: bool = False
 
     def bold(self, text: str) -> str:
-        """Return text in bold if the output supports it."""
+        """Return text in bold if the output supports it.
+
+        Args:
+            text: heading.
+        """
         return f"\x1b[1m{text}\x1b[0m" if self.colour else text
 
     def table(
         self, headers: Sequence[str], rows: Iterable[Sequence[str]], *, left: Sequence[int] = (0,), indent: int = 0
     ) -> list[str]:
-        """Lines of a table that fits; numbers to the right, and never cut.
+        """Return the lines of a table that fits into the width, without cutting numbers.
 
-        Where the numbers do not fit beside each other, each row becomes lines of their own: a name and a value.
+        If the columns do not fit, each row becomes several lines with a name and a value.
 
         Args:
-            headers: Of the columns.
-            rows: Cells as text.
-            left: Columns with text, which may fold; the others keep their width.
-            indent: Of each line, in spaces.
+            headers: headers of the columns.
+            rows: cells of each row as text.
+            left: indices of left-aligned columns, whose text may be folded; the others are right-aligned.
+            indent: number of spaces before each line.
         """
         cells = [[printable(cell) for cell in row] for row in rows]
         wide = [max(len(header), *(len(row[k]) for row in cells), 0) for k, header in enumerate(headers)]

@@ -15,12 +15,12 @@ _MOST_ROWS = 20
 
 
 def part_lines(part: Part, *, verbose: bool = False, layout: Layout = PLAIN) -> list[str]:
-    """What was read from a CAD file: faces, edges, vertices, symmetry, repairs.
+    """Return a part as lines of text: faces, edges, vertices, symmetry and repairs.
 
     Args:
-        part: What was read.
-        verbose: All rows of every table, and not only the first of each.
-        layout: Where they are shown.
+        part: part read from a CAD file.
+        verbose: whether to print all rows of every table instead of the first 20.
+        layout: width and style of the output.
     """
     sides = " x ".join(f"{1e3 * side:.4g}" for side in part.box[1] - part.box[0])
     low = ", ".join(f"{1e3 * v:.4g}" for v in part.box[0])
@@ -126,10 +126,10 @@ def _size(pattern: HolePattern) -> str:
 def _symmetry(part: Part) -> str:
     group = part.symmetry
     if group.spherical:
-        return "every turn about the centre maps it onto itself"
+        return "every rotation about the centre maps it onto itself"
     if group.axis is not None:
         direction = ", ".join(_unit(group.axis[1]))
-        return f"solid of revolution about ({direction})" + (", ends alike" if group.order > 1 else "")
+        return f"solid of revolution about ({direction})" + (", equal ends" if group.order > 1 else "")
     return "none" if group.order == 1 else f"{group.order} rotations map it onto itself"
 
 

@@ -19,10 +19,10 @@ def plan_lines(
     """Return a plan as lines of text: the prior, and the readings in order.
 
     Args:
-        plan: the plan.
+        plan: plan to print.
         probe: sensor model.
         before: description of the prior pose.
-        anywhere: description of the approach of a probe without a limit.
+        anywhere: description of the approach directions of a probe without a limit.
         layout: width and style of the output.
     """
     worst = plan.feature or "largest corner sd"
@@ -48,10 +48,10 @@ def plan_lines(
         for n, r in enumerate(plan.readings, 1)
     ]
     placed = worst if worst.endswith(" sd") else f"{worst} sd"
-    headers = ("", "from (mm)", "along", "meets (mm)", "face", f"{placed} (mm)", "P(within)", "if met", "meets")
+    headers = ("", "from (mm)", "along", "hits (mm)", "face", f"{placed} (mm)", "P(within)", "if hit", "hits")
     notes = [
-        "Frame: world. Each row holds after its reading. 'P(within)' is over all placements, and 'meets' is",
-        "the fraction of them at which the reading meets its face. sd and 'if met' assume that all readings so far do.",
+        "Frame: world. Each row holds after its reading. 'P(within)' is over all placements. The last column is the",
+        "fraction of them at which the reading hits its face. sd and 'if hit' assume that all readings so far do.",
     ]
     return [*lines, *layout.table(headers, rows, left=(4,)), "", *notes] if rows else lines
 
@@ -66,7 +66,12 @@ def _three(values: Vectors, digits: int) -> str:
 
 
 def distinction_lines(found: Discrimination, *, layout: Layout = PLAIN) -> list[str]:
-    """Return the reading that discriminates two parts as lines of text."""
+    """Return the reading that discriminates two parts as lines of text.
+
+    Args:
+        found: best reading to discriminate the parts.
+        layout: width and style of the output.
+    """
     lines = [layout.bold(printable(found.message))]
     if np.isfinite(found.origin).all():
         start, way = (_three(v, d).replace(" ", ", ") for v, d in ((1e3 * found.origin, 1), (found.direction, 3)))

@@ -11,7 +11,7 @@ from tanteo.geometry.typing import FloatArray
 from tanteo.render.text.layout import PLAIN, Layout, printable
 from tanteo.sensors import Device, Rig, RigSensor, RobotPreset, SensorPreset
 
-_KEY = "V in the source, C computed by us from it, M from memory, A assumed by us"
+_KEY = "V stated in the source, C computed from the source, M from memory, A assumed"
 _COLUMNS = 6
 
 
@@ -22,7 +22,14 @@ def preset_lines(
     *,
     layout: Layout = PLAIN,
 ) -> list[str]:
-    """Return tables of all presets and supplied rigs."""
+    """Return tables of all presets and supplied rigs as lines of text.
+
+    Args:
+        sensors: sensor presets by name.
+        robots: robot presets by name.
+        rigs: texts of the supplied rig files by name.
+        layout: width and style of the output.
+    """
     lines = layout.table(
         ["sensor (--sensor)", "kind", "range mm", "noise mm", "verified"],
         [[p.name, p.kind, _span(p), _noise(p), p.check] for p in sensors.values()],
@@ -38,7 +45,12 @@ def preset_lines(
 
 
 def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
-    """Return a sensor preset: limits, noise by range and incidence, constant errors of a unit, and sources."""
+    """Return a sensor preset as lines of text: limits, noise by range and incidence, unit errors and sources.
+
+    Args:
+        preset: sensor preset.
+        layout: width and style of the output.
+    """
     lines = [layout.bold(f"{preset.name}: {preset.kind.replace('_', ' ')}")]
     if preset.is_contact:
         lines += [f"  noise      {_mm(preset.sigma_const)} mm, in every direction"]
@@ -49,7 +61,7 @@ def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
         ]
     lines += [
         f"  incidence  up to {math.degrees(preset.max_incidence):.3g} deg",
-        f"  unit       bias {_mm(preset.bias_std)} mm, scale {100 * preset.bias_prop_std:.3g} %: one draw a device",
+        f"  unit       bias {_mm(preset.bias_std)} mm, scale {100 * preset.bias_prop_std:.3g} %: constant for a device",
         f"  rate       {preset.rate_hz:g} readings a second",
         f"  verified   {preset.check}",
         f"             ({_KEY})",
@@ -58,7 +70,7 @@ def sensor_lines(preset: SensorPreset, *, layout: Layout = PLAIN) -> list[str]:
     return lines if preset.is_contact else [*lines, "", *_noise_table(preset, layout)]
 
 
-_RANGE_KINDS = {"radial": "along the beam", "perpendicular": "along the optical axis (a rig says it: axis)"}
+_RANGE_KINDS = {"radial": "along the beam", "perpendicular": "along the optical axis, which a rig states by axis"}
 
 
 def _noise_table(preset: SensorPreset, layout: Layout) -> list[str]:
@@ -81,13 +93,18 @@ def _grid(low: float, high: float) -> FloatArray:
 
 
 def robot_lines(preset: RobotPreset, *, layout: Layout = PLAIN) -> list[str]:
-    """Return a robot preset: repeatability and absolute error."""
+    """Return a robot preset as lines of text: repeatability, absolute error and source.
+
+    Args:
+        preset: robot preset.
+        layout: width and style of the output.
+    """
     return [
         layout.bold(f"{preset.name}: robot"),
         f"  repeats   to {_mm(preset.pos_repeat_std)} mm and {math.degrees(preset.rot_repeat_std):.2g} deg an axis, "
-        "anew at every reading",
+        "different at every reading",
         f"  absolute  {_mm(preset.pos_abs_std)} mm and {math.degrees(preset.rot_abs_std):.2g} deg an axis, "
-        "one draw a run",
+        "constant during a run",
         f"  verified  {preset.check}",
         f"            ({_KEY})",
         f"  source    {preset.source}",
@@ -95,7 +112,13 @@ def robot_lines(preset: RobotPreset, *, layout: Layout = PLAIN) -> list[str]:
 
 
 def rig_lines(rig: Rig, name: str, *, layout: Layout = PLAIN) -> list[str]:
-    """Return position, direction and uncertainty of the sensors of a rig."""
+    """Return the sensors of a rig as lines of text: position, direction and uncertainty.
+
+    Args:
+        rig: range sensors of a hand.
+        name: name of the rig.
+        layout: width and style of the output.
+    """
     headers = [
         "sensor",
         "preset",
@@ -113,7 +136,7 @@ def rig_lines(rig: Rig, name: str, *, layout: Layout = PLAIN) -> list[str]:
     return [
         layout.bold(f"{printable(name)}: {count} in the hand's frame"),
         *layout.table(headers, rows, left=(0, 1)),
-        "noise in the middle of the range; mount and unit: what all readings of a sensor share; one standard deviation",
+        "noise: at half range; mount, unit: errors that all readings of a sensor share; all are standard deviations",
     ]
 
 

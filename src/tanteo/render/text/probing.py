@@ -19,16 +19,16 @@ def turn_line(action: Action, distance: float | None, step: Step | None, leader:
     """Return an action of a machine and its result as one line.
 
     Args:
-        action: the action.
-        distance: measured distance [m], infinite if nothing was met; None without a reading.
-        step: posterior after it; None without a reading.
-        leader: name of the most probable part then.
+        action: action of the session.
+        distance: measured distance [m], infinite if nothing was hit; None without a reading.
+        step: posterior after the reading; None without a reading.
+        leader: name of the most probable part after the reading.
         note: remarks for the user.
     """
     words = f"{action.number:3}  {action.face} of {action.part}"
     if distance is not None and np.isfinite(distance):
         off = 1e3 * (distance - action.expected)
-        words += f": met after {1e3 * distance:.3f} mm, {off:+.3f} mm from the expected distance"
+        words += f": hit after {1e3 * distance:.3f} mm, {off:+.3f} mm from the expected distance"
     if step is not None and step.ids and step.part >= 0:
         words += f"; {leader} P = {step.probabilities[step.part]:.3f}, largest corner sd {1e3 * step.corner_sd:.3f} mm"
     return printable(words + (f" ({note})" if note else ""))
@@ -40,11 +40,11 @@ def probed_lines(
     """Return the answer of a session with a machine as lines of text, with its covariance.
 
     Args:
-        answer: the answer.
+        answer: answer of the session.
         end: end of the session.
         machine: name of the machine.
         count: number of readings.
-        verbose: whether to add matrix and pairings.
+        verbose: whether to add the pose as a matrix and the pairings.
         layout: width and style of the output.
     """
     headline, *rest = answer_lines(answer, verbose=verbose, layout=layout)
@@ -54,7 +54,11 @@ def probed_lines(
 
 
 def covariance_lines(C: Covariances) -> Sequence[str]:
-    """Return the upper half of a pose covariance as lines of text, part frame, right perturbation [mm, deg]."""
+    """Return the upper triangle of a pose covariance as lines of text [mm, deg].
+
+    Args:
+        C: covariance, order x y z rx ry rz, part frame, right perturbation ``(6, 6)`` [m, rad].
+    """
     scale = np.array([1e3] * 3 + [np.degrees(1.0)] * 3)
     scaled = C * np.outer(scale, scale)
     rows = [

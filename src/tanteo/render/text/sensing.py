@@ -82,7 +82,7 @@ def _where(feature: Feature | None) -> str:
 
 
 def _spread(feature: Feature) -> list[str]:
-    """One standard deviation, all errors and without those that the readings share."""
+    """Return the standard deviations of a feature, with and without the errors that all readings share."""
     rows = list(feature.kind.rows)
     whole = np.sqrt(np.diag(feature_covariance(feature))[rows])
     own = np.sqrt(np.diag(feature.P))
@@ -99,12 +99,12 @@ def _spread(feature: Feature) -> list[str]:
     return [
         *_size(feature),
         f"  sd          {words(whole)}, in the feature's own frame ({feature.kind.frame})",
-        f"  of readings {words(own)}, with the errors known that all readings of a sensor share",
+        f"  of readings {words(own)}, without the errors that all readings of a sensor share",
     ]
 
 
 def _size(feature: Feature) -> list[str]:
-    """Radius or half angle of a round feature, and on which side the material is."""
+    """Return the radius or half angle of a round feature, and the side of the material."""
     if feature.size is None:
         return []
     value, sd = feature.size.value, float(np.sqrt(relate_size(feature).covariance[0, 0]))
@@ -115,36 +115,40 @@ def _size(feature: Feature) -> list[str]:
 
 
 def known_words(expected: Predicted) -> str:
-    """How well an image placed what is to be sensed."""
-    return f"placed by the image to {1e3 * expected.guess.sd:.2g} mm and {np.degrees(expected.guess.turn_sd):.2g} deg"
+    """Return the standard deviations of a feature that an image predicts, as text.
+
+    Args:
+        expected: feature predicted from an image.
+    """
+    return f"known from the image to {1e3 * expected.guess.sd:.2g} mm and {np.degrees(expected.guess.turn_sd):.2g} deg"
 
 
 def _compared(expected: Predicted, got: Feature) -> str:
-    """How far the sensed feature is from where the image said."""
+    """Return the deviation of a sensed feature from the feature that an image predicted, as text."""
     T, guess = got.T_world_feature, expected.guess
     gap = guess.point - T[:3, 3]
     if isinstance(guess, FaceGuess):
-        off, own, said = f"{1e3 * abs(gap @ T[:3, 2]):.2g}", T[:3, 2], guess.normal
+        off, own, expected_axis = f"{1e3 * abs(gap @ T[:3, 2]):.2g}", T[:3, 2], guess.normal
     elif isinstance(guess, EdgeGuess):
         own = T[:3, 0] * np.sign(T[:3, 0] @ guess.direction)
-        off, said = f"{1e3 * np.linalg.norm(SO3.cross(gap, own)):.2g}", guess.direction
+        off, expected_axis = f"{1e3 * np.linalg.norm(SO3.cross(gap, own)):.2g}", guess.direction
     elif isinstance(guess, RoundGuess):
         own = T[:3, 2] * np.sign(T[:3, 2] @ guess.axis)
-        off, said = f"{1e3 * np.linalg.norm(SO3.cross(gap, own)):.2g}", guess.axis
+        off, expected_axis = f"{1e3 * np.linalg.norm(SO3.cross(gap, own)):.2g}", guess.axis
     else:
         return f"{1e3 * np.linalg.norm(gap):.2g} mm off what was expected, {known_words(expected)}"
-    turned = f"{np.degrees(np.arctan2(np.linalg.norm(SO3.cross(own, said)), own @ said)):.2g}"
+    turned = f"{np.degrees(np.arctan2(np.linalg.norm(SO3.cross(own, expected_axis)), own @ expected_axis)):.2g}"
     return f"{off} mm and {turned} deg off what was expected, {known_words(expected)}"
 
 
 def executed_lines(
     answer: Answer, done: Executed, count: int, clearance: float, *, verbose: bool = False, layout: Layout = PLAIN
 ) -> list[str]:
-    """The answer of a session that a hand carried out, what that took, and why it ended.
+    """Return the result of a session with a hand as lines of text: answer, cost and reason for the end.
 
     Args:
-        answer: What was found.
-        done: What the hand did.
+        answer: answer of the session.
+        done: actions of the hand and their results.
         count: number of readings.
         clearance: smallest distance of the hand from all objects [m].
         verbose: whether to add matrix, pairings and times of the stages.
@@ -159,17 +163,28 @@ def executed_lines(
 
 
 def executed_facts(done: Executed, count: int, clearance: float) -> list[tuple[str, str]]:
-    """Return the cost of a session with a hand as facts for a report."""
+    """Return the cost of a session with a hand as facts for a report.
+
+    Args:
+        done: actions of the hand and their results.
+        count: number of readings.
+        clearance: smallest distance of the hand from all objects [m].
+    """
     return [
         ("Reason for the end", done.end.message),
         ("Actions, readings", f"{len(done.visits)}, {count}"),
         ("Time and path of the hand, simulated", f"{done.seconds:.1f} s, {done.travel:.2f} m"),
-        ("Least clearance", f"{1e3 * clearance:.1f} mm"),
+        ("Smallest clearance", f"{1e3 * clearance:.1f} mm"),
     ]
 
 
 def visit_lines(visit: Visit, *, verbose: bool = False) -> list[str]:
-    """Return an action and its result as one line, with its motions below if verbose."""
+    """Return an action of a hand and its result as one line, followed by its motions if verbose.
+
+    Args:
+        visit: action and its result.
+        verbose: whether to add the motions.
+    """
     action, step = visit.action, visit.step
     words = f"{action.number:3}  {visit.seconds:6.1f} s {visit.travel:6.2f} m  {action.face} of {action.part}"
     if step is not None and len(step.ids):
@@ -187,7 +202,7 @@ def _state(visit: Visit) -> str:
     """Return the most probable part, its probability and its largest corner sd."""
     step = visit.step
     if step is None or step.part < 0:
-        return "no part explains them"
+        return "no part explains the readings"
     probability = float(step.probabilities[step.part])
     words = f"{visit.leader} P = {probability:.3f}" if probability < 0.9995 else f"{visit.leader} P > 0.999"
     return f"{words}, largest corner sd {1e3 * step.corner_sd:.2f} mm"

@@ -69,7 +69,11 @@ def _heading(k: int, n: int, seen: Sighting) -> str:
 
 
 def sighting_words(seen: Sighting | None) -> str:
-    """Return the result of an image for one object as one line."""
+    """Return the result of an image for one object as one line.
+
+    Args:
+        seen: object in the image; None without any.
+    """
     if seen is None:
         return "The image shows no part."
     answer, shares = seen.answer, dict[str, float]()

@@ -1,4 +1,4 @@
-"""Belief about the object from all readings so far, and the choice of the next reading."""
+"""Estimators of the ROS node: the answer from all readings so far, and the next reading."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tanteo.sensors import Readings, concatenate
 from tanteo.words.findings import NoPriorPose
 
 
-class Knowledge(Protocol):
-    """Interface of an estimator that takes readings and has an answer."""
+class Estimator(Protocol):
+    """Interface of an estimator, with the ask-and-tell methods of sequential optimizers."""
 
     def tell(self, readings: Readings) -> Answer:
         """Add readings and return the updated answer."""
@@ -31,8 +31,8 @@ class Knowledge(Protocol):
 
 
 @dataclass(slots=True, eq=False)
-class Prior:
-    """Estimator with prior poses: a session.
+class SessionEstimator:
+    """Estimator with prior poses, which updates a session.
 
     Attributes:
         make: function that creates a new session.
@@ -63,15 +63,15 @@ class Prior:
 
 
 @dataclass(slots=True, eq=False)
-class Anywhere:
-    """Estimator without prior poses: every answer uses all readings jointly.
+class JointEstimator:
+    """Estimator without prior poses, which recognizes the part from all readings together.
 
     Attributes:
         parts: candidate parts.
-        probe: model of the sensor for planning.
-        sensing: conversion of readings into measurements.
-        stop: stopping rule.
-        priors: priors of the unknown object and of outliers.
+        probe: sensor model for planning.
+        sensing: noise model of the readings.
+        stop: goal that limits the choice of the next reading.
+        priors: priors of the unknown object and of outliers; None for the defaults.
         seed: seed of the search.
     """
 
@@ -97,7 +97,7 @@ class Anywhere:
         return self._answer
 
     def ask(self) -> Action | Done:
-        """Return the most informative reading to separate the current hypotheses."""
+        """Return the reading with the most information about the current hypotheses, or the reason for none."""
         if self._answer is None or not self._answer.hypotheses:
             return Done(False, (NoPriorPose(),))
         start = from_hypotheses(self._answer.hypotheses, self.parts, self.priors)
