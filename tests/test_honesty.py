@@ -1,4 +1,4 @@
-"""What is answered when the world is not as stated, in small; ``benchmarks/honesty.py`` has hundreds of scenes."""
+"""Answers when the stated model is wrong, in small; ``benchmarks/misspecification.py`` has hundreds of scenes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 pytest.importorskip("OCP", reason="the extra tanteo[step] is not installed")
-from honesty import HANDS, PARTS, absent, hand, noisy, offset, outlier, table
+from misspecification import HANDS, PARTS, absent, hand, noisy, offset, outlier, table
 
 import tanteo
 

@@ -15,7 +15,7 @@ from tanteo.posterior.answers.whole_object import WholeObject
 STATED = {"typed": 2.0, "preset": 1.5, "unstated": 5.0}
 """Noise factors by the origin of the standard deviation. A person who types one knows it to a factor of two at best; a
 preset has it from the data sheet; an unstated one is estimated. With the first, the 95 % region of a dozen readings
-holds 90 to 97 % while the true noise is half to twice the stated one (``benchmarks/honesty.py``)."""
+holds 90 to 97 % while the true noise is half to twice the stated one (``benchmarks/misspecification.py``)."""
 
 _MOST = 100.0
 
